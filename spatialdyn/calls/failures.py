@@ -19,7 +19,7 @@ from ..engines.programs.tracer import table
 from ..errors import ConfigurationError, InertiaError, NonFiniteError
 from ..model.model import Joint, Model
 from ..recursions import SPECS
-from ..recursions.spec import Spec, sizes_of
+from ..recursions.spec import Spec
 from .arguments import Array, core_shape
 
 
@@ -128,14 +128,10 @@ def _singular_row(spec: Spec, model: Model, sample: list[Array], static: tuple[A
     values: dict[str, Any] = {x.name: y if x.shape else y.item() for x, y in zip(varying, sample, strict=True)}
     known = (x.rows if isinstance(x, StaticTable) else x for x in static)
     values |= dict(zip((x.name for x in spec.present if x.static), known, strict=True))
-    inputs = [None if x is None else values[x.name] for x in spec.inputs]
-    sizes = sizes_of(model.bodies, [(x, values[x.name]) for x in spec.present if x.table is not None])
-    pivots, *spare = (np.empty(size) for size in spec.extra_outputs(sizes))
     M = np.empty((n, n))
     with np.errstate(all="ignore"):
-        scratch = np.zeros(n + 1, spec.work)
         out = np.empty(core_shape(model, spec.output, static) or (1,))
-        spec.recursion(model.bodies, scratch, *inputs, *spec.split(out, sizes), pivots, *spare)
+        pivots = spec.run(model.bodies, np.zeros(n + 1, spec.work), values, out)[0]
         crba = SPECS["crba"]
         crba.recursion(model.bodies, np.zeros(n + 1, crba.work), values["q"], M)
     singular = np.flatnonzero(~(pivots > n * np.finfo(float).eps * np.diag(M)))

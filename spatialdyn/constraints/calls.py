@@ -110,12 +110,10 @@ def _sample(x: Any, batch: tuple[int, ...], index: Any, core: tuple[int, ...]) -
 
 def _dropped(spec: Spec, constraints: Constraints, sample: list[Any]) -> tuple[Array, Array, Array]:
     """(kept, residual, size of terms squared), (nc) each, of one sample."""
-    model, sizes = constraints.model, {"nv": constraints.model.nv, "nc": constraints.nc}
-    given = iter(sample)
-    inputs = [constraints.table.rows if x is not None and x.static else next(given) for x in spec.inputs]
-    scratch = [np.empty(shape) for shape in spec.extra_outputs(sizes)]
+    model = constraints.model
+    varying = [x.name for x in spec.present if not x.static]
+    values = {"constraints": constraints.table.rows} | dict(zip(varying, sample, strict=True))
     out = np.empty(core_shape(model, spec.output, (constraints.table,)))
     with np.errstate(all="ignore"):
-        work = np.zeros(model.nv + 1, spec.work)
-        spec.recursion(model.bodies, work, *inputs, *spec.split(out, sizes), *scratch)
-    return scratch[-1], scratch[4], scratch[-2]
+        _, s = spec.run(model.bodies, np.zeros(model.nv + 1, spec.work), values, out)
+    return s.kept, s.gamma, s.size

@@ -8,6 +8,8 @@ of axes or units changes: one equation of a planar loop may be nothing but round
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 from ..algebra.euclidean import Mat3, Vec
 from ..algebra.records import table_dtype
 from ..algebra.scalars import EPS, inline, sqrt
@@ -31,51 +33,47 @@ WORK = table_dtype(
     R=Mat3,  # of constraint_rows, as is the field that follows
     o=Vec,
 )
+
+
+class ConstraintScratch(NamedTuple):
+    """Scratch of motion under constraints."""
+
+    L: Matrix = ("nv", "nv")  # M, then its factors, of ``factor_tree``
+    Y: Matrix = ("nc", "nv")  # J, then J L⁻¹
+    G: Matrix = ("nc", "nc")  # Y D⁻¹ Yᵀ, then its factors; the lower triangle
+    gamma: Vector = ("nc",)  # γ, then what is left of the equations
+    error: Vector = ("nc",)  # φ, with a rate
+    size: Vector = ("nc",)  # what a pivot is compared with
+    kept: Vector = ("nc",)  # 1 of an equation that is independent, else 0
+
+
 DEPENDENT = 16.0  # times eps and the number of terms in a pivot: what rounding leaves of a dependent row
 
 
 @inline
 def constrained_motion(
-    bodies: Bodies,
-    work: Work,
-    q: Config,
-    v: Vector,
-    tau: Vector,
-    fext: Matrix,
-    constraints: Record,
-    rate: Vector,
-    a: Vector,
-    force: Vector,
-    residual: Vector,
-    rank: Vector,
-    pivots: Vector,
-    L: Matrix,
-    Y: Matrix,
-    G: Matrix,
-    gamma: Vector,
-    error: Vector,
-    size: Vector,
-    kept: Vector,
-) -> None:
+    bodies: Bodies, work: Work, q: Config, v: Vector, tau: Vector, fext: Matrix, constraints: Record, rate: Number,
+    a: Vector, force: Vector, residual: Vector, rank: Vector, pivots: Vector, s: ConstraintScratch,
+) -> None:  # fmt: skip
     """a (nv) and λ = force (nc) under J a + γ = 0; with a rate 1/T, J a + γ + 2 J v / T + φ / T² = 0.
 
     residual (1)  of the rows that dropped out, relative: 0 if they agree with the others
     rank (1)      how many rows are independent
-    L, Y, G, gamma, error, size and kept are scratch; fext and rate may be None
+    fext and rate may be None
     """
     n = len(bodies) - 1
-    crba(bodies, work, q, L)
-    factor_tree(bodies, L)
+    crba(bodies, work, q, s.L)
+    factor_tree(bodies, s.L)
     rnea(bodies, work, q, v, None, fext, a)
     turn_rows(bodies, work)
-    write_jacobian(bodies, work, constraints, Y)
-    write_drift(bodies, work, constraints, v, gamma)
+    write_jacobian(bodies, work, constraints, s.Y)
+    write_drift(bodies, work, constraints, v, s.gamma)
     if rate is not None:
-        stabilize(bodies, work, q, v, constraints, rate, Y, gamma, error)
+        stabilize(bodies, work, q, v, constraints, rate, s.Y, s.gamma, s.error)
     for i in range(n):
-        pivots[i] = L[i, i]
+        pivots[i] = s.L[i, i]
         a[i] = tau[i] - a[i]
-    respond(bodies, constraints, L, Y, G, gamma, size, kept, a, force, residual, rank)
+    respond(bodies, constraints, s, a, force, residual, rank)
 
 
 @inline
@@ -94,37 +92,23 @@ def stabilize(
 
 @inline
 def constraint_response(
-    bodies: Bodies,
-    work: Work,
-    q: Config,
-    rhs: Vector,
-    constraints: Record,
-    change: Vector,
-    force: Vector,
-    residual: Vector,
-    rank: Vector,
-    pivots: Vector,
-    L: Matrix,
-    Y: Matrix,
-    G: Matrix,
-    gamma: Vector,
-    size: Vector,
-    kept: Vector,
-) -> None:
+    bodies: Bodies, work: Work, q: Config, rhs: Vector, constraints: Record, change: Vector, force: Vector,
+    residual: Vector, rank: Vector, pivots: Vector, s: ConstraintScratch,
+) -> None:  # fmt: skip
     """The least change x of velocities (nv), in kinetic energy, with J x = rhs (nc), and its impulse: M x = Jᵀ force.
 
-    residual (1) and rank (1) as of ``constrained_motion``; L, Y, G, gamma, size and kept are scratch.
+    residual (1) and rank (1) as of ``constrained_motion``.
     """
-    crba(bodies, work, q, L)
-    factor_tree(bodies, L)
+    crba(bodies, work, q, s.L)
+    factor_tree(bodies, s.L)
     turn_rows(bodies, work)
-    write_jacobian(bodies, work, constraints, Y)
+    write_jacobian(bodies, work, constraints, s.Y)
     for i in range(len(bodies) - 1):
-        pivots[i] = L[i, i]
+        pivots[i] = s.L[i, i]
         change[i] = 0.0
-    for k in range(len(gamma)):
-        gamma[k] = -rhs[k]
-    respond(bodies, constraints, L, Y, G, gamma, size, kept, change, force, residual, rank)
+    for k in range(len(s.gamma)):
+        s.gamma[k] = -rhs[k]
+    respond(bodies, constraints, s, change, force, residual, rank)
 
 
 @inline
@@ -159,28 +143,16 @@ def felt(bodies: Bodies, L: Matrix, Y: Matrix, G: Matrix) -> None:
 
 @inline
 def respond(
-    bodies: Bodies,
-    constraints: Record,
-    L: Matrix,
-    Y: Matrix,
-    G: Matrix,
-    gamma: Vector,
-    size: Vector,
-    kept: Vector,
-    x: Vector,
-    force: Vector,
-    residual: Vector,
-    rank: Vector,
+    bodies: Bodies, constraints: Record, s: ConstraintScratch, x: Vector, force: Vector, residual: Vector, rank: Vector
 ) -> None:
     """Solve M x = r + Jᵀ λ, J x + γ = 0 for x, in place of r, and λ = force.
 
     For a dropped row, what the solution leaves of J x + γ is measured in the norm of G, as are the accelerations
     x₀ = M⁻¹ r and M⁻¹ Jᵀ λ: residual² is its share of the sum of squares, between 0 and 1 in any units.
 
-    L   of M, as of ``factor_tree``
-    Y   J, written: J L⁻¹
-    G, size, kept are scratch; gamma is written
+    s  with the factors of M in L, J in Y and γ in gamma
     """
+    L, Y, G, gamma, size, kept = s.L, s.Y, s.G, s.gamma, s.size, s.kept
     n, m = len(bodies) - 1, len(gamma)
     felt(bodies, L, Y, G)
     for k in range(m):
@@ -214,10 +186,10 @@ def respond(
 
     # x = L⁻¹ D⁻¹ (L⁻ᵀ r + Yᵀ λ)
     for i in range(n):
-        s = 0.0
+        push = 0.0
         for k in range(m):
-            s = s + Y[k, i] * force[k]
-        x[i] = x[i] + s * (1.0 / L[i, i])
+            push = push + Y[k, i] * force[k]
+        x[i] = x[i] + push * (1.0 / L[i, i])
     solve_outward(bodies, L, x)
 
 
@@ -242,19 +214,18 @@ CHANGE = Argument("change", ("nv",), "rad/s | m/s", "change of the joint velocit
 RHS = Argument("rhs", ("nc",), "m/s | rad/s", "wanted change of J v")
 RATE = Argument("rate", (), "1/s", "1/T of the stabilization", optional=True)
 _SOURCE = "after Featherstone, RBDA (2008), section 8.1, with M factored as sparse as the tree."
-_DENSE = (("nv", "nv"), ("nc", "nv"), ("nc", "nc"))
 MOTION = Spec(
     "constrained_motion", constrained_motion, WORK, (Q, V, TAU, FEXT_OPTIONAL, CONSTRAINTS_ARGUMENT, RATE),
     Argument("result", ("nv+nc+2",), "", "a, force, residual, rank"),
     "Forward dynamics under constraints: a, their forces, residual and rank.", _SOURCE,
-    pivots=True, regroup=True, scratch=(*_DENSE, ("nc",), ("nc",), ("nc",), ("nc",)),
+    pivots=True, regroup=True, scratch=(ConstraintScratch(),),
     parts=(A, FORCE, RESIDUAL, RANK),
 )  # fmt: skip
 RESPONSE = Spec(
     "constraint_response", constraint_response, WORK, (Q, RHS, CONSTRAINTS_ARGUMENT),
     Argument("result", ("nv+nc+2",), "", "change, impulse, residual, rank"),
     "The least change of velocities that changes J v by rhs, its impulses, residual and rank.", _SOURCE,
-    pivots=True, regroup=True, scratch=(*_DENSE, ("nc",), ("nc",), ("nc",)),
+    pivots=True, regroup=True, scratch=(ConstraintScratch(),),
     parts=(CHANGE, IMPULSE, RESIDUAL, RANK),
 )  # fmt: skip
 DELASSUS = Spec(

@@ -6,6 +6,8 @@ joint l, with limits. With M = LᵀD L, Y = J L⁻¹, Z = Y D⁻¹ and w = L (v�
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 from ..algebra.euclidean import Mat3, Vec, add, cross, rotate, sub, unrotate
 from ..algebra.heights import bilinear
 from ..algebra.records import mat3_of, motion_of, table_dtype, vec_of
@@ -26,6 +28,16 @@ WORK = table_dtype(
     R=Mat3,  # of constraint_rows, in the ground's axes, as is the field that follows
     o=Vec,
 )
+
+
+class Contact(NamedTuple):
+    """What may touch, and how."""
+
+    contacts: Record  # the table of points and joints
+    heights: Record  # of the ground; None: a plane
+    mu: Vector  # (np)
+    restitution: Vector  # (np)
+
 
 RISE = 0.2  # of its depth that a point in the ground comes out in a step
 SLOWEST = 1e-2  # [s] and no faster than in this time: by 0.2 of a depth in ever shorter steps it would be thrown
@@ -152,19 +164,21 @@ def work_of_row(Y: Matrix, before: Vector, w: Vector, k: int, impulse: Scalar) -
 
 @inline
 def write_point(
-    contacts: Record, heights: Record, Y: Matrix, b: Vector, before: Vector, w: Vector, force: Vector, B: Matrix,
-    T: Array, mu: Vector, p: int, impulse: Vector, residual: Vector, energy: Vector,
+    contacts: Record, heights: Record, mu: Number, B: Matrix, w: Vector, p: int, out: Record, s: Record
 ) -> None:  # fmt: skip
-    """What a step makes of a point, with its own block B of G: impulse in the world's axes, residual, energy."""
-    f = force_of_point(force, p)
-    residual[p] = point_residual(B, velocity_of_point(Y, b, w, p), mu[p], f)
-    energy[p] = 0.0
+    """What a step makes of a point, with its own block B of G: impulse in the world's axes, residual, energy.
+
+    out, s  results and scratch of a step
+    """
+    f = force_of_point(s.force, p)
+    out.residual[p] = point_residual(B, velocity_of_point(s.Y, s.b, w, p), mu, f)
+    out.energy[p] = 0.0
     for k in range(3 * p, 3 * p + 3):
-        energy[p] = energy[p] + work_of_row(Y, before, w, k, force[k])
+        out.energy[p] = out.energy[p] + work_of_row(s.Y, s.before, w, k, s.force[k])
     if heights is not None:
-        f = untilted(T[p], f)
+        f = untilted(s.slopes[p], f)
     f = unrotate(mat3_of(contacts[0].axes), f)
-    impulse[3 * p], impulse[3 * p + 1], impulse[3 * p + 2] = f.x, f.y, f.z
+    out.impulse[3 * p], out.impulse[3 * p + 1], out.impulse[3 * p + 2] = f.x, f.y, f.z
 
 
 @inline

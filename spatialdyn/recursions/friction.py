@@ -19,6 +19,8 @@ of systems with friction (1995), for bristles; the steps are after Featherstone,
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 from ..algebra.euclidean import Vec
 from ..algebra.records import table_dtype
 from ..algebra.scalars import exp, inline, select
@@ -57,6 +59,33 @@ WORK = table_dtype(
 )
 
 
+class Law(NamedTuple):
+    """Coefficients (nv) of joint friction."""
+
+    coulomb: Vector
+    viscous: Vector
+    static: Vector
+    stribeck: Vector
+
+
+class BristleLaw(NamedTuple):
+    """Those of LuGre friction."""
+
+    coulomb: Vector
+    viscous: Vector
+    static: Vector
+    stribeck: Vector
+    stiffness: Vector
+    damping: Vector
+
+
+class StepScratch(NamedTuple):
+    """Scratch of ``friction_step``."""
+
+    M: Matrix = ("nv", "nv")  # M + h b
+    R: Matrix = ("nv", "nv")  # its factors, with some rows stuck
+
+
 @inline
 def magnitude(x: Number) -> Number:
     """|x|."""
@@ -64,16 +93,16 @@ def magnitude(x: Number) -> Number:
 
 
 @inline
-def dry_level(v: Vector, coulomb: Vector, static: Vector, stribeck: Vector, i: int) -> Number:
+def dry_level(v: Vector, law: Law, i: int) -> Number:
     """F(v) of a freedom; with the Stribeck velocity AT_ONCE it is F_s at rest and F_c in any motion."""
-    return coulomb[i] + above_dry(v, coulomb, static, stribeck, i)
+    return law.coulomb[i] + above_dry(v, law, i)
 
 
 @inline
-def above_dry(v: Vector, coulomb: Vector, static: Vector, stribeck: Vector, i: int) -> Number:
+def above_dry(v: Vector, law: Law, i: int) -> Number:
     """F(v) - F_c of a freedom."""
-    u = v[i] / stribeck[i]
-    return (static[i] - coulomb[i]) * exp(-(u * u))
+    u = v[i] / law.stribeck[i]
+    return (law.static[i] - law.coulomb[i]) * exp(-(u * u))
 
 
 @inline
@@ -83,30 +112,24 @@ def smooth_sign(v: Number, smoothing: Number) -> Number:
 
 
 @inline
-def friction_torque(
-    bodies: Bodies, v: Vector, coulomb: Vector, viscous: Vector, static: Vector, stribeck: Vector, smoothing: Vector,
-    friction: Vector,
-) -> None:  # fmt: skip
+def friction_torque(bodies: Bodies, v: Vector, law: Law, smoothing: Vector, friction: Vector) -> None:
     """-F(v) sgn v - b v, with tanh(v/ε) for sgn v if there are smoothing velocities ε; the dry part is 0 at rest."""
     for i in range(len(bodies) - 1):
         if smoothing is None:
             direction = select(v[i], 1.0, select(-v[i], -1.0, 0.0))
         else:
             direction = smooth_sign(v[i], smoothing[i])
-        friction[i] = -(dry_level(v, coulomb, static, stribeck, i) * direction + viscous[i] * v[i])
+        friction[i] = -(dry_level(v, law, i) * direction + law.viscous[i] * v[i])
 
 
 @inline
-def smooth_friction_slope(
-    bodies: Bodies, v: Vector, coulomb: Vector, viscous: Vector, static: Vector, stribeck: Vector, smoothing: Vector,
-    slope: Vector,
-) -> None:  # fmt: skip
+def smooth_friction_slope(bodies: Bodies, v: Vector, law: Law, smoothing: Vector, slope: Vector) -> None:
     """Derivatives of the smooth torque by v: -(F' t + F (1 - t²)/ε + b) of t = tanh(v/ε)."""
     for i in range(len(bodies) - 1):
         t = smooth_sign(v[i], smoothing[i])
-        falls = above_dry(v, coulomb, static, stribeck, i) * (-2.0 * (v[i] / stribeck[i])) / stribeck[i]
-        level = dry_level(v, coulomb, static, stribeck, i)
-        slope[i] = -(falls * t + level * (1.0 - t * t) / smoothing[i] + viscous[i])
+        falls = above_dry(v, law, i) * (-2.0 * (v[i] / law.stribeck[i])) / law.stribeck[i]
+        level = dry_level(v, law, i)
+        slope[i] = -(falls * t + level * (1.0 - t * t) / smoothing[i] + law.viscous[i])
 
 
 @inline
@@ -120,8 +143,8 @@ def friction_regressor(bodies: Bodies, v: Vector, F: Array) -> None:
 
 @inline
 def friction_step(
-    bodies: Bodies, work: Work, q: Config, v: Vector, tau: Vector, fext: Matrix, dt: Number, coulomb: Vector,
-    viscous: Vector, static: Vector, stribeck: Vector, after: Matrix, pivots: Vector, M: Matrix, R: Matrix,
+    bodies: Bodies, work: Work, q: Config, v: Vector, tau: Vector, fext: Matrix, dt: Number, law: Law, after: Matrix,
+    pivots: Vector, s: StepScratch,
 ) -> None:  # fmt: skip
     """Velocities after a step, by a primal-dual active set: guess which joints stick, solve, correct the guess.
 
@@ -130,17 +153,15 @@ def friction_step(
 
     after  (3, nv), written: v⁺; by how much Coulomb's law is violated [rad/s | m/s], 0 once the guess has settled; the
            dry friction torque [N m | N]
-    M      (nv, nv), written: M + h b
-    R      (nv, nv), written: scratch
     """
-    n = len(bodies) - 1
+    n, M, R = len(bodies) - 1, s.M, s.R
     crba(bodies, work, q, M)
     rnea(bodies, work, q, v, None, fext, after[0])
     for i in range(1, n + 1):
         here = work[i]
-        M[i - 1, i - 1] = M[i - 1, i - 1] + dt * viscous[i - 1]
-        here.need = tau[i - 1] - viscous[i - 1] * v[i - 1] - after[0, i - 1]
-        here.level = dry_level(v, coulomb, static, stribeck, i - 1)
+        M[i - 1, i - 1] = M[i - 1, i - 1] + dt * law.viscous[i - 1]
+        here.need = tau[i - 1] - law.viscous[i - 1] * v[i - 1] - after[0, i - 1]
+        here.level = dry_level(v, law, i - 1)
         here.stuck = 0.0
         here.push = 0.0
 
@@ -235,9 +256,8 @@ def weigh(bodies: Bodies, work: Work, R: Matrix) -> None:
 
 @inline
 def bristle_step(
-    bodies: Bodies, work: Work, q: Config, v: Vector, z: Vector, tau: Vector, fext: Matrix, dt: Number, coulomb: Vector,
-    viscous: Vector, static: Vector, stribeck: Vector, stiffness: Vector, damping: Vector, after: Matrix,
-    pivots: Vector, M: Matrix,
+    bodies: Bodies, work: Work, q: Config, v: Vector, z: Vector, tau: Vector, fext: Matrix, dt: Number,
+    law: BristleLaw, after: Matrix, pivots: Vector, M: Matrix,
 ) -> None:  # fmt: skip
     """Velocities and bristles after a step of LuGre friction, ż = v - σ0 |v|/F(v) z and f = -(σ0 z + σ1 ż + b v).
 
@@ -250,7 +270,7 @@ def bristle_step(
     n = len(bodies) - 1
     crba(bodies, work, q, M)
     rnea(bodies, work, q, v, None, fext, after[0])
-    add_bristles(v, z, tau, dt, coulomb, viscous, static, stribeck, stiffness, damping, M, after[0], after[1])
+    add_bristles(v, z, tau, dt, law, M, after[0], after[1])
     factor_tree(bodies, M)
     for i in range(n):
         pivots[i] = M[i, i]
@@ -262,16 +282,15 @@ def bristle_step(
 
 @inline
 def add_bristles(
-    v: Vector, z: Vector, tau: Vector, dt: Number, coulomb: Vector, viscous: Vector, static: Vector, stribeck: Vector,
-    stiffness: Vector, damping: Vector, M: Matrix, r: Vector, kept: Vector,
+    v: Vector, z: Vector, tau: Vector, dt: Number, law: BristleLaw, M: Matrix, r: Vector, kept: Vector
 ) -> None:  # fmt: skip
     """M x = r of a step with bristles, from M and the bias in r; kept (nv), what is left of z + h v⁺, written."""
     for i in range(len(v)):
-        level = dry_level(v, coulomb, static, stribeck, i)
-        total = level + dt * stiffness[i] * magnitude(v[i])
+        level = dry_level(v, law, i)
+        total = level + dt * law.stiffness[i] * magnitude(v[i])
         kept[i] = select(total, level, 0.0) / select(total, total, 1.0)  # 0 without friction
-        slope = (stiffness[i] * dt + damping[i]) * kept[i] + viscous[i]
-        given = stiffness[i] * z[i] * kept[i] + damping[i] * (z[i] * kept[i] - z[i]) / dt
+        slope = (law.stiffness[i] * dt + law.damping[i]) * kept[i] + law.viscous[i]
+        given = law.stiffness[i] * z[i] * kept[i] + law.damping[i] * (z[i] * kept[i] - z[i]) / dt
         M[i, i] = M[i, i] + dt * slope
         r[i] = tau[i] - r[i] - given - slope * v[i]
 
@@ -285,10 +304,11 @@ SMOOTHING = Argument("smoothing", ("nv",), "rad/s | m/s", "velocity over which t
 STIFFNESS = Argument("stiffness", ("nv",), "N m/rad | N/m", "of the bristles")
 DAMPING = Argument("damping", ("nv",), "N m s/rad | N s/m", "of the bristles")
 BRISTLES = Argument("bristles", ("nv",), "rad | m", "deflection of the bristles", start=0.0)
-LAW = (COULOMB, VISCOUS, STATIC, STRIBECK)
+LAW = Law(COULOMB, VISCOUS, STATIC, STRIBECK)
+BRISTLE_LAW = BristleLaw(*LAW, STIFFNESS, DAMPING)
 
 FRICTION_TORQUE = Spec(
-    "friction_torque", friction_torque, None, (V, *LAW, SMOOTHING),
+    "friction_torque", friction_torque, None, (V, LAW, SMOOTHING),
     Argument("friction", ("nv",), "N m | N", "friction torques"),
     "Friction torques -F(v) sgn v - b v.", "see ``recursions.friction``", composed=True,
 )  # fmt: skip
@@ -298,13 +318,13 @@ FRICTION_REGRESSOR = Spec(
     "Regressor of joint friction.", "see ``recursions.friction``",
 )  # fmt: skip
 FRICTION_STEP = Spec(
-    "friction_step", friction_step, WORK, (Q, V, TAU, FEXT_OPTIONAL, DT, *LAW),
+    "friction_step", friction_step, WORK, (Q, V, TAU, FEXT_OPTIONAL, DT, LAW),
     Argument("after", (3, "nv"), "", "velocities after a step, violation of Coulomb's law, dry friction torque"),
     "A step of the velocities under dry friction and damping.", "see ``recursions.friction``", pivots=True,
-    regroup=True, scratch=(("nv", "nv"), ("nv", "nv")), composed=True,
+    regroup=True, scratch=(StepScratch(),), composed=True,
 )  # fmt: skip
 BRISTLE_STEP = Spec(
-    "bristle_step", bristle_step, WORK, (Q, V, BRISTLES, TAU, FEXT_OPTIONAL, DT, *LAW, STIFFNESS, DAMPING),
+    "bristle_step", bristle_step, WORK, (Q, V, BRISTLES, TAU, FEXT_OPTIONAL, DT, BRISTLE_LAW),
     Argument("after", (2, "nv"), "rad/s | m/s", "velocities and bristles after a step"),
     "A step of the velocities under LuGre friction.", "see ``recursions.friction``", pivots=True, regroup=True,
     scratch=(("nv", "nv"),), composed=True,

@@ -23,6 +23,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
+from typing import Any, NamedTuple
 
 from ..algebra.euclidean import Vec, sub
 from ..algebra.records import mat3_of, put_mat3
@@ -49,6 +50,7 @@ from .contact_rows import (
     STOP,
     WORK,
     YIELD,
+    Contact,
     allowed,
     force_of_point,
     product,
@@ -66,7 +68,7 @@ from .contact_rows import (
 from .coulomb_cone import factor_block, magnitude, point_impulse
 from .crba import crba
 from .dense import factor_dropping, quotient, solve_backward, solve_forward
-from .friction import BRISTLES, DAMPING, DT, LAW, STIFFNESS, add_bristles, dry_level
+from .friction import BRISTLE_LAW, BRISTLES, DT, LAW, BristleLaw, add_bristles, dry_level
 from .ltdl import factor_tree, solve_inward, solve_outward
 from .rnea import rnea
 from .signatures import Array, Bodies, Config, Matrix, Number, Record, Vector, Work
@@ -80,157 +82,206 @@ PLAIN = 2  # sweeps at the end that hold no row
 SLOW = 1e-4
 
 
+class ImpulseResult(NamedTuple):
+    """The outputs of ``impulse_step``."""
+
+    after: Vector
+    impulse: Vector
+    gap: Vector
+    stop: Vector
+    residual: Vector
+    energy: Vector
+    friction: Vector
+    bristles: Vector
+    reaction: Vector
+    missed: Vector
+
+
+_ROWS = "np+np+np+nl+nd"
+
+
+class ImpulseScratch(NamedTuple):
+    """Scratch of ``impulse_step``; rows are three of a point, its normal first, then one of each joint."""
+
+    L: Matrix = ("nv", "nv")  # M, then its factors
+    Y: Matrix = (_ROWS, "nv")  # J, then J L⁻¹
+    Z: Matrix = (_ROWS, "nv")  # Y D⁻¹, less what constraints take
+    b: Vector = (_ROWS,)  # velocities J v, with a point's target c
+    before: Vector = (_ROWS,)  # velocities at the beginning
+    force: Vector = (_ROWS,)  # λ
+    slopes: Array = ("np", 3, 3)  # of each point the axes of its ground, as ``slope_axes`` has them
+    sigma: Vector = ("np",)  # of ``sliding_impulse``
+    T: Matrix = (_ROWS, _ROWS)  # the tableau
+    x: Vector = (_ROWS,)  # velocity of a free row, -impulse of a held one, yielding counted
+    y: Vector = (_ROWS,)  # impulse of a free row, velocity of a held one
+    held: Vector = (_ROWS,)  # 1 of a held row, else 0
+    soft: Vector = (_ROWS,)  # by how much a row yields
+    size: Vector = (_ROWS,)  # of a row's own response; of a point the trace of its block
+    column: Vector = (_ROWS,)  # of ``turn_row``
+    B: Matrix = (5, 3)  # of rows at their turn: the block of G, in row 3 velocities, in row 4 impulses
+    C: Matrix = (_ROWS, 3)  # of rows at their turn: the others' responses, of ``open_rows``
+    A: Matrix = (5, 3)  # the factors of a point's block
+    level: Vector = ("nl+nd",)  # h F(v) of each joint
+    rests: Vector = ("nl+nd",)  # 1 of a joint at rest after the step, else 0
+
+
+class HeldScratch(NamedTuple):
+    """Scratch of constraints in a step."""
+
+    N: Matrix = ("nc", "nv")  # J, then J L⁻¹
+    G: Matrix = ("nc", "nc")  # what constraints feel, then its factors; the lower triangle
+    gamma: Vector = ("nc",)  # h γ, then what is left of the equations
+    scale: Vector = ("nc",)  # what a pivot is compared with; then changes of impulses
+    kept: Vector = ("nc",)  # 1 of an equation that is independent, else 0
+    P: Matrix = (_ROWS, "nc")  # reactions to unit impulses
+    J: Matrix = ("nc", "nv")  # where the step ends
+    ways: Matrix = (2, "nv")  # displacements
+    ends: Matrix = (2, "nq")  # configurations
+
+
 @inline
 def impulse_step(
     bodies: Bodies, work: Work, q: Config, v: Vector, z: Vector, tau: Vector, fext: Matrix, dt: Number,
-    contacts: Record, heights: Record, mu: Vector, restitution: Vector, coulomb: Vector, viscous: Vector,
-    static: Vector, stribeck: Vector, stiffness: Vector, damping: Vector, constraints: Record, rate: Number,
-    after: Vector, impulse: Vector, gap: Vector, stop: Vector, residual: Vector, energy: Vector, friction: Vector,
-    bristles: Vector, reaction: Vector, missed: Vector, pivots: Vector, L: Matrix, Y: Matrix, Z: Matrix, b: Vector,
-    force: Vector, before: Vector, S: Array, sigma: Vector, T: Matrix, x: Vector, y: Vector, held: Vector,
-    soft: Vector, size: Vector, column: Vector, B: Matrix, C: Matrix, A: Matrix, level: Vector, rests: Vector,
-    N: Matrix, G: Matrix, gamma: Vector, scale: Vector, kept: Vector, P: Matrix, J: Matrix, ways: Matrix, ends: Matrix,
+    contact: Contact, law: BristleLaw, constraints: Record, rate: Number, out: ImpulseResult, pivots: Vector,
+    s: ImpulseScratch, h: HeldScratch,
 ) -> None:  # fmt: skip
     """Velocities after a step, impulses, gaps before it, what impulses leave of the laws, friction, reactions.
 
-    z, stiffness, damping  of bristles, as ``bristle_step``; None: dry friction, of ``coulomb`` and what follows it
-    coulomb      may be None: no friction
-    heights, fext, constraints, rate  may be None
-    after, impulse, gap, stop, energy  written, as of ``contact_step``
-    residual     (np + nl + nd), written: by how much each point and joint misses its law [m/s | rad/s]
-    friction     (nv), written: dry friction torque [N m | N], 0 with bristles
-    bristles     (nv), written: after the step, if there are some
-    reaction     (nc), written: impulse of each equation
-    missed       (2), written if there are constraints: residual and rank, as of ``constrained_motion``
-    all that follows is scratch: rows of Y, Z, T are three of a point and one of a joint; S (np, 3, 3) as T of
-    ``contact_step``; N (nc, nv) and G (nc, nc) are of the constraints, P (rows, nc) reactions to unit impulses; J
-    (nc, nv), ways (2, nv) and ends (2, nq) are of ``meet``
+    z      of bristles, as ``bristle_step``; None: dry friction
+    law    of dry friction if z is None; it may be None: no friction
+    fext, constraints, rate  may be None; h is None without constraints
+    out.after, impulse, gap, stop, energy  written, as of ``contact_step``
+    out.residual  (np + nl + nd), written: by how much each point and joint misses its law [m/s | rad/s]
+    out.friction  (nv), written: dry friction torque [N m | N], 0 with bristles
+    out.bristles  (nv), written: after the step, if there are some
+    out.reaction  (nc), written: impulse of each equation
+    out.missed    (2), written if there are constraints: residual and rank, as of ``constrained_motion``
     """
-    n, points = len(bodies) - 1, contacts[0].np
-    joints, rows = contacts[0].nl + contacts[0].nd, len(b)
+    contacts, n, after = contact.contacts, len(bodies) - 1, out.after
+    points, joints = contacts[0].np, contacts[0].nl + contacts[0].nd
+    move_freely(bodies, work, q, v, z, tau, fext, dt, law, out, pivots, s)
+    write_responses(bodies, work, contacts, contact.heights, v, out, s)
+    if constraints is not None:
+        hold(bodies, work, q, v, dt, constraints, rate, out, s, h)
+    open_laws(v, z, dt, contact, law, out, s)
+
+    for sweep in range(contacts[0].sweeps):
+        for p in range(points):
+            k = 3 * p
+            look(s, k, 3)
+            r = sub(Vec(s.B[3, 0], s.B[3, 1], s.B[3, 2]), times(s.B, Vec(s.B[4, 0], s.B[4, 1], s.B[4, 2])))
+            factor_block(s.B, s.size[k], n, s.A)
+            solved, sticks = point_impulse(s.B, s.A, r, contact.mu[p], p, s.sigma, sweep == 0, constraints is not None)
+            act(s, n, k, 3, r, solved, sticks)
+        for j in range(joints):
+            k = 3 * points + j
+            look(s, k, 1)
+            each = inverse(s.B[0, 0], s.size[k], n)
+            free = s.B[3, 0] - s.B[0, 0] * s.B[4, 0]
+            wanted, s.rests[j], stays = joint_law(contacts[1 + points + j], q, dt, free, s.B[0, 0] * s.level[j])
+            solved = Vec((wanted - free) * each, 0.0, 0.0)
+            act(s, n, k, 1, Vec(free, 0.0, 0.0), solved, stays)
+
+    for k in range(len(s.force)):
+        s.force[k] = select(s.held[k], -s.x[k], s.y[k])
+        push(s.Z, k, s.force[k], after)
+    if constraints is not None and rate is None:
+        meet(bodies, work, q, v, dt, constraints, out, s, h)
+    for _ in range(PLAIN):
+        sweep_plainly(q, n, dt, contact, constraints is not None, after, s)
+    write_laws(q, dt, contact, out, s)
+    if constraints is not None:
+        for k in range(len(out.reaction)):
+            for l in range(len(s.force)):
+                out.reaction[k] = out.reaction[k] + h.P[l, k] * s.force[l]
+    solve_outward(bodies, s.L, after)
+    for i in range(n):
+        after[i] = v[i] + after[i]
+    for j in range(joints):
+        i = contacts[1 + points + j].row - 1
+        after[i] = select(s.rests[j], 0.0, after[i])
+    if z is not None:
+        for i in range(n):
+            out.bristles[i] = (z[i] + dt * after[i]) * out.bristles[i]
+
+
+# --- before the sweeps ----------------------------------------------------------------------------------
+
+
+@inline
+def move_freely(
+    bodies: Bodies, work: Work, q: Config, v: Vector, z: Vector, tau: Vector, fext: Matrix, dt: Number, law: BristleLaw,
+    out: ImpulseResult, pivots: Vector, s: ImpulseScratch,
+) -> None:  # fmt: skip
+    """M, with what friction adds, factored in L; in ``after`` w = L (v⁺ - v) without impulses."""
+    n, after, L = len(bodies) - 1, out.after, s.L
     crba(bodies, work, q, L)
     rnea(bodies, work, q, v, None, fext, after)
     if z is None:
         for i in range(n):
             after[i] = tau[i] - after[i]
-            friction[i] = 0.0
-            if coulomb is not None:
-                L[i, i] = L[i, i] + dt * viscous[i]
-                after[i] = after[i] - viscous[i] * v[i]
+            out.friction[i] = 0.0
+            if law is not None:
+                L[i, i] = L[i, i] + dt * law.viscous[i]
+                after[i] = after[i] - law.viscous[i] * v[i]
     else:
-        add_bristles(v, z, tau, dt, coulomb, viscous, static, stribeck, stiffness, damping, L, after, bristles)
+        add_bristles(v, z, tau, dt, law, L, after, out.bristles)
         for i in range(n):
-            friction[i] = 0.0
+            out.friction[i] = 0.0
     factor_tree(bodies, L)
-    put_mat3(work[0].R, mat3_of(contacts[0].axes))
-    carry_axes(bodies, work)
-    write_gaps(bodies, work, contacts, heights, gap, S)
-    write_rows(bodies, work, contacts, heights, S, Y)
     for i in range(n):
         pivots[i] = L[i, i]
         after[i] = dt * after[i]
     solve_inward(bodies, L, after)
     for i in range(n):
-        after[i] = after[i] * (1.0 / L[i, i])  # w = L (v⁺ - v) without impulses
-    for k in range(rows):
-        b[k] = 0.0
-        for i in range(n):
-            b[k] = b[k] + Y[k, i] * v[i]
-        before[k] = b[k]
-        solve_inward(bodies, L, Y[k])
-        for i in range(n):
-            Z[k, i] = Y[k, i] * (1.0 / L[i, i])
-        size[k] = product(Y, Z, k, k)
-    if constraints is not None:
-        hold(bodies, work, q, v, dt, constraints, rate, L, Z, after, reaction, missed, N, G, gamma, scale, kept, P)
+        after[i] = after[i] * (1.0 / L[i, i])
 
-    # targets in b, the tableau of G, what rows are without impulses
+
+@inline
+def write_responses(
+    bodies: Bodies, work: Work, contacts: Record, heights: Record, v: Vector, out: ImpulseResult, s: ImpulseScratch
+) -> None:
+    """Gaps, and of the rows: velocities without impulses, Y, Z and size."""
+    n = len(bodies) - 1
+    put_mat3(work[0].R, mat3_of(contacts[0].axes))
+    carry_axes(bodies, work)
+    write_gaps(bodies, work, contacts, heights, out.gap, s.slopes)
+    write_rows(bodies, work, contacts, heights, s.slopes, s.Y)
+    for k in range(len(s.b)):
+        s.b[k] = 0.0
+        for i in range(n):
+            s.b[k] = s.b[k] + s.Y[k, i] * v[i]
+        s.before[k] = s.b[k]
+        solve_inward(bodies, s.L, s.Y[k])
+        for i in range(n):
+            s.Z[k, i] = s.Y[k, i] * (1.0 / s.L[i, i])
+        s.size[k] = product(s.Y, s.Z, k, k)
+
+
+@inline
+def open_laws(
+    v: Vector, z: Vector, dt: Number, contact: Contact, law: BristleLaw, out: ImpulseResult, s: ImpulseScratch
+) -> None:
+    """Targets in b, the tableau of G, and what rows are without impulses."""
+    contacts = contact.contacts
+    points, joints = contacts[0].np, contacts[0].nl + contacts[0].nd
     for p in range(points):
-        free = velocity(Y, b, after, 3 * p)
-        b[3 * p] = b[3 * p] + target(gap[p], b[3 * p], free, dt, restitution[p])
-        sigma[p] = 0.0
+        free = velocity(s.Y, s.b, out.after, 3 * p)
+        s.b[3 * p] = s.b[3 * p] + target(out.gap[p], s.b[3 * p], free, dt, contact.restitution[p])
+        s.sigma[p] = 0.0
         for k in range(3 * p, 3 * p + 3):  # of all three: one alone may be nothing but rounding
-            scale_of_point(size, p, k)
+            scale_of_point(s.size, p, k)
     for j in range(joints):
-        level[j] = 0.0
-        rests[j] = 0.0
-        if coulomb is not None and z is None:
-            level[j] = dt * dry_level(v, coulomb, static, stribeck, contacts[1 + points + j].row - 1)
-    for k in range(rows):
+        s.level[j] = 0.0
+        s.rests[j] = 0.0
+        if law is not None and z is None:
+            s.level[j] = dt * dry_level(v, law, contacts[1 + points + j].row - 1)
+    for k in range(len(s.b)):
         for l in range(k + 1):
-            T[k, l] = product(Y, Z, k, l)
-        soft[k] = (YIELD if k < 3 * points else YIELD_JOINT) * T[k, k]
-        T[k, k] = T[k, k] + soft[k]
-        held[k], x[k], y[k] = 0.0, velocity(Y, b, after, k), 0.0
-
-    for sweep in range(contacts[0].sweeps):
-        for p in range(points):
-            k = 3 * p
-            look(T, held, x, y, soft, k, 3, B, C)
-            r = sub(Vec(B[3, 0], B[3, 1], B[3, 2]), times(B, Vec(B[4, 0], B[4, 1], B[4, 2])))
-            factor_block(B, size[k], n, A)
-            solved, sticks = point_impulse(B, A, r, mu[p], p, sigma, sweep == 0, constraints is not None)
-            act(T, held, x, y, soft, size, n, k, 3, B, C, r, solved, sticks, column)
-        for j in range(joints):
-            k = 3 * points + j
-            look(T, held, x, y, soft, k, 1, B, C)
-            each = inverse(B[0, 0], size[k], n)
-            free = B[3, 0] - B[0, 0] * B[4, 0]
-            wanted, rests[j], stays = joint_law(contacts[1 + points + j], q, dt, free, B[0, 0] * level[j])
-            solved = Vec((wanted - free) * each, 0.0, 0.0)
-            act(T, held, x, y, soft, size, n, k, 1, B, C, Vec(free, 0.0, 0.0), solved, stays, column)
-
-    for k in range(rows):
-        force[k] = select(held[k], -x[k], y[k])
-        push(Z, k, force[k], after)
-    if constraints is not None and rate is None:
-        meet(bodies, work, q, v, dt, constraints, L, after, reaction, N, G, gamma, scale, J, ways, ends)
-    for _ in range(PLAIN):
-        for p in range(points):
-            now, k = force_of_point(force, p), 3 * p
-            write_block(Y, Z, p, B)
-            r = sub(velocity_of_point(Y, b, after, p), times(B, now))
-            factor_block(B, size[k], n, A)
-            solved, _ = point_impulse(B, A, r, mu[p], p, sigma, False, constraints is not None)
-            force[k], force[k + 1], force[k + 2] = solved.x, solved.y, solved.z
-            push(Z, k, solved.x - now.x, after)
-            push(Z, k + 1, solved.y - now.y, after)
-            push(Z, k + 2, solved.z - now.z, after)
-        for j in range(joints):
-            k = 3 * points + j
-            alone, was = product(Y, Z, k, k), force[k]
-            free = velocity(Y, b, after, k) - alone * was
-            wanted, rests[j], _ = joint_law(contacts[1 + points + j], q, dt, free, alone * level[j])
-            force[k] = (wanted - free) * inverse(alone, size[k], n)
-            push(Z, k, force[k] - was, after)
-    for p in range(points):
-        write_block(Y, Z, p, B)
-        write_point(contacts, heights, Y, b, before, after, force, B, S, mu, p, impulse, residual, energy)
-    for j in range(joints):
-        k, c = 3 * points + j, contacts[1 + points + j]
-        alone, u = product(Y, Z, k, k), velocity(Y, b, after, k)
-        wanted, _, _ = joint_law(c, q, dt, u - alone * force[k], alone * level[j])
-        residual[points + j] = magnitude(u - wanted)
-        rubs, least = within(force[k], level[j]), SLOW * alone * level[j]
-        rubs = select(u - least, -level[j], select(-least - u, level[j], rubs))  # of a joint that moves, against that
-        rests[j] = select(least - magnitude(u), 1.0, rests[j])
-        friction[c.row - 1] = rubs / dt
-        if j < contacts[0].nl:
-            stop[j] = force[k] - rubs
-            energy[points + j] = work_of_row(Y, before, after, k, stop[j])
-    if constraints is not None:
-        for k in range(len(reaction)):
-            for l in range(rows):
-                reaction[k] = reaction[k] + P[l, k] * force[l]
-    solve_outward(bodies, L, after)
-    for i in range(n):
-        after[i] = v[i] + after[i]
-    for j in range(joints):
-        i = contacts[1 + points + j].row - 1
-        after[i] = select(rests[j], 0.0, after[i])
-    if z is not None:
-        for i in range(n):
-            bristles[i] = (z[i] + dt * after[i]) * bristles[i]
+            s.T[k, l] = product(s.Y, s.Z, k, l)
+        s.soft[k] = (YIELD if k < 3 * points else YIELD_JOINT) * s.T[k, k]
+        s.T[k, k] = s.T[k, k] + s.soft[k]
+        s.held[k], s.x[k], s.y[k] = 0.0, velocity(s.Y, s.b, out.after, k), 0.0
 
 
 @inline
@@ -243,20 +294,19 @@ def scale_of_point(size: Vector, p: int, k: int) -> None:
 
 @inline
 def hold(
-    bodies: Bodies, work: Work, q: Config, v: Vector, dt: Number, constraints: Record, rate: Number, L: Matrix,
-    Z: Matrix, w: Vector, reaction: Vector, missed: Vector, N: Matrix, G: Matrix, gamma: Vector, scale: Vector,
-    kept: Vector, P: Matrix,
+    bodies: Bodies, work: Work, q: Config, v: Vector, dt: Number, constraints: Record, rate: Number, out: ImpulseResult,
+    s: ImpulseScratch, h: HeldScratch,
 ) -> None:  # fmt: skip
     """Take constraints out: of w, and of Z = D⁻¹ Yᵀ, by which w changes with impulses; rows that depend are dropped.
 
     As ``constrained.respond``, whose meaning residual and rank have; w, Z, reaction, missed and P are written.
     """
-    n, m = len(bodies) - 1, len(gamma)
+    n, m, w, L, N, G, gamma = len(bodies) - 1, len(h.gamma), out.after, s.L, h.N, h.G, h.gamma
     turn_rows(bodies, work)
     write_jacobian(bodies, work, constraints, N)
     write_drift(bodies, work, constraints, v, gamma)
     if rate is not None:
-        stabilize(bodies, work, q, v, constraints, rate, N, gamma, reaction)
+        stabilize(bodies, work, q, v, constraints, rate, N, gamma, out.reaction)
     for k in range(m):
         gamma[k] = dt * gamma[k]
         if rate is None:
@@ -264,9 +314,9 @@ def hold(
                 gamma[k] = gamma[k] + N[k, i] * v[i]
     felt(bodies, L, N, G)
     for k in range(m):
-        scale[k] = G[k, k]
-    share(constraints, scale)
-    factor_dropping(G, scale, DEPENDENT * (n + m) * EPS, kept)
+        h.scale[k] = G[k, k]
+    share(constraints, h.scale)
+    factor_dropping(G, h.scale, DEPENDENT * (n + m) * EPS, h.kept)
 
     whole, lost, rank = 0.0, 0.0, 0.0
     for i in range(n):
@@ -279,102 +329,97 @@ def hold(
     for k in range(m):
         square = gamma[k] * gamma[k]
         whole = whole + square * G[k, k]
-        lost = lost + (1.0 - kept[k]) * quotient(square, scale[k])
-        rank = rank + kept[k]
-    missed[0], missed[1] = sqrt(quotient(lost, lost + whole)), rank
-    solve_backward(G, gamma, reaction)
+        lost = lost + (1.0 - h.kept[k]) * quotient(square, h.scale[k])
+        rank = rank + h.kept[k]
+    out.missed[0], out.missed[1] = sqrt(quotient(lost, lost + whole)), rank
+    solve_backward(G, gamma, out.reaction)
     for i in range(n):
         for k in range(m):
-            w[i] = w[i] + N[k, i] * reaction[k] * (1.0 / L[i, i])
-    for l in range(len(Z)):
+            w[i] = w[i] + N[k, i] * out.reaction[k] * (1.0 / L[i, i])
+    for l in range(len(s.Z)):
         for k in range(m):
             gamma[k] = 0.0
             for i in range(n):
-                gamma[k] = gamma[k] - N[k, i] * Z[l, i]
+                gamma[k] = gamma[k] - N[k, i] * s.Z[l, i]
         solve_forward(G, gamma)
-        solve_backward(G, gamma, P[l])
+        solve_backward(G, gamma, h.P[l])
         for i in range(n):
-            s = 0.0
+            taken = 0.0
             for k in range(m):
-                s = s + N[k, i] * P[l, k]
-            Z[l, i] = Z[l, i] + s * (1.0 / L[i, i])
+                taken = taken + N[k, i] * h.P[l, k]
+            s.Z[l, i] = s.Z[l, i] + taken * (1.0 / L[i, i])
 
 
 @inline
 def meet(
-    bodies: Bodies, work: Work, q: Config, v: Vector, dt: Number, constraints: Record, L: Matrix, w: Vector,
-    reaction: Vector, N: Matrix, G: Matrix, gamma: Vector, change: Vector, J: Matrix, ways: Matrix, ends: Matrix,
+    bodies: Bodies, work: Work, q: Config, v: Vector, dt: Number, constraints: Record, out: ImpulseResult,
+    s: ImpulseScratch, h: HeldScratch,
 ) -> None:  # fmt: skip
     """Let v⁺ meet J v⁺ = 0 where the step ends, with q projected, and not only J v⁺ + h J̇ v = 0 where it begins.
 
     The two differ by the order of h² in smooth motion and of h in an impact; what is left here is one order less. The
-    last sweeps follow, in which points and dry joints answer to the change. w and reaction are written; N and G are of
-    ``hold``, the rest is scratch.
+    last sweeps follow, in which points and dry joints answer to the change. w, in ``after``, and reaction are written.
     """
-    n, m, way, out = len(bodies) - 1, len(gamma), ways[0], ways[1]
+    n, m, w, gamma, way, back = len(bodies) - 1, len(h.gamma), out.after, h.gamma, h.ways[0], h.ways[1]
     for i in range(n):
         way[i] = w[i]
-    solve_outward(bodies, L, way)
+    solve_outward(bodies, s.L, way)
     for i in range(n):
         way[i] = dt * (v[i] + way[i])
-    integrate(bodies, q, way, ends[0])
-    place_rows(bodies, work, ends[0])
-    write_error(bodies, work, constraints, ends[0], gamma)
+    integrate(bodies, q, way, h.ends[0])
+    place_rows(bodies, work, h.ends[0])
+    write_error(bodies, work, constraints, h.ends[0], gamma)
     for i in range(n):
-        out[i] = 0.0
-    push_back(L, N, G, gamma, change, out)
-    solve_outward(bodies, L, out)
-    integrate(bodies, ends[0], out, ends[1])
-    place_rows(bodies, work, ends[1])
-    write_jacobian(bodies, work, constraints, J)
+        back[i] = 0.0
+    push_back(s.L, h, back)
+    solve_outward(bodies, s.L, back)
+    integrate(bodies, h.ends[0], back, h.ends[1])
+    place_rows(bodies, work, h.ends[1])
+    write_jacobian(bodies, work, constraints, h.J)
     for k in range(m):
         gamma[k] = 0.0
         for i in range(n):
-            gamma[k] = gamma[k] + J[k, i] * (way[i] / dt)
-    push_back(L, N, G, gamma, change, w)
+            gamma[k] = gamma[k] + h.J[k, i] * (way[i] / dt)
+    push_back(s.L, h, w)
     for k in range(m):
-        reaction[k] = reaction[k] + change[k]
+        out.reaction[k] = out.reaction[k] + h.scale[k]
 
 
 @inline
-def push_back(L: Matrix, N: Matrix, G: Matrix, gamma: Vector, change: Vector, w: Vector) -> None:
-    """Take gamma (nc) out of the constraints' velocities, in w, by the impulses ``change`` (nc), which are written."""
-    for k in range(len(gamma)):
-        gamma[k] = -gamma[k]
-    solve_forward(G, gamma)
-    solve_backward(G, gamma, change)
+def push_back(L: Matrix, h: HeldScratch, w: Vector) -> None:
+    """Take gamma (nc) out of the constraints' velocities, in w, by impulses, written in scale."""
+    for k in range(len(h.gamma)):
+        h.gamma[k] = -h.gamma[k]
+    solve_forward(h.G, h.gamma)
+    solve_backward(h.G, h.gamma, h.scale)
     for i in range(len(w)):
-        for k in range(len(gamma)):
-            w[i] = w[i] + N[k, i] * change[k] * (1.0 / L[i, i])
+        for k in range(len(h.gamma)):
+            w[i] = w[i] + h.N[k, i] * h.scale[k] * (1.0 / L[i, i])
 
 
 # --- a row at its turn ----------------------------------------------------------------------------------
 
 
 @inline
-def look(T: Matrix, held: Vector, x: Vector, y: Vector, soft: Vector, k: int, count: int, B: Matrix, C: Matrix) -> None:
-    """B and C of ``open_rows``, without the rows' own yielding; rows 3 and 4 of B are velocities and impulses now.
-
-    x, y  (m)  of a free row velocity and impulse, of a held one -impulse and velocity, yielding counted
-    """
-    open_rows(T, held, k, count, B, C)
+def look(s: ImpulseScratch, k: int, count: int) -> None:
+    """B and C of ``open_rows``, without the rows' own yielding; rows 3 and 4 of B are velocities and impulses now."""
+    B, x, y, soft = s.B, s.x, s.y, s.soft
+    open_rows(s.T, s.held, k, count, B, s.C)
     for a in range(count):
-        h = held[k + a]
+        h = s.held[k + a]
         B[4, a] = select(h, -x[k + a], y[k + a])
         B[3, a] = select(h, y[k + a], x[k + a]) - soft[k + a] * B[4, a]
         B[a, a] = B[a, a] - soft[k + a]
 
 
 @inline
-def act(
-    T: Matrix, held: Vector, x: Vector, y: Vector, soft: Vector, size: Vector, n: int, k: int, count: int, B: Matrix,
-    C: Matrix, r: Vec, solved: Vec, stays: Scalar, column: Vector,
-) -> None:  # fmt: skip
+def act(s: ImpulseScratch, n: int, k: int, count: int, r: Vec, solved: Vec, stays: Scalar) -> None:
     """New impulses of rows that were looked at, and what they change; they are held, or not, from now on.
 
     r      their velocities without impulses of their own
     stays  1 if they are to be held, else 0; a row that nothing moves is not
     """
+    B, C, x, y, held, soft = s.B, s.C, s.x, s.y, s.held, s.soft
     change = sub(solved, Vec(B[4, 0], B[4, 1], B[4, 2]) if count == 3 else Vec(B[4, 0], 0.0, 0.0))
     for i in range(len(x)):
         if count == 3:
@@ -385,11 +430,59 @@ def act(
         new = solved.x if a == 0 else solved.y if a == 1 else solved.z
         u = (r.x if a == 0 else r.y if a == 1 else r.z) + soft[k + a] * new
         u = u + (B[a, 0] * solved.x + B[a, 1] * solved.y + B[a, 2] * solved.z if count == 3 else B[a, 0] * solved.x)
-        h = stays * exceeds(soft[k + a], (DEPENDENT * YIELD * n) * EPS * size[k + a])
+        h = stays * exceeds(soft[k + a], (DEPENDENT * YIELD * n) * EPS * s.size[k + a])
         x[k + a] = select(h, -new, u)
         y[k + a] = select(h, u, new)
-        turn_row(T, k + a, h + held[k + a] - 2.0 * (h * held[k + a]), held[k + a], column)
+        turn_row(s.T, k + a, h + held[k + a] - 2.0 * (h * held[k + a]), held[k + a], s.column)
         held[k + a] = h
+
+
+@inline
+def sweep_plainly(
+    q: Config, n: int, dt: Number, contact: Contact, held: bool, w: Vector, s: ImpulseScratch
+) -> None:  # fmt: skip
+    """A sweep that holds no row: new impulses, and w with them."""
+    contacts, force, Y, Z, b = contact.contacts, s.force, s.Y, s.Z, s.b
+    points = contacts[0].np
+    for p in range(points):
+        now, k = force_of_point(force, p), 3 * p
+        write_block(Y, Z, p, s.B)
+        r = sub(velocity_of_point(Y, b, w, p), times(s.B, now))
+        factor_block(s.B, s.size[k], n, s.A)
+        solved, _ = point_impulse(s.B, s.A, r, contact.mu[p], p, s.sigma, False, held)
+        force[k], force[k + 1], force[k + 2] = solved.x, solved.y, solved.z
+        push(Z, k, solved.x - now.x, w)
+        push(Z, k + 1, solved.y - now.y, w)
+        push(Z, k + 2, solved.z - now.z, w)
+    for j in range(contacts[0].nl + contacts[0].nd):
+        k = 3 * points + j
+        alone, was = product(Y, Z, k, k), force[k]
+        free = velocity(Y, b, w, k) - alone * was
+        wanted, s.rests[j], _ = joint_law(contacts[1 + points + j], q, dt, free, alone * s.level[j])
+        force[k] = (wanted - free) * inverse(alone, s.size[k], n)
+        push(Z, k, force[k] - was, w)
+
+
+@inline
+def write_laws(q: Config, dt: Number, contact: Contact, out: ImpulseResult, s: ImpulseScratch) -> None:
+    """What a step makes of points and joints: impulses, stops, dry friction, residuals, energy, which joints rest."""
+    contacts, w, force, Y, Z, level = contact.contacts, out.after, s.force, s.Y, s.Z, s.level
+    points = contacts[0].np
+    for p in range(points):
+        write_block(Y, Z, p, s.B)
+        write_point(contacts, contact.heights, contact.mu[p], s.B, w, p, out, s)
+    for j in range(contacts[0].nl + contacts[0].nd):
+        k, c = 3 * points + j, contacts[1 + points + j]
+        alone, u = product(Y, Z, k, k), velocity(Y, s.b, w, k)
+        wanted, _, _ = joint_law(c, q, dt, u - alone * force[k], alone * level[j])
+        out.residual[points + j] = magnitude(u - wanted)
+        rubs, least = within(force[k], level[j]), SLOW * alone * level[j]
+        rubs = select(u - least, -level[j], select(-least - u, level[j], rubs))  # of a joint that moves, against that
+        s.rests[j] = select(least - magnitude(u), 1.0, s.rests[j])
+        out.friction[c.row - 1] = rubs / dt
+        if j < contacts[0].nl:
+            out.stop[j] = force[k] - rubs
+            out.energy[points + j] = work_of_row(Y, s.before, w, k, out.stop[j])
 
 
 @inline
@@ -435,21 +528,19 @@ ALL = (OVER, RUBS, BENDS, HOLDS, STEADIES, PUSHED)
 def impulse_step_spec(has: frozenset[str]) -> Spec:
     """The Spec of a step with some of heights, friction, bristles (beside friction), constraints, a rate, fext."""
 
-    def given(what: str, *arguments: Argument) -> tuple[Argument | None, ...]:
-        return tuple(replace(x, optional=False) if what in has else None for x in arguments)
+    def given(what: str, x: Any) -> Any:
+        return x if what in has else None
 
+    rubs = given(BENDS, BRISTLE_LAW) if BENDS in has else given(RUBS, LAW)
+    ground = Contact(CONTACTS_ARGUMENT, given(OVER, HEIGHTS_ARGUMENT), MU, RESTITUTION)
     inputs = (
-        Q, V, *given(BENDS, BRISTLES), TAU, *given(PUSHED, FEXT), DT, CONTACTS_ARGUMENT, *given(OVER, HEIGHTS_ARGUMENT),
-        MU, RESTITUTION, *given(RUBS, *LAW), *given(BENDS, STIFFNESS, DAMPING), *given(HOLDS, CONSTRAINTS_ARGUMENT),
-        *given(STEADIES, RATE),
+        Q, V, given(BENDS, BRISTLES), TAU, given(PUSHED, FEXT), DT, ground, rubs, given(HOLDS, CONSTRAINTS_ARGUMENT),
+        given(STEADIES, replace(RATE, optional=False)),
     )  # fmt: skip
-    nc: str | int = "nc" if HOLDS in has else 0
-    ends: str | int = "nq" if HOLDS in has and STEADIES not in has else 0
-    rows = "np+np+np+nl+nd"
-    parts = (
+    parts = ImpulseResult(
         AFTER, IMPULSE, GAP, STOP, RESIDUAL, ENERGY, FRICTION,
         Argument("bristles", ("nv" if BENDS in has else 0,), "rad | m", "after the step"),
-        replace(REACTION, shape=(nc,)), replace(MISSED, shape=(2 if HOLDS in has else 0,)),
+        replace(REACTION, shape=("nc" if HOLDS in has else 0,)), replace(MISSED, shape=(2 if HOLDS in has else 0,)),
     )  # fmt: skip
     width = "+".join(str(x) for part in parts for x in part.shape if x)
     return Spec(
@@ -457,10 +548,6 @@ def impulse_step_spec(has: frozenset[str]) -> Spec:
         Argument("result", (width,), "", ", ".join(x.name for x in parts)),
         "A step of the velocities under contact, limits, dry friction and constraints.",
         "see ``recursions.impulse_step``", pivots=True, regroup=True, composed=True,
-        scratch=(
-            ("nv", "nv"), (rows, "nv"), (rows, "nv"), (rows,), (rows,), (rows,), ("np", 3, 3), ("np",), (rows, rows),
-            (rows,), (rows,), (rows,), (rows,), (rows,), (rows,), (5, 3), (rows, 3), (5, 3), ("nl+nd",), ("nl+nd",),
-            (nc, "nv"), (nc, nc), (nc,), (nc,), (nc,), (rows, nc), (nc, "nv"), (2, "nv"), (2, ends),
-        ),
+        scratch=(ImpulseScratch(), HeldScratch() if HOLDS in has else None),
         parts=parts,
     )  # fmt: skip

@@ -6,19 +6,32 @@ out is None there, and the recursion skips its terms: ``nonlinear_effects`` is t
 
 A shape names its sizes: "nq", "nv", "njoints", those that a static table adds ("nc"), and sums such as "nv+nc+2".
 Several outputs lie side by side in one array, the Spec's output; the recursion takes its ``parts`` one by one.
+
+A record, a NamedTuple, gathers what belongs together: inputs (the coefficients of friction), outputs, arrays of
+scratch. Where a Spec has one of Arguments or of shapes, the recursion takes one of arrays. A class of scratch lists
+its fields as a WORK does, their shapes as defaults::
+
+    class StepScratch(NamedTuple):
+        L: Matrix = ("nv", "nv")  # M, then its factors
+        b: Vector = ("nv",)  # velocities
+
+    Spec(..., scratch=(StepScratch(),))
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Protocol
 
 import numpy as np
 
-from .signatures import Array, Bodies
+from .signatures import Array, Bodies, Work
+
+Shape = tuple[str | int, ...]
+Record = tuple[Any, ...]  # a NamedTuple of Arguments, or of shapes
 
 
 @dataclass(frozen=True)
@@ -47,7 +60,7 @@ class Argument:
     """
 
     name: str
-    shape: tuple[str | int, ...]
+    shape: Shape
     unit: str
     meaning: str
     optional: bool = False
@@ -83,8 +96,9 @@ class Spec:
     pivots      after its output the recursion writes the articulated inertia D (nv) of each row, which the call does
                 not return: the engine reduces it to one flag, whether any row is singular
     term_shape  shape of the terms that a program sums, where they outnumber its results
-    scratch     shapes of arrays of scratch that the recursion takes last and writes in place
-    parts       of several outputs, each of them: vectors, or numbers as arrays of one, side by side in ``output``
+    scratch     what the recursion takes last and writes in place: shapes of arrays, or records of shapes
+    parts       of several outputs, each of them: vectors, or numbers as arrays of one, side by side in ``output``; if
+                they are a record, the recursion takes one
     traceable   the recursion branches on no value, so that it can become a program
     through_M   ``through_M(M, *inputs)``: the output of samples (samples, ...) of a model with mimic joints, by its
                 MassMatrix, because M⁻¹ there is no recursion over the tree; a tuple has the parts along the output's
@@ -101,14 +115,14 @@ class Spec:
     name: str
     recursion: Callable[..., None]
     work: np.dtype | None
-    inputs: tuple[Argument | None, ...]
+    inputs: tuple[Argument | Record | None, ...]
     output: Argument
     summary: str
     source: str
     pivots: bool = False
     regroup: bool = False
-    term_shape: tuple[str | int, ...] = ()
-    scratch: tuple[tuple[str | int, ...], ...] = ()
+    term_shape: Shape = ()
+    scratch: tuple[Shape | Record | None, ...] = ()
     traceable: bool = True
     through_M: Callable[..., Any] | None = None
     parts: tuple[Argument, ...] = ()
@@ -118,17 +132,32 @@ class Spec:
 
     @cached_property  # read a dozen times by each call of a rollout
     def present(self) -> tuple[Argument, ...]:
-        """The inputs that the call has."""
-        return tuple(x for x in self.inputs if x is not None)
+        """The inputs that the call has, those of records one by one."""
+        return tuple(flat(self.inputs))
 
     @cached_property
     def states(self) -> tuple[Argument, ...]:
         """The inputs that are states of its own."""
         return tuple(x for x in self.present if x.start is not None)
 
-    def extra_outputs(self, sizes: Mapping[str, int]) -> list[tuple[int, ...]]:
-        """Shapes of the arrays that the recursion takes after its output, which the call does not return."""
-        return [(sizes["nv"],)] * self.pivots + [shape_in(shape, sizes) for shape in self.scratch]
+    def run(
+        self, bodies: Bodies, work: Work, values: Mapping[str, Any], out: Array,
+        empty: Callable[[tuple[int, ...]], Array] = np.empty,
+    ) -> list[Any]:  # fmt: skip
+        """Run the recursion on one sample, and return what it takes after its outputs: pivots and scratch.
+
+        values  the inputs by name; optional ones may be missing
+        out     as of the Spec's output, written; a number as an array of one
+        empty   makes arrays of pivots and scratch from their shapes
+        """
+        sizes = sizes_of(bodies, [(x, values[x.name]) for x in self.present if x.table is not None])
+        given = gather(self.inputs, lambda x: values.get(x.name) if x.optional else values[x.name])
+        parts = self.split(out, sizes)
+        outputs = [type(self.parts)(*parts)] if is_record(self.parts) else parts
+        shapes = [("nv",)] * self.pivots + [*self.scratch]
+        beside = gather(shapes, lambda shape: empty(shape_in(shape, sizes)))
+        self.recursion(bodies, *([] if self.work is None else [work]), *given, *outputs, *beside)
+        return beside
 
     def split(self, out: Array, sizes: Mapping[str, int]) -> list[Array]:
         """The outputs as the recursion takes them: ``out``, or its parts along the last axis."""
@@ -140,6 +169,41 @@ class Spec:
             found.append(out[..., at : at + width])
             at += width
         return found
+
+
+def is_record(x: Any) -> bool:
+    """Whether it is a NamedTuple."""
+    return hasattr(x, "_fields")
+
+
+def flat(entries: Iterable[Any]) -> Iterator[Any]:
+    """The entries that are there, those of records one by one."""
+    for x in entries:
+        if is_record(x):
+            yield from flat(x)
+        elif x is not None:
+            yield x
+
+
+def _made(kind: type, values: list[Any]) -> Any:
+    return kind(*values)
+
+
+def gather(
+    entries: Iterable[Any], of: Callable[[Any], Any], record: Callable[[type, list[Any]], Any] = _made
+) -> list[Any]:
+    """For each entry of a Spec what a recursion takes: ``of`` an argument or a shape, a record of those of a record.
+
+    None of an entry that is left out, and of a record of nothing but None.
+    """
+    found = []
+    for x in entries:
+        if is_record(x):
+            values = gather(x, of, record)
+            found.append(None if all(y is None for y in values) else record(type(x), values))
+        else:
+            found.append(None if x is None else of(x))
+    return found
 
 
 def shape_in(shape: Iterable[str | int], sizes: Mapping[str, int]) -> tuple[int, ...]:

@@ -16,6 +16,7 @@ manifolds (1999), for the derivative of exp in closed form.
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import NamedTuple
 
 from ..algebra.euclidean import dot, neg
 from ..algebra.lie import Tangent, turned_diagonal
@@ -27,66 +28,97 @@ from .friction import LAW, SMOOTHING, friction_torque, smooth_friction_slope
 from .signatures import Array, Bodies, Config, Matrix, Vector, Work
 from .spec import FEXT_OPTIONAL, TAU, Argument, Q, Spec, V
 
-Law = tuple[Vector, Vector, Vector, Vector]  # F_c, b, F_s and v_s of smooth friction, or None each
-
 RK4_NODES, RK4_WEIGHTS = (0.0, 0.5, 0.5, 1.0), (1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0)
 
-# Scratch: ``rows`` (9, nv) of vectors, ``squares`` (8, nv, nv), ``wide`` (7, nv, 3 nv) of derivatives by (q, v, τ)
-_SCRATCH = (("nq",), (9, "nv"), (8, "nv", "nv"), (7, "nv", "nv+nv+nv"))
+
+class SmoothLaw(NamedTuple):
+    """Coefficients (nv) of smooth friction."""
+
+    coulomb: Vector
+    viscous: Vector
+    static: Vector
+    stribeck: Vector
+    smoothing: Vector
+
+
+_WIDE = "nv+nv+nv"  # columns of a derivative by (q, v, τ)
+
+
+class DerivativeScratch(NamedTuple):
+    """Scratch of the derivatives of a step."""
+
+    stage: Vector = ("nq",)  # the configuration of a stage
+    u: Vector = ("nv",)  # displacement of a stage from q
+    w: Vector = ("nv",)  # velocity of a stage
+    a: Vector = ("nv",)  # acceleration of a stage
+    rate: Vector = ("nv",)  # u̇ of a stage
+    moved: Vector = ("nv",)  # displacement of the step
+    spare: Vector = ("nv",)  # pivots of later stages
+    rubbed: Matrix = (2, "nv")  # torques with friction, slopes of friction by v
+    D: Array = (3, "nv", "nv")  # of ``aba_derivatives``
+    inverse: Matrix = ("nv", "nv")  # M⁻¹
+    by_step: Array = (2, "nv", "nv")  # P and R of ``dintegrate``
+    by_rate: Array = (2, "nv", "nv")  # ∂(T(u) w)/∂u and T(u)
+    U: Matrix = ("nv", _WIDE)  # derivatives of u
+    W: Matrix = ("nv", _WIDE)  # of w
+    Ku: Matrix = ("nv", _WIDE)  # of the rate of u
+    Ka: Matrix = ("nv", _WIDE)  # of a
+    by_q: Matrix = ("nv", _WIDE)  # of the stage's configuration
+    moved_by: Matrix = ("nv", _WIDE)  # of the displacement of the step
+    changed_by: Matrix = ("nv", _WIDE)  # of the change of v
+
+
+class MotionScratch(NamedTuple):
+    """Scratch of ``motion_derivatives``, as of ``DerivativeScratch``."""
+
+    a: Vector = ("nv",)
+    D: Array = (3, "nv", "nv")
+    inverse: Matrix = ("nv", "nv")
+    rubbed: Matrix = (2, "nv")
 
 
 @inline
 def explicit_euler_derivatives(
-    bodies: Bodies, work: Work, q: Config, v: Vector, tau: Vector, fext: Matrix, dt: Vector, coulomb: Vector,
-    viscous: Vector, static: Vector, stribeck: Vector, smoothing: Vector, out: Matrix, pivots: Vector, stage: Config,
-    rows: Matrix, squares: Array, wide: Array,
+    bodies: Bodies, work: Work, q: Config, v: Vector, tau: Vector, fext: Matrix, dt: Vector, law: SmoothLaw,
+    out: Matrix, pivots: Vector, s: DerivativeScratch,
 ) -> None:  # fmt: skip
     """q⁺ = q ∘ exp(h v), v⁺ = v + h a: Runge and Kutta's method of one stage."""
-    law = coulomb, viscous, static, stribeck
-    _runge_kutta(
-        (0.0,), (1.0,), bodies, work, q, v, tau, fext, dt, law, smoothing, out, pivots, stage, rows, squares, wide
-    )
+    _runge_kutta((0.0,), (1.0,), bodies, work, q, v, tau, fext, dt, law, out, pivots, s)
 
 
 @inline
 def rk4_derivatives(
-    bodies: Bodies, work: Work, q: Config, v: Vector, tau: Vector, fext: Matrix, dt: Vector, coulomb: Vector,
-    viscous: Vector, static: Vector, stribeck: Vector, smoothing: Vector, out: Matrix, pivots: Vector, stage: Config,
-    rows: Matrix, squares: Array, wide: Array,
+    bodies: Bodies, work: Work, q: Config, v: Vector, tau: Vector, fext: Matrix, dt: Vector, law: SmoothLaw,
+    out: Matrix, pivots: Vector, s: DerivativeScratch,
 ) -> None:  # fmt: skip
     """The classical method of order 4 on (u, v), q(t) = q ∘ exp(u(t))."""
-    law = coulomb, viscous, static, stribeck
-    _runge_kutta(
-        RK4_NODES, RK4_WEIGHTS, bodies, work, q, v, tau, fext, dt, law, smoothing, out, pivots, stage, rows, squares,
-        wide,
-    )  # fmt: skip
+    _runge_kutta(RK4_NODES, RK4_WEIGHTS, bodies, work, q, v, tau, fext, dt, law, out, pivots, s)
 
 
 @inline
 def _runge_kutta(
     nodes: tuple[float, ...], weights: tuple[float, ...], bodies: Bodies, work: Work, q: Config, v: Vector, tau: Vector,
-    fext: Matrix, dt: Vector, law: Law, smoothing: Vector, out: Matrix, pivots: Vector, stage: Config, rows: Matrix,
-    squares: Array, wide: Array,
+    fext: Matrix, dt: Vector, law: SmoothLaw, out: Matrix, pivots: Vector, s: DerivativeScratch,
 ) -> None:  # fmt: skip
     """A method each of whose stages starts from the one before it alone; fext may be None, for zero."""
-    n = len(bodies) - 1
-    rows[:] = 0.0
-    wide[:] = 0.0
-    u, w, a, rate, moved, spare, rubbed = rows[0], rows[1], rows[2], rows[3], rows[4], rows[5], rows[6:8]
-    D, inverse, by_step, by_rate = squares[0:3], squares[3], squares[4:6], squares[6:8]
-    U, W, Ku, Ka, moved_by, changed_by = wide[0], wide[1], wide[2], wide[3], wide[4], wide[5]
+    n, stage, u, w, a, rate, moved = len(bodies) - 1, s.stage, s.u, s.w, s.a, s.rate, s.moved
+    by_step, by_rate, U, W, Ku, Ka, by_q = s.by_step, s.by_rate, s.U, s.W, s.Ku, s.Ka, s.by_q
+    for x in (a, rate, moved):
+        x[:] = 0.0
+    for X in (Ku, Ka, s.moved_by, s.changed_by):
+        X[:] = 0.0
     turn = 0.0
-    for s in range(len(nodes)):
-        h = nodes[s] * dt[0]
+    for k in range(len(nodes)):
+        h = nodes[k] * dt[0]
         for i in range(n):
             u[i], w[i] = h * rate[i], v[i] + h * a[i]
         _scaled(h, Ku, U)
         _scaled(h, Ka, W)
         _add_unit(1, W)
         turn = largest_turn(bodies, u, turn)
-        for k in range(len(q)):
-            stage[k] = q[k]
-        if s > 0:
+        for i in range(len(q)):
+            stage[i] = q[i]
+        if k > 0:
             integrate(bodies, q, u, stage)
         dintegrate(bodies, q, u, by_step)
         displacement_rate_derivatives(bodies, u, w, by_rate)
@@ -97,36 +129,32 @@ def _runge_kutta(
         Ku[:] = 0.0
         _add_blocks(bodies, by_rate[0], U, Ku)
         _add_blocks(bodies, by_rate[1], W, Ku)
-        acceleration_derivatives(bodies, work, stage, w, tau, fext, law, smoothing, D, spare, a, inverse, rubbed)
-        if s == 0:
-            pivots[:] = spare
-        by_q = wide[6]
+        acceleration_derivatives(bodies, work, stage, w, tau, fext, law, s.D, s.spare, a, s.inverse, s.rubbed)
+        if k == 0:
+            pivots[:] = s.spare
         _moved(bodies, by_step, U, by_q)
-        _acceleration(D, by_q, W, Ka)
-        h = weights[s] * dt[0]
+        _acceleration(s.D, by_q, W, Ka)
+        h = weights[k] * dt[0]
         for i in range(n):
             moved[i] = moved[i] + h * rate[i]
-        _add_scaled(h, Ku, moved_by)
-        _add_scaled(h, Ka, changed_by)
+        _add_scaled(h, Ku, s.moved_by)
+        _add_scaled(h, Ka, s.changed_by)
     turn = largest_turn(bodies, moved, turn)
     dintegrate(bodies, q, moved, by_step)
-    _moved(bodies, by_step, moved_by, out[:n])
-    out[n : 2 * n] = changed_by
+    _moved(bodies, by_step, s.moved_by, out[:n])
+    out[n : 2 * n] = s.changed_by
     _add_unit(1, out[n : 2 * n])
     _put_turn(turn, n, out)
 
 
 @inline
 def semi_implicit_euler_derivatives(
-    bodies: Bodies, work: Work, q: Config, v: Vector, tau: Vector, fext: Matrix, dt: Vector, coulomb: Vector,
-    viscous: Vector, static: Vector, stribeck: Vector, smoothing: Vector, out: Matrix, pivots: Vector, stage: Config,
-    rows: Matrix, squares: Array, wide: Array,
+    bodies: Bodies, work: Work, q: Config, v: Vector, tau: Vector, fext: Matrix, dt: Vector, law: SmoothLaw,
+    out: Matrix, pivots: Vector, s: DerivativeScratch,
 ) -> None:  # fmt: skip
     """v⁺ = v + h a, q⁺ = q ∘ exp(h v⁺)."""
-    n, h = len(bodies) - 1, dt[0]
-    u, a, D, by_step, U = rows[0], rows[2], squares[0:3], squares[4:6], wide[0]
-    law = coulomb, viscous, static, stribeck
-    acceleration_derivatives(bodies, work, q, v, tau, fext, law, smoothing, D, pivots, a, squares[3], rows[6:8])
+    n, h, u, a, D, U = len(bodies) - 1, dt[0], s.u, s.a, s.D, s.U
+    acceleration_derivatives(bodies, work, q, v, tau, fext, law, D, pivots, a, s.inverse, s.rubbed)
     for i in range(n):
         u[i] = h * (v[i] + h * a[i])
         for j in range(n):
@@ -134,25 +162,21 @@ def semi_implicit_euler_derivatives(
                 out[n + i, k * n + j] = h * D[k, i, j]
     _add_unit(1, out[n : 2 * n])
     _scaled(h, out[n : 2 * n], U)
-    dintegrate(bodies, q, u, by_step)
-    _moved(bodies, by_step, U, out[:n])
+    dintegrate(bodies, q, u, s.by_step)
+    _moved(bodies, s.by_step, U, out[:n])
     _put_turn(largest_turn(bodies, u, 0.0), n, out)
 
 
 @inline
 def velocity_verlet_derivatives(
-    bodies: Bodies, work: Work, q: Config, v: Vector, tau: Vector, fext: Matrix, dt: Vector, coulomb: Vector,
-    viscous: Vector, static: Vector, stribeck: Vector, smoothing: Vector, out: Matrix, pivots: Vector, stage: Config,
-    rows: Matrix, squares: Array, wide: Array,
+    bodies: Bodies, work: Work, q: Config, v: Vector, tau: Vector, fext: Matrix, dt: Vector, law: SmoothLaw,
+    out: Matrix, pivots: Vector, s: DerivativeScratch,
 ) -> None:  # fmt: skip
     """q⁺ = q ∘ exp(h v + ½ h² a), v⁺ = v + ½ h (a + a⁺) with a⁺ = a(q⁺, v + h a)."""
-    n, h = len(bodies) - 1, dt[0]
-    u, w, a, spare, rubbed = rows[0], rows[1], rows[2], rows[5], rows[6:8]
-    law = coulomb, viscous, static, stribeck
-    D, inverse, by_step = squares[0:3], squares[3], squares[4:6]
-    U, W, Ka, by_q = wide[0], wide[1], wide[2], wide[3]
-    acceleration_derivatives(bodies, work, q, v, tau, fext, law, smoothing, D, pivots, a, inverse, rubbed)
-    wide[:] = 0.0
+    n, h, u, w, a, D, U, W, Ka, by_q = len(bodies) - 1, dt[0], s.u, s.w, s.a, s.D, s.U, s.W, s.Ka, s.by_q
+    acceleration_derivatives(bodies, work, q, v, tau, fext, law, D, pivots, a, s.inverse, s.rubbed)
+    by_q[:] = 0.0
+    W[:] = 0.0
     _add_unit(0, by_q)
     _add_unit(1, W)
     _acceleration(D, by_q, W, Ka)
@@ -161,12 +185,12 @@ def velocity_verlet_derivatives(
     _add_scaled(h, Ka, W)
     for i in range(n):
         u[i], w[i] = h * (v[i] + 0.5 * h * a[i]), v[i] + h * a[i]
-    integrate(bodies, q, u, stage)
-    dintegrate(bodies, q, u, by_step)
-    _moved(bodies, by_step, U, by_q)
+    integrate(bodies, q, u, s.stage)
+    dintegrate(bodies, q, u, s.by_step)
+    _moved(bodies, s.by_step, U, by_q)
     out[:n] = by_q
     _scaled(0.5 * h, Ka, out[n : 2 * n])
-    acceleration_derivatives(bodies, work, stage, w, tau, fext, law, smoothing, D, spare, a, inverse, rubbed)
+    acceleration_derivatives(bodies, work, s.stage, w, tau, fext, law, D, s.spare, a, s.inverse, s.rubbed)
     _acceleration(D, by_q, W, Ka)
     _add_scaled(0.5 * h, Ka, out[n : 2 * n])
     _add_unit(1, out[n : 2 * n])
@@ -175,14 +199,12 @@ def velocity_verlet_derivatives(
 
 @inline
 def motion_derivatives(
-    bodies: Bodies, work: Work, q: Config, v: Vector, tau: Vector, fext: Matrix, coulomb: Vector, viscous: Vector,
-    static: Vector, stribeck: Vector, smoothing: Vector, out: Matrix, pivots: Vector, a: Vector, D: Array,
-    inverse: Matrix, rubbed: Matrix,
+    bodies: Bodies, work: Work, q: Config, v: Vector, tau: Vector, fext: Matrix, law: SmoothLaw, out: Matrix,
+    pivots: Vector, s: MotionScratch,
 ) -> None:  # fmt: skip
     """Rates of δq and δv along the motion by (δq, δv, δτ): d/dt δq = δv - v × δq in each body's frame."""
-    n = len(bodies) - 1
-    law = coulomb, viscous, static, stribeck
-    acceleration_derivatives(bodies, work, q, v, tau, fext, law, smoothing, D, pivots, a, inverse, rubbed)
+    n, D = len(bodies) - 1, s.D
+    acceleration_derivatives(bodies, work, q, v, tau, fext, law, D, pivots, s.a, s.inverse, s.rubbed)
     out[:n] = 0.0
     for i in range(n):
         for j in range(n):
@@ -202,21 +224,20 @@ def motion_derivatives(
 
 @no_inline
 def acceleration_derivatives(
-    bodies: Bodies, work: Work, q: Config, v: Vector, tau: Vector, fext: Matrix, law: Law,
-    smoothing: Vector, D: Array, pivots: Vector, a: Vector, inverse: Matrix, rubbed: Matrix,
+    bodies: Bodies, work: Work, q: Config, v: Vector, tau: Vector, fext: Matrix, law: SmoothLaw, D: Array,
+    pivots: Vector, a: Vector, inverse: Matrix, rubbed: Matrix,
 ) -> None:  # fmt: skip
     """``aba_derivatives`` with smooth friction, compiled once for all steps: most of what compiling a kernel takes.
 
-    law, smoothing  of ``friction_torque``; smoothing is None for no friction
+    law     may be None, for no friction
     rubbed  (2, nv)  scratch: torques with friction, slopes of friction by v
     """
-    coulomb, viscous, static, stribeck = law
-    if smoothing is None:
+    if law is None:
         aba_derivatives_by_factor(bodies, work, q, v, tau, fext, D, pivots, a, inverse)
     else:
         n = len(bodies) - 1
-        friction_torque(bodies, v, coulomb, viscous, static, stribeck, smoothing, rubbed[0])
-        smooth_friction_slope(bodies, v, coulomb, viscous, static, stribeck, smoothing, rubbed[1])
+        friction_torque(bodies, v, law, law.smoothing, rubbed[0])
+        smooth_friction_slope(bodies, v, law, law.smoothing, rubbed[1])
         for i in range(n):
             rubbed[0, i] = tau[i] + rubbed[0, i]
         aba_derivatives_by_factor(bodies, work, q, v, rubbed[0], fext, D, pivots, a, inverse)
@@ -326,7 +347,7 @@ def _add_unit(which: int, out: Matrix) -> None:
 
 
 DT = Argument("dt", (1,), "s", "step")
-RUBBING = (*(replace(x, optional=True) for x in LAW), SMOOTHING)
+SMOOTH_LAW = SmoothLaw(*(replace(x, optional=True) for x in LAW), SMOOTHING)
 DERIVATIVES = Argument("D", ("nv+nv", "nv+nv+nv"), "", "derivatives of (q, v) after the step by q, v and tau")
 _SOURCE = "see ``recursions.step_derivatives``"
 _EXPLICIT = {
@@ -338,9 +359,9 @@ _EXPLICIT = {
 _SEVERAL = {"velocity_verlet": ("nv", "nv", "nv", 4), "rk4": ("nv", "nv", "nv", 12)}  # of one, aba_derivatives' terms
 STEPS = {
     name: Spec(
-        f"{name}_derivatives", recursion, WORK, (Q, V, TAU, FEXT_OPTIONAL, DT, *RUBBING), DERIVATIVES,
+        f"{name}_derivatives", recursion, WORK, (Q, V, TAU, FEXT_OPTIONAL, DT, SMOOTH_LAW), DERIVATIVES,
         f"Derivatives of a step by {name}.", _SOURCE, pivots=True, regroup=True,
-        term_shape=_SEVERAL.get(name, ("nv",) * 3), scratch=_SCRATCH, composed=True,
+        term_shape=_SEVERAL.get(name, ("nv",) * 3), scratch=(DerivativeScratch(),), composed=True,
     )
     for name, recursion in _EXPLICIT.items()
 }  # fmt: skip
@@ -349,8 +370,8 @@ TURNING_STEPS = {  # of robots with joints of several freedoms
     name: replace(spec, name=f"turning_{spec.name}", output=WITH_TURN) for name, spec in STEPS.items()
 }
 MOTION = Spec(
-    "motion_derivatives", motion_derivatives, WORK, (Q, V, TAU, FEXT_OPTIONAL, *RUBBING),
+    "motion_derivatives", motion_derivatives, WORK, (Q, V, TAU, FEXT_OPTIONAL, SMOOTH_LAW),
     replace(DERIVATIVES, meaning="derivatives of the rates of q and v by q, v and tau"),
     "Derivatives of the equation of motion.", _SOURCE, pivots=True, regroup=True, term_shape=("nv",) * 3,
-    scratch=(("nv",), (3, "nv", "nv"), ("nv", "nv"), (2, "nv")), composed=True,
+    scratch=(MotionScratch(),), composed=True,
 )  # fmt: skip

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -489,23 +490,20 @@ def test_no_answer_depends_on_what_scratch_held_before(name: str, robot: str) ->
         return
     q = sd.random_configuration(model, rng)
     sizes = {"nq": model.nq, "nv": model.nv, "njoints": model.njoints}
-    inputs: list[Any] = []
-    for x in spec.inputs:
-        shape = () if x is None else tuple(sizes[k] if isinstance(k, str) else k for k in x.shape)
-        if x is None:
-            inputs.append(None)
-        elif x.static:
-            inputs.append(np.eye(4) if shape else model.joints[-1].row if x.name == "row" else 1)
+    inputs: dict[str, Any] = {}
+    for x in spec.present:
+        shape = tuple(sizes[k] if isinstance(k, str) else k for k in x.shape)
+        if x.static:
+            inputs[x.name] = np.eye(4) if shape else model.joints[-1].row if x.name == "row" else 1
         else:
-            inputs.append(q if x.unit_norm else rng.normal(size=shape) if shape else 0.3)
+            inputs[x.name] = q if x.unit_norm else rng.normal(size=shape) if shape else 0.3
     found = []
     for junk in (0.0, 3.7):
         work = np.zeros(len(model.bodies), spec.work)
         work.view(np.float64)[:] = junk
         out = np.zeros(tuple(sizes[k] if isinstance(k, str) else k for k in spec.output.shape) or (1,))
-        beside = [np.full(size, junk) for size in spec.extra_outputs({"nv": model.nv})]
         with np.errstate(all="ignore"):
-            spec.recursion(model.bodies, work, *inputs, out, *beside)
+            beside = spec.run(model.bodies, work, inputs, out, partial(np.full, fill_value=junk))
         found.append(np.concatenate([out.ravel(), *(x.ravel() for x in beside[: spec.pivots])]))
     np.testing.assert_array_equal(*found)
 

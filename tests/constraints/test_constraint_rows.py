@@ -132,12 +132,9 @@ def answers(spec: Spec, model: sd.Model, held: sd.Constraints, values: tuple[Any
     static = (held.table,)
     names = [x.name for x in spec.present if not x.static]
     given = dict(zip(names, values, strict=True)) | {"constraints": held.table.rows}
-    sizes = {"nv": model.nv, "nc": held.nc, "nq": model.nq, "njoints": model.njoints}
     table = checked_call(spec, model, values, static, None, by_table=True)
     out = np.empty(table.shape)
-    scratch = [np.empty(shape) for shape in spec.extra_outputs(sizes)]
-    inputs = [given.get(x.name) for x in spec.inputs if x is not None]
-    spec.recursion(model.bodies, np.zeros(model.nv + 1, spec.work), *inputs, *spec.split(out, sizes), *scratch)
+    spec.run(model.bodies, np.zeros(model.nv + 1, spec.work), given, out)
     batch = checked_call(
         spec, model, tuple(x if x is None or not np.ndim(x) else np.tile(x, (9, 1)) for x in values), static, None
     )

@@ -438,11 +438,9 @@ def test_the_table_kernel_agrees_with_the_program_and_with_plain_python() -> Non
     one = sd.contact_step(model, contacts, q[3], v[3], tau[3], DT)
     np.testing.assert_allclose(one.v, program[3, : model.nv], rtol=0.0, atol=1e2 * SAME)
     python = np.empty(width)
-    sizes = {"nv": model.nv, **contacts.table.sizes}
-    scratch = [np.empty(shape) for shape in spec.extra_outputs(sizes)]
-    given = (q[3], v[3], tau[3], DT, contacts.table.rows, None, contacts.friction, contacts.restitution)
-    work = np.zeros(model.nv + 1, spec.work)
-    spec.recursion(model.bodies, work, *given, *spec.split(python, sizes), *scratch)
+    given = {"q": q[3], "v": v[3], "tau": tau[3], "dt": DT, "contacts": contacts.table.rows}
+    given |= {"mu": contacts.friction, "restitution": contacts.restitution}
+    spec.run(model.bodies, np.zeros(model.nv + 1, spec.work), given, python)
     np.testing.assert_allclose(python, program[3], rtol=0.0, atol=1e4 * SAME)
 
 

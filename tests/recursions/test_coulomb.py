@@ -174,7 +174,8 @@ def test_the_weights_are_those_of_the_inverse_mass_matrix() -> None:
     work, after, pivots = scratch(friction.WORK, n + 1), np.zeros((3, n)), np.zeros(n)
     given = [x[0] for x in s.values()]
     given[3] = DT
-    friction.friction_step(rows, work, *given[:3], None, *given[3:], after, pivots, np.zeros((n, n)), np.zeros((n, n)))
+    beside = friction.StepScratch(np.zeros((n, n)), np.zeros((n, n)))
+    friction.friction_step(rows, work, *given[:3], None, DT, friction.Law(*given[4:]), after, pivots, beside)
     assert work is not None
     wanted = violation(model, s, after[:1])[1][0]
     np.testing.assert_allclose([row.weight for row in work[1:]], wanted, rtol=1e-10)

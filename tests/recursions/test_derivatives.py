@@ -162,9 +162,7 @@ def complex_steps(spec: Any, model: Any, given: dict[str, Any], by: str) -> Arra
         work = np.zeros(n + 1, object_twin(spec.work)).view(np.recarray)
         moved = {**given, by: [complex(x, STEP * y) for x, y in zip(given[by], direction, strict=True)]}
         out = np.zeros([n if size == "nv" else size for size in spec.output.shape], complex)
-        beside = [np.zeros(shape, complex) for shape in spec.extra_outputs({"nv": n})]
-        inputs = [None if x is None or x.name not in moved else moved[x.name] for x in spec.inputs]
-        spec.recursion(model.bodies, work, *inputs, out, *beside)
+        spec.run(model.bodies, work, moved, out, lambda shape: np.zeros(shape, complex))
         columns.append(out.imag / STEP)
     return np.stack(columns, -1)
 
@@ -187,9 +185,8 @@ def test_derivatives_equal_complex_steps(name: str, seed: int, floating: bool) -
     for reference, classical in STATIC if "classical" in asked else STATIC[: 3 if asked else 1]:
         given = state_of(s, model, reference, classical)
         out = np.zeros([model.nv if size == "nv" else size for size in spec.output.shape])
-        beside = [np.zeros(shape) for shape in spec.extra_outputs({"nv": model.nv})]
         work = np.zeros(len(model.bodies), spec.work).view(np.recarray)
-        spec.recursion(model.bodies, work, *(None if x is None else given[x.name] for x in spec.inputs), out, *beside)
+        spec.run(model.bodies, work, given, out, np.zeros)
         for part, by in zip(out if " " in OF[name][1] else [out], OF[name][1].split(), strict=True):
             close(part, complex_steps(of, model, given, by), INVERSE if spec.pivots else CLOSE)
 

@@ -71,10 +71,8 @@ def solved(model: sd.Model, has: set[str], table: StaticTable, given: dict[str, 
         sizes |= held.table.sizes
         values["constraints"] = held.table.rows
     out = np.full(shape_in(spec.output.shape, sizes), np.nan)
-    parts, scratch = spec.split(out, sizes), [np.full(x, np.nan) for x in spec.extra_outputs(sizes)]
-    inputs = [None if x is None else values[x.name] for x in spec.inputs]
-    spec.recursion(model.bodies, np.zeros(model.nv + 1, spec.work), *inputs, *parts, *scratch)
-    return {x.name: y for x, y in zip(spec.parts, parts, strict=True)}
+    spec.run(model.bodies, np.zeros(model.nv + 1, spec.work), values, out, lambda shape: np.full(shape, np.nan))
+    return {x.name: y for x, y in zip(spec.parts, spec.split(out, sizes), strict=True)}
 
 
 def coefficients(friction: sd.Friction) -> dict[str, Array]:

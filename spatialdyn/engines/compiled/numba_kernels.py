@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 from ...recursions import SPECS
-from ...recursions.spec import Argument, Spec
+from ...recursions.spec import Argument, Spec, flat, gather, is_record
 from .. import locks
 from ..waiting import watch
 from . import disk_cache
@@ -52,8 +52,10 @@ def _variant(spec: Spec, present: frozenset[str]) -> Spec:
     return replace(
         spec,
         inputs=tuple(
-            x if x is None or not x.optional else replace(x, optional=False) if x.name in present else None
-            for x in spec.inputs
+            gather(
+                spec.inputs,
+                lambda x: x if not x.optional else replace(x, optional=False) if x.name in present else None,
+            )
         ),
     )
 
@@ -81,7 +83,23 @@ def _scratch(spec: Spec) -> dict[str, tuple[list[str], str]]:
     found = {} if spec.work is None else {"work": (["len(bodies)"], "WORK")}
     if spec.pivots:
         found["pivots"] = ["len(bodies) - 1"], "FLOAT"
-    return found | {f"scratch{k}": ([_extent(spec, x) for x in shape], "FLOAT") for k, shape in enumerate(spec.scratch)}
+    shapes = zip(_scratch_names(spec), flat(spec.scratch), strict=True)
+    return found | {name: ([_extent(spec, x) for x in shape], "FLOAT") for name, shape in shapes}
+
+
+def _scratch_names(spec: Spec) -> list[str]:
+    """Of the arrays of scratch, those of records one by one."""
+    return [f"scratch{k}" for k, _ in enumerate(flat(spec.scratch))]
+
+
+def _call_of(kind: type, values: list[str | None]) -> str:
+    """The text that makes a record."""
+    return f"{kind.__name__}({', '.join(x or 'None' for x in values)})"
+
+
+def _records(spec: Spec) -> dict[str, type]:
+    """The classes of the records that a recursion takes, by name."""
+    return {type(x).__name__: type(x) for x in (*spec.inputs, spec.parts, *spec.scratch) if is_record(x)}
 
 
 def _body(spec: Spec, fail: Callable[[int], str], plain: bool = PLAIN) -> list[str]:
@@ -110,16 +128,18 @@ def _body(spec: Spec, fail: Callable[[int], str], plain: bool = PLAIN) -> list[s
         lines.append(f"{name}_memory = memory({name}_size)")
         lines.append(f"{name} = array_at({name}_memory, ({', '.join(shape)},), {dtype})")
     lines += [f"turn({name}, {name}_turned)" for name in turned]
-    passed = ["bodies"] if spec.work is None else ["bodies", "work"]
+    passed: list[str | None] = ["bodies"] if spec.work is None else ["bodies", "work"]
     ends_of = dict.fromkeys(turned, "_turned") | {x.name: "_rows" for x in spec.present if x.table}
-    passed += ["None" if x is None else x.name + ends_of.get(x.name, "") for x in spec.inputs]
+    passed += gather(spec.inputs, lambda x: x.name + ends_of.get(x.name, ""), _call_of)
     passed += [] if spec.parts else [spec.output.name]
-    ends = [_extent(spec, *x.shape) for x in spec.parts]
-    for k in range(len(ends)):
-        lines.append(f"end{k} = {f'end{k - 1} + ' if k else ''}{ends[k]}")
-        passed.append(f"{spec.output.name}[{f'end{k - 1}' if k else '0'}:end{k}]")
-    passed += ["pivots"] * spec.pivots + [f"scratch{k}" for k in range(len(spec.scratch))]
-    lines.append(f"recursion({', '.join(passed)})")
+    parts: list[str | None] = []
+    for k, part in enumerate(spec.parts):
+        lines.append(f"end{k} = {f'end{k - 1} + ' if k else ''}{_extent(spec, *part.shape)}")
+        parts.append(f"{spec.output.name}[{f'end{k - 1}' if k else '0'}:end{k}]")
+    passed += [_call_of(type(spec.parts), parts)] if is_record(spec.parts) else parts
+    names = iter(_scratch_names(spec))
+    passed += ["pivots"] * spec.pivots + gather(spec.scratch, lambda _: next(names), _call_of)
+    lines.append(f"recursion({', '.join(x or 'None' for x in passed)})")
     if spec.pivots:
         lines.append("regular = pivots_regular(bodies, q, pivots)")
     lines += [f"release({name}_memory, {name}_size)" for name in scratch]
@@ -167,6 +187,7 @@ def _scope(spec: Spec, plain: bool = PLAIN) -> dict[str, Any]:
     return {
         **native(plain),
         **{f"{x.name}_dtype": x.table for x in spec.present if x.table},
+        **_records(spec),
         "recursion": spec.recursion,
         "WORK": spec.work,
         "WORK_SIZE": 0 if spec.work is None else spec.work.itemsize,

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ...bodies.kinds import NQ
 from ...recursions import REDUCTION, SPECS
-from ...recursions.spec import Argument, Spec, shape_in, sizes_of
+from ...recursions.spec import Argument, Spec, gather, shape_in, sizes_of
 from . import tracer
 from .tracer import Row
 
@@ -123,7 +123,7 @@ def evaluate(
         return tracer.evaluate(spec, rows, shape, inputs, pivots, start)
     if spec.through_M is not None:
         M = MassMatrix(rows, inputs["q"])
-        given = (None if x is None or inputs.get(x.name) is None else _one(inputs[x.name]) for x in spec.inputs)
+        given = gather(spec.inputs, lambda x: None if inputs.get(x.name) is None else _one(inputs[x.name]))
         found = spec.through_M(M, *given)
         parts = [x[0] for x in found] if isinstance(found, tuple) else found[0]
         if pivots is not None:
@@ -194,7 +194,7 @@ def _on_tree(name: str) -> None:
     """Have the recursion of that name, called on MimicRows, run on the whole tree."""
     spec = SPECS[name]
     recursion: Any = spec.recursion
-    inputs = [x for x in spec.inputs if x is not None]
+    inputs = spec.present
 
     def reduced(rows: MimicRows, *arrays: Any) -> None:
         given, out = arrays[spec.work is not None : -1], arrays[-1]

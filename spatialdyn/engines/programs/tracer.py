@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from ...algebra import heights, regions, scalars
 from ...algebra.regions import Carried
 from ...errors import SpatialDynError
-from ...recursions.spec import Spec, sizes_of
+from ...recursions.spec import Spec
 from .constants import error_of
 from .operations import (
     ADD,
@@ -339,11 +339,7 @@ def evaluate(
     start   what entries hold that the recursion does not write
     """
     out = np.full(shape or (1,), start, dtype=object)
-    passed: list[Any] = [] if spec.work is None else [scratch(spec.work, len(rows))]
-    passed += [None if x is None else inputs.get(x.name) if x.optional else inputs[x.name] for x in spec.inputs]
-    sizes = sizes_of(rows, [(x, inputs[x.name]) for x in spec.present if x.table is not None])
-    beside: list[Any] = [np.empty(size, dtype=object) for size in spec.extra_outputs(sizes)]
-    if spec.pivots:
-        beside[0] = pivots
-    spec.recursion(rows, *passed, *spec.split(out, sizes), *beside)
+    beside = spec.run(rows, scratch(spec.work, len(rows)), inputs, out, lambda size: np.empty(size, dtype=object))
+    if spec.pivots and pivots is not None:
+        pivots[:] = beside[0]
     return out

@@ -75,16 +75,12 @@ def test_plain_python_equals_compiled_code(model: sd.Model, name: str) -> None:
     """On scratch and outputs full of NaN: a recursion reads only entries that it has written."""
     spec = SPECS[name]
     values = random_inputs(model, spec)
-    given = iter(kernel_inputs(model, spec, values))
-    inputs = [None if x is None else next(given) for x in spec.inputs]
+    given = dict(zip((x.name for x in spec.present), kernel_inputs(model, spec, values), strict=True))
     out = output(model, spec)
-    rest: list[Array] = [out, *(np.full(size, np.nan) for size in spec.extra_outputs({"nv": model.nv}))]
-    work = (
-        []
-        if spec.work is None
-        else [np.frombuffer(b"\xff" * (len(model.bodies) * spec.work.itemsize), spec.work).copy()]
-    )
-    spec.recursion(model.bodies, *work, *inputs, *rest)
+    work = None
+    if spec.work is not None:
+        work = np.frombuffer(b"\xff" * (len(model.bodies) * spec.work.itemsize), spec.work).copy()
+    spec.run(model.bodies, work, given, out, lambda size: np.full(size, np.nan))
     near(np.squeeze(out) if not spec.output.shape else out, public(model, spec, values), tolerance(name))
 
 
