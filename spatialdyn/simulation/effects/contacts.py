@@ -26,6 +26,7 @@ from ...model.model import Model
 from ...recursions.contact import CONTACT_STEP, CONTACT_STEP_OVER
 from ...recursions.contact_rows import CONTACTS_ARGUMENT, HEIGHTS_ARGUMENT, MU, RESTITUTION
 from ...recursions.friction import BRISTLES
+from ...recursions.impulse_step import START as IMPULSES
 from ...recursions.impulse_step import impulse_step_spec
 from ...recursions.spec import FEXT, Argument, Spec
 from ..arithmetic import Arithmetic
@@ -83,7 +84,7 @@ class Contact(Effect):
     @property
     def states(self) -> Any:
         """See ``Effect``."""
-        return (self.own,)
+        return (self.own, IMPULSES) if self.way == IMPLICIT else (self.own,)
 
     @property
     def work(self) -> Any:
@@ -148,6 +149,8 @@ class Contact(Effect):
         spec = self._spec(constrained, general and pushed)
         parts = at.evaluate(spec, **known)
         after, states = parts["v"], {self.own.name: self._noted(parts, given[self.own.name])}
+        if self.way == IMPLICIT:
+            states[IMPULSES.name] = parts[f"{IMPULSES.name}_after"]
         if work.CONTACTS.name in given:
             states[work.CONTACTS.name] = given[work.CONTACTS.name] + parts["energy"]
         if law is not None and self.way == LUGRE:
@@ -215,7 +218,7 @@ class Contact(Effect):
             return ""
         return (
             f"{self.label(which)} misses its law by {worst:.2g} m/s in the step from t = {step * dt:.9g} s, "
-            f"expected at most {least:g} of a solved step; more sweeps may help"
+            f"expected at most {least:g} of a solved step"
         )
 
     def label(self, k: int) -> str:
