@@ -49,7 +49,7 @@ from .contact_rows import (
 )
 from .crba import crba
 from .friction import DT
-from .impulses import SWEEPS, Impulses, bounce, open_laws, residual, solve_impulses
+from .impulses import SWEEPS, Impulses, open_laws, residual, solve_impulses
 from .ltdl import factor_tree, solve_inward, solve_outward
 from .rnea import rnea
 from .signatures import Array, Bodies, Config, Number, Record, Vector, Work
@@ -104,15 +104,14 @@ def contact_step(
         s.level[j] = 0.0
     open_laws(dt, contact, out.gap, after, s)
     solve_impulses(q, dt, contact, None, SWEEPS, after, s)
-    bounce(q, dt, contact, False, after, s)
     for p in range(points):
         write_point(contacts, contact.heights, contact.mu[p], s.B[p], after, p, out, s)
     residual(q, dt, contact, after, s)
     for l in range(contacts[0].nl):
         k = 3 * points + l
         out.residual[points + l] = s.off[l]
-        out.stop[l] = s.force[k]
-        out.energy[points + l] = work_of_row(s.Y, s.before, after, k, s.force[k])
+        out.stop[l] = s.first[k] + s.force[k]
+        out.energy[points + l] = work_of_row(s.Y, s.before, after, k, out.stop[l])
     solve_outward(bodies, L, after)
     for i in range(n):
         after[i] = v[i] + after[i]

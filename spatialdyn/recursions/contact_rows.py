@@ -170,15 +170,12 @@ def write_point(
 
     out, s  results and scratch of a step
     """
-    f, u, least = force_of_point(s.force, p), velocity_of_point(s.Y, s.b, w, p), select(s.bounced[0], s.lower[p], 0.0)
-    judged = Vec(
-        select(s.bounced[0], s.second[3 * p], f.x), select(s.bounced[0], s.second[3 * p + 1], f.y),
-        select(s.bounced[0], s.second[3 * p + 2], f.z),
-    )  # fmt: skip
-    out.residual[p] = point_residual(B, u, mu, judged, least)
+    u = velocity_of_point(s.Y, s.b, w, p)
+    out.residual[p] = point_residual(B, u, mu, force_of_point(s.force, p), s.lower[p])
+    f = add(force_of_point(s.first, p), force_of_point(s.force, p))
     out.energy[p] = 0.0
     for k in range(3 * p, 3 * p + 3):
-        out.energy[p] = out.energy[p] + work_of_row(s.Y, s.before, w, k, s.force[k])
+        out.energy[p] = out.energy[p] + work_of_row(s.Y, s.before, w, k, s.first[k] + s.force[k])
     if heights is not None:
         f = untilted(s.slopes[p], f)
     f = unrotate(mat3_of(contacts[0].axes), f)

@@ -17,7 +17,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from ..algebra.euclidean import Vec
-from ..algebra.regions import repeat, settled
+from ..algebra.regions import repeat, settled, when
 from ..algebra.scalars import EPS, Scalar, inline, select, sqrt
 from .constrained import DEPENDENT
 from .dense import factor_dropping, quotient, solve_backward, solve_forward
@@ -28,6 +28,7 @@ ROOT_STEPS = 12  # of Newton's steps on q, of which 6 reach 1e-10 in 99 % of sli
 ROOT = 1e-6  # of |q - 1| before the last of these steps, each of which squares it
 FAR = 1e30  # a bound of κ above all
 BEGIN = 1e-3  # of S's trace, the least κ to begin with
+REGULAR = 1e-9  # of a block's trace, added where a direction may be without a response
 
 
 class Slide(NamedTuple):
@@ -129,15 +130,40 @@ def find_root(s: Slide, slides: Scalar, root: Vector) -> None:
 
 
 @inline
-def point_impulse(B: Matrix, C: Matrix, r: Vec, mu: Number, root: Vector, held: bool) -> tuple[Vec, Scalar, Scalar]:
-    """λ of one point under the velocity r that it has without an impulse of its own: it leaves, sticks or slides; 1 if
-    it sticks, else 0; and 1 if it slides.
-
-    B, C  its block of G, and the factors, of which rows 3 and 4 are scratch
-    root  (4), written: of ``find_root``
-    held  whether constraints may leave a point fewer directions than its velocity has: it then sticks only if the
-          impulse of the others stops it in those too
+def disc_impulse(B: Matrix, r: Vec, mu: Number, least: Scalar, root: Vector, disc: Vector) -> None:
+    """disc (5), written: u_n, λ_t, κ and whether it slides of a point whose λ_n is its least, with friction within μ
+    times that. Of a least of 0 that is a point without an impulse.
     """
+    disc[0], disc[1], disc[2], disc[3], disc[4] = r.x, 0.0, 0.0, 0.0, 0.0
+    for _ in when(least, disc):
+        most, small = mu * least, REGULAR * (B[1, 1] + B[2, 2])
+        s = Slide(
+            B[1, 1], B[1, 2], B[2, 2], r.y + B[1, 0] * least, r.z + B[2, 0] * least, most, 0.0, 0.0, 1.0, 1.0
+        )  # fmt: skip
+        x1, x2 = across(s, small, s.a1, s.a2)
+        disc[4] = select(x1 * x1 + x2 * x2 - most * most, 1.0, 0.0)
+        find_root(s, disc[4] * most, root)
+        disc[3] = select(disc[4], root[1], small)
+        x1, x2 = across(s, disc[3], s.a1, s.a2)
+        disc[1], disc[2] = select(most, x1, 0.0), select(most, x2, 0.0)
+        disc[0] = r.x + (B[0, 0] * least + B[0, 1] * disc[1] + B[0, 2] * disc[2])
+
+
+@inline
+def point_impulse(
+    B: Matrix, C: Matrix, r: Vec, mu: Number, least: Scalar, root: Vector, disc: Vector, held: bool
+) -> tuple[Vec, Scalar, Scalar]:
+    """λ of one point under the velocity r that it has without an impulse of its own: it leaves, sticks or slides; 1 if
+    it sticks, else 0; and 1 if it slides. If neither, λ_n is its least.
+
+    B, C   its block of G, and the factors, of which rows 3 and 4 are scratch
+    least  least λ_n, complementary to u_n: 0 but in the second phase of a hit
+    root   (4), written: of ``find_root``
+    disc   (5), written: of ``disc_impulse``
+    held   whether constraints may leave a point fewer directions than its velocity has: it then sticks only if the
+           impulse of the others stops it in those too
+    """
+    disc_impulse(B, r, mu, least, root, disc)
     C[3, 0], C[3, 1], C[3, 2] = -r.x, -r.y, -r.z
     solve_forward(C[:3], C[3])
     solve_backward(C[:3], C[3], C[4])
@@ -149,8 +175,9 @@ def point_impulse(B: Matrix, C: Matrix, r: Vec, mu: Number, root: Vector, held: 
         left2 = r.z + (B[2, 0] * stick.x + B[2, 1] * stick.y + B[2, 2] * stick.z)
         left = left1 * left1 + left2 * left2
         inside = select(left - STOPPED * (r.x * r.x + r.y * r.y + r.z * r.z), -1.0, inside)
-    sticks = select(-r.x, select(inside, 1.0, 0.0), 0.0)
-    slides = select(-r.x, 1.0 - sticks, 0.0)
+    pushed = select(-disc[0], select(-r.x, 1.0, 0.0), 0.0)
+    sticks = select(inside, pushed, 0.0)
+    slides = pushed - sticks
     s = slide_of(B, C[0, 0], r, mu)
     find_root(s, slides * mu * s.each, root)
     x1, x2 = across(s, root[1], s.a1, s.a2)
@@ -158,33 +185,41 @@ def point_impulse(B: Matrix, C: Matrix, r: Vec, mu: Number, root: Vector, held: 
     x1, x2 = rubs * x1, rubs * x2
     normal = s.m * s.each - (s.n1 * x1 + s.n2 * x2)
     solved = Vec(
-        select(-r.x, select(sticks, stick.x, normal), 0.0),
-        select(-r.x, select(sticks, stick.y, x1), 0.0),
-        select(-r.x, select(sticks, stick.z, x2), 0.0),
+        select(pushed, select(sticks, stick.x, normal), least),
+        select(pushed, select(sticks, stick.y, x1), disc[1]),
+        select(pushed, select(sticks, stick.z, x2), disc[2]),
     )
     return solved, sticks, slides
 
 
 @inline
 def point_slope(
-    B: Matrix, C: Matrix, r: Vec, mu: Number, kappa: Scalar, sticks: Scalar, slides: Scalar, T: Matrix
-) -> None:
+    B: Matrix, C: Matrix, r: Vec, mu: Number, least: Scalar, solved: Vec, sticks: Scalar, slides: Scalar, root: Vector,
+    disc: Vector, T: Matrix,
+) -> None:  # fmt: skip
     """T (3, 3), written: the derivative of ``point_impulse`` by r, on the side of its state.
 
-    Of a sliding point with d = λ_t / |λ_t| and w = d + μ B_tn / B_nn, from w·dλ_t = -μ dr_n / B_nn.
+    Of a sliding point with d = λ_t / |λ_t| and w = d + μ B_tn / B_nn, from w·dλ_t = -μ dr_n / B_nn; of one at its
+    least, whose λ_n is constant, from d·dλ_t = 0 where friction is at its most.
 
-    kappa  its root
+    root, disc  of ``point_impulse``
     """
-    s = slide_of(B, C[0, 0], r, mu)
-    rubs = select(mu * s.each, 1.0, 0.0)
-    x1, x2 = across(s, kappa, s.a1, s.a2)
-    square = x1 * x1 + x2 * x2
+    full = slide_of(B, C[0, 0], r, mu)
+    at_least = select(least, 1.0 - sticks - slides, 0.0)
+    s = Slide(
+        select(at_least, B[1, 1], full.s11), select(at_least, B[1, 2], full.s12), select(at_least, B[2, 2], full.s22),
+        0.0, 0.0, full.m, select(at_least, 0.0, full.n1), select(at_least, 0.0, full.n2),
+        select(at_least, 0.0, full.each), mu,
+    )  # fmt: skip
+    kappa, moves = select(at_least, disc[3], root[1]), select(at_least, disc[4], slides)
+    rubs = (slides + at_least) * select(mu * full.each, 1.0, 0.0)
+    square = solved.y * solved.y + solved.z * solved.z
     each = 1.0 / sqrt(select(square, square, 1.0))
-    w1, w2 = x1 * each + mu * s.n1, x2 * each + mu * s.n2
-    z1, z2 = across(s, kappa, -x1, -x2)
+    w1, w2 = solved.y * each + mu * s.n1, solved.z * each + mu * s.n2
+    z1, z2 = across(s, kappa, -solved.y, -solved.z)
     v1, v2 = across(s, kappa, -w1, -w2)  # (S + κ)⁻¹ w
     pairs = w1 * z1 + w2 * z2
-    share = 1.0 / select(magnitude(pairs), pairs, 1.0)
+    share = moves / select(magnitude(pairs), pairs, 1.0)
     for j in range(3):
         for i in range(3):
             C[3, i] = -1.0 if i == j else 0.0
@@ -192,16 +227,18 @@ def point_slope(
         solve_backward(C[:3], C[3], C[4])
         da1 = -s.n1 if j == 0 else 1.0 if j == 1 else 0.0
         da2 = -s.n2 if j == 0 else 1.0 if j == 2 else 0.0
+        if j == 0:  # of one at its least a changes with r_t alone, and λ_n is constant
+            da1, da2 = select(at_least, 0.0, da1), select(at_least, 0.0, da2)
         pressed = mu * s.each if j == 0 else 0.0
         dk = (pressed - (v1 * da1 + v2 * da2)) * share
         dx1, dx2 = across(s, kappa, da1, da2)
         dx1, dx2 = rubs * (dx1 - z1 * dk), rubs * (dx2 - z2 * dk)
         dn = -(s.n1 * dx1 + s.n2 * dx2)
         if j == 0:
-            dn = dn - s.each
-        T[0, j] = sticks * C[4, 0] + slides * dn
-        T[1, j] = sticks * C[4, 1] + slides * dx1
-        T[2, j] = sticks * C[4, 2] + slides * dx2
+            dn = dn - slides * s.each
+        T[0, j] = sticks * C[4, 0] + dn
+        T[1, j] = sticks * C[4, 1] + dx1
+        T[2, j] = sticks * C[4, 2] + dx2
 
 
 @inline

@@ -63,7 +63,6 @@ from .impulses import (
     SWEEPS_AGAIN,
     SWEEPS_DRY,
     Impulses,
-    bounce,
     joint_law,
     open_laws,
     residual,
@@ -145,15 +144,16 @@ def impulse_step(
     if constraints is not None and rate is None:
         meet(bodies, work, q, v, dt, constraints, out, s, h)
         settle(q, dt, contact, after, s)
-    bounce(q, dt, contact, constraints is not None, after, s)
+    for k in range(len(s.force)):
+        s.total[k] = s.first[k] + s.force[k]
     write_laws(q, dt, contact, out, s)
     if start is not None:
         for k in range(len(s.force)):
-            out.start[k] = s.force[k]
+            out.start[k] = s.total[k]
     if constraints is not None:
         for k in range(len(out.reaction)):
             for l in range(len(s.force)):
-                out.reaction[k] = out.reaction[k] + h.P[l, k] * s.force[l]
+                out.reaction[k] = out.reaction[k] + h.P[l, k] * s.total[l]
     solve_outward(bodies, s.L, after)
     for i in range(n):
         after[i] = v[i] + after[i]
@@ -332,7 +332,7 @@ def settle(q: Config, dt: Number, contact: Contact, w: Vector, s: Impulses) -> N
 @inline
 def write_laws(q: Config, dt: Number, contact: Contact, out: ImpulseResult, s: Impulses) -> None:
     """What a step makes of points and joints: impulses, stops, dry friction, residuals, energy, which joints rest."""
-    contacts, w, force, Y, level = contact.contacts, out.after, s.force, s.Y, s.level
+    contacts, w, force, Y, level = contact.contacts, out.after, s.total, s.Y, s.level
     points = contacts[0].np
     for p in range(points):
         write_point(contacts, contact.heights, contact.mu[p], s.B[p], w, p, out, s)
@@ -362,20 +362,20 @@ RESIDUAL = Argument("residual", ("np+nl+nd",), "m/s | rad/s", "by how much each 
 REACTION = Argument("reaction", ("nc",), "N s | N m s", "of each equation, on frame a, in b's axes")
 START = Argument("start", (ROWS,), "", "impulses of rows in the step before", start=0.0)
 MISSED = Argument("missed", (2,), "1", "of equations that depend on others, and how many are independent")
-OVER, RUBS, BENDS, HOLDS, STEADIES, PUSHED = "heights", "friction", "bristles", "constraints", "rate", "fext"
-ALL = (OVER, RUBS, BENDS, HOLDS, STEADIES, PUSHED)
+ALL = ("heights", "friction", "bristles", "constraints", "rate", "fext", "start")
+OVER, RUBS, BENDS, HOLDS, STEADIES, PUSHED, WARM = ALL
 
 
 @cache
 def impulse_step_spec(has: frozenset[str]) -> Spec:
-    """The Spec of a step with some of heights, friction, bristles (beside friction), constraints, a rate, fext."""
+    """The Spec of a step with some of ALL; bristles beside friction, a rate beside constraints."""
 
     def given(what: str, x: Any) -> Any:
         return x if what in has else None
 
     rubs = given(BENDS, BRISTLE_LAW) if BENDS in has else given(RUBS, LAW)
     ground = Contact(CONTACTS_ARGUMENT, given(OVER, HEIGHTS_ARGUMENT), MU, RESTITUTION)
-    warm = RUBS in has and BENDS not in has
+    warm = WARM in has
     inputs = (
         Q, V, given(BENDS, BRISTLES), TAU, given(PUSHED, FEXT), DT, ground, rubs, START if warm else None,
         given(HOLDS, CONSTRAINTS_ARGUMENT), given(STEADIES, replace(RATE, optional=False)),

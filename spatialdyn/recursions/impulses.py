@@ -27,7 +27,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from ..algebra.euclidean import Vec, sub
-from ..algebra.regions import repeat, settled, when
+from ..algebra.regions import repeat, settled
 from ..algebra.scalars import EPS, Scalar, inline, select
 from .constrained import DEPENDENT
 from .contact_rows import (
@@ -43,10 +43,7 @@ from .contact_rows import (
     write_block,
 )
 from .coulomb_cone import (
-    Slide,
-    across,
     factor_block,
-    find_root,
     magnitude,
     point_impulse,
     point_residual,
@@ -62,9 +59,7 @@ PROX = (1e-3, 1e-2, 1e-4)  # ε at first, of each round; the last of all further
 PROX_LEAST = 1e-7  # by rounding
 FAR = 1e30  # a residual above all
 STIFF = 1e7  # of a constraint's response: how stiff Newton's steps see it
-BOUNCES = 100  # most sweeps of the second phase
-REGULAR = 1e-9  # of a block's trace, added where a direction may be without a response
-RES, LEAST, ROUND, EPSILON, COUNT = range(5)  # of ``state``
+RES, LEAST, ROUND, EPSILON, COUNT, PHASE = range(6)  # of ``state``
 
 
 class Impulses(NamedTuple):
@@ -76,16 +71,18 @@ class Impulses(NamedTuple):
     b: Vector = (ROWS,)  # velocities J v, with a point's target c
     before: Vector = (ROWS,)  # velocities at the beginning
     force: Vector = (ROWS,)  # λ
+    total: Vector = (ROWS,)  # of both phases
     best: Vector = (ROWS,)  # that of the least residual
     f: Vector = (ROWS,)  # of Newton's step
-    second: Vector = (ROWS,)  # Λ of points, of the second phase
+    first: Vector = (ROWS,)  # of the first phase, beside which λ is that of the second; else 0
     own: Vector = (ROWS,)  # a row's own response; of joints
     size: Vector = (ROWS,)  # the same without constraints; also of points
     slopes: Array = ("np", 3, 3)  # of each point the axes of its ground, as ``slope_axes`` has them
     B: Array = ("np", 3, 3)  # of each point its own block of G
     factors: Array = ("np", 5, 3)  # of B, and scratch of solving
     C: Array = ("np", 3, 3)  # of Newton's step
-    lower: Vector = ("np",)  # e of a point that bounces, then the least Λ_n
+    bounces: Vector = ("np",)  # e of a point that bounces, else 0
+    lower: Vector = ("np",)  # the least λ_n: e λ_c in the second phase, else 0
     load: Vector = ("np",)  # what of λ_c only holds the point against the forces of the step
     level: Vector = ("nl+nd",)  # h F(v) of each joint
     rests: Vector = ("nl+nd",)  # 1 of a joint at rest after the step, else 0
@@ -99,11 +96,12 @@ class Impulses(NamedTuple):
     N: Matrix = (3, 3)
     CY: Matrix = (3, "nv")
     root: Vector = (4,)  # of ``find_root``
-    state: Vector = (5,)  # residual, the least so far, round, ε, count
+    state: Vector = (6,)  # residual, the least so far, round, ε, count, phases done
     left: Vector = (1,)  # of loops: residuals less the tolerance
     sweeping: Vector = (1,)
     stepping: Vector = (1,)
-    bounced: Vector = (1,)  # above 0 if some point bounces
+    phase: Vector = (1,)  # above 0 before a phase
+    disc: Vector = (5,)  # of ``disc_impulse``
 
 
 @inline
@@ -121,7 +119,8 @@ def open_laws(
         free = velocity(s.Y, s.b, w, k)
         load = select(s.b[k] - free, s.b[k] - free, 0.0)
         s.load[p] = load * inverse(s.B[p, 0, 0], s.size[k], n)
-        c, s.lower[p] = target(gap[p], s.b[k], free, dt, contact.restitution[p])
+        s.lower[p] = 0.0
+        c, s.bounces[p] = target(gap[p], s.b[k], free, dt, contact.restitution[p])
         s.b[k] = s.b[k] + c
     for j in range(len(s.level)):
         k = 3 * points + j
@@ -138,6 +137,35 @@ def solve_impulses(
     held   scratch of constraints, whose rows N and responses Newton's steps take as stiff; None without
     first  sweeps before Newton's steps
     """
+    rows, state = len(s.force), s.state
+    for k in range(rows):
+        s.first[k] = 0.0
+    for k in range(len(state)):
+        state[k] = 0.0
+    s.phase[0] = 1.0
+    for _ in repeat(2, s.phase, s.force, s.first, s.lower, s.free, w, state):
+        if settled(s.phase[0]):
+            break
+        solve_phase(q, dt, contact, held, first, w, s)
+        s.phase[0] = 0.0
+        for p in range(len(s.lower)):
+            hit = s.force[3 * p] - s.load[p]
+            least = s.bounces[p] * select(hit, hit, 0.0)
+            s.lower[p] = select(state[PHASE], s.lower[p], least)
+            s.phase[0] = select(least, 1.0 - state[PHASE], s.phase[0])
+        for k in range(rows):
+            s.first[k] = select(s.phase[0], s.force[k], s.first[k])
+            s.force[k] = select(s.phase[0], 0.0, s.force[k])
+        for i in range(len(w)):
+            s.free[i] = select(s.phase[0], w[i], s.free[i])
+        state[PHASE] = 1.0
+
+
+@inline
+def solve_phase(
+    q: Config, dt: Number, contact: Contact, held: Record, first: int, w: Vector, s: Impulses
+) -> None:  # fmt: skip
+    """λ of one phase."""
     head, rows = contact.contacts[0], len(s.force)
     state, tolerance = s.state, head.tolerance
     for k in range(rows):
@@ -206,7 +234,7 @@ def sweep(q: Config, dt: Number, contact: Contact, held: bool, w: Vector, s: Imp
     for p in range(points):
         now = force_of_point(s.force, p)
         r = sub(velocity_of_point(s.Y, s.b, w, p), times(s.B[p], now))
-        solved, _, _ = point_impulse(s.B[p], s.factors[p], r, contact.mu[p], s.root, held)
+        solved, _, _ = point_impulse(s.B[p], s.factors[p], r, contact.mu[p], s.lower[p], s.root, s.disc, held)
         set_point(p, solved, now, w, s)
     for j in range(len(s.level)):
         set_joint(q, dt, contact.contacts[1 + points + j], 3 * points + j, j, w, s)
@@ -223,14 +251,13 @@ def set_point(p: int, solved: Vec, now: Vec, w: Vector, s: Impulses) -> None:
 
 
 @inline
-def set_joint(q: Config, dt: Number, c: Record, k: int, j: int, w: Vector, s: Impulses) -> Scalar:
-    """A joint's impulse by its law, and w with it; returns by how much its velocity changes."""
+def set_joint(q: Config, dt: Number, c: Record, k: int, j: int, w: Vector, s: Impulses) -> None:
+    """A joint's impulse by its law, and w with it."""
     was = s.force[k]
-    free = velocity(s.Y, s.b, w, k) - s.own[k] * was
+    free = velocity(s.Y, s.b, w, k) - s.own[k] * (s.first[k] + was)
     wanted, _, _ = joint_law(c, q, dt, free, s.own[k] * s.level[j])
-    s.force[k] = (wanted - free) * inverse(s.own[k], s.size[k], len(w))
+    s.force[k] = (wanted - free) * inverse(s.own[k], s.size[k], len(w)) - s.first[k]
     push(s.Z, k, s.force[k] - was, w)
-    return magnitude(s.force[k] - was) * s.own[k]
 
 
 @inline
@@ -239,12 +266,12 @@ def residual(q: Config, dt: Number, contact: Contact, w: Vector, s: Impulses) ->
     worst, points = 0.0, contact.contacts[0].np
     for p in range(points):
         u = velocity_of_point(s.Y, s.b, w, p)
-        x = point_residual(s.B[p], u, contact.mu[p], force_of_point(s.force, p), 0.0)
+        x = point_residual(s.B[p], u, contact.mu[p], force_of_point(s.force, p), s.lower[p])
         worst = select(x - worst, x, worst)
     for j in range(len(s.level)):
         k = 3 * points + j
         u = velocity(s.Y, s.b, w, k)
-        free = u - s.own[k] * s.force[k]
+        free = u - s.own[k] * (s.first[k] + s.force[k])
         wanted, _, _ = joint_law(contact.contacts[1 + points + j], q, dt, free, s.own[k] * s.level[j])
         s.off[j] = magnitude(u - wanted)
         worst = select(s.off[j] - worst, s.off[j], worst)
@@ -271,7 +298,7 @@ def newton_step(
     for j in range(len(s.level)):
         k = 3 * points + j
         u = velocity(s.Y, s.b, w, k)
-        free = u - s.own[k] * s.force[k]
+        free = u - s.own[k] * (s.first[k] + s.force[k])
         wanted, _, _ = joint_law(contact.contacts[1 + points + j], q, dt, free, s.own[k] * s.level[j])
         s.off[j] = magnitude(u - wanted)
         most = select(s.off[j] - most, s.off[j], most)
@@ -310,8 +337,8 @@ def add_point(p: int, mu: Number, prox: Scalar, held: bool, w: Vector, s: Impuls
     """C and f of a point, and its part of K and x."""
     n, k, now = len(w), 3 * p, force_of_point(s.force, p)
     r = sub(velocity_of_point(s.Y, s.b, w, p), times(s.B[p], now))
-    solved, sticks, slides = point_impulse(s.B[p], s.factors[p], r, mu, s.root, held)
-    point_slope(s.B[p], s.factors[p], r, mu, s.root[1], sticks, slides, s.T)
+    solved, sticks, slides = point_impulse(s.B[p], s.factors[p], r, mu, s.lower[p], s.root, s.disc, held)
+    point_slope(s.B[p], s.factors[p], r, mu, s.lower[p], solved, sticks, slides, s.root, s.disc, s.T)
     T, N = s.T, s.N
     for i in range(3):  # N = ((1 + ε) 1 + T B)⁻¹
         for j in range(3):
@@ -325,9 +352,7 @@ def add_point(p: int, mu: Number, prox: Scalar, held: bool, w: Vector, s: Impuls
             s.C[p, i, j] = -(N[i, 0] * T[0, j] + N[i, 1] * T[1, j] + N[i, 2] * T[2, j])
     for j in range(n):
         for i in range(3):
-            s.CY[i, j] = (
-                s.C[p, i, 0] * s.Y[k, j] + s.C[p, i, 1] * s.Y[k + 1, j] + s.C[p, i, 2] * s.Y[k + 2, j]
-            )
+            s.CY[i, j] = s.C[p, i, 0] * s.Y[k, j] + s.C[p, i, 1] * s.Y[k + 1, j] + s.C[p, i, 2] * s.Y[k + 2, j]
     for i in range(n):
         y0, y1, y2 = s.Y[k, i], s.Y[k + 1, i], s.Y[k + 2, i]
         s.x[i] = s.x[i] + (y0 * s.f[k] + y1 * s.f[k + 1] + y2 * s.f[k + 2])
@@ -345,7 +370,7 @@ def add_joint(
     """
     n, now, u = len(w), s.force[k], velocity(s.Y, s.b, w, k)
     each = inverse(s.own[k], s.size[k], n)
-    wanted, _, stays = joint_law(c, q, dt, u - s.own[k] * now, s.own[k] * s.level[j])
+    wanted, _, stays = joint_law(c, q, dt, u - s.own[k] * (s.first[k] + now), s.own[k] * s.level[j])
     new = select(BOLD - s.state[COUNT], 1.0, select(MISSES_MOST * most - s.off[j], 0.0, 1.0))
     s.held[j] = select(new, stays, s.held[j])
     s.goal[j] = select(new, select(stays, wanted, now + (wanted - u) * each), s.goal[j])
@@ -391,71 +416,6 @@ def solve_K(K: Matrix, x: Vector) -> None:
         for j in range(k):
             x[k] = x[k] - K[k, j] * x[j]
         x[k] = x[k] * (1.0 / K[k, k])
-
-
-# --- the second phase -----------------------------------------------------------------------------------
-
-
-@inline
-def bounce(q: Config, dt: Number, contact: Contact, held: bool, w: Vector, s: Impulses) -> None:
-    """Impulses of restitution, if some point bounces, in ``second``, and added to λ."""
-    points, tolerance = contact.contacts[0].np, contact.contacts[0].tolerance
-    s.bounced[0] = 0.0
-    for p in range(points):
-        hit = s.force[3 * p] - s.load[p]
-        s.lower[p] = s.lower[p] * select(hit, hit, 0.0)
-        s.bounced[0] = select(s.lower[p], 1.0, s.bounced[0])
-    for k in range(len(s.second)):
-        s.second[k] = 0.0
-    for _ in when(s.bounced[0], s.force, s.second, w):
-        for p in range(points):
-            s.second[3 * p] = s.lower[p]
-            s.force[3 * p] = s.force[3 * p] + s.lower[p]
-            push(s.Z, 3 * p, s.lower[p], w)
-        s.left[0] = 1.0
-        for _ in repeat(BOUNCES, s.left, s.force, s.second, w):
-            if settled(s.left[0]):
-                break
-            worst = 0.0
-            for p in range(points):
-                change = restore(p, contact.mu[p], held, w, s)
-                worst = select(change - worst, change, worst)
-            for j in range(len(s.level)):
-                change = set_joint(q, dt, contact.contacts[1 + points + j], 3 * points + j, j, w, s)
-                worst = select(change - worst, change, worst)
-            s.left[0] = worst - tolerance
-
-
-@inline
-def restore(p: int, mu: Number, held: bool, w: Vector, s: Impulses) -> Scalar:
-    """A point's Λ under the others' impulses, λ and w with it; returns by how much its velocity changes.
-
-    Λ_n = e λ_c with friction of at most μ e λ_c, unless the point is then pushed into the ground: there the law is that
-    of the first phase.
-    """
-    B, k, now, least = s.B[p], 3 * p, force_of_point(s.second, p), s.lower[p]
-    r = sub(velocity_of_point(s.Y, s.b, w, p), times(B, now))
-    most, small = mu * least, REGULAR * (B[1, 1] + B[2, 2])
-    a = Slide(
-        B[1, 1], B[1, 2], B[2, 2], r.y + B[1, 0] * least, r.z + B[2, 0] * least, most, 0.0, 0.0,
-        1.0, 1.0,
-    )  # fmt: skip
-    x1, x2 = across(a, small, a.a1, a.a2)
-    slides = select(x1 * x1 + x2 * x2 - most * most, most, 0.0)
-    find_root(a, slides, s.root)
-    x1, x2 = across(a, select(slides, s.root[1], small), a.a1, a.a2)
-    x1, x2 = select(most, x1, 0.0), select(most, x2, 0.0)
-    normal = r.x + (B[0, 0] * least + B[0, 1] * x1 + B[0, 2] * x2)
-    full, _, _ = point_impulse(B, s.factors[p], r, mu, s.root, held)
-    new = Vec(select(-normal, full.x, least), select(-normal, full.y, x1), select(-normal, full.z, x2))
-    change = sub(new, now)
-    s.second[k], s.second[k + 1], s.second[k + 2] = new.x, new.y, new.z
-    total = force_of_point(s.force, p)
-    set_point(p, Vec(total.x + change.x, total.y + change.y, total.z + change.z), total, w, s)
-    worst = magnitude(change.x) * B[0, 0]
-    for x in (magnitude(change.y) * B[1, 1], magnitude(change.z) * B[2, 2]):
-        worst = select(x - worst, x, worst)
-    return worst
 
 
 # --- joints ---------------------------------------------------------------------------------------------

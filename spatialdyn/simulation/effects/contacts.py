@@ -84,7 +84,12 @@ class Contact(Effect):
     @property
     def states(self) -> Any:
         """See ``Effect``."""
-        return (self.own, IMPULSES) if self.way == IMPLICIT else (self.own,)
+        return (self.own, IMPULSES) if self.warm else (self.own,)
+
+    @property
+    def warm(self) -> bool:
+        """Whether a step begins with the impulses of the one before: beside dry joints, where that saves most."""
+        return self.way == IMPLICIT and len(self.table.rows) > 1
 
     @property
     def work(self) -> Any:
@@ -149,7 +154,7 @@ class Contact(Effect):
         spec = self._spec(constrained, general and pushed)
         parts = at.evaluate(spec, **known)
         after, states = parts["v"], {self.own.name: self._noted(parts, given[self.own.name])}
-        if self.way == IMPLICIT:
+        if self.warm:
             states[IMPULSES.name] = parts[f"{IMPULSES.name}_after"]
         if work.CONTACTS.name in given:
             states[work.CONTACTS.name] = given[work.CONTACTS.name] + parts["energy"]
@@ -172,6 +177,7 @@ class Contact(Effect):
         if self.way is None and constrained is None:
             return CONTACT_STEP_OVER if over else CONTACT_STEP
         has = {"heights": over, "friction": self.way is not None, "bristles": self.way == LUGRE, "fext": pushed}
+        has["start"] = self.warm
         if constrained is not None:
             has |= {"constraints": True, "rate": not constrained.projects}
         return impulse_step_spec(frozenset(name for name, there in has.items() if there))
