@@ -9,13 +9,13 @@ is Signorini's and Coulomb's law, the cone neither a pyramid nor smoothed. An op
 not reach the ground within the step gets no impulse, and none passes through. A point in the ground comes out by a
 share of its depth a step. A joint between limits is a row of its own, with an impulse that keeps q + h v⁺ within them.
 
-The problem is solved point by point, in sweeps (Gauss-Seidel), from λ = 0: a step depends on nothing but its state.
-One point alone is solved as one problem in its three unknowns: normal and friction impulses in turn diverge where
-μ |G_nt| > G_nn, as they do for legs. Either it leaves, or it sticks, or it slides: all three are computed, and one
-chosen.
+One point alone is solved as one problem in its three unknowns (``coulomb_cone``): normal and friction impulses in turn
+diverge where μ |G_nt| > G_nn, as they do for legs. Either it leaves, or it sticks, or it slides. All points and joints
+are solved together from these to a tolerance, in sweeps and by Newton's method (``impulses``), from λ = 0: a step
+depends on nothing but its state. Points that bounce do so by Poisson's law.
 
 Source: after Le Lidec, Jallet, Montaut, Laptev, Schmid, Carpentier, Contact models in robotics: a comparative analysis
-(arXiv 2304.06372), for the law; the step, and the solution of a sliding point and of a leg at its limits, are our own.
+(arXiv 2304.06372), for the law; the step and its solution are our own.
 """
 
 from __future__ import annotations

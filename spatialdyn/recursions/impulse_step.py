@@ -8,13 +8,8 @@ so that it sticks or moves as in ``friction``, up to its limits; bristles and da
 as there. Constraints hold at velocities, J v⁺ + h J̇ v = 0, or with a rate 1/T as in ``constrained``: their rows are
 taken out of M⁻¹ before all else, so that no sweep leaves any of them open.
 
-Legs that stick in their joints pass the robot's weight on in more sweeps than there is time for if every row sees the
-robot alone. So a row is solved with all rows taken out that are held: joints that stick or stop, points that stick.
-They are the pivots of a ``tableau``, which changes with the rows' states. A robot on stiff legs is held more often than
-it can move; so that none of the rows is then without an answer, a held row yields by YIELD of what it would move alone,
-and takes it back at its next turn. A last few sweeps hold nothing: they lessen what is left where a point and a joint
-stick in turn. By 5 sweeps a quadruped that trots on dry joints misses its laws by at most 1e-6 m/s in half of the steps
-and 1e-3 in 95 % of them, by 3 too in less time: ``benchmarks/contacts.py`` prints what either leaves.
+Points, joints and their impulses are solved for together (``impulses``). Beside dry joints, whose internal forces are
+not in the state, λ of the step before is where it begins; contacts alone begin from 0.
 
 Source: the law as in ``contact``; its solution is a derivation of our own.
 """

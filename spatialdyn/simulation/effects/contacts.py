@@ -43,7 +43,6 @@ MOST_POINTS = 12  # in a rollout: beyond, J M⁻¹ Jᵀ costs more than the robo
 MOST_ROWS = 36  # in a rollout, of dry joints, limits and three of each point: a sweep's tableaus cost rows cubed
 START = 1e-3  # [m | rad] deepest that a run may start in the ground, or beyond a limit
 UNSOLVED = 1e-2  # [m/s | rad/s] residual that is an error
-UNSOLVED_DRY = 1e-1  # the same beside dry joints: the worst of a trot's steps may be left at 1e-2 and more
 WORST = 5  # numbers: residual of the last step, the largest so far, its point or joint, its step, steps so far
 
 SOLVED = Argument(
@@ -219,12 +218,11 @@ class Contact(Effect):
         """See ``Effect``."""
         own = states[self.own.name]
         worst, which, step = own[1], int(own[2]), int(own[3])
-        least = UNSOLVED_DRY if self.way == IMPLICIT else UNSOLVED
-        if not worst > least:
+        if not worst > UNSOLVED:
             return ""
         return (
             f"{self.label(which)} misses its law by {worst:.2g} m/s in the step from t = {step * dt:.9g} s, "
-            f"expected at most {least:g} of a solved step"
+            f"expected at most {UNSOLVED:g} of a solved step"
         )
 
     def label(self, k: int) -> str:
