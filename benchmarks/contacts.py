@@ -33,10 +33,11 @@ RADIUS, MU, DT, G = 0.03, 0.8, 2e-3, 9.81
 KP, KD = 150.0, 4.0
 STATES, STEPS = 256, 100
 WALK = 1000  # steps whose residual is looked at
-SOLVED, SHARE = 1e-4, 0.95  # [m/s] of at least this share of the steps
+SOLVED, SHARE = 1e-6, 0.95  # [m/s], of all steps; share of steps for laws by other means
 ASKED = 20.0  # times as fast as MuJoCo
-DRY, FEW = 2.0, 3  # [N m] of every leg's joint; sweeps that are enough there
-SOLVED_DRY, WORST_DRY = 1e-3, 1e-1  # [m/s | rad/s] of SHARE of the steps on dry joints, and of all
+DRY = 2.0  # [N m] of every leg's joint
+SOLVED_DRY = 0.999  # of the steps on dry joints that reach SOLVED
+OFF_DRY = 1e-3  # [rad/s] by M, bias and impulses, of SHARE of the steps
 
 Array = np.ndarray
 
@@ -137,7 +138,7 @@ def check(model: sd.Model, contacts: sd.Contacts, peer: Peer, q: Array) -> list[
     )
     assert walk.contacts is not None
     residual = walk.contacts.residual
-    assert (residual <= SOLVED).mean() >= SHARE, np.percentile(residual, [50, 95, 100])
+    assert residual.max() <= SOLVED, np.percentile(residual, [50, 95, 100])
     assert walk.q[:, 2].min() > 0.3  # it walks and does not fall
 
     high, v = q.copy(), 0.3 * np.random.default_rng(1).standard_normal(model.nv)
@@ -193,33 +194,26 @@ def left_to_friction(model: sd.Model, run: sd.Rollout, q0: Array, reference: Arr
     return push / DT, abs(push - np.clip(push - weight * run.v, -level, level)) / weight
 
 
-def fewer(model: sd.Model) -> sd.Contacts:
-    """The same feet by fewer sweeps, for dry joints."""
-    return sd.Contacts(model, dict.fromkeys(FEET, RADIUS), friction=MU, sweeps=FEW)
-
-
 def check_dry(model: sd.Model, contacts: sd.Contacts, peer: Peer, q: Array) -> list[float]:
     """AssertionError unless a trot on dry joints obeys its laws. Returns percentiles of residuals."""
     reference, friction = trot(model, q, WALK), dry_joints(model)
     kept: dict[str, Any] = dict(contacts=contacts, friction=friction)
-    walk = sd.rollout(
-        model, q, np.zeros(model.nv), dt=DT, pd=law(model, reference), check=False, **kept, record="contacts"
-    )
+    scene = sd.Scene(model, **kept)
+    walk = sd.rollout(scene, q, np.zeros(model.nv), dt=DT, pd=law(model, reference), check=False, record="contacts")
     assert walk.contacts is not None
     residual = walk.contacts.residual
-    assert (residual <= SOLVED_DRY).mean() >= SHARE, np.percentile(residual, [50, 95, 100])
-    assert residual.max() <= WORST_DRY, residual.max()
+    assert (residual <= SOLVED).mean() >= SOLVED_DRY, np.percentile(residual, [50, 99, 100])
     assert walk.q[:, 2].min() > 0.3
     torque, off = left_to_friction(model, walk, q, reference)
     torque = abs(torque)
     assert (torque[:, 6:].max(axis=1) <= 1.01 * DRY).mean() >= SHARE
     assert (torque[:, :6].max(axis=1) <= 0.01 * DRY).mean() >= SHARE  # nothing rubs at the base
-    assert (off.max(axis=1) <= SOLVED_DRY).mean() >= SHARE
+    assert (off.max(axis=1) <= OFF_DRY).mean() >= SHARE
     assert (walk.v == 0.0).any()
 
     high, v = q.copy(), 0.3 * np.random.default_rng(1).standard_normal(model.nv)
     high[2] += 5.0
-    ours = sd.rollout(model, high, v, dt=DT, steps=50, pd=law(model, q), **kept)
+    ours = sd.rollout(scene, high, v, dt=DT, steps=50, pd=law(model, q))
     theirs = peer.rollout(peer.states(high[None], v[None]), np.tile(q, (50, 1)))[0]
     gap = abs(theirs[-1, 1:] - peer.states(ours.q, ours.v)[-1, 1:]).max()
     assert gap < 0.05, gap  # frictionloss is regularised: its joints creep
@@ -239,10 +233,8 @@ def main() -> None:
 
     rough = Peer(model)
     rough.made.dof_frictionloss[6:] = DRY
-    for given in (contacts, fewer(model)):
-        dry = check_dry(model, given, rough, q)
-        text = "residual on dry joints by {} sweeps [m/s], 50, 95 and 100 %: {:.1e} {:.1e} {:.1e}"
-        print(text.format(given.sweeps, *dry))
+    dry = check_dry(model, contacts, rough, q)
+    print("residual on dry joints [m/s], 50, 95 and 100 %: {:.1e} {:.1e} {:.1e}".format(*dry))
 
     rng = np.random.default_rng(0)
     reference = trot(model, q, STEPS)
@@ -251,21 +243,20 @@ def main() -> None:
     pd, state = law(model, reference), peer.states(starts[: STATES // 8], v[: STATES // 8])
 
     def ours(dtype: Any = np.float64, **given: Any) -> Callable[[], object]:
-        return lambda: sd.rollout(model, starts, v, dt=DT, pd=pd, record=STEPS, dtype=dtype, check=False, **given)
+        scene = sd.Scene(model, **given)
+        return lambda: sd.rollout(scene, starts, v, dt=DT, pd=pd, record=STEPS, dtype=dtype, check=False)
 
     contestants = {
         "no contact": ours(), "contact": ours(contacts=contacts),
         "contact, float32": ours(np.float32, contacts=contacts),
         "contact and limits": ours(contacts=contacts, limits=True), "mujoco": lambda: peer.rollout(state, reference),
         "contact and dry joints": ours(contacts=contacts, friction=dry_joints(model)),
-        f"the same by {FEW} sweeps": ours(contacts=fewer(model), friction=dry_joints(model)),
         "mujoco, frictionloss": lambda: rough.rollout(state, reference),
     }  # fmt: skip
     times = interleaved(contestants, rounds, seconds)
     each = {name: 1e9 * x / (STEPS * (len(state) if "mujoco" in name else STATES)) for name, x in times.items()}
     theirs = {
-        name: each["mujoco, frictionloss" if any(x in name for x in ("dry", "same", "loss")) else "mujoco"]
-        for name in each
+        name: each["mujoco, frictionloss" if any(x in name for x in ("dry", "loss")) else "mujoco"] for name in each
     }
     rows = [[name, f"{x:.0f}", f"{1e3 / x:.2f}", f"{theirs[name] / x:.1f}"] for name, x in each.items()]
     draw("contacts", ["a step", "ns", "million/s", "times mujoco"], rows)

@@ -123,8 +123,8 @@ PROMISED: dict[str, tuple[Callable[[float], Any], float, type[Exception], str, b
         sd.InertiaError, "expected I = Iᵀ", True,
     ),
     "restitution": (restitution, 1.0, sd.ConstraintError, "expected 0 to 1", False),
-    "sweeps": (
-        lambda off: sd.Contacts(TWO.build(), {"a": 0.1}, sweeps=round(off)), 100.0, sd.ConstraintError,
+    "steps": (
+        lambda off: sd.Contacts(TWO.build(), {"a": 0.1}, steps=round(off)), 100.0, sd.ConstraintError,
         "whole number of 1 to 100", False,
     ),
     "start on a constraint": (held_away, 1e-6, sd.ConstraintError, "expected at most 1e-06", True),

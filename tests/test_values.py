@@ -81,7 +81,8 @@ CASES: dict[Callable[..., Any], tuple[dict[str, Any], dict[str, Any]]] = {
         {"model": arm(), "points": {"b": 0.1, "tip": 0.2}},
         {
             "model": arm(gravity=(0, 0, -1)), "points": {"b": 0.1, "tip": 0.3}, "friction": {"b": 0.8, "tip": 0.9},
-            "restitution": {"b": 0.0, "tip": 0.5}, "terrain": sd.Plane(height=0.1), "sweeps": 6,
+            "restitution": {"b": 0.0, "tip": 0.5}, "terrain": sd.Plane(height=0.1), "tolerance": 1e-7, "steps": 9,
+            "rounds": 3,
         },
     ),
     sd.Constraints: (

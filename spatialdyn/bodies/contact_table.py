@@ -9,7 +9,9 @@ column     meaning
 last_row   row 0 only: the number of rows that follow
 np, nl     row 0 only: numbers of points and of joints with limits
 nd         row 0 only: the number of freedoms that rub and have no limits
-sweeps     row 0 only: passes over all of them in a step
+tolerance  row 0 only: residual of a solved step
+steps      row 0 only: most of Newton's steps in a round
+rounds     row 0 only: most rounds of sweeps and steps
 axes       row 0 only, of a plane: its normal, then two directions across it, one a row
 height     row 0 only, of a plane: how far along the normal it lies from the world's origin
 row        row of the body that carries the point; the joint's own row
@@ -31,7 +33,9 @@ CONTACTS = table_dtype(
     np=int,
     nl=int,
     nd=int,
-    sweeps=int,
+    tolerance=float,
+    steps=int,
+    rounds=int,
     axes=Mat3,
     height=float,
     row=int,

@@ -118,7 +118,7 @@ def specialize(
 
     Raises
         SpatialDynError for an unknown call, dtype, input or output, listing the known ones
-            and for derivatives of a call that has no program
+            and for derivatives of a call that has no program, or one with loops, as steps in contact have
         ModelError for a name that is not in the model
         ShapeError for a constant of the wrong shape, ConfigurationError for one of the wrong norm
     """

@@ -49,7 +49,8 @@ def contact_step(
         q, v      (..., nq), (..., nv)  after the step, q⁺ = q ∘ exp(dt v⁺)
         impulse   (..., k, 3)  on each of the k points, in the world's axes [N s]
         gap       (..., k)     distance of each sphere from the ground before the step, negative in it [m]
-        residual  (...)        by how much the impulses miss the law at worst [m/s]; more sweeps make it less
+        residual  (...)        by how much the impulses miss the law at worst [m/s]: at most the contacts'
+                  tolerance where the step is solved
     A step is a function of its state alone; ``simulate`` and ``rollout`` take the same steps.
     Raises
         SimulationError for a dt that is no number above 0

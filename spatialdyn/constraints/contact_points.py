@@ -22,7 +22,7 @@ from .kinds import across
 from .table import other_model
 
 Array = NDArray[np.float64]
-MOST_SWEEPS = 100
+MOST = 100  # steps and rounds
 SIZES = ("np", "nl", "nd")
 
 
@@ -123,11 +123,15 @@ class Contacts:
     model        Model; with mimic joints its limits alone
     points       {frame: radius of its sphere [m]}, 0 for the frame's origin itself
     friction     Coulomb's coefficient μ: a number, or {frame: number} for all points
-    restitution  from 0 to 1, in the same form: a point that hits faster than 0.01 m/s leaves at that share of its
-                 speed
+    restitution  from 0 to 1, in the same form, by Poisson's law: a point that hits faster than 0.01 m/s is pushed back
+                 by that share of the impulse that brought it to rest; without friction it leaves at that share of its
+                 speed. No hit makes energy
     terrain      ``Plane``, that of z = 0 if left out, or ``Heightfield``
-    sweeps       passes over all points in a step: 5 solve 95 % of the steps of a walking quadruped to 1e-4 m/s; beside
-                 dry joints, where a pass costs most, 3 do
+    tolerance    of a step: by how much points and joints may miss their laws [m/s | rad/s]; of a box that creeps down
+                 an incline on which it just sticks, 1e-8 leaves a thousandth of what 1e-6 does. In float32 1e-4 is the
+                 least that rounding allows
+    steps        most of Newton's steps in a round of solving, where sweeps over the points do not reach the tolerance
+    rounds       most rounds, of sweeps and steps each; a step that is not solved then has a larger residual
 
     names, radii              of the points (np)
     friction, restitution     (np,), as arrays
@@ -137,7 +141,8 @@ class Contacts:
     Raises
         ModelError for a name that is not in the robot, with similar names, and for points of a robot with mimic joints
         ConstraintError naming the point for a frame that does not move, a radius or friction below 0, a restitution
-            outside 0 to 1; for another terrain, and for sweeps that are not 1 to 100
+            outside 0 to 1; for another terrain, a tolerance of no positive number, and for steps or rounds that are
+            not 1 to 100
 
     >>> import spatialdyn as sd
     >>> model = sd.load_urdf("two_link")
@@ -147,25 +152,18 @@ class Contacts:
     """
 
     __slots__ = (
-        "_plans",
-        "friction",
-        "ground",
-        "limits",
-        "model",
-        "names",
-        "radii",
-        "restitution",
-        "sweeps",
-        "table",
-        "terrain",
-    )
+        "_plans", "friction", "ground", "limits", "model", "names", "radii", "restitution", "rounds", "steps", "table",
+        "terrain", "tolerance",
+    )  # fmt: skip
     model: Model
     names: tuple[str, ...]
     radii: tuple[float, ...]
     friction: Array
     restitution: Array
     terrain: Plane | Heightfield
-    sweeps: int
+    tolerance: float
+    steps: int
+    rounds: int
     limits: bool
     table: StaticTable
     ground: StaticTable | None
@@ -178,14 +176,24 @@ class Contacts:
         friction: float | Mapping[str, float] = 0.8,
         restitution: float | Mapping[str, float] = 0.0,
         terrain: Plane | Heightfield | None = None,
-        sweeps: int = 5,
+        tolerance: float = 1e-6,
+        steps: int = 12,
+        rounds: int = 4,
+        **others: Any,
     ) -> None:
         """See the class."""
-        self._make(model, points, friction, restitution, terrain, sweeps, False)
+        if "sweeps" in others:
+            raise ConstraintError(
+                f"sweeps is {others['sweeps']!r}, expected a tolerance [m/s] in its place: steps are solved to that"
+            )
+        if others:
+            raise TypeError(f"Contacts() got an unexpected keyword argument {min(others)!r}")
+        self._make(model, points, friction, restitution, terrain, tolerance, steps, rounds, False)
 
     def _make(
-        self, model: Model, points: Any, friction: Any, restitution: Any, terrain: Any, sweeps: Any, limits: bool
-    ) -> None:
+        self, model: Model, points: Any, friction: Any, restitution: Any, terrain: Any, tolerance: Any, steps: Any,
+        rounds: Any, limits: bool,
+    ) -> None:  # fmt: skip
         check_model(model)
         if not isinstance(points, Mapping):
             raise ConstraintError(f"points are {points!r}, expected {{frame: radius}}")
@@ -195,20 +203,24 @@ class Contacts:
         ground = Plane() if terrain is None else terrain
         if not isinstance(ground, (Plane, Heightfield)):
             raise ConstraintError(f"terrain is {terrain!r}, expected a Plane or a Heightfield")
-        if not as_count(sweeps, MOST_SWEEPS):
-            raise ConstraintError(f"sweeps is {sweeps!r}, expected a whole number of 1 to {MOST_SWEEPS}")
+        if not 0.0 < as_number(tolerance) < math.inf:
+            raise ConstraintError(f"tolerance is {tolerance!r}, expected a positive number [m/s | rad/s]")
+        for what, most in (("steps", steps), ("rounds", rounds)):
+            if not as_count(most, MOST):
+                raise ConstraintError(f"{what} is {most!r}, expected a whole number of 1 to {MOST}")
         names = tuple(points)
         rows = [_point(model, name, points[name]) for name in names]
         held = {
             "model": model, "names": names, "radii": tuple(float(points[x]) for x in names),
             "friction": _of_points("friction", friction, names, math.inf),
             "restitution": _of_points("restitution", restitution, names, 1.0), "terrain": ground,
-            "sweeps": int(sweeps), "limits": limits,
+            "tolerance": float(tolerance), "steps": int(steps), "rounds": int(rounds), "limits": limits,
         }  # fmt: skip
         stops = _stops(model) if held["limits"] else []
         table = np.zeros(1 + len(rows) + len(stops), CONTACTS)
         head = table[0]
-        head["last_row"], head["np"], head["nl"], head["sweeps"] = len(table) - 1, len(rows), len(stops), int(sweeps)
+        head["last_row"], head["np"], head["nl"] = len(table) - 1, len(rows), len(stops)
+        head["tolerance"], head["steps"], head["rounds"] = held["tolerance"], held["steps"], held["rounds"]
         flat = ground if isinstance(ground, Plane) else Plane()
         n = np.array(flat.normal)
         for letter, axis in zip("xyz", (n, *across(n)), strict=True):
@@ -284,12 +296,12 @@ class Contacts:
     def __reduce__(self) -> tuple[Any, ...]:
         return (_limited if self.limits else Contacts), self._given()
 
-    def _given(self) -> tuple[Any, Any, Any, Any, Plane | Heightfield, int]:
+    def _given(self) -> tuple[Any, ...]:
         """What makes contacts like these, but for limits."""
         radii, friction, restitution = (
             dict(zip(self.names, x, strict=True)) for x in (self.radii, self.friction, self.restitution)
         )
-        return self.model, radii, friction, restitution, self.terrain, self.sweeps
+        return self.model, radii, friction, restitution, self.terrain, self.tolerance, self.steps, self.rounds
 
     def __repr__(self) -> str:
         stops = ", joint limits" if self.limits else ""

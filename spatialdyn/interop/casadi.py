@@ -55,6 +55,7 @@ def walk(casadi: Any, program: Program, inputs: list[Any]) -> list[Any]:
         DIV: lambda a, b: a / b, SQRT: casadi.sqrt, SIN: casadi.sin, COS: casadi.cos, EXP: casadi.exp,
         ATAN2: casadi.atan2, ABS: casadi.fabs, UFP: casadi.fabs, SELECT: lambda a, b, c: casadi.if_else(a > 0.0, b, c),
     }  # fmt: skip
+    program.straight("CasADi")
     lines: list[Any] = []
     for op in program.lines:
         if op.code == INPUT:

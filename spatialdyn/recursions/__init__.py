@@ -15,6 +15,24 @@ table of constraints or contacts (``constraint_rows``, ``constrained``, ``contac
 the room ``constraints``, take the table as second argument. Kernels compile at the first call: a mistake in a recursion
 shows then, most legibly with ``NUMBA_DISABLE_JIT=1``.
 
+A loop until a condition, and a body that not every sample needs, are *regions* (``algebra.regions``)::
+
+    for _ in repeat(12, left, force, velocity):
+        if settled(left[0]):
+            break
+        ...
+
+    for _ in when(speed - least, force):
+        ...
+
+The first runs while ``left[0]`` is above 0, at most 12 times, and the second once if its number is. ``left``, ``force``
+and ``velocity`` are *carried*: all arrays and records of scratch or output that the body writes and that it or what
+follows reads, entry by entry what they were where a sample does not need the body. NaN is not above 0: it ends a loop.
+Plain Python, compiled kernels and exact numbers run what is written. A program has the body once, as a loop over a
+register of samples that ends when none needs it, and a sample that is done keeps its bits: it does not see the others.
+Regions nest. Sines and cosines of a body are taken before it; derivatives, bounds, double-double and symbols refuse
+programs that have regions, by name.
+
 Three recursions do branch on values. ``aba_square_root`` and ``kkt`` choose pivots: the Spec of the one says that it
 does not trace, the other has none. ``rnea`` adds the forces of ``rnea_off_norm`` if a quaternion of q is off its unit
 norm and the table accepts such q, as tables of the Pinocchio face do and those of programs do not.
@@ -38,6 +56,8 @@ kernel            compiled function that an engine makes of a recursion, for one
 table kernel      kernel that reads any model's table at run time: no compiling per model
 trace, program    to run a recursion once on numbers that record; the list of one model's operations that results
 lane              one of the samples that a program computes side by side in a SIMD register
+region            loop of a program, or a body that is skipped: run while any of the samples needs it
+carried           of a value that a region changes: an entry of what ``repeat`` or ``when`` is given
 regroup           to move inertia from a body to its parent where no result of the Spec changes: shorter programs
 pivot             D = S·IA S + armature of a row, IA its articulated inertia: divided by, so it must not be near 0
 singular          of a joint whose pivot is at most n eps times its composite inertia: no acceleration follows from tau

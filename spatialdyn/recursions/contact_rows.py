@@ -42,7 +42,6 @@ class Contact(NamedTuple):
 RISE = 0.2  # of its depth that a point in the ground comes out in a step
 SLOWEST = 1e-2  # [s] and no faster than in this time: by 0.2 of a depth in ever shorter steps it would be thrown
 BOUNCING = 1e-2  # [m/s] speed of approach from which a point bounces: slower ones come to rest
-YIELD = 1e-4  # of what it is pushed, that a joint at its limit gives way: one pushed off its limit is then let go
 
 
 @inline
@@ -126,16 +125,17 @@ def rising(depth: Scalar, dt: Number) -> Scalar:
 
 
 @inline
-def target(gap: Scalar, before: Scalar, free: Scalar, dt: Number, restitution: Number) -> Scalar:
-    """c of a point's normal: u_n + c is 0 where it just reaches the ground, or rises out of it, or bounces.
+def target(gap: Scalar, before: Scalar, free: Scalar, dt: Number, restitution: Number) -> tuple[Scalar, Scalar]:
+    """c of a point's normal, and its restitution if it bounces, else 0: u_n + c is 0 where the point just reaches the
+    ground, or rises out of it, or comes to rest before it bounces.
 
-    It bounces if it would reach the ground within the step, fast enough, and leaves at its share of the speed.
+    It bounces if it would reach the ground within the step, fast enough.
 
     before, free  velocities of its normal before the step, and after it without impulses
     """
-    c = select(gap, gap / dt, rising(gap, dt))
-    fast = select(-before - BOUNCING, select(restitution, restitution * before, c), c)
-    return select(-(gap / dt + free), fast, c)
+    reaches = select(-(gap / dt + free), select(-before - BOUNCING, 1.0, 0.0), 0.0)
+    bounces = restitution * reaches
+    return select(bounces, 0.0, select(gap, gap / dt, rising(gap, dt))), bounces
 
 
 @inline
@@ -173,11 +173,12 @@ def write_point(
 
     out, s  results and scratch of a step
     """
-    f = force_of_point(s.force, p)
-    out.residual[p] = point_residual(B, velocity_of_point(s.Y, s.b, w, p), mu, f)
+    u = velocity_of_point(s.Y, s.b, w, p)
+    out.residual[p] = point_residual(B, u, mu, force_of_point(s.force, p), s.lower[p])
+    f = add(force_of_point(s.first, p), force_of_point(s.force, p))
     out.energy[p] = 0.0
     for k in range(3 * p, 3 * p + 3):
-        out.energy[p] = out.energy[p] + work_of_row(s.Y, s.before, w, k, s.force[k])
+        out.energy[p] = out.energy[p] + work_of_row(s.Y, s.before, w, k, s.first[k] + s.force[k])
     if heights is not None:
         f = untilted(s.slopes[p], f)
     f = unrotate(mat3_of(contacts[0].axes), f)
@@ -199,13 +200,6 @@ def times(B: Matrix, f: Vec) -> Vec:
         B[1, 0] * f.x + B[1, 1] * f.y + B[1, 2] * f.z,
         B[2, 0] * f.x + B[2, 1] * f.y + B[2, 2] * f.z,
     )
-
-
-@inline
-def stopping(c: Record, q: Config, dt: Number, free: Scalar) -> Scalar:
-    """By how much the velocity of a joint has to change so that it does not pass its limits within the step."""
-    least, most = allowed(c, q, dt)
-    return select(least - free, least - free, 0.0) - select(free - most, free - most, 0.0)
 
 
 @inline

@@ -147,8 +147,8 @@ class Scene:
         """The scene of a TOML text, such as a file beside the URDF: the constructor's options by name.
 
         ``friction`` is true, false or a table of ``Friction``'s coefficients; ``[motor]`` has those of ``Motor``,
-        ``[contacts]`` points, friction, restitution, sweeps and ``[contacts.terrain]`` with kind "plane" or
-        "heightfield"; ``[[constraint]]`` entries are those of ``Constraints.of_toml``.
+        ``[contacts]`` points, friction, restitution, tolerance, steps, rounds, and ``[contacts.terrain]`` with kind
+        "plane" or "heightfield"; ``[[constraint]]`` entries are those of ``Constraints.of_toml``.
 
         Raises  SimulationError for what is no such text, naming the key; SpatialDynError before Python 3.11, which
                 reads no TOML; otherwise as the class

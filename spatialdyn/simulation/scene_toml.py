@@ -38,7 +38,7 @@ def write(given: Mapping[str, Any], defaults: Mapping[str, Any]) -> str:
     if motor is not None:
         tables["motor"] = _fields(motor)
     if contacts is not None:
-        tables["contacts"] = {"sweeps": contacts.sweeps}
+        tables["contacts"] = {"tolerance": contacts.tolerance, "steps": contacts.steps, "rounds": contacts.rounds}
         for name, of_points in (("points", contacts.radii), ("friction", contacts.friction.tolist()),
                                 ("restitution", contacts.restitution.tolist())):  # fmt: skip
             tables[f"contacts.{name}"] = dict(zip(contacts.names, of_points, strict=True))
@@ -79,7 +79,8 @@ def read(model: Model, text: str) -> dict[str, Any]:
     if "motor" in given:
         found["motor"] = _made("motor", Motor, given["motor"])
     if "contacts" in given:
-        entries = _table("contacts", given["contacts"], ("points", "friction", "restitution", "terrain", "sweeps"))
+        known = ("points", "friction", "restitution", "terrain", "tolerance", "steps", "rounds")
+        entries = _table("contacts", given["contacts"], known)
         if "points" not in entries:
             raise SimulationError("[contacts] of the scene lacks points, expected {frame = radius}")
         if "terrain" in entries:

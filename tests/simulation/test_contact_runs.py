@@ -97,10 +97,10 @@ def test_a_ball_bounces_at_the_times_of_its_geometric_series(dt: float) -> None:
 
 
 @compiled
-def test_a_box_on_four_corners_creeps_below_32_micrometres_a_second() -> None:
+def test_a_box_on_four_corners_creeps_within_the_tolerance() -> None:
     model, corners = box(0.3)
-    for sweeps, creep in ((5, 32e-6), (10, 0.26e-6), (20, 2e-11)):
-        contacts = sd.Contacts(model, dict.fromkeys(corners, 0.0), friction=0.5, sweeps=sweeps)
+    for tolerance, creep in ((1e-6, 0.26e-6), (1e-10, 2e-11)):
+        contacts = sd.Contacts(model, dict.fromkeys(corners, 0.0), friction=0.5, tolerance=tolerance)
         q = sd.neutral(model)
         q[2] -= sd.contact_gaps(model, contacts, q).min()
         run = sd.rollout(sd.Scene(model, contacts=contacts), q, np.zeros(6), dt=DT, steps=500)
@@ -128,14 +128,13 @@ def test_a_quadruped_stands_on_its_weight_and_its_feet_do_not_creep(robot: Any) 
 
 @compiled
 @pytest.mark.parametrize("mu", [0.8, 0.3])
-def test_a_trotting_quadruped_is_solved_to_1e_4_in_95_of_100_steps(robot: Any, mu: float) -> None:
+def test_every_step_of_a_trotting_quadruped_is_solved(robot: Any, mu: float) -> None:
     model, _, q0 = robot
     contacts = sd.Contacts(model, dict.fromkeys(robot[1].names, 0.02), friction=mu)
     pd = hold(model, q0)._replace(q_ref=trot(model, q0, 800, 2e-3))
     run = sd.rollout(sd.Scene(model, contacts=contacts), q0, np.zeros(18), dt=2e-3, pd=pd, record="contacts")
     residual = run.contacts.residual
-    assert np.percentile(residual, 95) <= 1e-4
-    assert np.percentile(residual, 50) <= 1e-9
+    assert residual.max() <= 1e-6
     f = run.contacts.impulse
     assert (np.linalg.norm(f[..., :2], axis=-1) <= mu * f[..., 2] + 1e-12).all()
     assert 0.2 < (f[..., 2] > 0.0).mean() < 0.95  # feet lift and land
@@ -222,9 +221,9 @@ def test_joints_of_one_chain_stop_together() -> None:
         parent = f"b{k}"
     model = made.build()
     run = sd.rollout(sd.Scene(model, limits=True), np.zeros(4), np.zeros(4), dt=DT, steps=300, record="contacts")
-    assert abs(run.v).max() <= 1e-9
-    assert run.contacts.residual.max() <= 1e-9
-    np.testing.assert_allclose(run.contacts.stop[-1] / DT, sd.generalized_gravity(model, np.zeros(4)), rtol=1e-9)
+    assert abs(run.v).max() <= 1e-6
+    assert run.contacts.residual.max() <= 1e-6
+    np.testing.assert_allclose(run.contacts.stop[-1] / DT, sd.generalized_gravity(model, np.zeros(4)), rtol=1e-6)
 
 
 def test_limits_act_beside_feet(robot: Any) -> None:
@@ -542,7 +541,7 @@ def test_more_heights_than_lanes_take_run_one_by_one(robot: Any) -> None:
 
 def test_a_step_that_is_not_solved_names_sample_time_and_point(robot: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     model, contacts, q0 = robot
-    rough = sd.Contacts(model, {"trunk": 0.0, **dict.fromkeys(contacts.names, 0.02)}, sweeps=1)  # the first is solved
+    rough = sd.Contacts(model, {"trunk": 0.0, **dict.fromkeys(contacts.names, 0.02)}, tolerance=1.0)  # a sweep
     v0 = np.zeros((2, 18))
     v0[:, 2], v0[:, 3] = -0.5, [0.5, 1.0]
     monkeypatch.setattr(contact_effect, "UNSOLVED", 1e-12)

@@ -17,7 +17,9 @@ from spatialdyn.simulation.scene import EFFECTS, FIELDS
 ARM = sd.load_urdf("two_link")
 DRY = sd.Friction([0.3, 0.2], [0.1, 0.05], smoothing=[0.1, 0.1], bristle_stiffness=[90.0, 80.0])
 MOTOR = sd.Motor([0.03, 0.03], 0.6, 24.0, 50.0)
-TIP = sd.Contacts(ARM, {"tip": 0.02}, friction=0.6, restitution=0.1, terrain=sd.Plane((0.0, 0.1, 1.0), -2.0), sweeps=7)
+TIP = sd.Contacts(
+    ARM, {"tip": 0.02}, friction=0.6, restitution=0.1, terrain=sd.Plane((0.0, 0.1, 1.0), -2.0), tolerance=1e-7
+)
 GROUND = sd.Contacts(ARM, {"tip": 0.02}, terrain=sd.Heightfield([[-3.0, -3.0], [-3.0, -2.9]], 0.5, (1.0, 2.0)))
 LOOP = sd.Constraints(ARM, [sd.CouplerConstraint("joint2", "joint1", ratio=-2.0)])
 PUSH = np.zeros((ARM.njoints, 6))
@@ -210,7 +212,7 @@ def test_names_and_numbers_come_back_from_toml(name: str, number: float) -> None
         ("x = ", "the scene is no TOML"),
         ("wind = 3", "the scene in TOML has wind, expected some of stabilization"),
         ("contacts = 3", r"contacts of the scene is 3, expected a table \[contacts\]"),
-        ("[contacts]\nsweeps = 3", r"\[contacts\] of the scene lacks points"),
+        ("[contacts]\ntolerance = 1e-3", r"\[contacts\] of the scene lacks points"),
         ("[contacts]\npoints = {tip = 0.1}\nbounce = 1", r"\[contacts\] of the scene has bounce, expected some of"),
         ('[contacts]\npoints = {tip = 0.1}\nterrain = {kind = "sea"}', "has no kind of plane, heightfield"),
         ('[contacts]\npoints = {tip = 0.1}\nterrain = {kind = "heightfield"}', r"\[contacts.terrain\] of the scene: "),

@@ -252,6 +252,7 @@ def record_double_double(bodies: NDArray[Any], inputs: int, made: Callable[..., 
 
 def allocate_registers(program: Program) -> DoubleDouble:
     """A program with registers instead of lines, each reused after its last reader."""
+    program.straight("double-double")
     lines, kept = program.lines, {line for line, _ in program.outputs}
     last = {k: at for at, op in enumerate(lines) for k in operands(op)}
     register: dict[int, int] = {}

@@ -7,13 +7,14 @@ bits of a sample depend on that sample alone, however many there are: each opera
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import nullcontext
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...algebra import heights, scalars
+from ...algebra import heights, regions, scalars
 from ...algebra.rotations import UNIT_TOLERANCE
 from ...bodies.kinds import unit_parts
 from ...bodies.static_table import StaticTable
@@ -96,6 +97,22 @@ def _select(x: Samples, positive: Any, otherwise: Any) -> Samples:
     return Samples(np.where(x.x > 0.0, _array(positive), _array(otherwise)))
 
 
+def _repeat(cap: int, x: Any, carried: regions.Carried) -> Iterator[None]:
+    """A region of ``algebra.regions``: samples that it is done with keep their values."""
+    for k in range(cap):
+        runs = _array(x if k == 0 else carried.left[0]) > 0.0
+        if not np.any(runs):
+            return
+        before = carried.get()
+        yield
+        after = carried.get()
+        carried.put(a if a is b else _chosen(runs, a, b) for a, b in zip(after, before, strict=True))
+
+
+def _chosen(runs: Any, after: Any, before: Any) -> Samples:
+    return Samples(np.where(runs, _array(after), _array(before)))
+
+
 def _bilinear(x: Any, y: Any, rows: Any, first: int) -> tuple[Samples, ...]:
     x, y = np.broadcast_arrays(_array(x), _array(y))
     found = np.array([heights.bilinear(*at, rows, first) for at in zip(x.tolist(), y.tolist(), strict=True)], F8)
@@ -106,6 +123,7 @@ for _function in (scalars.sin, scalars.cos, scalars.exp, scalars.atan2):
     _function.register(Samples)(_each(_function.dispatch(float)))
 scalars.sqrt.register(Samples)(lambda x: Samples(np.sqrt(x.x)))
 scalars.select.register(Samples)(_select)
+regions.settled.register(Samples)(lambda x: False)
 heights.bilinear.register(Samples)(_bilinear)
 
 
@@ -164,7 +182,8 @@ class Evaluation:
         parameters.put(tree, self._parameters, [_columns(x, n, wrapped).tolist() for x in values], taken)
         rows = rows_of(tree)
         pivots = np.zeros(len(rows) - 1, object)
-        found = evaluate(self._spec, rows, self._shape, given, pivots, 0.0).ravel()
+        with regions.running(_repeat) if wrapped else nullcontext():
+            found = evaluate(self._spec, rows, self._shape, given, pivots, 0.0).ravel()
         for k, x in enumerate(found):
             out[:, k] = _array(x)
         status[:] = np.where(np.isfinite(out).all(axis=1), OK, NONFINITE)

@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...algebra import scalars
+from ...algebra import regions, scalars
 from ...errors import SpatialDynError, pip_install
 from ...recursions.spec import Spec, shape_in
 from ..programs.tracer import evaluate
@@ -139,6 +139,7 @@ scalars.sqrt.register(Number)(_unknown("sqrt"))
 scalars.exp.register(Number)(_unknown("exp"))
 scalars.atan2.register(Number)(_unknown("atan2"))
 scalars.select.register(Number)(_unknown("select"))
+regions.settled.register(Number)(_unknown("the end of a loop or a branch"))
 scalars.exceeds.register(Number)(lambda x, floor: 1.0 if x.num else 0.0)  # in almost every configuration
 
 

@@ -13,7 +13,9 @@ from collections.abc import Sequence
 
 from .operations import FORMS, INPUT
 from .program import Program
-from .source_code import Shapes, SourceText
+from .source_code import C, Shapes, SourceText
+
+CASADI = C._replace(value="const casadi_real {};", carried="casadi_real {};")
 
 HEAD = """#include <math.h>
 
@@ -128,7 +130,7 @@ def _function(
     used = {owners[op.a] for op in program.lines if op.code == INPUT}
     text = SourceText(program, entries, {code: form.c for code, form in FORMS.items()}, "INFINITY")
     lines = [f"    const casadi_real *{x} = arg[{k}] ? arg[{k}] : zeros;" for k, x in enumerate(read) if k in used]
-    lines += [f"    const casadi_real {line};" for line in text.lines()]
+    lines += [f"    {line}" for line in text.lines(CASADI)]
     for k, taken in enumerate(places):
         lines.append(f"    if (res[{k}]) {{")
         results = text.results([f"res[{k}][{at}]" for at in range(len(taken))], taken)

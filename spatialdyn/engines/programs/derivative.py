@@ -167,6 +167,7 @@ def jacobian(program: Program) -> Program:
 
 def _replayed(tape: Tape, program: Program, inputs: Sequence[Any], lines: list[Any]) -> Any:
     """(code, operands as places, operands, value) of each line, recorded again; values are appended to ``lines``."""
+    program.straight("a derivative")
     for op in program.lines:
         places: Sequence[int] = signed(op)
         given = [lines[k] if k >= 0 else -lines[-k - 1] for k in places]

@@ -104,6 +104,7 @@ class Bounding:
 
     def run(self, program: Program, inputs: Sequence[Bounded], bounds: bool = True) -> list[Bounded]:
         """The outputs of a program with their b, or with 0 in its place."""
+        program.straight("a bound of errors")
         lines: list[Bounded] = []
         for op in program.lines:
             if op.code == INPUT:

@@ -16,7 +16,24 @@ from ...algebra.rotations import UNIT_TOLERANCE
 from ...errors import SpatialDynError
 from ..polynomials import MAX_ANGLE
 from .kernel_layout import KernelLayout
-from .operations import ADD, CONST, COS, FMA, FMS, FNMA, FORMS, INPUT, MUL, SIN, SUB
+from .operations import (
+    ADD,
+    AGAIN,
+    CARRIED,
+    CONST,
+    COS,
+    FMA,
+    FMS,
+    FNMA,
+    FORMS,
+    INPUT,
+    MUL,
+    NEXT,
+    REPEAT,
+    SIN,
+    SUB,
+    arities,
+)
 from .program import Program
 from .schedule import angles, late
 
@@ -75,9 +92,12 @@ def opcodes() -> dict[int, int]:
     FINITE  rejects the sample unless all three values are finite
     WITHIN  rejects it unless the first value's magnitude is at most the second
     ABOVE   rejects it unless the first value is more than the second
+    CARRIED the first value read
+    REPEAT  if the first value is above 0 in no sample, goes forward by the second slot read, in instructions
+    AGAIN   goes back by the first slot read, in instructions
     END     ends the program
     """
-    codes = dict.fromkeys((*ARITHMETIC, *FORMS, TURN, NEGATE, FINITE, WITHIN, ABOVE, END))
+    codes = dict.fromkeys((*ARITHMETIC, *FORMS, TURN, NEGATE, FINITE, WITHIN, ABOVE, CARRIED, REPEAT, AGAIN, END))
     return {code: k for k, code in enumerate(codes)}
 
 
@@ -120,7 +140,7 @@ class _Encoder:
 
     def negative(self, value: int, rows: list[Row]) -> int:
         """The value with the other sign."""
-        if value not in self.negated:
+        if value not in self.negated or self.program.regions:  # there it may not be computed, or of an earlier value
             self.negated[value] = self.new()
             rows.append((NEGATE, self.negated[value], value, NONE, NONE))
         return self.negated[value]
@@ -177,9 +197,9 @@ class _Encoder:
         """The program's rows, sine and cosine of one angle together."""
         table = self.table
         work = np.flatnonzero((table[:, 0] != INPUT) & (table[:, 0] != CONST))
-        arity = np.zeros(max(FORMS) + 1, np.int64)
-        for code, form in FORMS.items():
-            arity[code] = form.arity
+        arity_of = arities()
+        arity = np.zeros(max(arity_of) + 1, np.int64)
+        arity[list(arity_of)] = list(arity_of.values())
         operands = np.where(np.arange(3) < arity[table[work, 0], None], table[work, 1:], len(self.number) - 1)
         place = 4 * np.arange(len(work))
         signs: list[Row] = []
@@ -193,6 +213,12 @@ class _Encoder:
             more.append(value)
         number = np.concatenate((self.number, np.array(more, np.int64)))
         rows = np.column_stack((table[work, 0], work, number[operands]))
+        if self.program.regions:
+            nexts = np.flatnonzero(rows[:, 0] == NEXT)
+            rows[nexts, 0], rows[nexts, 1], rows[nexts, 2], rows[nexts, 3] = CARRIED, *rows[nexts, 2:4].T, NONE
+            markers = np.flatnonzero((rows[:, 0] == REPEAT) | (rows[:, 0] == AGAIN))
+            rows[markers, 1] = NONE
+            rows[rows[:, 0] == AGAIN, 2] = NONE
         first: dict[int, int] = {}
         for k in np.flatnonzero((rows[:, 0] == SIN) | (rows[:, 0] == COS)).tolist():
             at = first.setdefault(int(rows[k, 2]), k)
@@ -225,7 +251,11 @@ class _Encoder:
         opcode = np.zeros(max(known) - min(known) + 1, np.int64)
         opcode[np.array(list(known)) - min(known)] = list(known.values())
         places[:, 0] = places[:, 0] << CODE_BITS | opcode[np.maximum(rows[:, 0], min(known)) - min(known)]
-        code = places[rows[:, 0] != ALSO].astype(np.uint32)
+        kept = rows[:, 0] != ALSO
+        for head, end in _regions(rows):
+            places[head, 2] = kept[head : end + 1].sum()
+            places[end, 1] = kept[head:end].sum()
+        code = places[kept].astype(np.uint32)
         lines_of = np.array([line for line, _ in self.program.outputs], np.int64)
         signs = np.where([minus for _, minus in self.program.outputs], SIGN, np.uint64(0))
         entries = slot[self.number[lines_of]].astype(np.uint64) | signs if len(lines_of) else signs
@@ -245,26 +275,50 @@ class _Encoder:
         last[fixed[: len(fixed) - self.columns]] = len(rows)  # constants stay
         last[self.number[[line for line, _ in self.program.outputs]]] = len(rows)
         last[NONE] = len(rows)
+        released: dict[int, list[int]] = {}  # at the end of a region, what was computed before it and it reads last
+        if self.program.regions:
+            first = np.full(self.count + 1, len(rows))
+            np.minimum.at(first, rows[:, 1], at)
+            first[fixed] = -1
+            for head, end in _regions(rows):
+                held_on = (first < head) & (last > head) & (last < end)
+                last[held_on] = end
+            for value in np.flatnonzero(np.isin(last, [end for _, end in _regions(rows)])).tolist():
+                released.setdefault(int(last[value]), []).append(value)
         ends = last[read] == at[:, None]
         ends[:, 1] &= read[:, 1] != read[:, 0]
         ends[:, 2] &= (read[:, 2] != read[:, 0]) & (read[:, 2] != read[:, 1])
         held: list[int] = slot.tolist()
         free: list[int] = []
         count = len(fixed)
-        for value, a, b, c in zip(rows[:, 1].tolist(), *np.where(ends, read, NONE).T.tolist(), strict=True):
+        columns = (rows[:, 1].tolist(), *np.where(ends, read, NONE).T.tolist())
+        for k, (value, a, b, c) in enumerate(zip(*columns, strict=True)):
             if a >= 0:
                 free.append(held[a])
             if b >= 0:
                 free.append(held[b])
             if c >= 0:
                 free.append(held[c])
-            if value >= 0:
+            if k in released:
+                free += [held[x] for x in released[k]]
+            if value >= 0 and (not released or held[value] < 0):
                 if free:
                     held[value] = free.pop()
                 else:
                     held[value] = count
                     count += 1
         return np.array(held), count
+
+
+def _regions(rows: NDArray[np.int64]) -> list[tuple[int, int]]:
+    """The rows REPEAT and AGAIN of each region, an inner one before that around it."""
+    found, heads = [], []
+    for k in np.flatnonzero((rows[:, 0] == REPEAT) | (rows[:, 0] == AGAIN)).tolist():
+        if rows[k, 0] == REPEAT:
+            heads.append(k)
+        else:
+            found.append((heads.pop(), k))
+    return found
 
 
 def encode(program: Program, layout: KernelLayout) -> Encoded:

@@ -12,7 +12,7 @@ from . import host_cpu
 from .instructions import ABOVE, ARITHMETIC, CODE_BITS, END, FINITE, NEGATE, SIGN, TURN, WITHIN, opcodes
 from .llvm_entry import DATA_OFFSET
 from .llvm_vectors import ZERO, Vectors
-from .operations import FORMS
+from .operations import AGAIN, CARRIED, FORMS, REPEAT
 
 # Words of a context, 8 bytes each. Addresses: instructions, slots of one sample, vectors of constants, and tables of
 # (first slot, columns) for each input and (slots, columns) for each output. Numbers: of constants, inputs and outputs.
@@ -33,6 +33,7 @@ class _Text(Vectors):
     def __init__(self, lanes: int) -> None:
         super().__init__("double", lanes, host_cpu.host()[3])
         self.signs = ["", ""]  # of x and z of the instruction at hand, one of ARITHMETIC
+        self.forward = self.back = ""  # blocks that go far
 
     def word(self, index: int, kind: str = "i64") -> str:
         """A word of the context."""
@@ -86,6 +87,32 @@ class _Text(Vectors):
             self.label(f"op{number}")
             write(code, f"op{number}")
 
+    def step(self, code: str) -> None:
+        """Begin an instruction, %pc: the first is at ``code``, then those that ``advance`` reaches."""
+        self.jump("begin", then="begin")
+        self.jump("step", then="step")
+        self.do(f"%pc = phi ptr [ {code}, %begin ], [ %pc.next, %next ], [ %pc.far, %far ]")
+
+    def repeat(self, some: str, slots: Values, block: str) -> None:
+        """End REPEAT in ``block``: on if ``some`` holds, else forward."""
+        self.do(f"%forward = mul i64 {slots[1]}, {INSTRUCTION}")
+        self.do(f"br i1 {some}, label %next, label %far")
+        self.forward = block
+
+    def again(self, slots: Values, block: str) -> None:
+        """End AGAIN in ``block``: back."""
+        self.do(f"%back = mul i64 {slots[0]}, {-INSTRUCTION}")
+        self.do("br label %far")
+        self.back = block
+
+    def advance(self) -> None:
+        """Go on: to the next instruction, or as far as REPEAT or AGAIN says."""
+        self.label("far")
+        self.do(f"%distance = phi i64 [ %forward, %{self.forward} ], [ %back, %{self.back} ]")
+        self.do("%pc.far = getelementptr i8, ptr %pc, i64 %distance")
+        self.jump("step", then="next")
+        self.do(f"%pc.next = getelementptr i8, ptr %pc, i64 {INSTRUCTION}")
+
     def flipped(self, value: str, sign: str) -> str:
         """A value with its sign flipped where ``sign`` is -0."""
         bits = [self.put(f"bitcast {self.vector} {x} to {self.bits}") for x in (value, sign)]
@@ -98,6 +125,8 @@ class _Text(Vectors):
             return [self.fused(self.flipped(x, self.signs[0]), y, self.flipped(z, self.signs[1]))]
         if code in FORMS:
             return [FORMS[code].llvm(self, *given)]
+        if code == CARRIED:
+            return given
         if code == TURN:
             return list(self.sincos(given[0]))
         return [self.negative(given[0])] if code == NEGATE else []
@@ -132,7 +161,11 @@ attributes #0 = {{ nounwind{vectors if self.lanes > 1 else ""} }}
 
 def arity(code: int) -> int:
     """How many slots an instruction reads."""
-    return FORMS[code].arity if code in FORMS else {TURN: 1, NEGATE: 1, ANY: 3, FINITE: 3}.get(code, 2)
+    return (
+        FORMS[code].arity
+        if code in FORMS
+        else {TURN: 1, NEGATE: 1, CARRIED: 1, REPEAT: 1, AGAIN: 0, ANY: 3, FINITE: 3}.get(code, 2)
+    )
 
 
 def one_text() -> str:
@@ -152,13 +185,17 @@ def one_text() -> str:
         t.loop("column", columns, lambda i: t.store("i64", t.load("i64", t.number(source, i)), t.number(target, i)))
 
     t.loop("input", t.word(INPUT_COUNT), read)
-    t.jump("begin", then="begin")
-    t.jump("step", then="step")
-    t.do(f"%pc = phi ptr [ {code}, %begin ], [ %pc.next, %next ]")
+    t.step(code)
     opcode, to, slots = t.fetch()
 
     def write(code: int, label: str) -> None:
         given = [t.load(t.vector, t.number(values, slot), 8) for slot in slots[: arity(code)]]
+        if code == REPEAT:
+            t.repeat(t.put(f"extractelement {t.truth} {t.above_zero(given[0])}, i64 0"), slots, label)
+            return
+        if code == AGAIN:
+            t.again(slots, label)
+            return
         made = t.results(code, given)
         for value, place in zip(made, (to, slots[1]), strict=False):
             t.store(t.vector, value, t.number(values, place), 8)
@@ -169,8 +206,7 @@ def one_text() -> str:
             t.do(f"br i1 {valid}, label %next, label %rejected")
 
     t.branches(opcode, "results", write)
-    t.label("next")
-    t.do(f"%pc.next = getelementptr i8, ptr %pc, i64 {INSTRUCTION}")
+    t.advance()
     t.jump("step", then="rejected")
     t.do("ret i64 0")
     t.label("results")
@@ -267,14 +303,27 @@ def tiles_text(lanes: int) -> str:
         t.loop("read.group", "%wide", group, lanes)
 
     t.loop("input", input_count, read)
-    t.jump("begin", then="begin")
-    t.jump("step", then="step")
-    t.do(f"%pc = phi ptr [ {code}, %begin ], [ %pc.next, %next ]")
+    t.step(code)
     opcode, to, slots = t.fetch()
     targets = [place(to)[0], place(slots[1])[0]]
     sources = [place(slot) for slot in slots]
 
     def write(code: int, label: str) -> None:
+        if code == AGAIN:
+            t.again(slots, label)
+            return
+        if code == REPEAT:
+            t.jump(f"{label}.loop", then=f"{label}.loop")
+            t.do(f"%{label}.i = phi i64 [ 0, %{label} ], [ %{label}.i.next, %{label}.loop ]")
+            t.do(f"%{label}.some = phi {t.truth} [ {ZERO}, %{label} ], [ %{label}.more, %{label}.loop ]")
+            here = t.load(t.vector, t.number(sources[0][0], f"%{label}.i"), vector)
+            t.do(f"%{label}.more = or {t.truth} %{label}.some, {t.above_zero(here)}")
+            t.do(f"%{label}.i.next = add i64 %{label}.i, {lanes}")
+            more = t.put(f"icmp slt i64 %{label}.i.next, %wide")
+            t.branch(more, f"{label}.loop", f"{label}.end", then=f"{label}.end")
+            runs = t.put(f"bitcast {t.truth} %{label}.more to i{lanes}")
+            t.repeat(t.put(f"icmp ne i{lanes} {runs}, 0"), slots, f"{label}.end")
+            return
         used = sources[: arity(code)]
         t.jump(f"{label}.loop", then=f"{label}.loop")
         t.do(f"%{label}.i = phi i64 [ 0, %{label} ], [ %{label}.i.next, %{label}.loop ]")
@@ -301,8 +350,7 @@ def tiles_text(lanes: int) -> str:
         t.do(f"br i1 {more}, label %{label}.loop, label %next")
 
     t.branches(opcode, "results", write)
-    t.label("next")
-    t.do(f"%pc.next = getelementptr i8, ptr %pc, i64 {INSTRUCTION}")
+    t.advance()
     t.jump("step", then="results")
 
     def give(k: str) -> None:

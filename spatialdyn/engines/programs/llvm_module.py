@@ -62,7 +62,9 @@ def _in_blocks(lines: Sequence[str]) -> tuple[str, str]:
     text, stores, last = [], 0, "loop"
     for line in lines:
         text.append(line)
-        if line.startswith("  store"):
+        if line.endswith(":"):
+            last = line[:-1]
+        elif line.startswith("  store"):
             stores += 1
             if stores % BLOCK_STORES == 0:
                 last = f"block{stores // BLOCK_STORES}"

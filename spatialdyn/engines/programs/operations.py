@@ -3,6 +3,16 @@
 ``FORMS`` has a row for each operation and a column for each backend, which runs or prints programs by its column alone:
 a new operation is one row, a new backend one column. The functions that record operations are registered with
 ``algebra.scalars`` in ``tracer``.
+
+A region of ``algebra.regions`` is a part of the list between two lines that compute nothing. Each value that it carries
+is a line CARRIED before it, whose value NEXT lines at the end of the region replace:
+
+    CARRIED a        a value, at first a; what reads it later reads what it holds then
+    REPEAT a         run the lines up to AGAIN while the carried value a of any sample is above 0
+    NEXT a b         the carried value a is b from here on
+    AGAIN a          back to the line REPEAT a
+
+Where a is not above 0, all b are the values that the region found: selected, so a sample does not see the others.
 """
 
 from __future__ import annotations
@@ -14,6 +24,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 INPUT, CONST, ADD, SUB, MUL, DIV, FMA, FMS, FNMA, SQRT, SIN, COS, EXP, ATAN2, SELECT, ABS, UFP = range(17)
+CARRIED, REPEAT, NEXT, AGAIN = range(17, 21)  # of regions
+REGIONS = {CARRIED: 1, REPEAT: 1, NEXT: 2, AGAIN: 1}  # how many lines they read
 
 
 class Operation(NamedTuple):
@@ -27,7 +39,7 @@ class Operation(NamedTuple):
 
 
 class Form(NamedTuple):
-    """The forms of an operation on a, b, c: all codes have a row but INPUT and CONST, which compute nothing.
+    """The forms of an operation on a, b, c: all codes have a row but those that compute nothing: INPUT, CONST, REGIONS.
 
     name           in listings; an operator is written between its operands
     arity          number of operands
@@ -136,16 +148,23 @@ FORMS: dict[int, Form] = {
 }  # fmt: skip
 
 
+def arities() -> dict[int, int]:
+    """How many lines each operation reads."""
+    return {INPUT: 0, CONST: 0, **REGIONS, **{code: form.arity for code, form in FORMS.items()}}
+
+
 def name_of(code: int) -> str:
     """The name of an operation."""
-    leaves: Mapping[int, str] = {INPUT: "input", CONST: "const"}
+    leaves: Mapping[int, str] = {
+        INPUT: "input", CONST: "const", CARRIED: "carried", REPEAT: "repeat", NEXT: "next", AGAIN: "again"
+    }  # fmt: skip
     return FORMS[code].name if code in FORMS else leaves[code]
 
 
 def signed(op: Operation) -> tuple[int, ...]:
     """The operands of a line, as written."""
     form = FORMS.get(op.code)
-    return (op.a, op.b, op.c)[: form.arity] if form else ()
+    return (op.a, op.b, op.c)[: form.arity if form else REGIONS.get(op.code, 0)]
 
 
 def operands(op: Operation) -> Iterator[int]:

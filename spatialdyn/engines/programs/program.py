@@ -1,4 +1,4 @@
-"""Programs: the operations of one model in a straight line, made of a tape, with its dead operations dropped."""
+"""Programs: the operations of one model, in a straight line but for regions, made of a tape, without its dead ones."""
 
 from __future__ import annotations
 
@@ -10,12 +10,32 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .operations import ADD, CONST, FMA, FMS, FNMA, FORMS, INPUT, MUL, SUB, Operation, operands, signed
+from ...errors import SpatialDynError
+from . import regions
+from .operations import (
+    ADD,
+    AGAIN,
+    CARRIED,
+    CONST,
+    FMA,
+    FMS,
+    FNMA,
+    FORMS,
+    INPUT,
+    MUL,
+    NEXT,
+    REPEAT,
+    SUB,
+    Operation,
+    arities,
+    operands,
+    signed,
+)
 from .tracer import Line, Tape
 
 
 class Program:
-    """The operations of one traced run, in a straight line.
+    """The operations of one traced run.
 
     lines    operations in order; operands are lines, or -line - 1 for a negated one where the operation allows it
     outputs  (line, whether negated) of each output
@@ -27,7 +47,7 @@ class Program:
         """The lines of a tape that the outputs need."""
         marked = [tape.number(x) for x in outputs]
         self.lines: list[Operation]
-        self.lines, roots = _eliminate_dead(tape.lines, [x.line for x in marked], fuse)
+        self.lines, roots = _eliminate_dead(tape.lines, [x.line for x in marked], fuse, tape.looped)
         self.outputs: list[tuple[int, bool]] = [(r, x.minus) for r, x in zip(roots, marked, strict=True)]
         self.inputs = inputs
         self.errors = None if tape.errors is None else tuple(tape.errors)
@@ -37,9 +57,19 @@ class Program:
         chosen = [self.outputs[k] for k in outputs]
         made = Program.__new__(Program)
         made.inputs, made.errors = self.inputs, self.errors
-        made.lines, roots = _eliminate_dead(self.lines, [line for line, _ in chosen], fuse=False)
+        made.lines, roots = _eliminate_dead(self.lines, [line for line, _ in chosen], False, bool(self.regions))
         made.outputs = [(line, minus) for line, (_, minus) in zip(roots, chosen, strict=True)]
         return made
+
+    @cached_property
+    def regions(self) -> list[regions.Region]:
+        """The regions, an inner one before that around it."""
+        return regions.find(self.lines) if (self.table[:, 0] == REPEAT).any() else []
+
+    def straight(self, what: str) -> None:
+        """Raise SpatialDynError if there are regions, which ``what`` cannot have."""
+        if self.regions:
+            raise SpatialDynError(f"{what} got a program with loops or branches, expected one in a straight line")
 
     @cached_property
     def table(self) -> NDArray[np.int64]:
@@ -80,6 +110,12 @@ class Program:
                 what = f"input[{op.a}]"
             elif op.code == CONST:
                 what = repr(op.value)
+            elif op.code == CARRIED:
+                what = f"carried({'x' if op.a >= 0 else '-x'}{op.a if op.a >= 0 else -op.a - 1})"
+            elif op.code not in FORMS:
+                a, b = f"x{op.a}", f"x{op.b}"
+                text.append({REPEAT: f"x{k}: repeat while {a} > 0", NEXT: f"{a} = {b}", AGAIN: f"again {a}"}[op.code])
+                continue
             else:
                 form, names = FORMS[op.code], [f"x{i}" if i >= 0 else f"-x{-i - 1}" for i in signed(op)]
                 sign = not form.name.isalnum()
@@ -90,37 +126,43 @@ class Program:
 
     def run(self, inputs: Sequence[Any] | NDArray[Any]) -> list[Any]:
         """Run on NumPy arrays or floats, one per input; one result per output: the oracle of compiled programs."""
-        x: list[Any] = []
+        x: list[Any] = [inputs[op.a] if op.code == INPUT else op.value for op in self.lines]
+        ends = {region.head: region.end for region in self.regions}
 
         def at(k: int) -> Any:
             return x[k] if k >= 0 else -x[-k - 1]
 
         with np.errstate(all="ignore"):
-            for op in self.lines:
-                if op.code == INPUT:
-                    x.append(inputs[op.a])
-                elif op.code == CONST:
-                    x.append(op.value)
-                else:
-                    x.append(FORMS[op.code].numpy(*map(at, signed(op))))
+            k = 0
+            while k < len(x):
+                op = self.lines[k]
+                if op.code in FORMS:
+                    x[k] = FORMS[op.code].numpy(*map(at, signed(op)))
+                elif op.code == CARRIED:
+                    x[k] = at(op.a)
+                elif op.code == NEXT:
+                    x[op.a] = x[op.b]
+                elif op.code == AGAIN:
+                    k = op.a - 1
+                elif op.code == REPEAT and not np.any(x[op.a] > 0.0):
+                    k = ends[k]
+                k += 1
             return [-x[k] if minus else x[k] for k, minus in self.outputs]
 
 
-def _arities() -> dict[int, int]:
-    """How many operands each operation has."""
-    return {INPUT: 0, CONST: 0, **{code: form.arity for code, form in FORMS.items()}}
-
-
-def _eliminate_dead(lines: Sequence[Line], roots: Sequence[int], fuse: bool) -> tuple[list[Operation], list[int]]:
+def _eliminate_dead(
+    lines: Sequence[Line], roots: Sequence[int], fuse: bool, looped: bool
+) -> tuple[list[Operation], list[int]]:
     """Dead-code elimination: the lines that the roots need, renumbered in the same order; the roots.
 
-    fuse  fuse products that one sum alone reads
+    fuse    fuse products that one sum alone reads
+    looped  whether there are regions
     """
-    uses = _uses(lines, roots)
+    uses = regions.uses(lines, roots) if looped else _uses(lines, roots)
     fused = _fuse_products(lines, uses) if fuse else {}
     for _, product, _ in fused.values():
         uses[product] = 0
-    arities, number = _arities(), [0] * len(uses)
+    arity_of, number = arities(), [0] * len(uses)
     kept: list[Operation] = []
     for k, used in enumerate(uses):
         if not used:
@@ -130,7 +172,7 @@ def _eliminate_dead(lines: Sequence[Line], roots: Sequence[int], fuse: bool) -> 
         if k in fused:
             code, product, c = fused[k]
             _, a, b, _, _ = lines[product]
-        arity = arities[code]
+        arity = arity_of[code]
         if arity:
             a = number[a] if a >= 0 else -number[-a - 1] - 1
             if arity > 1:
@@ -144,13 +186,13 @@ def _eliminate_dead(lines: Sequence[Line], roots: Sequence[int], fuse: bool) -> 
 def _uses(lines: Sequence[Line], roots: Sequence[int]) -> list[int]:
     """How often each line is read, by lines that the roots need and as a root."""
     count = max(roots, default=-1) + 1
-    arities, uses = _arities(), [0] * count
+    arity_of, uses = arities(), [0] * count
     for k in roots:
         uses[k] += 1
     for k in range(count - 1, -1, -1):  # a line reads earlier ones: its readers come first here
         if uses[k]:
             code, a, b, c, _ = lines[k]
-            arity = arities[code]
+            arity = arity_of[code]
             if arity:
                 uses[a if a >= 0 else -a - 1] += 1
                 if arity > 1:

@@ -6,12 +6,13 @@ import gc
 import itertools
 import math
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ...algebra import regions
 from ...algebra.scalars import EPS
 from ...bodies.joints import pitch_of
 from ...bodies.kinds import LENGTHS, SCREWS, SLIDES, unit_parts
@@ -168,7 +169,8 @@ def record(
     places, pivots, norms = [], [], []
     for k, spec in enumerate(specs):
         inner = np.zeros(n, dtype=object)
-        out = evaluate(spec, rows, shape(spec.output.shape), given, inner)
+        with nullcontext() if errors or options.double_double else regions.running(tape.repeat):
+            out = evaluate(spec, rows, shape(spec.output.shape), given, inner)
         wanted = out.ravel()[list(options.outputs[k])] if options.outputs else out.ravel()
         places.append(tuple(range(len(results), len(results) + len(wanted))))
         if spec.output.unit_norm:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection
 
 from .kernel_layout import KernelLayout
-from .operations import CONST, FORMS, INPUT, operands
+from .operations import CONST, FORMS, INPUT, arities, operands
 from .program import Program
 
 CHUNK_LENGTH = 8000  # operations of one function, in programs of more than MOST_WHOLE: 1500 cost a step of rk4 8 %
@@ -66,7 +66,7 @@ def late(program: Program, layout: KernelLayout) -> bool:
     nothing without. In longer programs it costs: of aba with bounds 8 to 20 %, of a step's derivatives 2 to 7 %, of aba
     of talos 5 %.
     """
-    return bool(layout.pivots) and len(program.lines) <= MOST_LATE
+    return bool(layout.pivots) and len(program.lines) <= MOST_LATE and not program.regions
 
 
 def held(program: Program, layout: KernelLayout) -> bool:
@@ -85,8 +85,19 @@ def _chunks(program: Program, late: bool) -> list[list[int]]:
     whole = len(lines) <= MOST_WHOLE
     order = depth_first(program) if late and whole else range(len(lines))
     work = [k for k in order if lines[k].code not in (INPUT, CONST)]
-    step = max(len(work), 1) if whole else CHUNK_LENGTH
-    return [work[i : i + step] for i in range(0, len(work), step)] or [[]]
+    if whole or not work:
+        return [work]
+    outer = {
+        region.start: region.end for region in program.regions
+    }  # an outer one behind those within, if they begin alike
+    chunks: list[list[int]] = [[]]
+    end = -1
+    for k in work:
+        if k > end and len(chunks[-1]) >= CHUNK_LENGTH:
+            chunks.append([])
+        end = max(end, outer.get(k, -1))
+        chunks[-1].append(k)
+    return chunks
 
 
 def angles(program: Program, late: bool) -> list[list[int]]:
@@ -108,12 +119,11 @@ def _angles_depth_first(program: Program, readers: Collection[int]) -> list[int]
     """The angles in the order in which ``depth_first`` meets their readers: it enters no line all of whose angles it
     has met, which saves four fifths of its time.
     """
-    lines = program.lines
+    lines, arity_of = program.lines, arities()
     bits: dict[int, int] = {}
     below: list[int] = []  # bits of the angles that a line depends on
-    arities = {INPUT: 0, CONST: 0, **{code: form.arity for code, form in FORMS.items()}}
     for code, a, b, c, _ in lines:
-        arity = arities[code]
+        arity = arity_of[code]
         found = 0
         if arity:
             found = below[a if a >= 0 else -a - 1]

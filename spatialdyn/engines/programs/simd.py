@@ -24,7 +24,7 @@ from .host_cpu import host, lanes_of, object_code
 from .kernel_layout import Float32Range, KernelLayout
 from .llvm_module import module
 from .llvm_vectors import ZERO, Vectors
-from .operations import CONST, FORMS, INPUT, signed
+from .operations import AGAIN, CARRIED, CONST, FORMS, INPUT, NEXT, REPEAT, signed
 from .program import Program
 from .schedule import Schedule, held, late
 from .structure import Numbers
@@ -57,7 +57,11 @@ class _Writer:
         self.poison_slot = self.schedule.slot_count  # followed by the floor's slot, if ranges are checked
         self.stage = self.poison_slot + (1 if layout.range is None else 2)  # slots of rows to be streamed
         staged = [len(places) for places in layout.outputs if stream and len(places) % lanes]
-        self.workspace = (self.stage + max(staged, default=0)) * lanes * (8 if self.scalar == "double" else 4)
+        carried = dict.fromkeys(k for region in program.regions for k in region.carried)
+        self.carried = {k: self.stage + max(staged, default=0) + at for at, k in enumerate(carried)}  # their slots
+        self.regions = {region.head: region for region in program.regions}
+        slots = self.stage + max(staged, default=0) + len(self.carried)
+        self.workspace = slots * lanes * (8 if self.scalar == "double" else 4)
 
     def text(self) -> str:
         """The module."""
@@ -173,11 +177,38 @@ class _Writer:
             if lines[k].code == CONST:
                 return t.spread("%numbers", self.numbers.of_line[k], self.afresh)
             if k not in values:
-                values[k] = t.load_vector("%ws", slots[k])
+                values[k] = t.load_vector("%ws", self.carried[k] if k in self.carried else slots[k])
             return values[k]
 
+        before: list[dict[int, str]] = []  # of each region that is being written, the values before it
         for k in chunk:
             op = lines[k]
+            if op.code == REPEAT:
+                before.append(dict(values))
+                t.jump(f"repeat{k}", then=f"repeat{k}")
+                runs = t.put(f"bitcast {t.truth} {t.above_zero(value(op.a))} to i{self.lanes}")
+                some = t.put(f"icmp ne i{self.lanes} {runs}, 0")
+                t.branch(some, f"run{k}", f"behind{k}", then=f"run{k}")
+                continue
+            if op.code == NEXT:
+                t.store_vector(value(op.b), "%ws", self.carried[op.a])
+                continue
+            if op.code == AGAIN:
+                t.jump(f"repeat{op.a}", then=f"behind{op.a}")
+                values.clear()
+                values |= before.pop()
+                for held in self.regions[op.a].carried:
+                    if inside and held in slots:
+                        t.store_vector(value(held), "%ws", slots[held])
+                continue
+            if op.code == CARRIED:
+                if k in self.carried:
+                    t.store_vector(value(op.a), "%ws", self.carried[k])
+                    continue
+                values[k] = value(op.a)  # no pass changes it
+                if inside and k in slots:
+                    t.store_vector(values[k], "%ws", slots[k])
+                continue
             form, given = FORMS[op.code], [value(operand) for operand in signed(op)]
             if form.angle and op.a not in angles:
                 angles.add(op.a)
@@ -200,7 +231,8 @@ class _Writer:
                 x = t.spread("%numbers", self.numbers.of_line[line])
             else:
                 if line not in self.values:
-                    self.values[line] = t.load_vector("%ws", self.schedule.slots[line])
+                    kept = self.carried[line] if self.whole and line in self.carried else self.schedule.slots[line]
+                    self.values[line] = t.load_vector("%ws", kept)
                 x = self.values[line]
             return t.negative(x) if minus else x
 

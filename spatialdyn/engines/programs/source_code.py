@@ -10,11 +10,26 @@ import keyword
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
+from typing import NamedTuple
 
-from .operations import CONST, FORMS, INPUT, Operation
+from .operations import AGAIN, CARRIED, CONST, FORMS, INPUT, NEXT, REPEAT, Operation
 from .program import Program
 
 Shapes = Mapping[str, tuple[int, ...]]
+
+
+class Language(NamedTuple):
+    """What statements look like: of a name and its value, of a carried value and one that replaces it, of loops."""
+
+    value: str
+    carried: str
+    replaced: str
+    loop: str
+    end: str
+
+
+C = Language("const double {};", "double {};", "{};", "while ({} > 0.0) {{", "}")
+PYTHON = Language("{}", "{}", "{}", "while np.any({} > 0.0):", "")
 
 
 def c_code(name: str, program: Program, inputs: Shapes, outputs: Shapes) -> str:
@@ -30,7 +45,7 @@ def c_code(name: str, program: Program, inputs: Shapes, outputs: Shapes) -> str:
             f"/* {sizes} -> {made} */",
             f"void {name}({', '.join(parameters)})",
             "{",
-            *(f"    const double {line};" for line in text.lines()),
+            *(f"    {line}" for line in text.lines(C)),
             *(f"    {line};" for line in text.results(_entries(outputs, "{}[{}]"))),
             "}",
             "",
@@ -54,7 +69,7 @@ def python_code(name: str, program: Program, inputs: Shapes, outputs: Shapes) ->
         lines += [f"    {x} = np.asarray({x}, dtype=float)", f"    {x} = {x}.reshape({lead} + ({math.prod(shape)},))"]
         shapes.append(f"{x}.shape[:-1]")
     lines.append(f"    batch = np.broadcast_shapes({', '.join(shapes)})")
-    lines += [f"    {line}" for line in text.lines()]
+    lines += [f"    {line}" for line in text.lines(PYTHON)]
     lines += [f"    {x} = np.empty(batch + ({math.prod(shape)},))" for x, shape in outputs.items()]
     lines += [f"    {line}" for line in text.results(_entries(outputs, "{}[..., {}]"))]
     made = ", ".join(f"{x}.reshape(batch + {shape})" for x, shape in outputs.items())
@@ -89,10 +104,27 @@ class SourceText:
     def _line(self, op: Operation) -> str:
         return self._forms[op.code].format(a=self._at(op.a), b=self._at(op.b), c=self._at(op.c))
 
-    def lines(self) -> list[str]:
-        """``x12 = x3 * x4`` of each line that computes."""
-        computed = ((k, op) for k, op in enumerate(self._program.lines) if op.code not in (INPUT, CONST))
-        return [f"x{k} = {self._line(op)}" for k, op in computed]
+    def lines(self, language: Language) -> list[str]:
+        """``x12 = x3 * x4`` of each line that computes, as statements, indented in the loops that they are in."""
+        made, depth = [], 0
+        for k, op in enumerate(self._program.lines):
+            if op.code in (INPUT, CONST):
+                continue
+            if op.code == AGAIN:
+                depth -= 1
+                statement = language.end
+            elif op.code == REPEAT:
+                statement = language.loop.format(self._at(op.a))
+            elif op.code == NEXT:
+                statement = language.replaced.format(f"x{op.a} = {self._at(op.b)}")
+            elif op.code == CARRIED:
+                statement = language.carried.format(f"x{k} = {self._at(op.a)}")
+            else:
+                statement = language.value.format(f"x{k} = {self._line(op)}")
+            if statement:
+                made.append("    " * depth + statement)
+            depth += op.code == REPEAT
+        return made
 
     def results(self, entries: Sequence[str], places: Sequence[int] | None = None) -> list[str]:
         """``out[0] = -x12`` of each output, or of those at these places."""

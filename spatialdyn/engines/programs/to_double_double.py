@@ -32,6 +32,7 @@ def to_double_double(program: Program, fma: bool) -> Program:
     fma  whether the host has fused multiply-add
     Raises SpatialDynError for an operation without a double-double form.
     """
+    program.straight("double-double")
     made = Pairs(fma)
     terms: list[Term] = []
     known: dict[int, Fraction] = {}  # lines that depend on the model alone

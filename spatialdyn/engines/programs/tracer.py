@@ -7,25 +7,31 @@ floats and on inputs that are ``Number``. A branch on a value cannot be recorded
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...algebra import heights, scalars
+from ...algebra import heights, regions, scalars
+from ...algebra.regions import Carried
+from ...errors import SpatialDynError
 from ...recursions.spec import Spec
 from .constants import error_of
 from .operations import (
     ADD,
+    AGAIN,
     ATAN2,
+    CARRIED,
     CONST,
     COS,
     DIV,
     EXP,
     INPUT,
     MUL,
+    NEXT,
+    REPEAT,
     SELECT,
     SIN,
     SQRT,
@@ -43,6 +49,8 @@ class Tape:
     inverses  index of 1 / x -> index of x
     errors    by how much constants that are not exact may be off; the line of one has its index in ``c``. None if that
               is not recorded; where it is, only an exact 0 or ±1 is absorbed
+    inside    of each region that is being recorded, the outermost first, what is above 0 while a sample runs it
+    looped    whether there are regions
     """
 
     def __init__(self, errors: bool = False) -> None:
@@ -51,6 +59,8 @@ class Tape:
         self.known: dict[Line, int] = {}
         self.inverses: dict[int, int] = {}
         self.errors: dict[float, int] | None = {0.0: 0} if errors else None
+        self.inside: list[Number] = []
+        self.looped = False
 
     def line(self, operation: Line) -> int:
         """The index of an operation, which is appended if new."""
@@ -62,6 +72,49 @@ class Tape:
         at = self.known[operation] = len(self.lines)
         self.lines.append(operation)
         return at
+
+    def append(self, operation: Line) -> int:
+        """The index of an operation that no other is like."""
+        self.lines.append(operation)
+        return len(self.lines) - 1
+
+    def repeat(self, cap: int, x: Any, carried: Carried) -> Iterator[None]:
+        """A region of ``algebra.regions``: its body runs once, on carried values that are fresh Numbers.
+
+        Beside those the region carries how often it may still run, and a number that is above 0 while a sample runs.
+        """
+        if not isinstance(x, Number) and not x > 0.0:
+            return
+        before = carried.get()
+        fresh = [self._carry(value) for value in before]
+        running = self._carry(_select(self.inside[-1], x, 0.0) if self.inside else x)
+        rest = self._carry(float(cap)) if cap > 1 else None
+        head = self.append((REPEAT, running.line, 0, 0, 0.0))
+        self.looped = True
+        self.inside.append(running)
+        carried.put(fresh)
+        yield
+        self.inside.pop()
+        after = [self.number(value) for value in carried.get()]
+        changes = [(x, y) for x, y in zip(fresh, after, strict=True) if (x.line, x.minus) != (y.line, y.minus)]
+        if rest is None:
+            changes.append((running, self.number(0.0)))
+        else:
+            fewer = rest - 1.0
+            changes += [(rest, fewer), (running, _select(fewer, carried.left[0], 0.0))]
+        chosen = [(x.line, _select(running, y, x).line) for x, y in changes]
+        for to, line in chosen:
+            self.append((NEXT, to, line, 0, 0.0))
+        self.append((AGAIN, head, 0, 0, 0.0))
+        for line in self.lines[head:]:  # not computed where the region is not run
+            if line[0] not in (INPUT, CONST):
+                self.known.pop(line, None)
+        changed = {to for to, _ in chosen}
+        carried.put(y if y.line in changed else x for x, y in zip(before, fresh, strict=True))
+
+    def _carry(self, value: Any) -> Number:
+        """A carried value, at first ``value``."""
+        return Number(self, self.append((CARRIED, _operand(self.number(value)), 0, 0, 0.0)), False)
 
     def input(self, index: int) -> Number:
         """The Number of input ``index``."""
@@ -179,7 +232,10 @@ def _function(code: int, odd: bool) -> Callable[[Number], Number]:
     """sin or cos of a Number: an odd function takes the sign of its argument, an even one drops it."""
 
     def record(x: Number) -> Number:
-        return Number(x.tape, x.tape.line((code, x.line, 0, 0, 0.0)), x.minus and odd)
+        key = (code, x.line, 0, 0, 0.0)
+        if x.tape.inside and key not in x.tape.known:  # whether its angle is in range would depend on other samples
+            raise SpatialDynError("a recursion takes a sine or cosine inside repeat or when, expected it before")
+        return Number(x.tape, x.tape.line(key), x.minus and odd)
 
     return record
 
@@ -203,6 +259,12 @@ def _atan2(y: Any, x: Any) -> Number:
     return Number(tape, tape.line((ATAN2, _operand(y), _operand(x), 0, 0.0)), False)
 
 
+def _settled(x: Number) -> bool:
+    if not x.tape.inside:
+        raise SpatialDynError("a recursion has repeat or when, expected one without, of which this can be recorded")
+    return False
+
+
 def _select(x: Number, positive: Any, otherwise: Any) -> Any:
     tape = x.tape
     p, o = tape.number(positive), tape.number(otherwise)
@@ -215,6 +277,7 @@ scalars.sqrt.register(Number)(_sqrt)
 scalars.exp.register(Number)(_exp)
 scalars.atan2.register(Number)(_atan2)
 scalars.select.register(Number)(_select)
+regions.settled.register(Number)(_settled)
 heights.bilinear.register(Number)(heights.by_weights)
 
 

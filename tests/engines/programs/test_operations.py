@@ -14,6 +14,7 @@ from spatialdyn.engines.numbers import double_double
 from spatialdyn.engines.programs import batch_kernels
 from spatialdyn.engines.programs.kernel_layout import KernelLayout
 from spatialdyn.engines.programs.operations import (
+    AGAIN,
     CONST,
     FMA,
     FMS,
@@ -21,6 +22,7 @@ from spatialdyn.engines.programs.operations import (
     FORMS,
     INPUT,
     MUL,
+    REGIONS,
     UFP,
     Form,
     Operation,
@@ -93,7 +95,8 @@ def samples(count: int) -> NDArray[np.float64]:
 
 def test_every_code_has_a_row() -> None:
     assert sorted([INPUT, CONST, *FORMS]) == list(range(UFP + 1))
-    assert len({name_of(code) for code in (INPUT, CONST, *FORMS)}) == UFP + 1
+    assert sorted(REGIONS) == list(range(UFP + 1, AGAIN + 1))
+    assert len({name_of(code) for code in (INPUT, CONST, *FORMS, *REGIONS)}) == AGAIN + 1
 
 
 @pytest.mark.parametrize("code", CODES, ids=name_of)
