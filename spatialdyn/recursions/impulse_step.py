@@ -23,7 +23,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from ..algebra.euclidean import Vec, sub
 from ..algebra.records import mat3_of, put_mat3
@@ -528,7 +528,7 @@ ALL = (OVER, RUBS, BENDS, HOLDS, STEADIES, PUSHED)
 def impulse_step_spec(has: frozenset[str]) -> Spec:
     """The Spec of a step with some of heights, friction, bristles (beside friction), constraints, a rate, fext."""
 
-    def given(what: str, x: Any) -> Any:
+    def given(what: str, x: Record) -> Record:
         return x if what in has else None
 
     rubs = given(BENDS, BRISTLE_LAW) if BENDS in has else given(RUBS, LAW)
