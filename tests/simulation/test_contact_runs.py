@@ -15,7 +15,7 @@ from slow import slow_but
 import spatialdyn as sd
 from spatialdyn.engines.compiled import numba_kernels
 from spatialdyn.engines.programs import recording
-from spatialdyn.simulation import program_steps
+from spatialdyn.simulation import fixed_steps
 from spatialdyn.simulation.effects import contacts as contact_effect
 from spatialdyn.simulation.effects.pd import JointPD
 from spatialdyn.simulation.steps import step_specs
@@ -299,10 +299,8 @@ def test_a_step_without_a_program_runs_all_the_same(robot: Any, monkeypatch: pyt
     kept: dict[str, Any] = dict(contacts=bouncing, record="contacts")
     wanted = scenes.simulate(*args, **kept)
     with monkeypatch.context() as patch:
-        patch.setattr(program_steps, "MOST", 0)
-        program_steps._kernel.cache_clear()
+        patch.setattr(fixed_steps, "program", lambda *_: None)
         found = scenes.simulate(*args, **kept)
-    program_steps._kernel.cache_clear()
     np.testing.assert_allclose(found.v, wanted.v, rtol=0.0, atol=1e-10)
     np.testing.assert_allclose(found.contacts.impulse, wanted.contacts.impulse, rtol=0.0, atol=1e-10)
 
@@ -560,7 +558,7 @@ def test_nan_reaches_the_state_and_no_other_sample(robot: Any) -> None:
     found = scenes.rollout(model, q0, np.zeros(18), tau, **kept)
     assert not np.isfinite(found.v[2, -1]).any()
     np.testing.assert_array_equal(found.v[[0, 1, 3]], clean.v[[0, 1, 3]])
-    with pytest.raises(sd.SimulationError, match="state of sample 2 is not finite"):
+    with pytest.raises(sd.SimulationError, match=r"sample 2: (v0 is|tau is|semi_implicit_euler diverged)"):
         scenes.rollout(model, q0, np.zeros(18), tau, **{**kept, "check": True})
 
 
