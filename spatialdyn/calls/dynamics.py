@@ -12,7 +12,7 @@ import math
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -47,6 +47,40 @@ F8 = np.dtype(np.float64)
 BUILTINS = object_layout.READY and not numba_kernels.PLAIN  # whether public calls are builtins
 DEFAULTS = {"reference": "local", "classical": False}
 
+
+class Plan(NamedTuple):
+    """How a call is answered that is given some of its inputs.
+
+    spec     the call with those inputs only
+    program  None if there is none, or a required input is missing
+    shape    of one sample of the result
+    vectors  whether all inputs are vectors, so that a batch of arrays (B, n) can go straight to the program
+    """
+
+    spec: Spec
+    program: run.CallProgram | None
+    shape: tuple[int, ...]
+    vectors: bool
+
+
+@lru_cache(maxsize=batch_kernels.CACHE_SIZE)
+def plan_of(
+    spec: Spec, model: Model, present: tuple[bool, ...], static: tuple[bytes | int, ...], by_table: bool = False
+) -> Plan:
+    """The plan of a call.
+
+    present   which of its varying inputs it is given, in order
+    static    as of ``run.hashable``
+    by_table  without a program, for the table kernel
+    """
+    varying = [x for x in spec.present if not x.static]
+    given = [x for x, there in zip(varying, present, strict=True) if there]
+    lacks = any(not (there or x.optional) for x, there in zip(varying, present, strict=True))
+    spec = numba_kernels.variant(spec, frozenset(x.name for x in given))
+    program = None if lacks or by_table else run.program(spec, model, static)
+    return Plan(spec, program, core_shape(model, spec.output, static), all(len(x.shape) == 1 for x in given))
+
+
 # --- the checked call -----------------------------------------------------------------------------------
 
 
@@ -77,28 +111,23 @@ def checked_call(
     plain = None if by_table or out is not None or SPECS.get(spec.name) is not spec else _plain(given, arrays)
     if plain is not None:
         return calls[spec.name](model, **plain, **dict(zip(_words(spec), words, strict=True)))
-    spec = numba_kernels.variant(spec, frozenset(x.name for x, _ in given))
-    varying = [x for x in spec.present if not x.static]
-    batch = broadcast(
-        [x.name for x in varying], [batch_shape(model, x, a, static) for x, a in zip(varying, arrays, strict=True)]
-    )
+    named = {x: array for (x, _), array in zip(given, arrays, strict=True)}
+    batch = broadcast([x.name for x in named], [batch_shape(model, x, a, static) for x, a in named.items()])
     shape = batch + core_shape(model, spec.output, static)
-    result = (
-        empty(shape)
-        if out is None
-        else check_out(out, shape, {x.name: a for x, a in zip(varying, arrays, strict=True)})
-    )
+    result = empty(shape) if out is None else check_out(out, shape, {x.name: a for x, a in named.items()})
     n, seen = math.prod(batch), out is not None
-    if not batch and not by_table:
-        _keep_plan(spec, model, static, words)
     if n:
-        inputs = [flatten_batch(a, batch, core_shape(model, x, static)) for x, a in zip(varying, arrays, strict=True)]
+        plan = plan_of(spec, model, tuple(x is not None for x in values), run.hashable(static), by_table)
+        if not batch and plan.program is not None:
+            _keep_in_model(plan, plan.program, model, words)
+        inputs = [flatten_batch(a, batch, core_shape(model, x, static)) for x, a in named.items()]
         flat = result.reshape((n, -1))
-        raise_early(spec, model, inputs, static, n, batch)
-        compute = run.run_table_kernel if by_table else run.batch
-        failed = compute(spec, model, inputs, static, flat, seen=seen)
+        raise_early(plan.spec, model, inputs, static, n, batch)
+        failed = None if plan.program is None else plan.program(inputs, flat, seen)
+        if failed is None:
+            failed = run.run_table_kernel(plan.spec, model, inputs, static, flat, seen=seen)
         if failed is not run.ALL_OK:
-            raise_failures(spec, model, batch, static, failed)
+            raise_failures(plan.spec, model, batch, static, failed)
     return result if out is not None or shape else float(result)
 
 
@@ -140,11 +169,10 @@ def _program_call(spec: Spec, model: Any, values: tuple[Any, ...], static: tuple
         if type(x) is not np.ndarray or x.ndim != 2 or not (x.dtype is F8 or x.dtype == F8):
             return None
     n = len(first)
-    plan = _plan(spec, model, tuple(x is not None for x in values), run.hashable(static))
-    if plan is None:
+    plan = plan_of(spec, model, tuple(x is not None for x in values), run.hashable(static))
+    if plan.program is None or not plan.vectors:
         return None
-    lanes, shape = plan
-    shape, seen = (n, *shape), out is not None
+    shape, seen = (n, *plan.shape), out is not None
     if out is None:
         out = empty(shape)
     elif (
@@ -154,30 +182,12 @@ def _program_call(spec: Spec, model: Any, values: tuple[Any, ...], static: tuple
         or not out.flags.c_contiguous
     ):
         return None
-    failed = lanes(given, out if out.ndim == 2 else out.reshape((n, -1)), seen)
+    failed = plan.program(given, out if out.ndim == 2 else out.reshape((n, -1)), seen)
     if failed is None:
         return None
     if failed is not run.ALL_OK:
-        raise_failures(lanes.spec, model, (n,), static, failed)
+        raise_failures(plan.spec, model, (n,), static, failed)
     return out
-
-
-@lru_cache(maxsize=batch_kernels.CACHE_SIZE)
-def _plan(
-    spec: Spec, model: Model, present: tuple[bool, ...], static: tuple[bytes | int, ...]
-) -> tuple[run.CallProgram, tuple[int, ...]] | None:
-    """The program of the call with the inputs that are present, and the shape of one sample of its result.
-
-    Returns None if there is no program, an input is not a vector, or a required one is missing.
-    """
-    varying = [x for x in spec.present if not x.static]
-    given = [x for x, there in zip(varying, present, strict=True) if there]
-    spec = numba_kernels.variant(spec, frozenset(x.name for x in given))
-    lacks = any(not (there or x.optional) for x, there in zip(varying, present, strict=True))
-    if lacks or any(len(x.shape) != 1 for x in given):
-        return None
-    lanes = run.program(spec, model, static)
-    return None if lanes is None else (lanes, core_shape(model, spec.output, static))
 
 
 # --- the calls, one per spec -----------------------------------------------------------------------------
@@ -249,11 +259,9 @@ def _keys(spec: Spec) -> list[str]:
     return [sys.intern(" ".join([spec.name, *names])) for names in chosen]
 
 
-def _keep_plan(spec: Spec, model: Model, static: tuple[Any, ...], words: tuple[Any, ...]) -> None:
-    """Have later calls of one sample go straight to the program, by a plan in the model, if there is a program.
-
-    spec  the call with the inputs that are given only, as ``numba_kernels.variant`` makes it
-    """
+def _keep_in_model(plan: Plan, found: run.CallProgram, model: Model, words: tuple[Any, ...]) -> None:
+    """Have later calls of one sample go straight to the plan's program, by words in the model for the builtin."""
+    spec = plan.spec
     if spec.name not in SPECS or not BUILTINS or not all(type(x) in (str, bool) for x in words):
         return
     public = SPECS[spec.name]
@@ -264,18 +272,13 @@ def _keep_plan(spec: Spec, model: Model, static: tuple[Any, ...], words: tuple[A
     known = plans.get(key if not words else (*words, None, None)[:MOST_WORDS])
     if known is not None and not single_call.exhausted(known):
         return
-    found = run.program(spec, model, run.hashable(static))
-    if found is None:
-        return
     program, alive = found.program.single()
     if known is not None:
         single_call.change(known, program, alive)
         return
     parameters = [x.partition("=")[0] for x in parameters_of(public)]
-    shapes = {x.name: core_shape(model, x, static) for x in spec.present if not x.static}
-    made = single_call.plan(
-        program, [core_shape(model, spec.output, static)], list(map(shapes.get, parameters)), alive=alive
-    )
+    shapes = {x.name: core_shape(model, x, found.static) for x in spec.present if not x.static}
+    made = single_call.plan(program, [plan.shape], list(map(shapes.get, parameters)), alive=alive)
     if not words:
         plans[key] = made
         return

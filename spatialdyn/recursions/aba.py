@@ -10,7 +10,7 @@ from ..algebra.articulated import (
     articulated_to_parent,
     subtract_outer,
 )
-from ..algebra.euclidean import Vec, cross, dot, neg, scale, zero
+from ..algebra.euclidean import Vec, neg, zero
 from ..algebra.public_arrays import read_force
 from ..algebra.records import (
     articulated_of,
@@ -24,7 +24,7 @@ from ..algebra.records import (
     table_dtype,
     vec_of,
 )
-from ..algebra.scalars import Scalar, inline, inline_or_by_rows
+from ..algebra.scalars import inline, inline_or_by_rows
 from ..algebra.spatial import (
     Force,
     Motion,
@@ -44,6 +44,14 @@ from ..algebra.spatial import (
     zero_motion,
 )
 from ..bodies.joints import joint_motion, place_joint
+from .aba_motors import (
+    add_rotor,
+    add_spin_of_rotor,
+    behind_differential,
+    couple_to_partner,
+    push_of_partner,
+    through_differential,
+)
 from .rotors import add_couple, in_row_axes
 from .signatures import Array, Bodies, Config, Matrix, Vector, Work
 from .spec import FEXT_OPTIONAL, TAU, TURNED_Q, A, Argument, MassMatrix, Spec, V
@@ -79,10 +87,7 @@ def aba(bodies: Bodies, work: Work, q: Config, v: Vector, tau: Vector, fext: Mat
 
 @inline
 def aba_inward(bodies: Bodies, work: Work, q: Config, v: Vector, tau: Vector, fext: Matrix, pivots: Vector) -> None:
-    """The first two passes of the table: poses, and U, D, u of each row; v, fext may be None, for zero.
-
-    A rotor's n J e is part of the U that pairs with the parent's acceleration, and not of that which pairs with c.
-    """
+    """The first two passes of the table: poses, and U, D, u of each row; v, fext may be None, for zero."""
     n = len(bodies) - 1
     if v is not None:
         put_motion(work[0].v, zero_motion())
@@ -93,6 +98,7 @@ def aba_inward(bodies: Bodies, work: Work, q: Config, v: Vector, tau: Vector, fe
         place_joint(bodies, i, q, here.X)
         pA = zero_force()
         if v is not None:
+            # v_i = X v_λ + S q̇,   c_i = v_i × S q̇,   pA_i = v_i ×* I v_i - f_ext
             vJ = joint_motion(bodies, i, v)
             vi = moved_by_joint(here, parent, vJ)
             pA = cross_force(vi, momentum(I, vi))
@@ -107,56 +113,29 @@ def aba_inward(bodies: Bodies, work: Work, q: Config, v: Vector, tau: Vector, fe
         b, here, parent = bodies[i], work[i], work[bodies[i].parent]
         X, S = pose_of(here.X), motion_of(b.S)
         IA, pA = articulated_of(here.IA), force_of(here.pA)
+        # U_i = IA S,   D_i = S·U_i,   u_i = τ_i - S·pA
         U = articulated_force(IA, S)
         D = power(S, U) + b.armature
         u = tau[i - 1] - power(S, pA)
         if b.partner > 0:
-            U, D = coupled_to_partner(bodies, work, i, U, D)
-            u = u - felt_of_partner(bodies, work, i, v)
+            U, D, u = through_differential(bodies, work, i, v, U, D, u)
         d = 1.0 / D
         if b.geared:
-            e = in_row_axes(b, X)
-            U = add_couple(U, e)
-            if v is not None:
-                u = u + dot(e, motion_of(here.c).w)
+            U, u = add_rotor(b, X, here.c, v, U, u)
+        # Ia = IA - U Uᵀ / D,   pa = pA + Ia c + U u / D
         Ia = subtract_outer(IA, U, scale_force(d, U))
         pa = pA if v is None else add_force(pA, articulated_force(Ia, motion_of(here.c)))
         pa = add_force(pa, scale_force(d * u, U))
+        # IA_λ += X* Ia X,   pA_λ += X* pa
         if b.parent > 0:
             put_articulated(parent.IA, add_articulated(articulated_of(parent.IA), articulated_to_parent(X, Ia)))
             put_force(parent.pA, add_force(force_of(parent.pA), force_to_parent(X, pa)))
-            if v is not None and b.geared:
-                spun = scale(v[i - 1], cross(motion_of(parent.v).w, vec_of(b.rotor)))
-                put_force(parent.pA, add_couple(force_of(parent.pA), spun))
+            if b.geared:
+                add_spin_of_rotor(b, parent, i, v)
         put_force(here.U, U)
         here.d = d
         here.u = u
         pivots[i - 1] = D
-
-
-@inline
-def coupled_to_partner(bodies: Bodies, work: Work, i: int, U: Force, D: Scalar) -> tuple[Force, Scalar]:
-    """U and D of a row that shares motors with the row behind it, its partner k, which is eliminated.
-
-    With m the coupling, q̈_k has the term -m/D_k q̈_i. Its force -m/D_k U_k is felt with q̈_i, and in the equation of row
-    i the rest of q̈_k brings back the same: twice in D.
-    """
-    k = bodies[i].partner
-    partner, m = work[k], bodies[k].coupling
-    W = force_to_parent(pose_of(partner.X), scale_force(-m * partner.d, force_of(partner.U)))
-    twice = 2.0 * power(motion_of(bodies[i].S), W)
-    return add_force(U, W), D + twice - m * m * partner.d
-
-
-@inline
-def felt_of_partner(bodies: Bodies, work: Work, i: int, v: Vector) -> Scalar:
-    """What the acceleration that the partner of row i has by itself takes of the row's torque; v may be None."""
-    k = bodies[i].partner
-    partner = work[k]
-    u = partner.u
-    if v is not None:
-        u = u - power(motion_of(partner.c), force_of(partner.U))
-    return bodies[k].coupling * (partner.d * u)
 
 
 @inline
@@ -167,9 +146,10 @@ def aba_resolve(bodies: Bodies, work: Work, tau: Vector) -> None:
     for i in range(len(bodies) - 1, 0, -1):
         here, parent = work[i], work[bodies[i].parent]
         pA = force_of(here.pA)
-        here.u = tau[i - 1] - power(motion_of(bodies[i].S), pA)
+        u = tau[i - 1] - power(motion_of(bodies[i].S), pA)
         if bodies[i].partner > 0:
-            here.u = here.u - felt_of_partner(bodies, work, i, None)
+            u = push_of_partner(bodies, work, i, None, u)
+        here.u = u
         pa = add_force(pA, scale_force(here.d * here.u, force_of(here.U)))
         put_force(parent.pA, add_force(force_of(parent.pA), force_to_parent(pose_of(here.X), pa)))
 
@@ -180,12 +160,13 @@ def aba_outward(bodies: Bodies, work: Work, v: Vector, gravity: Vec, a: Vector) 
     put_motion(work[0].a, Motion(zero(), neg(gravity)))
     for i in range(1, len(bodies)):
         b, here, parent = bodies[i], work[i], work[bodies[i].parent]
+        # a' = X a_λ + c,   q̈_i = (u - U·a') / D,   a_i = a' + S q̈_i
         ai = motion_to_child(pose_of(here.X), motion_of(parent.a))
         if v is not None:
             ai = add_motion(ai, motion_of(here.c))
         qdd = here.d * (here.u - power(ai, force_of(here.U)))
         if b.coupled:
-            qdd = qdd - here.d * (b.coupling * a[b.parent - 1])
+            qdd = behind_differential(b, here, a, qdd)
         put_motion(here.a, add_motion(ai, scale_motion(qdd, motion_of(b.S))))
         a[i - 1] = qdd
 
@@ -204,7 +185,7 @@ def minverse(bodies: Bodies, work: Work, q: Config, Minv: Matrix, pivots: Vector
         U = articulated_force(IA, S)
         D = power(S, U) + b.armature
         if b.partner > 0:
-            U, D = coupled_to_partner(bodies, work, i, U, D)
+            U, D = couple_to_partner(bodies, work, i, U, D)
         d = 1.0 / D
         if b.geared:
             U = add_couple(U, in_row_axes(b, X))

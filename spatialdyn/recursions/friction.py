@@ -28,7 +28,7 @@ from ..algebra.spatial import Force, Inertia, Pose
 from .crba import crba
 from .ltdl import factor_tree, solve_tree
 from .rnea import rnea
-from .signatures import Array, Bodies, Config, Matrix, Number, Vector, Work
+from .signatures import Array, Bodies, Config, Matrix, Number, Record, Vector, Work
 from .spec import FEXT_OPTIONAL, TAU, Argument, Q, Spec, V
 
 # Sweeps that choose which joints stick. The first ones correct every joint, the others those alone that violate
@@ -79,6 +79,16 @@ class BristleLaw(NamedTuple):
     damping: Vector
 
 
+class SmoothLaw(NamedTuple):
+    """Coefficients (nv) of smooth friction, whose sign changes over a velocity."""
+
+    coulomb: Vector
+    viscous: Vector
+    static: Vector
+    stribeck: Vector
+    smoothing: Vector
+
+
 class StepScratch(NamedTuple):
     """Scratch of ``friction_step``."""
 
@@ -93,13 +103,16 @@ def magnitude(x: Number) -> Number:
 
 
 @inline
-def dry_level(v: Vector, law: Law, i: int) -> Number:
-    """F(v) of a freedom; with the Stribeck velocity AT_ONCE it is F_s at rest and F_c in any motion."""
+def dry_level(v: Vector, law: Record, i: int) -> Number:
+    """F(v) of a freedom; with the Stribeck velocity AT_ONCE it is F_s at rest and F_c in any motion.
+
+    law  of any kind: Law, BristleLaw or SmoothLaw
+    """
     return law.coulomb[i] + above_dry(v, law, i)
 
 
 @inline
-def above_dry(v: Vector, law: Law, i: int) -> Number:
+def above_dry(v: Vector, law: Record, i: int) -> Number:
     """F(v) - F_c of a freedom."""
     u = v[i] / law.stribeck[i]
     return (law.static[i] - law.coulomb[i]) * exp(-(u * u))
@@ -112,7 +125,7 @@ def smooth_sign(v: Number, smoothing: Number) -> Number:
 
 
 @inline
-def friction_torque(bodies: Bodies, v: Vector, law: Law, smoothing: Vector, friction: Vector) -> None:
+def friction_torque(bodies: Bodies, v: Vector, law: Record, smoothing: Vector, friction: Vector) -> None:
     """-F(v) sgn v - b v, with tanh(v/ε) for sgn v if there are smoothing velocities ε; the dry part is 0 at rest."""
     for i in range(len(bodies) - 1):
         if smoothing is None:
@@ -123,7 +136,7 @@ def friction_torque(bodies: Bodies, v: Vector, law: Law, smoothing: Vector, fric
 
 
 @inline
-def smooth_friction_slope(bodies: Bodies, v: Vector, law: Law, smoothing: Vector, slope: Vector) -> None:
+def smooth_friction_slope(bodies: Bodies, v: Vector, law: Record, smoothing: Vector, slope: Vector) -> None:
     """Derivatives of the smooth torque by v: -(F' t + F (1 - t²)/ε + b) of t = tanh(v/ε)."""
     for i in range(len(bodies) - 1):
         t = smooth_sign(v[i], smoothing[i])

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from ..algebra.regions import repeat, settled
 from ..algebra.scalars import EPS, Scalar, inline, select, sqrt
@@ -365,7 +365,7 @@ OVER, RUBS, BENDS, HOLDS, STEADIES, PUSHED, WARM = ALL
 def impulse_step_spec(has: frozenset[str]) -> Spec:
     """The Spec of a step with some of ALL; bristles beside friction, a rate beside constraints."""
 
-    def given(what: str, x: Any) -> Any:
+    def given(what: str, x: Record) -> Record:
         return x if what in has else None
 
     rubs = given(BENDS, BRISTLE_LAW) if BENDS in has else given(RUBS, LAW)

@@ -7,7 +7,6 @@ from ..algebra.euclidean import (
     acceleration_matrix,
     add,
     cross,
-    dot,
     neg,
     newton_euler_moment,
     rotate,
@@ -21,7 +20,7 @@ from ..algebra.scalars import inline, inline_or_by_rows
 from ..algebra.spatial import Force, Inertia, Pose, add_force, force_to_parent, power, sub_force, zero_force
 from ..bodies.joints import joint_motion, place_joint
 from .rnea_off_norm import add_off_norm_forces
-from .rotors import add_couple, of_other
+from .rotors import add_motor_inertia, add_rotor_forces
 from .signatures import Bodies, Config, Matrix, Record, Vector, Work
 from .spec import FEXT, FEXT_OPTIONAL, TAU, TURNED_Q, A, Spec, V
 
@@ -56,29 +55,17 @@ def rnea(bodies: Bodies, work: Work, q: Config, v: Vector, a: Vector, fext: Matr
         if fext is not None and b.joint > 0:
             f = sub_force(f, read_force(fext[b.joint]))
         put_force(here.f, f)
-    if v is not None:
-        add_off_norm_forces(bodies, work, q, v)
+    add_off_norm_forces(bodies, work, q, v)
 
     for i in range(len(bodies) - 1, 0, -1):
         b, here, parent = bodies[i], work[i], work[bodies[i].parent]
         f = force_of(here.f)
         # τ_i = S·f_i
-        t = power(motion_of(b.S), f)
-        if a is not None:
-            t = t + b.armature * a[i - 1]
-            if b.coupled or b.partner > 0:
-                t = t + of_other(bodies, i, a)
+        t = add_motor_inertia(bodies, i, a, power(motion_of(b.S), f))
         # f_λ += X* f_i
         put_force(parent.f, add_force(force_of(parent.f), force_to_parent(pose_of(here.X), f)))
         if b.geared:
-            e = vec_of(b.rotor)
-            if v is not None:
-                t = t + dot(e, vec_of(parent.dw))
-                put_force(parent.f, add_couple(force_of(parent.f), scale(v[i - 1], cross(vec_of(parent.w), e))))
-            elif a is not None:
-                t = t + dot(e, vec_of(parent.dw))
-            if a is not None:
-                put_force(parent.f, add_couple(force_of(parent.f), scale(a[i - 1], e)))
+            t = add_rotor_forces(b, parent, i, v, a, t)
         tau[i - 1] = t
 
 

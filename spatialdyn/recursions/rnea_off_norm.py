@@ -20,11 +20,11 @@ from .signatures import Bodies, Config, Vector, Work
 
 @inline
 def add_off_norm_forces(bodies: Bodies, work: Work, q: Config, v: Vector) -> None:
-    """Add the force of these terms to the f of rnea's outward sweep, if q is off its unit norm.
+    """Add the force of these terms to the f of rnea's outward sweep, if q is off its unit norm; v may be None.
 
     The fields dw and dv, which rnea no longer needs, hold the linear velocity and the added acceleration.
     """
-    if off_norm(bodies, q):
+    if v is not None and off_norm(bodies, q):
         put_vec(work[0].dw, zero())
         put_vec(work[0].dv, zero())
         for i in range(1, len(bodies)):

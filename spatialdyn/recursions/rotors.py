@@ -19,8 +19,8 @@ A derivation of our own: the rotor as a further body of each recursion, tied to 
 from __future__ import annotations
 
 from ..algebra.coriolis_factor import CoriolisFactor
-from ..algebra.euclidean import Mat3, Vec, add, cross, rotate, scale, unrotate, zero
-from ..algebra.records import mat3_of, motion_of, pose_of, vec_of
+from ..algebra.euclidean import Mat3, Vec, add, cross, dot, rotate, scale, unrotate, zero
+from ..algebra.records import force_of, mat3_of, motion_of, pose_of, put_force, vec_of
 from ..algebra.scalars import Scalar, inline
 from ..algebra.spatial import Force, Pose
 from ..bodies.table import ALONG
@@ -37,6 +37,31 @@ def of_other(bodies: Bodies, i: int, x: Vector) -> Scalar:
     if b.partner > 0:
         total = total + bodies[b.partner].coupling * x[b.partner - 1]
     return total
+
+
+@inline
+def add_motor_inertia(bodies: Bodies, i: int, a: Vector, t: Scalar) -> Scalar:
+    """t and the torque that accelerates the motors of row i: its own, and those that drive it with another row."""
+    if a is not None:
+        b = bodies[i]
+        t = t + b.armature * a[i - 1]
+        if b.coupled or b.partner > 0:
+            t = t + of_other(bodies, i, a)
+    return t
+
+
+@inline
+def add_rotor_forces(b: Record, parent: Record, i: int, v: Vector, a: Vector, t: Scalar) -> Scalar:
+    """t and n J e·ω̇, and to the parent's f the couple n J (q̈ e + q̇ ω × e), of the rotor of row i in ``rnea``."""
+    e = vec_of(b.rotor)
+    if v is not None:
+        t = t + dot(e, vec_of(parent.dw))
+        put_force(parent.f, add_couple(force_of(parent.f), scale(v[i - 1], cross(vec_of(parent.w), e))))
+    elif a is not None:
+        t = t + dot(e, vec_of(parent.dw))
+    if a is not None:
+        put_force(parent.f, add_couple(force_of(parent.f), scale(a[i - 1], e)))
+    return t
 
 
 @inline

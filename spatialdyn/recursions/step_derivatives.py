@@ -32,21 +32,11 @@ from .configuration import (
     twist,
 )
 from .derivatives import WORK, aba_derivatives_by_factor
-from .friction import LAW, SMOOTHING, friction_torque, smooth_friction_slope
+from .friction import LAW, SMOOTHING, SmoothLaw, friction_torque, smooth_friction_slope
 from .signatures import Array, Bodies, Config, Matrix, Record, Vector, Work
 from .spec import FEXT_OPTIONAL, TAU, Argument, Q, Spec, V
 
 RK4_NODES, RK4_WEIGHTS = (0.0, 0.5, 0.5, 1.0), (1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0)
-
-
-class SmoothLaw(NamedTuple):
-    """Coefficients (nv) of smooth friction."""
-
-    coulomb: Vector
-    viscous: Vector
-    static: Vector
-    stribeck: Vector
-    smoothing: Vector
 
 
 _WIDE = "nv+nv+nv"  # columns of a derivative by (q, v, τ)
@@ -421,7 +411,7 @@ def _add_unit(which: int, out: Matrix) -> None:
 
 
 DT = Argument("dt", (1,), "s", "step")
-SMOOTH_LAW = SmoothLaw(*(replace(x, optional=True) for x in LAW), SMOOTHING)
+SMOOTH_LAW = SmoothLaw(*(replace(x, optional=True) for x in (*LAW, SMOOTHING)))
 DERIVATIVES = Argument("D", ("nv+nv", "nv+nv+nv"), "", "derivatives of (q, v) after the step by q, v and tau")
 _SOURCE = "see ``recursions.step_derivatives``"
 _EXPLICIT = {

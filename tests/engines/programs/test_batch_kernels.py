@@ -65,7 +65,7 @@ def one_thread() -> Iterator[None]:
 def forget_choices() -> None:
     """Empty the caches that choose between program and table kernel."""
     run.forget_programs()
-    dynamics._plan.cache_clear()
+    dynamics.plan_of.cache_clear()
 
 
 @pytest.fixture
