@@ -22,8 +22,8 @@ from ..constraints.table import Constraints
 from ..errors import SimulationInterrupt, SpatialDynError
 from ..model.model import Model
 from ..pictures.markup import PAGE_FILES
-from ..pictures.scene import view
 from ..pictures.stage import viser_module
+from ..pictures.view import view
 from ..simulation import Trajectory, integrators, simulate
 from ..simulation.effects.friction import STEPPED, WAYS
 from ..simulation.energy import scale_of

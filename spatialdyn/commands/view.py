@@ -10,8 +10,9 @@ from contextlib import contextmanager
 from ..calls.files import check_ending
 from ..pictures.markup import PAGE_FILES
 from ..pictures.robot_shapes import SHAPES
-from ..pictures.scene import Scene, view
 from ..pictures.stage import has_screen, viser_module
+from ..pictures.view import view
+from ..pictures.viewer import View
 from .robots import add_package_dirs, add_robot, load, parse_numbers
 from .targets import check_file
 
@@ -57,7 +58,7 @@ def notes() -> Iterator[None]:
         print(f"note    {warning.message}")
 
 
-def keep_open(scene: Scene) -> None:
+def keep_open(scene: View) -> None:
     """Open a tab of the browser and wait for Ctrl-C, which raises KeyboardInterrupt."""
     how = "Ctrl-C ends it" if has_screen() else "open it in a browser; Ctrl-C ends it"
     print(f"shown   {scene.url} ({how})", flush=True)

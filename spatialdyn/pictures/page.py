@@ -153,7 +153,7 @@ def player(run: Trajectory) -> str:
     try:
         import viser  # noqa: F401
 
-        from .scene import view
+        from .view import view
     except ImportError:
         return f'<p class="note">The player needs viser: {pip_install("view")}, and make this report again.</p>'
     try:

@@ -123,10 +123,10 @@ def test_the_player_is_a_frame_of_its_own(evil: sd.Model, monkeypatch: pytest.Mo
         missing=[f"{EVIL}.stl"],
         faulty=[f"{EVIL}.dae: no such material"],
     )
-    fake = ModuleType("spatialdyn.pictures.scene")
+    fake = ModuleType("spatialdyn.pictures.view")
     fake.view = lambda run: scene  # type: ignore[attr-defined]
     monkeypatch.setitem(sys.modules, "viser", ModuleType("viser"))
-    monkeypatch.setitem(sys.modules, "spatialdyn.pictures.scene", fake)
+    monkeypatch.setitem(sys.modules, "spatialdyn.pictures.view", fake)
     _, page = written(trajectory(evil))
     assert page.seen.count("iframe") == 1
     assert ("srcdoc", scene.html()) in page.attributes
