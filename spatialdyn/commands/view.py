@@ -13,7 +13,8 @@ from ..pictures.robot_shapes import SHAPES
 from ..pictures.stage import has_screen, viser_module
 from ..pictures.view import view
 from ..pictures.viewer import View
-from .robots import add_package_dirs, add_robot, load, parse_numbers
+from ..simulation.scene import Scene
+from .robots import add_package_dirs, add_robot, load, parse_numbers, read_text
 from .targets import check_file
 
 
@@ -22,6 +23,9 @@ def add(parser: argparse.ArgumentParser) -> None:
     add_robot(parser)
     parser.add_argument("--q", metavar="Q", help="joint positions, separated by commas (default: neutral)")
     parser.add_argument("--shapes", choices=SHAPES, default="visual", help="what is drawn (default: visual)")
+    parser.add_argument(
+        "--scene", metavar="FILE", help="what acts on the robot, drawn too: a TOML file, see sd.Scene.from_toml"
+    )
     add_package_dirs(parser)
     parser.add_argument("--save", metavar="FILE", help="write one page that needs no network (.html), open none")
     parser.set_defaults(run=_run)
@@ -29,14 +33,16 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 def _run(arguments: argparse.Namespace) -> int:
     check_page("--save", arguments.save)
-    model = load(arguments, mimic=True)
+    text = "" if arguments.scene is None else read_text("--scene", arguments.scene)
+    model = load(arguments, mimic="[[constraint]]" not in text)
+    acts = Scene.from_toml(model, text) if text else model
     q = parse_numbers("--q", arguments.q, model.nq)
     with notes():
-        scene = view(model, q, shapes=arguments.shapes, package_dirs=arguments.package_dir, open=False)
+        shown = view(acts, q, shapes=arguments.shapes, package_dirs=arguments.package_dir, open=False)
     if arguments.save:
-        print(f"saved   {scene.save(arguments.save)}")
+        print(f"saved   {shown.save(arguments.save)}")
     else:
-        keep_open(scene)
+        keep_open(shown)
     return 0
 
 

@@ -32,15 +32,16 @@ from .stage import Stage, plain, quaternions
 
 Array = NDArray[np.float64]
 POINT: Color = (0.98, 0.8, 0.15, 0.55)  # spheres of contact points
-IMPULSE: Color = (0.5, 0.1, 0.8, 1.0)
+IMPULSE: Color = (0.35, 0.05, 0.6, 1.0)
 CUT: Color = (0.85, 0.05, 0.1, 1.0)  # of an arrow that would be longer
 HELD: Color = (0.1, 0.55, 0.3, 1.0)
 SOIL: Color = (0.86, 0.82, 0.74, 1.0)
+SLOPES: Color = (0.62, 0.56, 0.45, 1.0)  # of a heightfield, which light makes paler
 FORCE: Color = (0.85, 0.1, 0.55, 1.0)  # none of these is red, green or blue: those are the axes of frames
 MOMENT: Color = (0.0, 0.55, 0.6, 1.0)
 ARROW = 0.25  # of the robot's size: length of the median impulse, and of the largest constant force
 LONGEST = 1.0  # of the robot's size: longer arrows are cut
-TINY = 0.012  # of the robot's size: radius of a point without one
+TINY = 0.04  # of the robot's size: radius of a point without one
 WINDOW = 1.0 / 60.0  # [s] before the time shown, over which impulses are averaged
 
 
@@ -151,9 +152,13 @@ class Acting:
             made = self._stage.add_grid("/ground", at, axes_of(terrain), radius, SOIL)
         else:
             wide = np.stack([box.mean(0) - 2.0 * radius, box.mean(0) + 2.0 * radius])
-            vertices, faces = surface(terrain, wide)
+            vertices, faces, edges = surface(terrain, wide)
             made = self._server.add_mesh_simple(
-                "/ground", vertices, faces, color=SOIL[:3], side="double", flat_shading=True
+                "/ground", vertices, faces, color=SLOPES[:3], side="double", flat_shading=True
+            )
+            grid = np.array([0.75 * x for x in SLOPES[:3]])
+            self.handles.append(
+                self._server.add_line_segments("/ground/edges", edges, grid, thickness=0.01 * terrain.spacing)
             )
         self.handles.append(made)
 

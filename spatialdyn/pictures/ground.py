@@ -17,10 +17,11 @@ FINEST = 4  # parts of a cell's side: a bilinear cell is curved
 
 
 class Surface(NamedTuple):
-    """Triangles: vertices (n, 3) [m] in the world, faces (m, 3) of their indices."""
+    """Triangles: vertices (n, 3) [m] in the world, faces (m, 3) of their indices; edges (l, 2, 3) of the cells [m]."""
 
     vertices: Array
     faces: NDArray[np.int64]
+    edges: Array
 
 
 def normals(terrain: Plane | Heightfield, points: Array) -> Array:
@@ -51,18 +52,22 @@ def surface(terrain: Heightfield, box: Array) -> Surface:
     parts = FINEST
     while parts > 1 and (parts * nx) * (parts * ny) > MOST:
         parts -= 1
-    lines = []
+    lines, whole = [], []
     for k, n in enumerate((nx, ny)):
         low, high = terrain.origin[k], terrain.origin[k] + (n - 1) * terrain.spacing
         inside = low + terrain.spacing * np.arange((n - 1) * parts + 1) / parts
-        beyond = [x for x in (min(box[0, k], low),) if x < low], [x for x in (max(box[1, k], high),) if x > high]
-        lines.append(np.concatenate([beyond[0], inside, beyond[1]]))
+        before, after = ([box[0, k]] if box[0, k] < low else []), ([box[1, k]] if box[1, k] > high else [])
+        lines.append(np.concatenate([before, inside, after]))
+        whole.append(len(before) + parts * np.arange(n))  # those between cells
     x, y = np.meshgrid(*lines, indexing="ij")
     xy = np.stack([x.ravel(), y.ravel()], axis=1)
     at = np.arange(x.size).reshape(x.shape)
     a, b, c, d = at[:-1, :-1].ravel(), at[1:, :-1].ravel(), at[:-1, 1:].ravel(), at[1:, 1:].ravel()
     faces = np.concatenate([np.stack([a, b, d], axis=1), np.stack([a, d, c], axis=1)])
-    return Surface(np.column_stack([xy, height(terrain, xy)]), faces)
+    vertices = np.column_stack([xy, height(terrain, xy)])
+    rows, columns = at[whole[0]], at[:, whole[1]].T
+    ends = [np.stack([x[:, :-1], x[:, 1:]], axis=-1).reshape(-1, 2) for x in (rows, columns)]
+    return Surface(vertices, faces, vertices[np.concatenate(ends)])
 
 
 def axes_of(terrain: Plane) -> Array:

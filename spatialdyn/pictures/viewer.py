@@ -95,7 +95,8 @@ class View:
         self.q = np.array(as_array("q", q))
         box = self._box(X)
         t = np.zeros(1) if motion is None else motion.t
-        self.acting = Acting(self.stage, scene, self.size, box, impulses, t)
+        size = max(self.size, 0.25 * float(np.linalg.norm(box[1] - box[0])))
+        self.acting = Acting(self.stage, scene, size, box, impulses, t)
         self._controls = self._add_controls()
         if motion is None:
             self.show(q)
