@@ -246,7 +246,7 @@ class Acting:
         self.handles.append(made)
 
     def _arrow(self, node: str, ends: Array, color: Color) -> Any:
-        radius = 0.008 * self.size
+        radius = 0.011 * self.size
         return self._server.add_arrows(
             node, ends, np.array(color[:3]), shaft_radius=radius, head_radius=2.5 * radius, head_length=5.0 * radius
         )

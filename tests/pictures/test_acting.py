@@ -287,19 +287,19 @@ def test_constant_forces_are_drawn_to_one_scale(view: Any) -> None:
 # --- files -----------------------------------------------------------------------------------------------
 
 
-def test_pages_and_the_command_line_have_what_acts(
-    tmp_path: Path, view: Any, capsys: pytest.CaptureFixture[str]
-) -> None:
-    file = tmp_path / "scene.toml"
+def test_pages_and_the_command_line_have_what_acts(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file, model = tmp_path / "scene.toml", sd.load_urdf("two_link")
+    low = float(np.asarray(sd.frame_placement(model, [0.3, 0.1], "tip"))[2, 3]) - 0.02
     file.write_text(
-        'limits = true\n[contacts]\npoints = {tip = 0.02}\n[contacts.terrain]\nkind = "plane"\nheight = -1.5'
+        f'limits = true\n[contacts]\npoints = {{tip = 0.02}}\n[contacts.terrain]\nkind = "plane"\nheight = {low!r}'
     )
     assert cli.main(["view", "two_link", "--scene", str(file), "--save", str(tmp_path / "a.html")]) == 0
-    simulated = ["simulate", "two_link", "--scene", str(file), "--duration", "0.05", "--quiet"]
+    simulated = ["simulate", "two_link", "--scene", str(file), "--duration", "0.05", "--quiet", "--q0", "0.3,0.1"]
     assert cli.main([*simulated, "--save", str(tmp_path / "b.html"), "--report", str(tmp_path / "c.html")]) == 0
     capsys.readouterr()
     for name in ("a", "b"):
         text = str(recording((tmp_path / f"{name}.html").read_text(encoding="utf-8")))
         assert "/ground" in text
         assert "contact_tip" in text
+        assert ("/impulses/tip" in text) == (name == "b")
     assert cli.main(["view", "two_link", "--scene", str(tmp_path / "none.toml")]) != 0
