@@ -97,7 +97,7 @@ if TYPE_CHECKING:
     from .model.builder import ModelBuilder
     from .model.transmission import Transmission
     from .pictures.comparison_plots import plot
-    from .pictures.scene import view
+    from .pictures.view import view
     from .simulation.contact_record import ContactRecord
     from .simulation.effects.control import Control
     from .simulation.effects.cost import Cost
@@ -163,7 +163,7 @@ _LATE = {  # {module: public names}, imported when one is asked for: half the ti
     "lagrangian.hamiltonian": "hamilton_equations poisson_bracket",
     "lagrangian.symbolic_manipulator": "SymbolicManipulator", "model.builder": "ModelBuilder",
     "model.transmission": "Transmission", "urdf.transmissions": "read_transmissions",
-    "pictures.comparison_plots": "plot", "pictures.scene": "view",
+    "pictures.comparison_plots": "plot", "pictures.view": "view",
     "simulation.contact_record": "ContactRecord", "simulation.effects.control": "Control",
     "simulation.effects.cost": "Cost", "simulation.effects.pd": "PD",
     "simulation.ledger": "EnergyLedger energy_ledger",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import warnings
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,3 +63,11 @@ def parse_numbers(option: str, text: str | None, count: int) -> Array | None:
     if len(x) != count:
         raise SpatialDynError(f"{option} has {len(x)} numbers, expected {count}")
     return x
+
+
+def read_text(option: str, path: str) -> str:
+    """The text of a file. Raises SpatialDynError."""
+    try:
+        return Path(path).read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise SpatialDynError(f"{option} is {path!r}, which cannot be read: {error}") from None

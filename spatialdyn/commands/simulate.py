@@ -6,7 +6,6 @@ import argparse
 import warnings
 from collections.abc import Callable
 from dataclasses import fields
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -22,8 +21,8 @@ from ..constraints.table import Constraints
 from ..errors import SimulationInterrupt, SpatialDynError
 from ..model.model import Model
 from ..pictures.markup import PAGE_FILES
-from ..pictures.scene import view
 from ..pictures.stage import viser_module
+from ..pictures.view import view
 from ..simulation import Trajectory, integrators, simulate
 from ..simulation.effects.friction import STEPPED, WAYS
 from ..simulation.energy import scale_of
@@ -31,7 +30,7 @@ from ..simulation.ledger import EnergyLedger, energy_ledger
 from ..simulation.scene import Scene, couplers_of
 from ..simulation.trajectory import ARRAY_FILES
 from .printing import shown
-from .robots import add_quiet, add_robot, load, parse_numbers
+from .robots import add_quiet, add_robot, load, parse_numbers, read_text
 from .targets import check_file, check_plot, check_report
 from .view import keep_open, notes
 
@@ -92,7 +91,7 @@ def _run(arguments: argparse.Namespace) -> int:
     page = _check_save(arguments.save)
     if page or arguments.view:
         viser_module()  # raises before the simulation where it is missing
-    text = None if arguments.scene is None else _text("--scene", arguments.scene)
+    text = None if arguments.scene is None else read_text("--scene", arguments.scene)
     coupled = arguments.constraints is not None or (text is not None and "[[constraint]]" in text)
     with shown("reading", "robots", arguments.quiet):
         model = load(arguments, mimic=not coupled)
@@ -117,7 +116,7 @@ def _run(arguments: argparse.Namespace) -> int:
                 arguments.duration,
                 arguments.dt,
                 arguments.method,
-                record=(arguments.record, "work") if works else arguments.record,
+                record=_recorded(scene, arguments.record),
                 progress=report,
             )
         except SimulationInterrupt as interrupt:
@@ -151,6 +150,12 @@ def _run(arguments: argparse.Namespace) -> int:
     if stopped is not None:
         raise stopped  # ``main`` reports it in one line
     return 0
+
+
+def _recorded(scene: Scene, every: int | None) -> Any:
+    """What is recorded: work of all that acts, and contacts."""
+    works = any(name != "springs" for name in scene.acts)
+    return (every, *["work"] * works, *["contacts"] * ("contacts" in scene.acts))
 
 
 def _check_save(path: str | None) -> bool:
@@ -207,19 +212,11 @@ def _friction(model: Model, arguments: argparse.Namespace) -> Friction | None:
     return Friction.of(model, **changes)
 
 
-def _text(option: str, path: str) -> str:
-    """The text of a file. Raises SpatialDynError."""
-    try:
-        return Path(path).read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise SpatialDynError(f"{option} is {path!r}, which cannot be read: {error}") from None
-
-
 def _constraints(model: Model, path: str | None) -> Constraints | None:
     """The constraints of a TOML file, None for none. Raises SpatialDynError."""
     if path is None:
         return None
-    text = _text("--constraints", path)
+    text = read_text("--constraints", path)
     found = Constraints.of_toml(model, text)
     couplers = couplers_of(model)
     return Constraints(model, [*found, *couplers]) if couplers else found

@@ -10,9 +10,11 @@ from contextlib import contextmanager
 from ..calls.files import check_ending
 from ..pictures.markup import PAGE_FILES
 from ..pictures.robot_shapes import SHAPES
-from ..pictures.scene import Scene, view
 from ..pictures.stage import has_screen, viser_module
-from .robots import add_package_dirs, add_robot, load, parse_numbers
+from ..pictures.view import view
+from ..pictures.viewer import View
+from ..simulation.scene import Scene
+from .robots import add_package_dirs, add_robot, load, parse_numbers, read_text
 from .targets import check_file
 
 
@@ -21,6 +23,9 @@ def add(parser: argparse.ArgumentParser) -> None:
     add_robot(parser)
     parser.add_argument("--q", metavar="Q", help="joint positions, separated by commas (default: neutral)")
     parser.add_argument("--shapes", choices=SHAPES, default="visual", help="what is drawn (default: visual)")
+    parser.add_argument(
+        "--scene", metavar="FILE", help="what acts on the robot, drawn too: a TOML file, see sd.Scene.from_toml"
+    )
     add_package_dirs(parser)
     parser.add_argument("--save", metavar="FILE", help="write one page that needs no network (.html), open none")
     parser.set_defaults(run=_run)
@@ -28,14 +33,16 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 def _run(arguments: argparse.Namespace) -> int:
     check_page("--save", arguments.save)
-    model = load(arguments, mimic=True)
+    text = "" if arguments.scene is None else read_text("--scene", arguments.scene)
+    model = load(arguments, mimic="[[constraint]]" not in text)
+    acts = Scene.from_toml(model, text) if text else model
     q = parse_numbers("--q", arguments.q, model.nq)
     with notes():
-        scene = view(model, q, shapes=arguments.shapes, package_dirs=arguments.package_dir, open=False)
+        shown = view(acts, q, shapes=arguments.shapes, package_dirs=arguments.package_dir, open=False)
     if arguments.save:
-        print(f"saved   {scene.save(arguments.save)}")
+        print(f"saved   {shown.save(arguments.save)}")
     else:
-        keep_open(scene)
+        keep_open(shown)
     return 0
 
 
@@ -57,7 +64,7 @@ def notes() -> Iterator[None]:
         print(f"note    {warning.message}")
 
 
-def keep_open(scene: Scene) -> None:
+def keep_open(scene: View) -> None:
     """Open a tab of the browser and wait for Ctrl-C, which raises KeyboardInterrupt."""
     how = "Ctrl-C ends it" if has_screen() else "open it in a browser; Ctrl-C ends it"
     print(f"shown   {scene.url} ({how})", flush=True)

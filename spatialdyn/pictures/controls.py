@@ -137,9 +137,9 @@ class Player:
         self._playing.clear()
 
 
-def add_layers(gui: Any, layers: Sequence[str], shown: str, switch: Callable[[str, bool], None]) -> None:
-    """A box to tick for each layer; ``switch`` is called with its name and whether it is ticked."""
+def add_layers(gui: Any, layers: Sequence[str], shown: Sequence[str], switch: Callable[[str, bool], None]) -> None:
+    """A box for each layer, ticked for those shown; ``switch`` is called with its name and whether it is ticked."""
     with gui.add_folder("show", expand_by_default=False):
         for layer in layers:
-            box = gui.add_checkbox(layer, initial_value=layer == shown)
+            box = gui.add_checkbox(layer, initial_value=layer in shown)
             box.on_update(lambda event, layer=layer: switch(layer, event.target.value))

@@ -138,6 +138,8 @@ def _plots(run: Trajectory) -> list[tuple[str, Figure]]:
         wanted += [("limits", ["limits"])] * bool(bounded)
         single = any(joint.nv == 1 for joint in model.joints[1:])
         wanted += [("phases", ["phase"])] * (single and model.nv <= JOINTS)
+    touches = run.scene is not None and run.scene.contacts is not None and bool(len(run.scene.contacts))
+    wanted += [("contacts", ["contacts"])] * (touches and run.contacts is not None)
     return [(name, plot_trajectory(run, what, None, None, None)) for name, what in wanted]
 
 
@@ -153,7 +155,7 @@ def player(run: Trajectory) -> str:
     try:
         import viser  # noqa: F401
 
-        from .scene import view
+        from .view import view
     except ImportError:
         return f'<p class="note">The player needs viser: {pip_install("view")}, and make this report again.</p>'
     try:
@@ -199,6 +201,10 @@ def made_by() -> dict[str, str]:
 def again_trajectory(run: Trajectory) -> str:
     """Lines of Python that compute a trajectory again."""
     lines = [_load(run.model, run.robot)]
+    text = run.scene.to_toml() if run.scene is not None else ""
+    acts = "scene" if text.strip() else "model"
+    if text.strip():
+        lines.append(f"scene = sd.Scene.from_toml(model, {text!r})")
     torque, held = "", run.tau[0]
     if np.array_equal(run.tau, np.broadcast_to(held, run.tau.shape)):
         torque = f", torque={held.tolist()}" if held.any() else ""
@@ -209,8 +215,8 @@ def again_trajectory(run: Trajectory) -> str:
     lines += [
         f"q0 = {run.q[0].tolist()}",
         f"v0 = {run.v[0].tolist()}",
-        f"run = sd.simulate(model, q0, v0, {float(run.t[-1] - run.t[0])!r}, {run.dt!r}, {run.method!r}{torque}, "
-        f"record={every})",
+        f"run = sd.simulate({acts}, q0, v0, {float(run.t[-1] - run.t[0])!r}, {run.dt!r}, {run.method!r}{torque}, "
+        f"record={every if run.contacts is None else (every, 'contacts')})",
     ]
     return "\n".join(lines)
 

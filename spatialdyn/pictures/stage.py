@@ -169,13 +169,21 @@ class Stage:
         camera.position = middle + away * VIEW / np.linalg.norm(VIEW)
         for client in self.server.get_clients().values():
             client.camera.look_at, client.camera.position = camera.look_at, camera.position
-        if floor is None:
-            return
+        if floor is not None:
+            self.add_grid("/floor", np.array([middle[0], middle[1], floor]), np.eye(3), radius)
+
+    def add_grid(self, name: str, at: Array, R: Array, radius: float, color: Color | None = None) -> Any:
+        """Lay a grid without an end at a point (3,), across the third column of R (3, 3); returns viser's handle.
+
+        radius  of what stands on it [m]
+        color   of the ground between its lines; None leaves it open
+        """
         cell = 10.0 ** np.round(np.log10(radius) - 0.6)
-        self.server.scene.add_grid(
-            "/floor", plane="xy", infinite_grid=True, cell_size=cell, section_size=5.0 * cell,
-            position=(middle[0], middle[1], floor), fade_distance=16.0 * away, cell_thickness=0.6,
-            cell_color=(215, 215, 220), section_color=(185, 185, 192), shadow_opacity=0.2,
+        filled = {} if color is None else {"plane_color": color[:3], "plane_opacity": color[3]}
+        return self.server.scene.add_grid(
+            name, plane="xy", infinite_grid=True, cell_size=cell, section_size=5.0 * cell, wxyz=quaternions(R),
+            position=at, fade_distance=16.0 * 1.1 * radius / np.sin(0.5 * FIELD), cell_thickness=0.6,
+            cell_color=(215, 215, 220), section_color=(185, 185, 192), shadow_opacity=0.2, **filled,
         )  # fmt: skip
 
     # --- pages ---------------------------------------------------------------------------------------------

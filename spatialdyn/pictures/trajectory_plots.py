@@ -12,6 +12,7 @@ from ..bodies.kinds import PAIR, kind_of
 from ..calls.dynamics import calls
 from ..errors import SpatialDynError
 from ..simulation.trajectory import Trajectory
+from .contact_plots import contact_panels
 from .coordinates import SYMBOLS, UNITS, Coordinate, by_unit, chosen, coordinates, title
 from .figures import DASHES, FAINT, check_path, dash, legend, plain, tidy, written
 from .panels import (
@@ -34,7 +35,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
-WHAT = ("q", "v", "tau", "p", "energy", "phase", "limits")
+WHAT = ("q", "v", "tau", "p", "energy", "phase", "limits", "contacts")
 NAMED = 2  # joints that a panel names as beyond their limits
 FAR = 5.0  # times a limit: beyond, the axis is logarithmic outside the limits
 
@@ -45,7 +46,7 @@ def plot_trajectory(run: Trajectory, what: Any, joints: Any, ax: Any, path: Any)
     check_path(path)
     if not len(run):
         raise SpatialDynError(f"trajectory of {run.robot} is empty, expected samples to draw")
-    make = {"energy": _energy, "phase": _phase, "limits": _limits}
+    make = {"energy": _energy, "phase": _phase, "limits": _limits, "contacts": _touching}
     panels: list[Panel] = []
     for name in names:
         panels += make[name](run, joints) if name in make else _states(run, name, joints)
@@ -173,6 +174,11 @@ def _limits(run: Trajectory, joints: Any) -> list[Panel]:
     if not panels:
         raise SpatialDynError(f"{run.robot} has no limits on the joints asked for, expected some to draw")
     return panels
+
+
+def _touching(run: Trajectory, joints: Any) -> list[Panel]:
+    """Of contact points, which are of no joint."""
+    return contact_panels(run)
 
 
 def _limit_panel(run: Trajectory, values: Array, columns: list[Coordinate], symbol: str, word: str) -> Panel:

@@ -261,7 +261,7 @@ def scene_of(given: Any) -> Scene:
     if isinstance(given, Scene):
         return given
     found = _bare(check_model(given))
-    return found if found.model is given else Scene(given)  # an equal model is another object
+    return found if found.model is given else Scene(given)  # models of the same numbers may be of two files
 
 
 @functools.lru_cache(maxsize=64)

@@ -171,7 +171,8 @@ class Trajectory:
 
         what    one or several of "q", "v", "tau", "p", with limits dotted where they are near; "energy": T, V, their
                 sum, and its change on a log axis; "phase": v against q of each joint of one freedom; "limits": q, v and
-                tau as fractions of their limits, the outside shaded
+                tau as fractions of their limits, the outside shaded; "contacts": of each point the gap, the force along
+                the ground's normal, the share of its friction cone that is used, and the force in the cone
         joints  names of joints, by default all
         ax      Matplotlib axes to draw into, one for each panel
         path    a file to write, by its ending PNG, SVG, PDF, ...

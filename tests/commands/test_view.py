@@ -15,7 +15,7 @@ from inputs import PACKAGE
 import spatialdyn as sd
 from spatialdyn.commands import cli
 from spatialdyn.commands import view as command
-from spatialdyn.pictures.scene import Scene
+from spatialdyn.pictures.viewer import View
 
 pytest.importorskip("viser")
 LOST = (
@@ -82,8 +82,8 @@ def test_view_opens_a_tab_where_there_is_a_screen_and_closes_its_server(
     seen: list[str] = []
     monkeypatch.setattr("webbrowser.open", lambda url: seen.append(url))
     monkeypatch.setattr(command, "has_screen", lambda: True)
-    monkeypatch.setattr(Scene, "wait", lambda self: seen.append("waits"))
-    monkeypatch.setattr(Scene, "close", lambda self, close=Scene.close: (seen.append("closes"), close(self)))
+    monkeypatch.setattr(View, "wait", lambda self: seen.append("waits"))
+    monkeypatch.setattr(View, "close", lambda self, close=View.close: (seen.append("closes"), close(self)))
     status, out, err = run(capsys, "view", "two_link")
     assert (status, err) == (0, "")
     assert out == f"shown   {seen[0]} (Ctrl-C ends it)\n"
@@ -97,7 +97,7 @@ def test_simulate_saves_and_shows_its_motion(
     q = np.zeros((3, 2))
     made = sd.Trajectory(t, q, q, q, q, t, "rk4", 0.05, "two_link", model=sd.load_urdf("two_link"))
     monkeypatch.setattr("spatialdyn.commands.simulate.simulate", lambda *arguments, **named: made)
-    kept: list[Scene] = []
+    kept: list[View] = []
     monkeypatch.setattr("spatialdyn.commands.simulate.keep_open", kept.append)
     path = tmp_path / "run.html"
     status, out, err = run(capsys, "simulate", "two_link", "--save", str(path), "--view")

@@ -50,7 +50,7 @@ def picture(page: Any, drawn: Callable[[NDArray[np.int64]], Any]) -> NDArray[np.
     return pixels
 
 
-@pytest.mark.slow(quick="pictures/test_scene.py::test_camera_sees_all")
+@pytest.mark.slow(quick="pictures/test_viewer.py::test_camera_sees_all")
 @pytest.mark.skipif(BROWSER is None, reason="no Chromium is installed")
 def test_a_page_shows_the_robot_in_its_middle_without_a_network(tmp_path: Path) -> None:
     visual = (

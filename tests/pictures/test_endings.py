@@ -16,7 +16,7 @@ from spatialdyn.calls.files import check_ending
 from spatialdyn.errors import SpatialDynError
 from spatialdyn.pictures.figures import ENDINGS
 from spatialdyn.pictures.markup import PAGE_FILES
-from spatialdyn.pictures.scene import Scene
+from spatialdyn.pictures.viewer import View
 from spatialdyn.simulation.trajectory import ARRAY_FILES
 
 pytest.importorskip("matplotlib")
@@ -59,14 +59,14 @@ WRITERS: dict[str, tuple[Any, tuple[str, ...]]] = {
     "Tradeoff.plot": (lambda path: traded().plot(path), ENDINGS),
     "Tradeoff.report": (lambda path: traded().report(path), PAGE_FILES),
     "Diagnosis.report": (lambda path: sd.Diagnosis("arm", (), {}, {}, None, {}, 4).report(path), PAGE_FILES),
-    "Scene.save": (save_scene, PAGE_FILES),
+    "View.save": (save_scene, PAGE_FILES),
     "plot": (lambda path: sd.plot([run()], path=path), ENDINGS),
 }
 READERS = {"Trajectory.load"}
 
 
 def test_the_table_has_every_call_that_takes_a_path() -> None:
-    public = {name: getattr(sd, name) for name in sd.__all__} | {"Scene": Scene}
+    public = {name: getattr(sd, name) for name in sd.__all__} | {"View": View}
     found = set()
     for name, thing in public.items():
         of = {name: thing}

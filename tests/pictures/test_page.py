@@ -98,6 +98,21 @@ def test_the_lines_of_a_run_compute_it_again() -> None:
         exec(other.replace("'pendulum')", "'pendulum', gravity=(0, 0, 1))"), {})
 
 
+@pytest.mark.usefixtures("no_viewer")
+def test_the_lines_of_a_run_have_its_scene() -> None:
+    model = sd.load_urdf("two_link")
+    contacts = sd.Contacts(model, {"tip": 0.02}, terrain=sd.Plane(height=-0.9))
+    scene = sd.Scene(model, contacts=contacts, friction=sd.Friction(viscous=0.1))
+    run = sd.simulate(scene, [0.3, 0.1], [0.0, 1.0], 0.2, 1e-3, record=(10, "contacts"))
+    found: dict[str, Any] = {}
+    exec(pages.again_trajectory(run), found)
+    assert found["run"].scene == scene
+    assert np.array_equal(found["run"].q, run.q)
+    assert np.array_equal(found["run"].contacts.impulse, run.contacts.impulse)
+    text, _ = written(run)
+    assert 'alt="contacts"' in text
+
+
 def test_a_robot_is_loaded_by_its_name_or_its_file(tmp_path: Path) -> None:
     assert "model = sd.load_urdf('pendulum')\n" in pages.again_trajectory(trajectory(sd.load_urdf("pendulum")))
     path = tmp_path / "own.urdf"
@@ -123,10 +138,10 @@ def test_the_player_is_a_frame_of_its_own(evil: sd.Model, monkeypatch: pytest.Mo
         missing=[f"{EVIL}.stl"],
         faulty=[f"{EVIL}.dae: no such material"],
     )
-    fake = ModuleType("spatialdyn.pictures.scene")
+    fake = ModuleType("spatialdyn.pictures.view")
     fake.view = lambda run: scene  # type: ignore[attr-defined]
     monkeypatch.setitem(sys.modules, "viser", ModuleType("viser"))
-    monkeypatch.setitem(sys.modules, "spatialdyn.pictures.scene", fake)
+    monkeypatch.setitem(sys.modules, "spatialdyn.pictures.view", fake)
     _, page = written(trajectory(evil))
     assert page.seen.count("iframe") == 1
     assert ("srcdoc", scene.html()) in page.attributes

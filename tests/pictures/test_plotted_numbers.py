@@ -18,7 +18,7 @@ import pytest
 
 import spatialdyn as sd
 from spatialdyn.accuracy.results import Option, Tradeoff, mark_pareto
-from spatialdyn.pictures import comparison_plots, trajectory_plots
+from spatialdyn.pictures import comparison_plots, contact_plots, trajectory_plots
 
 pytest.importorskip("matplotlib")
 KINDS = ("revolute", "continuous", "prismatic", "spherical", "floating", "planar", "helical")
@@ -29,6 +29,7 @@ DIMENSION = {  # of a unit: powers of mass, length, time
 }  # fmt: skip
 SYMBOLS = {"q": "q", "v": "v", "p": "p", "tau": "τ"}
 SAMPLES = 7
+MU = ("b0", "b3", "b6")  # links with points
 CLOSE = 1e-9  # relative: sums of products round otherwise
 
 
@@ -109,6 +110,22 @@ def rolled(seed: int, grown: bool = False) -> sd.Rollout:
     runs = [motion(seed, grown=grown)]
     q, v = (np.stack([np.roll(getattr(runs[0], name), k, axis=0) for k in range(5)]) for name in ("q", "v"))
     return sd.Rollout(q, v, runs[0].t, runs[0].model)
+
+
+def touched(grown: bool = False, terrain: Any = None) -> sd.Trajectory:
+    """A motion with a record of contacts: each point's impulse within its cone, or none."""
+    run = motion(7, grown=grown)
+    model, rng = run.model, np.random.default_rng(8)
+    mu = dict(zip(MU, (0.3, 0.6, 0.9), strict=True))
+    contacts = sd.Contacts(model, dict.fromkeys(MU, 0.1 * (LENGTH if grown else 1.0)), friction=mu, terrain=terrain)
+    pushed, turned = rng.uniform(1.0, 2.0, (SAMPLES, 3)), rng.uniform(0.0, 2.0 * np.pi, (SAMPLES, 3))
+    pushed[rng.uniform(size=pushed.shape) < 0.3] = 0.0
+    share = rng.uniform(0.0, 1.0, (SAMPLES, 3)) * contacts.friction
+    impulse = pushed[..., None] * np.stack([share * np.cos(turned), share * np.sin(turned), np.ones((SAMPLES, 3))], -1)
+    scale = growth("kg m/s") if grown else 1.0
+    gap = (LENGTH if grown else 1.0) * rng.normal(size=(SAMPLES, 3))
+    record = sd.ContactRecord(scale * impulse, gap, np.zeros(SAMPLES), np.zeros((SAMPLES, model.nv)))
+    return sd.Trajectory(**{**vars(run), "contacts": record, "scene": sd.Scene(model, contacts=contacts)})
 
 
 def ledger(grown: bool = False) -> sd.EnergyLedger:
@@ -247,6 +264,61 @@ def test_phases_and_shares_of_limits_are_those_of_the_joints() -> None:
             np.testing.assert_allclose(values[:, at], wanted, rtol=CLOSE, atol=CLOSE)
 
 
+@pytest.mark.parametrize("terrain", [None, sd.Plane((0.2, -0.1, 1.0))])
+def test_forces_of_points_are_impulses_over_steps_in_their_cones(terrain: Any) -> None:
+    run = touched(terrain=terrain)
+    assert run.contacts is not None
+    n = np.array(run.scene.contacts.terrain.normal)
+    force = run.contacts.impulse / run.dt
+    along = force @ n
+    across = np.linalg.norm(force - along[..., None] * n, axis=-1)
+    with np.errstate(invalid="ignore"):
+        share = np.where(along > 0.0, across / (run.scene.contacts.friction * along), np.nan)
+    gap, normal, used, cone = run.plot("contacts").axes
+    for axes, wanted in ((gap, run.contacts.gap), (normal, along), (used, share)):
+        assert labels(axes) == list(MU)
+        for k, line in enumerate(shown(axes)):
+            np.testing.assert_allclose(line.get_ydata(), wanted[:, k], rtol=CLOSE, atol=CLOSE)
+    for k, line in enumerate(shown(cone)):
+        np.testing.assert_allclose(line.get_xdata(), across[:, k], rtol=CLOSE, atol=CLOSE)
+        np.testing.assert_allclose(line.get_ydata(), along[:, k], rtol=CLOSE, atol=CLOSE)
+    edges = sorted(x.get_xdata()[1] / x.get_ydata()[1] for x in cone.lines if x.get_gid() == "cone")
+    assert edges == pytest.approx([0.3, 0.6, 0.9])
+    assert cone.get_ylim()[1] >= along.max()
+
+
+def test_forces_of_a_run_stay_in_their_cones_on_hills_and_in_a_short_last_step() -> None:
+    """Where points slide the share is 1 to rounding: it is taken on the slopes that the steps were."""
+    model = sd.load_urdf("floating_body", root="floating")
+    hills = sd.Heightfield(0.05 * np.sin(np.arange(30.0)).reshape(5, 6), 0.3, (-0.6, -0.7))
+    name = model.robot.root
+    contacts = sd.Contacts(model, {name: 0.1}, friction=0.2, terrain=hills)
+    q = np.array(sd.neutral(model))
+    q[2] -= sd.contact_gaps(model, contacts, q)[0]
+    v = np.zeros(model.nv)
+    v[0] = 1.0
+    run = sd.simulate(sd.Scene(model, contacts=contacts), q, v, 0.1005, 1e-3, record="contacts")
+    forces = contact_plots.point_forces(run)
+    assert run.contacts is not None
+    last = run.contacts.impulse[-1, 0] / 0.0005
+    assert np.hypot(forces.normal[-1], forces.tangential[-1]) == pytest.approx(np.linalg.norm(last))
+    sliding = forces.share[np.isfinite(forces.share)]
+    assert len(sliding) > 20
+    assert np.median(sliding) == pytest.approx(1.0, abs=1e-9)
+    assert sliding.max() < 1.0 + 1e-9
+
+
+def test_a_plot_of_contacts_says_what_it_lacks() -> None:
+    run = touched()
+    for change, words in (
+        ({"contacts": None}, 'has no record of contacts, expected simulate(..., record="contacts")'),
+        ({"scene": None}, "loaded without its model, expected one to draw contacts"),
+        ({"scene": sd.Scene(run.model)}, "has no contact points, expected some to draw"),
+    ):
+        with pytest.raises(sd.SpatialDynError, match=re.escape(words)):
+            sd.Trajectory(**{**vars(run), **change}).plot("contacts")
+
+
 def test_works_have_their_signs_and_their_names() -> None:
     found = ledger()
     assert any((x.sum(axis=1) < 0.0).any() for x in found.work.values())
@@ -291,7 +363,8 @@ def compared(what: str, grown: bool) -> Any:
 
 
 FIGURES = {
-    **{x: lambda grown, x=x: motion(6, grown=grown).plot(x) for x in trajectory_plots.WHAT},
+    **{x: lambda grown, x=x: motion(6, grown=grown).plot(x) for x in trajectory_plots.WHAT if x != "contacts"},
+    "contacts": lambda grown: touched(grown).plot("contacts"),
     **{f"{x} compared": lambda grown, x=x: compared(x, grown) for x in comparison_plots.COMPARED},
     **{f"{x} rolled": lambda grown, x=x: rolled(6, grown).plot(x) for x in "qv"},
     "works": lambda grown: ledger(grown).plot(),

@@ -21,6 +21,7 @@ from . import shortcuts as shortcuts
 from . import utils as utils
 from . import visualize as visualize
 from .algorithms.centroidal import *
+from .algorithms.collisions import *
 from .algorithms.configuration import *
 from .algorithms.constrained import *
 from .algorithms.derivatives import *
@@ -29,6 +30,8 @@ from .algorithms.jacobians import *
 from .algorithms.kinematics import *
 from .algorithms.parallel import *
 from .algorithms.rigid_constraints import *
+from .coverage.coal_package import coal as coal
+from .coverage.coal_package import hppfcl as hppfcl
 from .coverage.coverage import coverage as coverage
 from .coverage.coverage import missing
 from .coverage.differences import differences as differences
@@ -48,6 +51,7 @@ from .linalg import orthonormalization as orthonormalization
 from .model.constraints import *
 from .model.from_urdf import *
 from .model.geometry import *
+from .model.geometry_from_urdf import *
 from .model.joint import *
 from .model.joints import *
 from .model.model import *

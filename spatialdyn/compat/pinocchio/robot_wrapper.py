@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 
 from ...engines.compiled.generated import function_from_text
-from .algorithms import centroidal, configuration, dynamics, jacobians, kinematics
+from .algorithms import centroidal, collisions, configuration, dynamics, jacobians, kinematics
 from .coverage.coverage import Partial, refused
-from .model.geometry import buildModelsFromUrdf, createDatas
+from .model.geometry import createDatas
+from .model.geometry_from_urdf import buildModelsFromUrdf
 from .model.model import Model
 from .model.model_surgery import buildReducedModel
 from .types.arguments import ValueRuntimeError, of_pinocchio
@@ -56,9 +57,15 @@ class RobotWrapper(Partial):
         """The robot of a URDF file; arguments as of ``buildModelsFromUrdf``."""
         return RobotWrapper(*buildModelsFromUrdf(filename, *arguments, **named))
 
-    BuildFromMJCF, BuildFromSDF, updateGeometryPlacements = (
-        refused(f"RobotWrapper.{name}") for name in ("BuildFromMJCF", "BuildFromSDF", "updateGeometryPlacements")
-    )
+    BuildFromMJCF, BuildFromSDF = (refused(f"RobotWrapper.{name}") for name in ("BuildFromMJCF", "BuildFromSDF"))
+
+    def updateGeometryPlacements(self, q: Any = None, visual: bool = False) -> None:
+        """Place the collision geometry, or the visual one, at q, or by ``data.oMi`` as it is."""
+        which = "visual" if visual else "collision"
+        geometry, data = getattr(self, f"{which}_model"), getattr(self, f"{which}_data")
+        if geometry is None:
+            raise ValueRuntimeError(f"the robot has no {which}_model, expected one")
+        collisions.updateGeometryPlacements(self.model, self.data, geometry, data, q)
 
     def initFromURDF(self, filename: Any, *arguments: Any, **named: Any) -> None:
         """Load a URDF file into this object; arguments as of ``buildModelsFromUrdf``."""
@@ -75,7 +82,12 @@ class RobotWrapper(Partial):
         """The robot with joints, given by name or index, locked at a configuration, the neutral one by default."""
         joints = [self.model.getJointId(x) if isinstance(x, str) else x for x in list_of_joints_to_lock]
         q = configuration.neutral(self.model) if reference_configuration is None else reference_configuration
-        return RobotWrapper(buildReducedModel(self.model, joints, q), self.collision_model, self.visual_model)
+        given = [x for x in (self.collision_model, self.visual_model) if x is not None]
+        model, shapes = buildReducedModel(self.model, given, joints, q)
+        made = iter(shapes)
+        return RobotWrapper(
+            model, *(None if x is None else next(made) for x in (self.collision_model, self.visual_model))
+        )
 
     def index(self, name: str) -> int:
         """Index of the joint of that name."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from .algorithms.dynamics import nle
-from .model.geometry import buildModelsFromUrdf, createDatas
+from .model.geometry import createDatas
+from .model.geometry_from_urdf import buildModelsFromUrdf
 
 __all__ = ["buildModelsFromUrdf", "createDatas", "nle"]

@@ -26,16 +26,17 @@ SUPPORTED, DIFFERENT, OUT_OF_SCOPE, UNKNOWN = "supported", "supported with a dif
 
 _DEPENDENT = "where constraints depend on each other, undamped: give a damping, or mu in ProximalSettings"
 _FOREIGN = "for files that Pinocchio wrote, and its StreamBuffer: pickle, or build the model from its URDF"
-COLLISIONS = "coal or trimesh, placed by forwardKinematics and updateFramePlacements"
+COLLISIONS = "computeCollisions, computeDistances, and the package coal itself"
 RAISES: tuple[tuple[str, str], ...] = (  # names that are there and raise on arguments that scripts usually pass
     ("utils.mprint", "always: print(numpy.array2string(M))"),
     ("Symmetric3.decomposeltI", "always: numpy.linalg.cholesky(S.matrix())"),
     ("RobotWrapper.BuildFromMJCF RobotWrapper.BuildFromSDF", "always: only URDFs are read, BuildFromURDF"),
-    ("RobotWrapper.updateGeometryPlacements", "always: geometry is placed by data.oMi"),
-    ("GeometryObject.CreateCapsule", f"always: it takes a collision library, {COLLISIONS}"),
+    (
+        "computeCollision computeCollisions computeDistance computeDistances GeometryObject.CreateCapsule",
+        "without the package coal: pip install coal",
+    ),
     ("*Visualizer.create_video_ctx", "always: visualizers make no videos, spatialdyn.view(...).save writes a page"),
     ("*Visualizer.captureImage", "until a browser shows the page"),
-    ("*MeshcatVisualizer.viewer", "for a path, as viewer[path]: MeshCat's tree is viser's, viewer.server.scene"),
     ("forwardDynamics impulseDynamics constraintDynamics", _DEPENDENT),
     ("*.loadFromText *.loadFromXML *.loadFromBinary *.loadFromString", _FOREIGN),
 )
@@ -119,8 +120,8 @@ def coverage() -> dict[str, Entry]:
     >>> import spatialdyn.compat.pinocchio as pin
     >>> pin.coverage()["rnea"].status
     'supported'
-    >>> print(pin.coverage()["computeCollisions"].note)
-    geometry and collisions: coal or trimesh, placed by forwardKinematics and updateFramePlacements
+    >>> print(pin.coverage()["computeBodyRadius"].note)
+    geometry and collisions: computeCollisions, computeDistances, and the classes of the package coal itself
     """
     return {name: entry(name) for name in sorted(names())}
 

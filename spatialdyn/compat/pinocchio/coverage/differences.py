@@ -30,8 +30,14 @@ models whose joints are not depth first | wrong mass matrices, silently | ModelE
     call
 crba where joints of several freedoms stand between a mimic joint and its leader | a mass matrix that contradicts its
     rnea | the mass matrix of rnea
-GeometryModel, GeometryData, GeometryObject, CollisionPair: what takes a collision library | results of coal |
-    OutOfScopeError, a NotImplementedError and AttributeError
+computeCollisions, computeDistances, computeCollision, computeDistance without the package coal | none is built
+    without it | OutOfScopeError, a NotImplementedError that names it
+computeCollisions, computeDistances of a GeometryModel without objects | no collision | ModelError; without pairs a
+    warning
+buildGeomFromUrdf, buildModelsFromUrdf of a URDF whose meshes are not found | ValueError | the folders above the URDF
+    are searched too; an error when the shape is needed
+GeometryData: collision_functors, contactPatchRequests and their kin, radius | members | OutOfScopeError, an
+    AttributeError
 RigidConstraintModel, RigidConstraintData: calc, jacobian, setCompliance, retrieveCompliance; lambdas_joint1,
     extended_motion_propagators_joint1 and _joint2 | one contact's part of a solver, its scratch | OutOfScopeError, an
     AttributeError
@@ -118,7 +124,6 @@ forwardDynamics, impulseDynamics with constraints that depend on each other, und
 forwardDynamics, impulseDynamics with a damping below 0 or a restitution not from 0 to 1 | accepted | ConstraintError
 data.M after forwardDynamics, impulseDynamics, computeKKTContactDynamicMatrixInverse | its lower triangle is not
     written | both triangles are filled
-GeometryModel, buildModelsFromUrdf | the shapes of the URDF | empty
 cholesky.solve, cholesky.computeMinv before cholesky.decompose | zeros | InertiaError
 computeJointTorqueRegressor, computeKineticEnergyRegressor of models with mimic joints | an error | columns for each
     joint, rows for the independent velocities

@@ -25,17 +25,16 @@ MJCF and SDF: buildModelFromUrdf of a URDF; spatialdyn.from_mujoco and to_mujoco
     buildModelsAndConstraintsFrom{MJCF,Sdf} buildModelsFromSdf
 a joint that URDF does not have: JointModelComposite of those there are
     Joint{Data,Model}Ellipsoid
-geometry and collisions: coal or trimesh, placed by forwardKinematics and updateFramePlacements
+geometry and collisions: computeCollisions, computeDistances, and the classes of the package coal itself
     {,StdVec_}{,Tree}BroadPhase* {,Tree}BroadPhaseManagerPool_DynamicAABBTreeCollisionManager
     {,Tree}BroadPhaseManager_{DynamicAABBTree,DynamicAABBTreeArray,IntervalTree,Naive,SSaP,SaP}CollisionManager
     StdVec_{,Tree}BroadPhaseManager_DynamicAABBTreeCollisionManager {,StdVec_}Distance* {,StdVec_}DistanceResult
     Collision{C,G,O,R}* CollisionCallBack{Base,Collect,Default} CollisionGeometry {,StdVec_}Collision{Object,Result}
     {,StdVec_}Compute* {,StdVec_}Compute{Collision,Distance} StdVec_{Collision,coal,Geometry}* StdVec_CollisionPair
     StdVec_coal_CollisionObjectPointer StdVec_Geometry{Data,Model,Object} GeometryPool Mesh* {,Cached}MeshLoader
-    Physics* PhysicsMaterial{,Type} buildGeom* buildGeomFrom{MJCF,Urdf,UrdfString} buildSampleGeometry*
-    buildSampleGeometryModel{Humanoid,Manipulator} computeCollision* computeCollision{,s,sInParallel}
-    computeDistance{,s} computeContactPatch* computeContactPatch{,es} computeBodyRadius removeCollision*
-    removeCollisionPairs{,FromXML} updateGeometryPlacements coal hppfcl CONCRETE ICE METAL PLASTIC WOOD
+    Physics* PhysicsMaterial{,Type} buildGeom* buildGeomFromMJCF buildSampleGeometry*
+    buildSampleGeometryModel{Humanoid,Manipulator} computeCollision* computeCollisionsInParallel
+    computeContactPatch* computeContactPatch{,es} computeBodyRadius CONCRETE ICE METAL PLASTIC WOOD
 second derivatives of kinematics: finite differences of getJointJacobian
     *KinematicHessian{,s} computeJointKinematicHessians get{Frame,Joint}KinematicHessian
 one class for all kinds: JointData

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from .coal_package import has_coal
+
 __all__ = [
     "PINOCCHIO_MAJOR_VERSION", "PINOCCHIO_MINOR_VERSION", "PINOCCHIO_PATCH_VERSION", "WITH_COLLISION", "WITH_CPPAD",
     "WITH_HPP_FCL", "WITH_HPP_FCL_BINDINGS", "WITH_OPENMP", "WITH_SDFORMAT", "WITH_URDFDOM", "ScalarType",
@@ -13,7 +15,7 @@ VERSION = (PINOCCHIO_MAJOR_VERSION, PINOCCHIO_MINOR_VERSION, PINOCCHIO_PATCH_VER
 __version__ = __raw_version__ = ".".join(map(str, VERSION))
 
 WITH_URDFDOM = True  # robots are read from URDF
-WITH_COLLISION = WITH_HPP_FCL = WITH_HPP_FCL_BINDINGS = False
+WITH_COLLISION = WITH_HPP_FCL = WITH_HPP_FCL_BINDINGS = has_coal()  # with it collisions are computed
 WITH_CPPAD = WITH_SDFORMAT = WITH_OPENMP = False
 ScalarType = float
 

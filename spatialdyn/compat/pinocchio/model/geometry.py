@@ -1,29 +1,29 @@
-"""Geometry models as records of names and indices: nothing here reads a mesh or computes with a shape."""
+"""Geometry models: shapes on joints by name and placement, pairs of them, and what is computed of those."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from copy import deepcopy
 from typing import Any
 
 import numpy as np
 
-from ....errors import ModelError
-from ..coverage.coverage import COLLISIONS, Partial, refused
+from ....errors import ModelError, ShapeError
+from ..coverage.coal_package import coal_for
+from ..coverage.coverage import COLLISIONS, Partial
 from ..types.arguments import by_name, expected
 from ..types.frame import Enum
 from ..types.se3 import SE3
-from .from_urdf import buildModelFromUrdf
+from .coal_shapes import Described
 from .model import Model
 
 __all__ = [
     "COLLISION", "VISUAL", "CollisionPair", "GeometryData", "GeometryModel", "GeometryNoMaterial", "GeometryObject",
-    "GeometryPhongMaterial", "GeometryType", "buildModelsFromUrdf", "createDatas",
+    "GeometryPhongMaterial", "GeometryType", "createDatas",
 ]  # fmt: skip
 _FILES = "saveToText saveToXML saveToBinary saveToString loadFromText loadFromXML loadFromBinary loadFromString"
 
 
-BLACK = (0.0, 0.0, 0.0, 1.0)
+BLACK, GREY = (0.0, 0.0, 0.0, 1.0), (0.9, 0.9, 0.9, 1.0)
 
 
 class GeometryType(Enum):
@@ -36,13 +36,11 @@ VISUAL, COLLISION = GeometryType
 
 
 def _beyond(names: str) -> dict[str, str]:
-    return dict.fromkeys(
-        [*names.split(), *_FILES.split()], f"takes a collision library, spatialdyn has none: {COLLISIONS}, do that"
-    )
+    return dict.fromkeys([*names.split(), *_FILES.split()], f"is not offered: {COLLISIONS}")
 
 
 class _Bookkeeping(Partial):
-    """A record about shapes; members that need a collision library raise."""
+    """A record about shapes; members that are not offered raise. Copies share the shapes, which never change."""
 
     def copy(self) -> Any:
         """An independent copy."""
@@ -71,11 +69,14 @@ class GeometryObject(_Bookkeeping):
     name                     str
     parentJoint, parentFrame indices; parentFrame is the largest number if not given
     placement                SE3 in the joint's frame
-    geometry                 a shape of a collision library: any object, passed on unchanged
+    geometry                 the shape: coal's, or what was given. Of a URDF it is made, and a mesh read, when it is
+                             first read, which raises MissingMeshError, or OutOfScopeError for a mesh without coal
     meshPath, meshScale (3,), overrideMaterial, meshColor (4,), meshTexturePath, meshMaterial, disableCollision
     """
 
     _instead = _beyond("physicsMaterial")
+    _described: Described | None = None
+    _geometry: Any = None
 
     def __init__(self, name: Any, parent_joint: Any = None, *arguments: Any, **named: Any) -> None:
         if isinstance(name, GeometryObject):
@@ -88,14 +89,39 @@ class GeometryObject(_Bookkeeping):
         self.name, self.parentJoint = expected(name, str, "name"), int(parent_joint)
         self.parentFrame = int(given.get("parent_frame", 2**64 - 1))
         self.placement = SE3(expected(given["placement"], SE3, "placement"))
-        self.geometry, self.disableCollision = given.get("collision_geometry"), False
+        self._geometry, self.disableCollision = given.get("collision_geometry"), False
         self.meshPath, self.meshTexturePath = given.get("mesh_path", ""), given.get("mesh_texture_path", "")
         self.meshScale = np.array(given.get("mesh_scale", np.ones(3)), float)
         self.meshColor = np.array(given.get("mesh_color", BLACK), float)
         self.meshMaterial = given.get("mesh_material", GeometryNoMaterial())
         self.overrideMaterial = bool(given.get("override_material", False))
 
-    CreateCapsule = refused("GeometryObject.CreateCapsule")
+    @property
+    def geometry(self) -> Any:
+        """The shape."""
+        if self._geometry is None and self._described is not None:
+            self._geometry = self._described.made(f'geometry object "{self.name}"')
+        return self._geometry
+
+    @geometry.setter
+    def geometry(self, value: Any) -> None:
+        self._geometry, self._described = value, None
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> GeometryObject:
+        made = GeometryObject.__new__(GeometryObject)
+        rest = {name: x for name, x in self.__dict__.items() if name != "_geometry"}
+        made.__dict__.update(deepcopy(rest, memo), _geometry=self._geometry)
+        return made
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Without the shape where it can be made again."""
+        return {name: x for name, x in self.__dict__.items() if name != "_geometry" or self._described is None}
+
+    @staticmethod
+    def CreateCapsule(radius: float, length: float) -> GeometryObject:
+        """A capsule on the universe. Raises OutOfScopeError without coal."""
+        shape = coal_for("GeometryObject.CreateCapsule").Capsule(radius, length)
+        return GeometryObject("", 0, 0, SE3.Identity(), shape)
 
 
 class CollisionPair:
@@ -121,21 +147,32 @@ class CollisionPair:
 
 
 class GeometryModel(_Bookkeeping):
-    """Shapes on a model's joints, geometryObjects, and the pairs of them that may collide, collisionPairs.
+    """Shapes on a model's joints, geometryObjects, and the pairs of them that may collide, collisionPairs."""
 
-    Empty as buildModelsFromUrdf returns it; visualizers read the shapes of its file.
-    """
-
-    _instead = _beyond("collisionPairMapping setCollisionPairs")
+    _instead = _beyond("")
 
     def __init__(self, other: GeometryModel | None = None) -> None:
         self.geometryObjects: list[GeometryObject] = []
         self.collisionPairs: list[CollisionPair] = []
-        self._file: tuple[Any, tuple[Any, ...]] | None = None  # the URDF that it stands for, and package_dirs
         if other is not None:
             self.__dict__.update(deepcopy(expected(other, GeometryModel, "other")).__dict__)
 
     ngeoms = property(lambda self: len(self.geometryObjects), doc="Number of geometry objects.")
+
+    @property
+    def collisionPairMapping(self) -> Any:
+        """Numbers (ngeoms, ngeoms) of the pairs of two objects, -1 for none."""
+        made = np.full((self.ngeoms, self.ngeoms), -1, np.int32)
+        for k, pair in enumerate(self.collisionPairs):
+            made[pair.first, pair.second] = made[pair.second, pair.first] = k
+        return made
+
+    def setCollisionPairs(self, collision_map: Any, upper: bool = True) -> None:
+        """Replace the pairs by those i < j with a true entry (i, j), or (j, i) if not ``upper``, in their order."""
+        found = _map_of(self, collision_map, upper)
+        self.removeAllCollisionPairs()
+        for i, j in zip(*np.nonzero(np.triu(found, 1)), strict=True):
+            self.addCollisionPair(CollisionPair(int(i), int(j)))
 
     def createData(self) -> GeometryData:
         """A GeometryData."""
@@ -199,16 +236,22 @@ class GeometryModel(_Bookkeeping):
 
 
 class GeometryData(_Bookkeeping):
-    """Data of a GeometryModel: oMg, the identity for every object; activeCollisionPairs, flags."""
+    """Data of a GeometryModel: placements of its objects, and requests and results for its pairs at the time.
 
-    _instead = _beyond("""collisionRequests collisionResults collision_functors contactPatchRequests contactPatchResults
-        contact_patch_functors distanceRequests distanceResults distance_functors fillInnerOuterObjectMaps radius
-        setActiveCollisionPairs setGeometryCollisionStatus setSecurityMargins""")
+    oMg                   SE3 of each object in the world, by ``updateGeometryPlacements``
+    activeCollisionPairs  a flag for each pair
+    collisionRequests, collisionResults, distanceRequests, distanceResults  coal's, one for each pair
+    """
+
+    _instead = _beyond("""collision_functors contactPatchRequests contactPatchResults contact_patch_functors
+        distance_functors fillInnerOuterObjectMaps radius""")
+    _kept: dict[str, list[Any]]
 
     def __init__(self, geometry_model: GeometryModel) -> None:
         expected(geometry_model, GeometryModel, "geometry_model")
         self.oMg = [SE3.Identity() for _ in geometry_model.geometryObjects]
         self.activeCollisionPairs = [True for _ in geometry_model.collisionPairs]
+        self._kept = {}
 
     def activateCollisionPair(self, pair_id: int) -> None:
         """Activate a pair."""
@@ -222,34 +265,90 @@ class GeometryData(_Bookkeeping):
         """Deactivate all pairs."""
         self.activeCollisionPairs[:] = [False] * len(self.activeCollisionPairs)
 
+    def setActiveCollisionPairs(self, geometry_model: GeometryModel, collision_map: Any, upper: bool = True) -> None:
+        """Activate the pairs with a true entry of a matrix (ngeoms, ngeoms), above its diagonal or below it."""
+        found = _map_of(geometry_model, collision_map, upper)
+        self.activeCollisionPairs[:] = [bool(found[_low_high(pair)]) for pair in geometry_model.collisionPairs]
 
-def buildModelsFromUrdf(filename: Any, *arguments: Any, **named: Any) -> tuple[Any, ...]:
-    """The Model of a URDF file, and empty GeometryModels, whose shapes visualizers read when they draw.
+    def setGeometryCollisionStatus(self, geom_model: GeometryModel, geom_id: int, enable_collision: bool) -> None:
+        """Activate or deactivate the pairs of an object."""
+        for k, pair in enumerate(geom_model.collisionPairs):
+            if geom_id in (pair.first, pair.second):
+                self.activeCollisionPairs[k] = bool(enable_collision)
 
-    filename         str or Path
-    package_dirs     a folder or several that hold the packages of ``package://`` names, for visualizers
-    root_joint       joint model between the universe and the root link; without it the root link is fixed
-    root_joint_name  its name, "root_joint" by default; optional in a call by position
-    verbose          ignored
-    meshLoader       ignored
-    geometry_types   one GeometryModel is returned for each; by default COLLISION and VISUAL
-    mimic            True: mimic joints have no coordinates
+    def setSecurityMargins(
+        self, geometry_model: GeometryModel, security_margin_map: Any, upper: bool = True,
+        sync_distance_upper_bound: bool = True,
+    ) -> None:  # fmt: skip
+        """Set the margins of all pairs from a matrix (ngeoms, ngeoms), above its diagonal or below it [m]."""
+        found = _map_of(geometry_model, security_margin_map, upper)
+        for request, pair in zip(self.collisionRequests, geometry_model.collisionPairs, strict=True):
+            request.security_margin = float(found[_low_high(pair)])
+            if sync_distance_upper_bound:
+                request.distance_upper_bound = request.security_margin
 
-    Raises what ``buildModelFromUrdf`` does.
-    """
-    names = ["package_dirs", "root_joint", "verbose", "meshLoader", "geometry_types", "mimic"]
-    names.insert(2 if len(arguments) >= 3 and isinstance(arguments[2], str) else 6, "root_joint_name")
-    given = by_name("buildModelsFromUrdf", " ".join(names), arguments, named)
-    kinds = given.get("geometry_types")
-    kinds = (COLLISION, VISUAL) if kinds is None else kinds if isinstance(kinds, Iterable) else [kinds]
-    passed = {name: given[name] for name in ("root_joint", "root_joint_name") if given.get(name) is not None}
-    model = buildModelFromUrdf(filename, mimic=bool(given.get("mimic", False)), **passed)
-    folders = given.get("package_dirs") or ()
-    folders = (folders,) if isinstance(folders, str) or hasattr(folders, "__fspath__") else tuple(folders)
-    made = [GeometryModel() for _ in kinds]
-    for geometry in made:
-        geometry._file = filename, folders
-    return model, *made
+    def _of_pairs(self, name: str) -> list[Any]:
+        """coal's objects of a kind, one for each pair, made when first asked for. Raises OutOfScopeError."""
+        if name not in self._kept:
+            package = coal_for(f"GeometryData.{name}")
+            made = []
+            for _ in self.activeCollisionPairs:
+                one = getattr(package, _COAL[name])()
+                if name.endswith("Requests"):  # as Pinocchio makes them
+                    one.gjk_initial_guess = package.GJKInitialGuess.CachedGuess
+                if name == "collisionRequests":
+                    one.enable_contact = False
+                made.append(one)
+            self._kept[name] = made
+        return self._kept[name]
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> GeometryData:
+        """Requests and results of coal are made anew."""
+        made = GeometryData.__new__(GeometryData)
+        made.oMg, made.activeCollisionPairs = deepcopy(self.oMg, memo), list(self.activeCollisionPairs)
+        made._kept = {}
+        return made
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "_kept": {}}
+
+    @property
+    def collisionRequests(self) -> list[Any]:
+        """coal's CollisionRequests."""
+        return self._of_pairs("collisionRequests")
+
+    @property
+    def collisionResults(self) -> list[Any]:
+        """coal's CollisionResults, of ``computeCollisions``."""
+        return self._of_pairs("collisionResults")
+
+    @property
+    def distanceRequests(self) -> list[Any]:
+        """coal's DistanceRequests."""
+        return self._of_pairs("distanceRequests")
+
+    @property
+    def distanceResults(self) -> list[Any]:
+        """coal's DistanceResults, of ``computeDistances``."""
+        return self._of_pairs("distanceResults")
+
+
+_COAL = {
+    "collisionRequests": "CollisionRequest", "collisionResults": "CollisionResult",
+    "distanceRequests": "DistanceRequest", "distanceResults": "DistanceResult",
+}  # fmt: skip
+
+
+def _low_high(pair: CollisionPair) -> tuple[int, int]:
+    return min(pair.first, pair.second), max(pair.first, pair.second)
+
+
+def _map_of(geometry_model: GeometryModel, given: Any, upper: bool) -> Any:
+    """A matrix of pairs of objects, whose entries above the diagonal count. Raises ShapeError."""
+    made, n = np.asarray(given), expected(geometry_model, GeometryModel, "geometry_model").ngeoms
+    if made.shape != (n, n):
+        raise ShapeError(f"the map of pairs has shape {made.shape}, expected {(n, n)}")
+    return made if upper else made.T
 
 
 def createDatas(*models: Model | GeometryModel | None) -> tuple[Any, ...]:

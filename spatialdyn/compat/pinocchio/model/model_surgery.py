@@ -11,6 +11,7 @@ from ....errors import ModelError, ShapeError
 from ..types.arguments import ArgumentError, by_name, described, expected
 from ..types.frame import FIXED_JOINT, JOINT, Frame
 from ..types.se3 import SE3
+from .geometry import GeometryModel
 from .joint import JointModel
 from .joint_tree import ARRAYS
 from .joints import JointModelMimic, Mimic
@@ -22,7 +23,8 @@ __all__ = ["appendModel", "buildReducedModel", "transformJointIntoMimic"]
 def buildReducedModel(model: Model, *arguments: Any, **named: Any) -> Any:
     """A model with some joints locked: their bodies move to the parent joint, their frames stay.
 
-    geom_model               optional GeometryModel or list of them, returned with the model
+    geom_model               optional GeometryModel or list of them, whose objects move to the joints that are left;
+                             returned with the model, as new ones
     list_of_joints_to_lock   indices of joints
     reference_configuration  (nq,) at which they are locked
 
@@ -34,7 +36,29 @@ def buildReducedModel(model: Model, *arguments: Any, **named: Any) -> Any:
     names = " ".join([*geometry, "list_of_joints_to_lock reference_configuration"])
     given = by_name("buildReducedModel", names, arguments, named, 3)
     made = _reduced(model, given["list_of_joints_to_lock"], given["reference_configuration"])
-    return (made, given[geometry[0]]) if geometry else made
+    if not geometry:
+        return made
+    shapes = given[geometry[0]]
+    if isinstance(shapes, GeometryModel):
+        return made, _reduced_geometry(model, made, shapes)
+    return made, [_reduced_geometry(model, made, x) for x in shapes]
+
+
+def _reduced_geometry(model: Model, made: Model, given: GeometryModel) -> GeometryModel:
+    """The objects of a model on the joints of its reduced one, and their pairs."""
+    found = expected(given, GeometryModel, "geom_model").copy()
+    joints = {name: k for k, name in enumerate(made.names)}
+    frames = {(frame.name, int(frame.type)): frame for frame in made.frames}
+    for x in found.geometryObjects:
+        name = model.names[x.parentJoint]
+        if name in joints:
+            x.parentJoint = joints[name]
+        else:  # a locked joint is a frame
+            at = frames[name, int(FIXED_JOINT)]
+            x.parentJoint, x.placement = at.parentJoint, at.placement * x.placement
+        if x.parentFrame < model.nframes:
+            x.parentFrame = made.getBodyId(model.frames[x.parentFrame].name)
+    return found
 
 
 def _reduced(model: Model, joints: Iterable[int], q: Any) -> Model:

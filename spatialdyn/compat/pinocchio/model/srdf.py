@@ -1,4 +1,4 @@
-"""SRDF files: reference configurations and rotor parameters of a model.
+"""SRDF files: reference configurations, rotor parameters and pairs of links that never collide.
 
 lxml is imported inside the function that parses.
 """
@@ -13,10 +13,15 @@ from typing import Any
 from ....errors import UrdfError
 from ....urdf.sources import read_path
 from ..types.arguments import ArgumentError, described, expected
+from ..types.frame import BODY
+from .geometry import GeometryModel
 from .joint import JointModel
 from .model import Model
 
-__all__ = ["loadReferenceConfigurations", "loadReferenceConfigurationsFromXML", "loadRotorParameters"]
+__all__ = [
+    "loadReferenceConfigurations", "loadReferenceConfigurationsFromXML", "loadRotorParameters", "removeCollisionPairs",
+    "removeCollisionPairsFromXML",
+]  # fmt: skip
 
 NUMBER = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
 
@@ -59,6 +64,38 @@ def loadRotorParameters(model: Model, srdf_filename: Any, verbose: bool = False)
             model.rotorInertia[at], model.rotorGearRatio[at] = inertia, ratio
             model.armature[at] += inertia * ratio**2
     return True
+
+
+def removeCollisionPairs(model: Model, geom_model: GeometryModel, srdf_filename: Any, verbose: bool = False) -> None:
+    """Remove the pairs of objects on links that ``<disable_collisions>`` of an SRDF file names.
+
+    Links that the model does not have are ignored, for a file may serve several models. ``verbose`` has no effect.
+    Raises UrdfError for a file that cannot be read.
+    """
+    _remove_pairs(model, geom_model, *_file(srdf_filename))
+
+
+def removeCollisionPairsFromXML(
+    model: Model, geom_model: GeometryModel, srdf_xml_stream: str, verbose: bool = False
+) -> None:
+    """Remove the pairs that SRDF text names, as ``removeCollisionPairs`` does."""
+    _remove_pairs(model, geom_model, "<text>", expected(srdf_xml_stream, str, "srdf_xml_stream").encode())
+
+
+def _remove_pairs(model: Model, geom_model: GeometryModel, label: str, text: bytes) -> None:
+    root = _parsed(label, expected(model, Model, "model"), text)
+    objects = expected(geom_model, GeometryModel, "geom_model").geometryObjects
+    bodies = {frame.name: k for k, frame in enumerate(model.frames) if frame.type == BODY}
+    apart = {
+        frozenset((bodies[a], bodies[b]))
+        for a, b in ((x.get("link1"), x.get("link2")) for x in root.iter("disable_collisions"))
+        if a in bodies and b in bodies and a != b
+    }
+    geom_model.collisionPairs[:] = [
+        x
+        for x in geom_model.collisionPairs
+        if frozenset((objects[x.first].parentFrame, objects[x.second].parentFrame)) not in apart
+    ]
 
 
 def _file(filename: Any) -> tuple[str, bytes]:

@@ -20,11 +20,12 @@ import pytest
 from inputs import PACKAGE
 
 import spatialdyn as sd
-from spatialdyn.pictures import scene as scene_module
 from spatialdyn.pictures import stage as stage_module
+from spatialdyn.pictures import view as view_module
+from spatialdyn.pictures import viewer as viewer_module
 from spatialdyn.pictures.controls import slider_ends
 from spatialdyn.pictures.motions import frames, motion_of
-from spatialdyn.pictures.scene import resting
+from spatialdyn.pictures.view import resting
 
 pytest.importorskip("viser")
 
@@ -295,14 +296,14 @@ def test_the_first_sample_is_solid_and_others_are_pale(chain: sd.Model, view: An
 def test_play_ends_at_the_last_pose_in_time(chain: sd.Model, view: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     opened: list[str] = []
     monkeypatch.setattr("webbrowser.open", lambda url: opened.append(url))
-    monkeypatch.setattr(scene_module, "has_screen", lambda: False)
+    monkeypatch.setattr(viewer_module, "has_screen", lambda: False)
     scene = view(chain, swing(chain, 21), 0.01)
     start = time.monotonic()
     assert scene.play(speed=2.0) is scene
     assert time.monotonic() - start >= 0.1
     assert scene.q == pytest.approx(swing(chain)[-1])
     assert opened == [scene.url]
-    with pytest.raises(sd.SpatialDynError, match=r"the scene has no motion, expected view\(trajectory\)"):
+    with pytest.raises(sd.SpatialDynError, match=r"the view has no motion, expected view\(trajectory\)"):
         view(chain).play()
     with pytest.raises(sd.SpatialDynError, match="speed is 0, expected a positive"):
         scene.play(0)
@@ -314,7 +315,7 @@ def test_play_ends_at_the_last_pose_in_time(chain: sd.Model, view: Any, monkeypa
 def test_the_page_has_its_controls_whether_a_tab_opens_or_not(
     chain: sd.Model, view: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(scene_module, "has_screen", lambda: False)
+    monkeypatch.setattr(view_module, "has_screen", lambda: False)
     floating = sd.load_urdf(chain.robot.source, root="floating")
     for opens in (False, None):
         for scene, wanted in (
@@ -413,10 +414,10 @@ def test_play_shows_a_player_once_in_a_cell_of_a_notebook_at_its_speed(
 ) -> None:
     shown: list[dict[str, str]] = []
     cell = 1
-    monkeypatch.setattr(scene_module, "in_notebook", lambda: True)
-    monkeypatch.setattr(scene_module, "notebook_cell", lambda: cell)
+    monkeypatch.setattr(viewer_module, "in_notebook", lambda: True)
+    monkeypatch.setattr(viewer_module, "notebook_cell", lambda: cell)
     display = SimpleNamespace(display=lambda player, raw: shown.append(player))
-    monkeypatch.setattr(scene_module, "import_module", lambda name: display)
+    monkeypatch.setattr(viewer_module, "import_module", lambda name: display)
     scene = view(chain, swing(chain, 11), 0.1)
     speeds: list[float] = []
     monkeypatch.setattr(scene, "html", lambda speed=1.0: f"<p>{speeds.append(speed)}")
@@ -434,10 +435,10 @@ def test_a_tab_opens_for_a_model_only_where_there_is_a_screen(
     opened: list[str] = []
     monkeypatch.setattr("webbrowser.open", lambda url: opened.append(url))
     for screen, more, count in ((False, (), 0), (True, (), 1), (True, (swing(chain), 0.1), 1)):
-        monkeypatch.setattr(scene_module, "has_screen", lambda screen=screen: screen)
+        monkeypatch.setattr(view_module, "has_screen", lambda screen=screen: screen)
         view(chain, *more, open=None)
         assert len(opened) == count
-    monkeypatch.setattr(scene_module, "in_notebook", lambda: True)
+    monkeypatch.setattr(view_module, "in_notebook", lambda: True)
     view(chain, open=None)
     assert len(opened) == 1
 

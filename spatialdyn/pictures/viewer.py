@@ -1,8 +1,7 @@
-"""``sd.view``: a robot in a browser, a notebook or a page to keep, at rest or in motion."""
+"""``View``: what ``sd.view`` returns, a robot and what acts on it in viser, at rest or in motion."""
 
 from __future__ import annotations
 
-import os
 import time
 import weakref
 from collections.abc import Iterator, Sequence
@@ -13,13 +12,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..calls.arguments import as_array, as_flag, as_items, as_number, as_word, check_model
+from ..calls.arguments import as_array
 from ..calls.dynamics import calls
 from ..calls.files import check_ending
 from ..engines import locks
-from ..errors import ModelError, NonFiniteError, ShapeError, SpatialDynError
-from ..model.model import Frame, Model
-from ..simulation import Rollout, Trajectory
+from ..errors import NonFiniteError, ShapeError, SpatialDynError
+from ..model.model import Frame
+from ..simulation.scene import Scene
+from .acting import FORCE, MOMENT, Acting
 from .controls import Player, Sliders, add_layers, weakly
 from .inertia_shapes import reach
 from .markup import PAGE_FILES
@@ -28,111 +28,37 @@ from .motions import Motion, frames, motion_of
 from .progress_bar import in_notebook, notebook_cell
 from .robot_shapes import SHAPES, robot_shapes
 from .shapes import Shape
-from .stage import HOST, PORT, Stage, has_screen, page_frame
+from .stage import Stage, has_screen, page_frame
 
 Array = NDArray[np.float64]
-LAYERS = (*SHAPES, "frames", "centre of mass")
-FORCE: Color = (0.85, 0.1, 0.55, 1.0)  # none of these is red, green or blue: those are the axes of frames
-MOMENT: Color = (0.0, 0.55, 0.6, 1.0)
+ACTS = "what acts"
+LAYERS = (*SHAPES, "frames", "centre of mass", ACTS)
 COM: Color = (0.95, 0.55, 0.05, 1.0)
 TRACES: tuple[Color, ...] = ((0.15, 0.2, 0.35, 1.0), (0.6, 0.4, 0.2, 1.0), (0.5, 0.55, 0.15, 1.0))
 ARROW = 0.25  # of the robot's size: length of the first force, and of the first moment
 WAIT = 20.0  # seconds that ``play`` waits for a browser
 
 
-def view(
-    robot: Any,
-    q: Any = None,
-    dt: float | None = None,
-    *,
-    shapes: str = "visual",
-    urdf: Any = None,
-    package_dirs: Sequence[Folder] | Folder = (),
-    sample: int | None = None,
-    floor: float | None = 0.0,
-    open: bool | None = None,
-    host: str = HOST,
-    port: int = PORT,
-) -> Scene:
-    """Show a robot, or a motion of one, in a browser or a notebook: ``view(model)``, ``view(trajectory)``.
+class View:
+    """A picture of a robot and what acts on it, as ``sd.view`` makes it.
 
-    robot         a Model; a Trajectory or a Rollout
-    q             (nq,) the pose of a Model, by default neutral within its limits [rad | m]; or its motion: (N, nq),
-                  (S, N, nq) of S samples, a Trajectory or a Rollout
-    dt            seconds from one configuration of a motion to the next, where the motion has no times
-    shapes        "visual" or "collision" geometry of the URDF, or "inertia": a box of even density for each inertia,
-                  red if no body can have it, centres of mass and joint axes. The last is drawn too where there is no
-                  geometry: for robots made by calls or from text, and for links whose meshes are not found
-    urdf          what ``load_urdf`` takes, to read the geometry from; by default the file that the model was read from
-    package_dirs  folders that hold the packages of ``package://`` names; searched before ROS_PACKAGE_PATH and the
-                  folders above the URDF
-    sample        index of the sample to show; None shows the first solid and the next 15 pale
-    floor         its height in the world [m]; None draws none
-    open          whether to open a tab of the browser; None opens one for a Model, not in a notebook, where the scene
-                  shows itself, and not without a screen
-    host, port    where viser listens for the browser, or at the next free port
-
-    Returns a Scene. Its page, at ``scene.url`` whether a tab opens or not, has a slider for each joint, or for the time
-    of a motion, which ``play`` and ``save`` show too.
-    A mesh that is not found or cannot be read is named in ``scene.missing`` and in a warning, one that is drawn without
-    what is broken in its file, such as materials, in ``scene.faulty`` and in a warning.
-    Raises  SpatialDynError without viser, naming what to install, or naming a bad argument; UrdfError for a urdf that
-            cannot be read; ShapeError, NonFiniteError for q.
-
-    >>> scene = view(model)                                                 # doctest: +SKIP
-    >>> scene.show(q)                                                       # doctest: +SKIP
-    >>> view(simulate(model, q, v, 5.0)).save("swing.html")                 # doctest: +SKIP
-    """
-    if isinstance(robot, (Trajectory, Rollout)):
-        model, given = getattr(robot, "model", None), robot
-        if model is None:
-            what = type(robot).__name__
-            raise ModelError(f"the {what} does not know its model, expected view(model, {what.lower()})")
-        if q is not None:
-            raise SpatialDynError(f"q is given beside a {type(robot).__name__}, expected one of them")
-    else:
-        model, given = check_model(robot), q
-    as_word("shapes", shapes, SHAPES)
-    folders = as_items("package_dirs", package_dirs, (str, os.PathLike), "folders")
-    if open is not None:
-        as_flag("open", open)
-    moves = isinstance(given, (Trajectory, Rollout)) or (given is not None and as_array("q", given).ndim > 1)
-    motion = motion_of(model, given, dt, sample) if moves else None
-    if floor is not None and not np.isfinite(as_number(floor)):
-        raise SpatialDynError(f"floor is {floor!r}, expected its height in metres, or None")
-    start: Any = motion.q[0, 0] if motion is not None else resting(model) if given is None else given
-    scene = Scene(model, start, motion, shapes, urdf, folders, floor, host, port)
-    if open or (open is None and not moves and not in_notebook() and has_screen()):
-        scene.open_tab()
-    return scene
-
-
-def resting(model: Model) -> Array:
-    """The neutral configuration, coordinates of one number within their limits [rad | m]."""
-    q = np.array(calls["neutral"](model))
-    for joint in model.joints[1:]:
-        if joint.nq == 1 and joint.mimic is None:
-            q[joint.idx_q] = np.clip(q[joint.idx_q], model.lower[joint.idx_q], model.upper[joint.idx_q])
-    return q
-
-
-class Scene:
-    """A picture of a robot, as ``sd.view`` makes it.
-
-    model    the Model
+    scene    the Scene
+    model    its Model
     q        (nq,) the configuration shown [rad | m]
     size     of the robot [m], by which arrows and frames are drawn
     missing  the meshes that are not drawn, a line each: the name in the URDF and why
     faulty   the meshes that are drawn without what is broken in their files, likewise
     server   viser's server: ``server.scene`` and ``server.gui`` take anything else that is to be drawn
     stage    the bodies in it
+    acting   what acts on them
     """
 
     def __init__(
         self,
-        model: Model,
+        scene: Scene,
         q: ArrayLike,
         motion: Motion | None,
+        impulses: Array | None,
         shapes: str,
         urdf: Any,
         package_dirs: Sequence[Folder],
@@ -141,7 +67,8 @@ class Scene:
         port: int,
     ) -> None:
         """``view`` says what the arguments are."""
-        self.model, self.motion, self.size = model, motion, reach(model.robot)
+        model = scene.model
+        self.scene, self.model, self.motion, self.size = scene, model, motion, reach(model.robot)
         self._kind, self._urdf, self._package_dirs = shapes, urdf, package_dirs
         X = self._poses(q)
         drawn, self.missing, self.faulty = robot_shapes(model, shapes, urdf, package_dirs)
@@ -166,14 +93,21 @@ class Scene:
         self._lock = locks.new()
         self._shown_in: int | None = None  # cell of a notebook
         self.q = np.array(as_array("q", q))
+        box = self._box(X)
+        t = np.zeros(1) if motion is None else motion.t
+        size = max(self.size, 0.25 * float(np.linalg.norm(box[1] - box[0])))
+        self.acting = Acting(self.stage, scene, size, box, impulses, t)
         self._controls = self._add_controls()
-        self.show(q)
-        self._frame_camera(X, floor)
+        if motion is None:
+            self.show(q)
+        else:
+            self._show_at(0)
+        self.stage.look_at(box, None if floor is None or "contacts" in scene.acts else float(floor))
 
     # --- what is shown -------------------------------------------------------------------------------------
 
-    def show(self, q: ArrayLike) -> Scene:
-        """Show a configuration q (nq,) [rad | m]; returns the scene.
+    def show(self, q: ArrayLike) -> View:
+        """Show a configuration q (nq,) [rad | m]; returns the view.
 
         Raises  ShapeError; NonFiniteError if a pose is not finite; ConfigurationError for a quaternion off its norm.
         """
@@ -181,13 +115,14 @@ class Scene:
         with self._lock, self.stage.at_once():
             self.q = np.array(as_array("q", q))
             self.stage.pose(X)
+            self.acting.place(X)
             self._place_com()
             if isinstance(self._controls, Sliders):
                 self._controls.follow(self.q)
         return self
 
-    def frame(self, name: str | Frame, length: float | None = None) -> Scene:
-        """Draw the axes of a frame, x red, y green, z blue, which move with it; returns the scene.
+    def frame(self, name: str | Frame, length: float | None = None) -> View:
+        """Draw the axes of a frame, x red, y green, z blue, which move with it; returns the view.
 
         name    as ``model.frame`` takes it
         length  of the axes [m]; by default an eighth of the robot's size
@@ -199,12 +134,12 @@ class Scene:
         self.stage.add_axes(frame.joint, frame.placement, f"{frame.kind}:{frame.name}", length)
         return self
 
-    def force(self, name: str | Frame, force: ArrayLike, scale: float | None = None) -> Scene:
-        """Draw a force at a frame, magenta, and its moment, teal, which move with the frame; returns the scene.
+    def force(self, name: str | Frame, force: ArrayLike, scale: float | None = None) -> View:
+        """Draw a force at a frame, magenta, and its moment, teal, which move with the frame; returns the view.
 
         name   as ``model.frame`` takes it
         force  (3,) force, or (6,) force and moment about the frame's origin, in the frame [N | N m]
-        scale  length of an arrow [m/N], [m/(N m)]; by default the first force and the first moment of the scene are a
+        scale  length of an arrow [m/N], [m/(N m)]; by default the first force and the first moment of the view are a
                quarter of the robot's size, and later ones are to the same scales
 
         Raises  ModelError for a frame that is not there; ShapeError, NonFiniteError for the force.
@@ -225,8 +160,8 @@ class Scene:
                 self.stage.add_arrow(frame.joint, X[:3, 3], end, label, color, 0.008 * self.size)
         return self
 
-    def trace(self, name: str | Frame, motion: Any) -> Scene:
-        """Draw the path of a frame's origin; returns the scene.
+    def trace(self, name: str | Frame, motion: Any) -> View:
+        """Draw the path of a frame's origin; returns the view.
 
         name    as ``model.frame`` takes it
         motion  Trajectory, Rollout or q (N, nq), (S, N, nq) [rad | m]: a line for each of its first 16 samples
@@ -242,8 +177,8 @@ class Scene:
                 self.stage.add_line(points, f"trace_{self._traces}_{frame.name}", color, 0.004 * self.size)
         return self
 
-    def com(self, q: ArrayLike | None = None) -> Scene:
-        """Mark the centre of mass with an orange ball and a cross; returns the scene.
+    def com(self, q: ArrayLike | None = None) -> View:
+        """Mark the centre of mass with an orange ball and a cross; returns the view.
 
         q  (nq,) the configuration it is of [rad | m]; None: of the one shown, and it moves with it
         """
@@ -258,8 +193,8 @@ class Scene:
             self.stage.add_mark(at, "com_of_q", COM, 0.035 * self.size)
         return self
 
-    def look(self, position: ArrayLike, at: ArrayLike) -> Scene:
-        """Put the camera at a position (3,) and point it at another (3,) [m]; returns the scene."""
+    def look(self, position: ArrayLike, at: ArrayLike) -> View:
+        """Put the camera at a position (3,) and point it at another (3,) [m]; returns the view."""
         camera = self.server.initial_camera
         camera.position, camera.look_at = as_array("position", position), as_array("at", at)
         for client in self.server.get_clients().values():
@@ -273,8 +208,8 @@ class Scene:
         """The address of the page, for a browser of this machine."""
         return self.stage.url
 
-    def open_tab(self) -> Scene:
-        """Open a tab of the browser; returns the scene, which lives until ``close`` from now on."""
+    def open_tab(self) -> View:
+        """Open a tab of the browser; returns the view, which lives until ``close`` from now on."""
         self.stage.holds = self
         self.stage.open_tab()
         return self
@@ -284,13 +219,13 @@ class Scene:
         while True:
             time.sleep(0.2)
 
-    def play(self, speed: float = 1.0) -> Scene:
-        """Show the motion once from its start, in time, and return the scene at its end.
+    def play(self, speed: float = 1.0) -> View:
+        """Show the motion once from its start, in time, and return the view at its end.
 
         speed  1 for real time, 0.5 for half as fast
 
         Opens a tab of the browser and waits up to 20 s for it. A notebook shows a player of its own in place of that.
-        Raises  SpatialDynError for a scene without motion, or a speed that is not positive.
+        Raises  SpatialDynError for a view without motion, or a speed that is not positive.
         """
         motion = self._moving()
         shown, times = frames(motion.t, 60.0, speed)
@@ -346,7 +281,7 @@ class Scene:
     def __repr__(self) -> str:
         what = "" if self.motion is None else f", {self.motion.t[-1]:g} s of motion"
         lost = f", {len(self.missing)} meshes missing" if self.missing else ""
-        return f"<Scene of {self.model.name} at {self.url}{what}{lost}>"
+        return f"<View of {self.model.name} at {self.url}{what}{lost}>"
 
     def _repr_html_(self) -> str | None:
         """In a notebook: of a motion a player, which the notebook keeps; of a pose the page with its sliders.
@@ -364,7 +299,7 @@ class Scene:
 
     def _moving(self) -> Motion:
         if self.motion is None:
-            raise SpatialDynError("the scene has no motion, expected view(trajectory) or view(model, q, dt)")
+            raise SpatialDynError("the view has no motion, expected view(trajectory) or view(model, q, dt)")
         return self.motion
 
     def _poses(self, q: ArrayLike) -> Array:
@@ -385,8 +320,8 @@ class Scene:
         if self._com is not None:
             self._com.position = np.asarray(calls["center_of_mass"](self.model, self.q))
 
-    def _frame_camera(self, X: Array, floor: float | None) -> None:
-        """Floor, and camera for the pose, and for the motion where that stays within a few sizes of it."""
+    def _box(self, X: Array) -> Array:
+        """The corners (2, 3) around the pose, and around the motion where that stays within a few sizes of it [m]."""
         first = self.stage.bounds(X)
         box, reachable = first.copy(), 4.0 * float(np.linalg.norm(first[1] - first[0]))
         if self.motion is not None:
@@ -398,16 +333,18 @@ class Scene:
                 whole = np.stack([np.minimum(box[0], here[0]), np.maximum(box[1], here[1])])
                 if np.linalg.norm(whole[1] - whole[0]) <= reachable:
                     box = whole
-        self.stage.look_at(box, None if floor is None else float(floor))
+        return box
 
     def _steps(self, shown: NDArray[np.intp]) -> Iterator[None]:
-        """Shows one configuration of the motion after another."""
+        """Shows one configuration of the motion after another, each with the mean impulse since the one before."""
         motion = self._moving()
         X = np.asarray(calls["forward_kinematics"](self.model, motion.q[:, shown]))
-        for k, index in enumerate(shown):
+        for k, index in enumerate(shown.tolist()):
+            first = int(shown[k - 1]) + 1 if k else self.acting.first_of(index)
             with self._lock, self.stage.at_once():
                 self.q = motion.q[0, index]
                 self.stage.pose(X[0, k], X[1:, k])
+                self.acting.place(X[0, k], first, index)
                 self._place_com()
             yield
 
@@ -425,7 +362,7 @@ class Scene:
             if self.motion is None
             else Player(gui, self.motion.t, weakly(self._show_at))
         )
-        add_layers(gui, LAYERS, self._kind, weakly(self._switch))
+        add_layers(gui, LAYERS, (self._kind, ACTS), weakly(self._switch))
         return controls
 
     def _switch(self, layer: str, on: bool) -> None:
@@ -434,6 +371,9 @@ class Scene:
             if layer == "centre of mass":
                 self.com()
                 self._com.visible = on
+                return
+            if layer == ACTS:
+                self.acting.show(on)
                 return
             if layer not in self._layers and on:
                 if layer == "frames":

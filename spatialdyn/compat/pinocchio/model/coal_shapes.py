@@ -1,0 +1,80 @@
+"""Shapes of geometry objects: what a URDF says of each, and the object of the package coal that computes with it.
+
+coal is imported, and a mesh file read, when a shape is first needed. Without coal boxes, cylinders and spheres are
+records of the same names; meshes and collisions raise an error that names the package.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ....errors import ModelError
+from ..coverage.coal_package import coal_for, has_coal
+
+
+class MissingMeshError(ModelError):
+    """A mesh of a geometry object that is not found or cannot be read."""
+
+
+@dataclass(frozen=True)
+class Box:
+    """A box, as coal names its numbers: halfSide (3,) [m]."""
+
+    halfSide: Any
+
+
+@dataclass(frozen=True)
+class Cylinder:
+    """A cylinder along z, as coal names its numbers [m]."""
+
+    radius: float
+    halfLength: float
+
+
+@dataclass(frozen=True)
+class Sphere:
+    """A sphere, as coal names its numbers [m]."""
+
+    radius: float
+
+
+@dataclass(frozen=True)
+class Described:
+    """What a URDF says of a shape.
+
+    kind   "box", "cylinder", "sphere" or "mesh"
+    sizes  (3,) sides; radius and length; radius; scales (3,) of a mesh
+    path   of a mesh's file, or its name in the URDF where no file is found
+    """
+
+    kind: str
+    sizes: tuple[float, ...]
+    path: str = ""
+
+    def made(self, name: str) -> Any:
+        """The shape, coal's where that is installed. Raises OutOfScopeError, MissingMeshError for a mesh."""
+        if self.kind == "mesh":
+            return self._mesh(name)
+        if not has_coal():
+            return self._record()
+        package = coal_for("a shape")
+        kinds = {"box": package.Box, "cylinder": package.Cylinder, "sphere": package.Sphere}
+        return kinds[self.kind](*self.sizes)
+
+    def _record(self) -> Box | Cylinder | Sphere:
+        if self.kind == "box":
+            return Box(0.5 * np.array(self.sizes))
+        return Sphere(*self.sizes) if self.kind == "sphere" else Cylinder(self.sizes[0], 0.5 * self.sizes[1])
+
+    def _mesh(self, name: str) -> Any:
+        package = coal_for(f"the mesh of {name}")
+        if not Path(self.path).is_file():
+            raise MissingMeshError(f"the mesh {self.path} of {name} is not found, expected package_dirs that hold it")
+        try:
+            return package.MeshLoader().load(self.path, np.array(self.sizes))
+        except Exception as error:  # of coal's readers, of any kind
+            raise MissingMeshError(f"the mesh {self.path} of {name} cannot be read: {error}") from error

@@ -1,0 +1,192 @@
+"""Geometry of a URDF as GeometryObjects: ``buildGeomFromUrdf``, ``buildModelsFromUrdf``.
+
+Objects are in Pinocchio's order, links depth first as joints are; each is named by its link and its number there. A
+mesh is read when its shape is first needed.
+"""
+
+from __future__ import annotations
+
+import io
+import os
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ....errors import ModelError, UrdfError
+from ....pictures.mesh_files import NotDrawnError, find_mesh
+from ....urdf.sources import read_source
+from ....urdf.strict_xml import StrictReader
+from ..types.arguments import ArgumentError, by_name, described, expected
+from ..types.frame import BODY
+from ..types.se3 import SE3
+from .coal_shapes import Described
+from .from_urdf import buildModelFromUrdf
+from .geometry import COLLISION, GREY, VISUAL, GeometryModel, GeometryObject, GeometryType
+from .model import Model
+
+__all__ = ["buildGeomFromUrdf", "buildGeomFromUrdfString", "buildModelsFromUrdf"]
+
+
+def buildGeomFromUrdf(model: Model, urdf_filename: Any, geom_type: Any, *arguments: Any, **named: Any) -> GeometryModel:
+    """The shapes of a URDF file on the joints of a model.
+
+    model           of that file, perhaps with joints locked
+    geom_type       COLLISION or VISUAL
+    geometry_model  a GeometryModel that they are added to and that is returned; a new one if left out
+    package_dirs    a folder or several that hold the packages of ``package://`` names; accepted in its place too
+    mesh_loader     ignored
+
+    A mesh that is not found is an error when its shape is needed, not before.
+    Raises UrdfError for a file that cannot be read, ModelError for a link that the model does not have.
+    """
+    if not isinstance(urdf_filename, str) and not hasattr(urdf_filename, "__fspath__"):
+        raise ArgumentError(f"urdf_filename is {described(urdf_filename)}, expected a str or Path")
+    return _built("buildGeomFromUrdf", model, urdf_filename, geom_type, arguments, named)
+
+
+def buildGeomFromUrdfString(
+    model: Model, urdf_string: str, geom_type: Any, *arguments: Any, **named: Any
+) -> GeometryModel:
+    """The shapes of a URDF text on the joints of a model; other arguments and errors as of ``buildGeomFromUrdf``."""
+    text = expected(urdf_string, str, "urdf_string")
+    if not text.lstrip("\ufeff \t\r\n").startswith("<"):
+        raise ModelError(f"urdf_string is {text[:40]!r}, expected URDF text")
+    return _built("buildGeomFromUrdfString", model, text, geom_type, arguments, named)
+
+
+def buildModelsFromUrdf(filename: Any, *arguments: Any, **named: Any) -> tuple[Any, ...]:
+    """The Model of a URDF file and its geometry: (model, collision_model, visual_model).
+
+    filename         str or Path
+    package_dirs     a folder or several that hold the packages of ``package://`` names
+    root_joint       joint model between the universe and the root link; without it the root link is fixed
+    root_joint_name  its name, "root_joint" by default; optional in a call by position
+    verbose          ignored
+    meshLoader       ignored
+    geometry_types   one GeometryModel is returned for each; by default COLLISION and VISUAL
+    mimic            True: mimic joints have no coordinates
+
+    Raises what ``buildModelFromUrdf`` and ``buildGeomFromUrdf`` do.
+    """
+    names = ["package_dirs", "root_joint", "verbose", "meshLoader", "geometry_types", "mimic"]
+    names.insert(2 if len(arguments) >= 3 and isinstance(arguments[2], str) else 6, "root_joint_name")
+    given = by_name("buildModelsFromUrdf", " ".join(names), arguments, named)
+    kinds = given.get("geometry_types")
+    kinds = (COLLISION, VISUAL) if kinds is None else kinds if isinstance(kinds, Iterable) else [kinds]
+    passed = {name: given[name] for name in ("root_joint", "root_joint_name") if given.get(name) is not None}
+    model = buildModelFromUrdf(filename, mimic=bool(given.get("mimic", False)), **passed)
+    return model, *(buildGeomFromUrdf(model, filename, kind, None, given.get("package_dirs")) for kind in kinds)
+
+
+def _built(
+    call: str, model: Model, source: Any, kind: Any, arguments: tuple[Any, ...], named: dict[str, Any]
+) -> GeometryModel:
+    given = by_name(call, "geometry_model package_dirs mesh_loader", arguments, named)
+    made, folders = given.get("geometry_model"), given.get("package_dirs")
+    if made is not None and not isinstance(made, GeometryModel):
+        made, folders = None, made if folders is None else folders
+    folders = () if folders is None else folders
+    if isinstance(folders, str) or hasattr(folders, "__fspath__"):
+        folders = (folders,)
+    wanted = GeometryType(expected(kind, GeometryType, "geom_type"))
+    made = GeometryModel() if made is None else made
+    for added in _objects(expected(model, Model, "model"), source, wanted, list(map(str, folders))):
+        made.addGeometryObject(added)
+    return made
+
+
+def _objects(model: Model, source: Any, kind: Any, folders: Sequence[str]) -> Iterator[GeometryObject]:
+    """The objects of a kind, in order."""
+    path, data = read_source(source)
+    home = Path(path) if path else None
+    elements = _links(data, home)
+    palette = {x.name: x for x in elements.materials}
+    of_link = {link.name: link for link in elements.links}
+    for link in elements.links:  # the first material of a name that has a colour is that of all
+        for element in link.visuals:
+            material = element.material
+            if material is not None and (material.color is not None or material.texture is not None):
+                palette.setdefault(material.name, material)
+    bodies = {frame.name: k for k, frame in enumerate(model.frames) if frame.type == BODY}
+    for name in _depth_first(elements):
+        if name not in of_link:
+            continue
+        found = of_link[name].visuals if kind == VISUAL else of_link[name].collisions
+        if found and name not in bodies:
+            raise ModelError(f'model "{model.name}" has no link "{name}", expected one built of this URDF')
+        for k, element in enumerate(found):
+            at = bodies[name]
+            frame = model.frames[at]
+            origin = np.eye(4) if element.origin is None else np.asarray(element.origin, float)
+            shape = _shape(element.geometry, home, folders)
+            color, texture, given = _material(element if kind == VISUAL else None, palette, home, folders)
+            made = GeometryObject(
+                f"{name}_{k}", frame.parentJoint, at, frame.placement * SE3(origin), None,
+                shape.path or shape.kind.upper(), shape.sizes if shape.path else np.ones(3), given, color, texture,
+            )  # fmt: skip
+            made._described = shape
+            yield made
+
+
+def _links(data: bytes, home: Path | None) -> Any:
+    """The robot of yourdfpy. Raises UrdfError."""
+    import yourdfpy
+
+    label = home.name if home is not None else "<text>"
+    StrictReader(label, None).outermost(data)
+    try:
+        return yourdfpy.URDF.load(io.BytesIO(data), build_scene_graph=False, load_meshes=False).robot
+    except Exception as error:  # whatever yourdfpy meets in an element that the strict pass does not read
+        raise UrdfError(f"geometry of {label} cannot be read: {error}") from error
+
+
+def _depth_first(robot: Any) -> Iterator[str]:
+    """Names of links, children in byte order of their joints' names."""
+    children: dict[str, list[str]] = {}
+    for joint in sorted(robot.joints, key=lambda x: str(x.name).encode()):
+        children.setdefault(joint.parent, []).append(joint.child)
+    below = {joint.child for joint in robot.joints}
+    stack = [link.name for link in robot.links if link.name not in below]
+    while stack:
+        link = stack.pop()
+        yield link
+        stack += reversed(children.get(link, []))
+
+
+def _shape(given: Any, home: Path | None, folders: Sequence[str]) -> Described:
+    """What a <geometry> says. Raises UrdfError for an empty one."""
+    if given is not None and given.box is not None:
+        return Described("box", tuple(np.asarray(given.box.size, float).tolist()))
+    if given is not None and given.cylinder is not None:
+        return Described("cylinder", (float(given.cylinder.radius), float(given.cylinder.length)))
+    if given is not None and given.sphere is not None:
+        return Described("sphere", (float(given.sphere.radius),))
+    if given is None or given.mesh is None:
+        raise UrdfError("a <geometry> is empty, expected a box, cylinder, sphere or mesh")
+    scale = np.ones(3) if given.mesh.scale is None else np.broadcast_to(given.mesh.scale, 3)
+    name = given.mesh.filename or ""
+    return Described("mesh", tuple(np.asarray(scale, float).tolist()), _file(name, home, folders) or name)
+
+
+def _file(name: str, home: Path | None, folders: Sequence[str]) -> str:
+    """The path of the file that a name means, "" for none."""
+    try:
+        found = find_mesh(name, home, folders)
+    except NotDrawnError:
+        return ""
+    return "" if found is None else os.fspath(found)
+
+
+def _material(
+    element: Any, palette: dict[str, Any], home: Path | None, folders: Sequence[str]
+) -> tuple[Any, str, bool]:
+    """Colour, texture file and whether a <visual> has a material; grey for a <collision>, None."""
+    own = None if element is None else element.material
+    if own is None:
+        return np.array(GREY), "", False
+    material = palette.get(own.name, own) if own.name else own
+    color = np.zeros(4) if material.color is None else np.asarray(material.color.rgba, np.float32).astype(float)
+    texture = getattr(material.texture, "filename", None) or ""
+    return color, _file(texture, home, folders) if texture else "", True
