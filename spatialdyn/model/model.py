@@ -40,7 +40,8 @@ class Model:
     gravity       (3,) [m/s²]
     address       of ``bodies`` in memory, for compiled kernels
     total_mass    of all moving bodies [kg]; links fixed to a fixed root are left out
-    robot         the checked robot it was made from; ``robot.notes`` list oddities of the source
+    robot         the checked robot it was made from
+    notes         oddities of its source, and what of it has no counterpart in a Model
     """
 
     __slots__ = (
@@ -134,6 +135,11 @@ class Model:
     def __hash__(self) -> int:
         return hash(self.key)
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Oddities of the source, and what of it has no counterpart in a Model."""
+        return self.robot.notes
+
     def joint(self, name: str) -> Joint:
         """The joint of that name. Raises ModelError, with similar names, if there is none."""
         try:
@@ -179,8 +185,9 @@ class Model:
         payload: Mapping[str, tuple[float, ArrayLike, ArrayLike]] | None = None,
         rotors: Mapping[str, Rotor | None] | None = None,
         transmissions: Iterable[Transmission] = (),
+        inertial_parameters: ArrayLike | None = None,
     ) -> Model:
-        """A new Model with other gravity, rotor inertias or loads.
+        """A new Model with other gravity, rotor inertias, loads or inertial parameters.
 
         gravity   (3,) [m/s²]
         armature  joint name -> reflected rotor inertia [kg m² | kg], in place of the present one
@@ -188,10 +195,13 @@ class Model:
         rotors    joint name -> Rotor, or None for none; it takes the place of the joint's armature
         transmissions  whose rotor inertias take the place of their joints' armatures. Off the diagonal of M they may
                   couple a joint of one freedom and the one right before it: what is further apart has no sparse M
+        inertial_parameters  (njoints, 10)  as ``sd.inertial_parameters`` gives them, identified ones say, the first row
+                  ignored. A joint's link takes its row; links that are fixed to it have no mass then. Inertias that are
+                  not physical are kept, as files' are
 
         Raises ModelError, InertiaError naming the joint or frame and the value.
         """
-        return Model(*changed(self, gravity, armature, payload, rotors, transmissions))
+        return Model(*changed(self, gravity, armature, payload, rotors, transmissions, inertial_parameters))
 
     def __repr__(self) -> str:
         return (

@@ -49,6 +49,7 @@ from .linalg import isOrthonormal as isOrthonormal
 from .linalg import orthogonalization as orthogonalization
 from .linalg import orthonormalization as orthonormalization
 from .model.constraints import *
+from .model.from_mjcf import *
 from .model.from_urdf import *
 from .model.geometry import *
 from .model.geometry_from_urdf import *
