@@ -44,6 +44,8 @@ if TYPE_CHECKING:
     from .accuracy.findings import Diagnosis, Finding
     from .accuracy.results import Option, Recommendation, Tradeoff
     from .accuracy.simplify import simplify
+    from .accuracy.requirement import Requirement
+    from .accuracy.requires import requires
     from .accuracy.tradeoff import recommend, trade
     from .actuation.friction import Friction, friction_regressor, friction_torque
     from .actuation.motors import Motor, torque_limits
@@ -122,7 +124,7 @@ __all__ = [
     "Cost", "CouplerConstraint", "Diagnosis", "DistanceConstraint", "EnergyLedger", "Exact", "Finding", "Frame",
     "Friction", "Heightfield", "HingeConstraint", "Impact", "InertiaError", "Joint", "Mobility", "Model",
     "ModelBuilder", "ModelError", "Motor", "NonFiniteError", "Option", "PD", "Plane", "PointConstraint", "Promise",
-    "Recommendation", "Robot", "RollingConstraint", "Rollout", "Rotor", "Scene", "ShapeError", "SimulationError",
+    "Recommendation", "Requirement", "Robot", "RollingConstraint", "Rollout", "Rotor", "Scene", "ShapeError", "SimulationError",
     "SimulationInterrupt", "SpatialDynError", "Specialized", "SymbolicManipulator", "Tradeoff", "Trajectory",
     "Transmission", "UrdfError",
     "VelocityConstraint", "WeldConstraint", "assemble", "bounded", "check_conservation", "close_loops",
@@ -132,13 +134,14 @@ __all__ = [
     "friction_torque", "from_drake", "from_mujoco", "from_pinocchio", "hamilton_equations", "hamilton_simulation",
     "impact", "independent_joints", "integrators", "kernels", "linearize", "load_urdf", "mobility", "plot",
     "poisson_bracket", "project_configuration", "project_velocity", "random_configuration", "read_transmissions",
-    "recommend", "rollout", "simplify", "simulate", "specialize", "spring_energy", "spring_torque", "step",
+    "recommend", "requires", "rollout", "simplify", "simulate", "specialize", "spring_energy", "spring_torque", "step",
     "step_derivatives", "to_actuators", "to_drake", "to_joints", "to_mujoco", "torque_limits", "trade",
     "verify_skew_symmetry", "view", "wrench_at",
 ]  # fmt: skip
 
 _LATE = {  # {module: public names}, imported when one is asked for: half the time of an import
     "accuracy.diagnose": "diagnose", "accuracy.findings": "Diagnosis Finding",
+    "accuracy.requirement": "Requirement", "accuracy.requires": "requires",
     "accuracy.results": "Option Recommendation Tradeoff", "accuracy.simplify": "simplify",
     "accuracy.tradeoff": "recommend trade", "actuation.friction": "Friction friction_regressor friction_torque",
     "actuation.motors": "Motor torque_limits", "actuation.springs": "spring_energy spring_torque",
