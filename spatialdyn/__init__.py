@@ -42,10 +42,10 @@ from .urdf.load import load_urdf
 if TYPE_CHECKING:
     from .accuracy.diagnose import diagnose
     from .accuracy.findings import Diagnosis, Finding
-    from .accuracy.results import Option, Recommendation, Tradeoff
-    from .accuracy.simplify import simplify
     from .accuracy.requirement import Requirement
     from .accuracy.requires import requires
+    from .accuracy.results import Option, Recommendation, Tradeoff
+    from .accuracy.simplify import simplify
     from .accuracy.tradeoff import recommend, trade
     from .actuation.friction import Friction, friction_regressor, friction_torque
     from .actuation.motors import Motor, torque_limits
@@ -124,9 +124,9 @@ __all__ = [
     "Cost", "CouplerConstraint", "Diagnosis", "DistanceConstraint", "EnergyLedger", "Exact", "Finding", "Frame",
     "Friction", "Heightfield", "HingeConstraint", "Impact", "InertiaError", "Joint", "Mobility", "Model",
     "ModelBuilder", "ModelError", "Motor", "NonFiniteError", "Option", "PD", "Plane", "PointConstraint", "Promise",
-    "Recommendation", "Requirement", "Robot", "RollingConstraint", "Rollout", "Rotor", "Scene", "ShapeError", "SimulationError",
-    "SimulationInterrupt", "SpatialDynError", "Specialized", "SymbolicManipulator", "Tradeoff", "Trajectory",
-    "Transmission", "UrdfError",
+    "Recommendation", "Requirement", "Robot", "RollingConstraint", "Rollout", "Rotor", "Scene", "ShapeError",
+    "SimulationError", "SimulationInterrupt", "SpatialDynError", "Specialized", "SymbolicManipulator", "Tradeoff",
+    "Trajectory", "Transmission", "UrdfError",
     "VelocityConstraint", "WeldConstraint", "assemble", "bounded", "check_conservation", "close_loops",
     "compare_with_pinocchio", "compile", "conserved_quantities", "constrained_dynamics",
     "constrained_dynamics_derivatives", "constraint_drift", "constraint_error", "constraint_jacobian", "contact_gaps",

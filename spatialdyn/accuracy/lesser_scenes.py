@@ -156,7 +156,9 @@ def _friction(friction: Any, form: str) -> tuple[Any, str]:
     if form == "viscous":
         smooth = friction.smoothing
         more = "" if smooth is None else ", smoothing=scene.friction.smoothing"
-        return Friction(viscous=friction.viscous, smoothing=smooth), f"sd.Friction(viscous=scene.friction.viscous{more})"
+        return Friction(
+            viscous=friction.viscous, smoothing=smooth
+        ), f"sd.Friction(viscous=scene.friction.viscous{more})"
     kept = ("coulomb", "viscous", "static", "stribeck_velocity")
     given = {x.name: getattr(friction, x.name) for x in fields(friction) if x.name in kept}
     words = ", ".join(f"{name}=scene.friction.{name}" for name, x in given.items() if x is not None)
@@ -169,16 +171,17 @@ def _contacts(contacts: Contacts, model: Model, out: frozenset[str]) -> tuple[Co
     if not keep:
         return None, "None"
     parts = [
-        {contacts.names[k]: float(x[k]) for k in keep} for x in (contacts.radii, contacts.friction, contacts.restitution)
+        {contacts.names[k]: float(x[k]) for k in keep}
+        for x in (contacts.radii, contacts.friction, contacts.restitution)
     ]
-    made = Contacts(model, *parts, contacts.terrain, contacts.sweeps)
+    made = Contacts(model, parts[0], parts[1], parts[2], contacts.terrain, contacts.sweeps)
     ground = "scene.contacts.terrain, scene.contacts.sweeps"
     of = "model" if model is not contacts.model else "scene.model"
     return made, f"sd.Contacts({of}, {', '.join(map(repr, parts))}, {ground})"
 
 
 def _reduce(scene: Scene, at: Embedding, changes: dict[str, Any], words: dict[str, str]) -> None:
-    """Coefficients of freedoms, and forces on joints, of those that are left. Raises SimulationError for lost forces."""
+    """Coefficients and forces of the freedoms and joints that are left. Raises SimulationError for lost forces."""
     small, nv = changes["model"], scene.model.nv
     friction = changes.get("friction", scene.friction)
     if isinstance(friction, Friction):
@@ -219,6 +222,7 @@ def _motor_of(motor: Motor, at: Embedding, nv: int) -> Motor:
 
 def _written(name: str, made: Any) -> str:
     """A record of arrays as code, to the same bits."""
+
     def value(x: Array) -> str:
         return "[" + ", ".join(f'float("{y}")' if not np.isfinite(y) else repr(float(y)) for y in x) + "]"
 

@@ -7,7 +7,8 @@ import time
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any
+from functools import partial
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
@@ -25,8 +26,9 @@ Array = NDArray[Any]
 Observe = Callable[[Array, Array], Any]
 RECORDS = 20  # times at which motions are compared
 TIMED = 256  # samples of a timed run
-ROUNDS = 3  # the fastest counts
-SPENT = 0.02  # seconds of a timed run, about
+ROUNDS = 5  # the median counts
+FEW = 8  # steps of a first run, to see how many are timed
+SPENT = 0.015  # seconds of a timed run, about
 LONGEST = 4096  # steps of a timed run
 
 
@@ -102,7 +104,7 @@ class Motion:
             off = abs(np.asarray(calls["difference"](model, norm(model, one[0]), norm(model, other[0]))))
         else:
             off = abs(self._observed(*one) - self._observed(*other))
-        return off.reshape((*off.shape[:2], -1)).max(axis=-1, initial=0.0)
+        return np.asarray(off.reshape((*off.shape[:2], -1)).max(axis=-1, initial=0.0))
 
     def _observed(self, q: Array, v: Array) -> Array:
         """What ``observe`` says of states (samples, records, ...). Raises ShapeError, SimulationError."""
@@ -114,29 +116,53 @@ class Motion:
             raise SimulationError("observe gives numbers that are not finite, expected finite ones")
         return x.reshape((*q.shape[:2], -1)).astype(float)
 
-    def cost(self, made: Lesser, q: Array, v: Array, steps: int, method: str, dtype: DTypeLike = np.float64) -> float:
-        """CPU nanoseconds of a step of one sample, of the fastest of a few runs of many."""
-        key = made.scene, method, np.dtype(dtype), steps
-        if key in self.ns:
-            return self.ns[key]
-        x, w = made.embedding.to_reduced(q, v, self.scene.model.nv)
-        x, w = (np.ascontiguousarray(np.resize(y, (TIMED, y.shape[1]))) for y in (x, w))
-        count, best = min(8, steps), math.inf
-        for _ in range(ROUNDS + 1):
-            tau, control = self.forces(made, steps, count)
+    def cost(self, timed: Timed, beside: Timed) -> float:
+        """CPU nanoseconds of a step of one sample, of runs of many that alternate with those of the whole scene.
+
+        timed, beside  what is timed, and the whole scene; what is run has the ratio of both times the whole's cost
+        """
+        if timed.key not in self.ns:
+            runs = [self._timed(x) for x in ((timed,) if timed.key == beside.key else (timed, beside))]
+            spent = np.array([[run() for run in runs] for _ in range(ROUNDS)])
+            whole = self.ns.setdefault(beside.key, 1e9 * float(spent[:, -1].min()))
+            self.ns[timed.key] = whole * float(np.median(spent[:, 0] / spent[:, -1]))
+        return self.ns[timed.key]
+
+    def _timed(self, x: Timed) -> Callable[[], float]:
+        """A function that runs some steps and returns CPU seconds of one."""
+        q, v = x.made.embedding.to_reduced(*x.states, self.scene.model.nv)
+        q, v = (np.ascontiguousarray(np.resize(y, (TIMED, y.shape[1]))) for y in (q, v))
+
+        def run(count: int) -> float:
+            tau, control = self.forces(x.made, x.steps, count)
             began = time.process_time()
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
                 rollout(
-                    made.scene, x, w, tau, dt=self.duration / steps, steps=count, method=method, dtype=dtype,
+                    x.made.scene, q, v, tau, dt=self.duration / x.steps, steps=count, method=x.method, dtype=x.dtype,
                     record="last", control=control, check=False,
                 )  # fmt: skip
-            spent = time.process_time() - began
-            best = min(best, spent / count / TIMED)
-            if count == min(8, steps):
-                count, best = int(min(max(count, SPENT / max(best * TIMED, 1e-9)), LONGEST, steps)), math.inf
-        self.ns[key] = 1e9 * best
-        return self.ns[key]
+            return (time.process_time() - began) / count / TIMED
+
+        few = min(FEW, x.steps)
+        run(few)  # compiled
+        once = max(run(few), 1e-12)
+        return partial(run, int(max(few, min(SPENT / once / TIMED, LONGEST, x.steps))))
+
+
+class Timed(NamedTuple):
+    """What is timed: a scene, (q, v) of the whole robot, a method, its steps and its precision."""
+
+    made: Lesser
+    states: tuple[Array, Array]
+    method: str
+    steps: int
+    dtype: Any = np.float64
+
+    @property
+    def key(self) -> Any:
+        """Equal of runs that cost the same."""
+        return self.made.scene, self.method, np.dtype(self.dtype).name
 
 
 def lesser_control(control: Control, scene: Scene, made: Lesser, steps: int, some: int) -> Control:
@@ -170,8 +196,8 @@ def scattered(
 
     first  whether the first is (q0, v0) itself
 
-    Rotors behind springs turn with their joints; coordinates stay within limits that act, states on the constraints; a floating base rises until its points are no
-    deeper in the ground than at q0, else the state moves towards q0.
+    Rotors behind springs turn with their joints; coordinates stay within limits that act, states on the constraints; a
+    floating base rises until its points are no deeper in the ground than at q0, else the state moves towards q0.
     """
     model = scene.model
     off = rng.normal(size=(2, samples, model.nv)) * np.stack(np.broadcast_arrays(*spread))[:, None]

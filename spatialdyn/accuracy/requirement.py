@@ -140,18 +140,24 @@ class Requirement:
         widths = [max(len(row[k]) for row in rows) for k in range(len(COLUMNS))]
         lines = [self.head]
         for row in rows:
-            cells = [c.rjust(w) if k in (2, 3, 4) else c.ljust(w) for k, (c, w) in enumerate(zip(row, widths, strict=True))]
+            cells = [
+                c.rjust(w) if k in (2, 3, 4) else c.ljust(w) for k, (c, w) in enumerate(zip(row, widths, strict=True))
+            ]
             lines.append("  ".join(cells).rstrip())
         return "\n".join([*lines, self.foot])
 
     def __repr__(self) -> str:
-        return f"<Requirement of {self.full!r} within {self.tolerance:g}: {self.scene!r}, {self.method}, dt {self.dt:g}>"
+        return (
+            f"<Requirement of {self.full!r} within {self.tolerance:g}: {self.scene!r}, {self.method}, dt {self.dt:g}>"
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """All of it as JSON types; numbers that are not finite are None."""
         skipped = ("full", "scene", "embedding", "rows", "path")
         whole = {name: _json(x) for name, x in vars(self).items() if name not in skipped}
-        rows = {name: [{k: _json(y) for k, y in vars(x).items()} for x in getattr(self, name)] for name in ("rows", "path")}
+        rows = {
+            name: [{k: _json(y) for k, y in vars(x).items()} for x in getattr(self, name)] for name in ("rows", "path")
+        }
         return {"model": self.full.model.name, "acts": list(self.scene.acts), **whole, **rows}
 
     def to_json(self) -> str:
@@ -159,9 +165,10 @@ class Requirement:
         return json.dumps(self.to_dict(), indent=2, ensure_ascii=False, allow_nan=False)
 
     def plot(self, path: Any = None, ax: Any = None) -> Any:
-        """A Matplotlib Figure of change against cost, a point a candidate, the chosen path marked; to ``path`` if given.
+        """A Matplotlib Figure of change against cost, a point a candidate, the chosen path marked.
 
-        ax  Matplotlib axes to draw into
+        path  a file to write, by its ending PNG, SVG, PDF, ...
+        ax    Matplotlib axes to draw into
 
         Raises  SpatialDynError where matplotlib is not installed, or the file cannot be written.
         """

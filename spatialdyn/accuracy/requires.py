@@ -22,8 +22,8 @@ from .motions_around import Motion, Observe, scattered
 from .references import error_bound
 from .requirement import Part, Requirement
 from .results import checked_tolerance
-from .scene_parts import KINDS, candidates
-from .scene_search import WIDE, Search, Stage, Way
+from .scene_parts import KINDS, PARTS, candidates
+from .scene_search import WIDE, Search, Stage, Trial
 
 Array = NDArray[np.float64]
 SAMPLES = 32
@@ -65,10 +65,11 @@ def requires(
     spread, spread_v   deviations of normal samples around q0 and v0: a number or (nv,) [rad | m], [rad/s | m/s]
     dt         step of the whole scene to begin with, which is halved until it is fine [s]; 1 ms if left out
     methods    to be tried, by default those of ``scene.methods`` that run on lanes
-    kinds      some of "effects": each one left out or in a cheaper form: friction as bristles, Coulomb's, viscous, none;
-               limits, contacts and each point, constraints and fext left out; motors left out or without limits; rotors
-               exact, as armatures, none; springs rigid; no gravity. "joints": each one locked where it is at q0.
-               "links": light subtrees merged. "precision": float32. "methods": each one, at coarser steps
+    kinds      some of "effects": each one left out or in a cheaper form: friction as bristles, Coulomb's, viscous,
+               none; limits, contacts, each point that never touches, constraints and fext left out; motors left out or
+               without limits; rotors exact, as armatures, none; springs rigid; no gravity. "joints": each one locked
+               where it is at q0. "links": light subtrees merged. "precision": float32. "methods": each one, at coarser
+               steps. Or names of effects, "friction", "gravity", ...
     progress   True for a bar (needs rich), or a function of the number of steps done and their total
 
     The whole scene is run at its step and at half of it first. The difference is the certainty; from the time on at
@@ -106,7 +107,7 @@ def requires(
     if dt is not None and not 0.0 < as_number(dt) < math.inf:
         raise SpatialDynError(f"dt is {dt!r}, expected None or a positive number of seconds")
     names = None if methods is None else _methods(scene, as_words("methods", methods, integrators))
-    wanted = as_words("kinds", kinds, KINDS)
+    wanted = as_words("kinds", kinds, (*KINDS, *PARTS))
     check_progress(progress)
     sees = _observed(observe)
     torques = _torque(model, torque)
@@ -133,29 +134,29 @@ def requires(
 def _cheapest(
     search: Search, stages: list[Stage], parts: list[Part], methods: tuple[str, ...] | None, kinds: tuple[str, ...]
 ) -> Requirement:
-    """The cheapest scene and way that fresh samples confirm; at last the whole scene as it is."""
+    """The cheapest scene and method that fresh samples confirm; at last the whole scene as it is."""
     motion, whole = search.motion, stages[0]
-    seen: list[Way] = []
+    seen: list[Trial] = []
     for k in range(len(stages) - 1, -1, -1):
-        ways = search.ways(stages[k], methods, kinds)
-        seen = seen or ways
-        for way in ways:
-            if not search.judged(way.change) or (not k and way.ns * way.steps > whole.ns * search.steps):
+        trials = search.trials(stages[k], methods, kinds)
+        seen = seen or trials
+        for trial in trials:
+            if not search.judged(trial.change) or (not k and trial.ns * trial.steps > whole.ns * search.steps):
                 continue
-            error, bound, certainty = search.verified(stages[k], way)
+            error, bound, certainty = search.verified(stages[k], trial)
             if bound <= search.tolerance:
-                rows = _settled(parts, stages[: k + 1], search.rows_of_ways(ways, way))
-                return _made(search, stages[: k + 1], way, rows, (error, bound, certainty))
+                rows = _settled(parts, stages[: k + 1], search.rows_of_trials(trials, trial))
+                return _made(search, stages[: k + 1], trial, rows, (error, bound, certainty))
     off = motion.change(
         search.reference(whole.made, search.steps, True), search.reference(whole.made, 2 * search.steps, True)
     ).max(axis=1)
     certainty = float(off.max())
-    way = Way(search.method, search.steps, WIDE, search.certainty, whole.ns)
-    rows = _settled(parts, stages[:1], search.rows_of_ways(seen, None))
-    return _made(search, stages[:1], way, rows, (certainty, error_bound(off), certainty))
+    trial = Trial(search.method, search.steps, WIDE, search.certainty, whole.ns)
+    rows = _settled(parts, stages[:1], search.rows_of_trials(seen, None))
+    return _made(search, stages[:1], trial, rows, (certainty, error_bound(off), certainty))
 
 
-def _settled(parts: list[Part], stages: list[Stage], ways: list[Part]) -> tuple[Part, ...]:
+def _settled(parts: list[Part], stages: list[Stage], trials: list[Part]) -> tuple[Part, ...]:
     """The rows, those of stages that were not verified not left out."""
     kept = stages[-1].labels
     rows = [
@@ -163,52 +164,54 @@ def _settled(parts: list[Part], stages: list[Stage], ways: list[Part]) -> tuple[
         if x.verdict == "left out" and (x.part, x.form) not in kept else x
         for x in parts
     ]  # fmt: skip
-    return (*rows, *ways)
+    return (*rows, *trials)
 
 
 def _made(
-    search: Search, stages: list[Stage], way: Way, rows: tuple[Part, ...], found: tuple[float, float, float]
+    search: Search, stages: list[Stage], trial: Trial, rows: tuple[Part, ...], found: tuple[float, float, float]
 ) -> Requirement:
     motion, last = search.motion, stages[-1]
-    fine, dt = motion.duration / search.steps, motion.duration / way.steps
+    fine, dt = motion.duration / search.steps, motion.duration / trial.steps
     path = [
         Part(*x.label, x.change, x.ns, fine, 1.0 - x.ns / stages[0].ns, "left out" if k else "whole", "")
         for k, x in enumerate(stages)
     ]
-    saved = 1.0 - way.ns * way.steps / stages[0].ns / search.steps
-    dtype = np.dtype(way.dtype).name
-    path.append(Part(way.method, dtype, way.change, way.ns, dt, saved, "taken", ""))
+    saved = 1.0 - trial.ns * trial.steps / stages[0].ns / search.steps
+    dtype = np.dtype(trial.dtype).name
+    path.append(Part(trial.method, dtype, trial.change, trial.ns, dt, saved, "taken", ""))
     horizon = motion.duration * search.upto / motion.records
     return Requirement(
-        motion.scene, last.made.scene, way.method, dt, dtype, _code(search, last, way), search.tolerance, found[0],
+        motion.scene, last.made.scene, trial.method, dt, dtype, _code(search, last, trial), search.tolerance, found[0],
         found[1], found[2], horizon, motion.duration, len(search.fresh[0]), (search.method, fine), rows, tuple(path),
         last.made.embedding,
     )  # fmt: skip
 
 
-def _code(search: Search, stage: Stage, way: Way) -> str:
+def _code(search: Search, stage: Stage, trial: Trial) -> str:
     """Lines that make the scene and run it."""
     motion, at = search.motion, stage.made.embedding
-    some = way.steps // motion.records * search.upto
+    some = trial.steps // motion.records * search.upto
     q, v = ("q0", "v0") if at.whole else ("np.asarray(q0)[..., keep_q]", "np.asarray(v0)[..., keep_v]")
     lines, given = list(stage.made.lines), [q, v]
     if motion.torque is not None:
         word = "np.asarray(torque, float)"
-        if not at.whole:
+        if at.turns:
             word += f" @ np.array({at.matrix(motion.scene.model.nv).tolist()})"
+        elif not at.whole:
+            word += "[..., keep_v]"
         if motion.torque.ndim == 2:
-            word = f"np.repeat({word}, {way.steps // len(motion.torque)}, axis=0)[:{some}]"
+            word = f"np.repeat({word}, {trial.steps // len(motion.torque)}, axis=0)[:{some}]"
         given.append(word)
-    words = [f"dt={motion.duration / way.steps!r}", f"steps={some}", f'method="{way.method}"']
-    words += ['dtype="float32"'] if np.dtype(way.dtype) != WIDE else []
+    words = [f"dt={motion.duration / trial.steps!r}", f"steps={some}", f'method="{trial.method}"']
+    words += ['dtype="float32"'] if np.dtype(trial.dtype) != WIDE else []
     if motion.control is not None:
-        lines.append(_control_code(search, stage, way, some))
+        lines.append(_control_code(search, stage, trial, some))
         words.append("control=law")
     lines.append(f"run = sd.rollout(lesser, {', '.join([*given, *words])})")
     return "\n".join(lines)
 
 
-def _control_code(search: Search, stage: Stage, way: Way, some: int) -> str:
+def _control_code(search: Search, stage: Stage, trial: Trial, some: int) -> str:
     """The line that makes the law of the lesser scene."""
     control, at = search.motion.control, stage.made.embedding
     assert control is not None
@@ -221,7 +224,7 @@ def _control_code(search: Search, stage: Stage, way: Way, some: int) -> str:
                 word, changed = f"np.take({word}, keep_{size[1]}, {axis})", True
         if lead and lead[-1] > 1:
             axis, changed = len(lead) - 1, True
-            word = f"np.repeat({word}, {way.steps // lead[-1]}, {axis})"
+            word = f"np.repeat({word}, {trial.steps // lead[-1]}, {axis})"
             word = f"np.take({word}, range({some}), {axis})"
         values.append(f'"{name}": {word}')
     if not changed:
@@ -260,7 +263,9 @@ def _torque(model: Model, torque: Any) -> Array | None:
     if torque is None:
         return None
     if callable(torque):
-        raise SpatialDynError("torque is a function, expected an array, or the function as a Control: samples run on lanes")
+        raise SpatialDynError(
+            "torque is a function, expected an array, or the function as a Control: samples run on lanes"
+        )
     x = as_array("torque", torque)
     if x.ndim not in (1, 2) or x.shape[-1] != model.nv or not len(x):
         raise ShapeError(f"torque has shape {x.shape}, expected ({model.nv},) or (steps, {model.nv})")

@@ -16,8 +16,12 @@ from .lesser_scenes import Choice, armatures
 
 Array = NDArray[np.float64]
 EFFECTS, JOINTS, LINKS, PRECISION, METHODS = KINDS = ("effects", "joints", "links", "precision", "methods")
+PARTS = (
+    "limits", "contacts", "constraints", "fext", "friction", "motor", "rotors", "armatures", "springs", "gravity",
+)  # fmt: skip
 LIGHT = 0.02  # of the mass of a robot: a subtree lighter than that is a light one
-GRIPPED = 1e-12  # [m | rad] nearer to a limit it is reached
+NEAR = 1e-12  # [m | rad] nearer to a limit it is reached
+TOUCHES = 1e-4  # [m] nearer to the ground a point touches
 
 
 class Candidate(NamedTuple):
@@ -38,7 +42,7 @@ class Candidate(NamedTuple):
 
 def candidates(scene: Scene, q: Array, kinds: tuple[str, ...]) -> list[Candidate]:
     """All candidates of a scene, joints locked as they are at q (nq,)."""
-    found = _effects(scene) if EFFECTS in kinds else []
+    found = [x for x in _effects(scene) if EFFECTS in kinds or x.part in kinds]
     light = _light(scene.model) if LINKS in kinds else {}
     found += [
         Candidate(f'links from "{name}" on', f"merged, {mass:.2g} kg", Choice(locked=_locked(scene.model, names, q)))
@@ -138,11 +142,13 @@ def why(scene: Scene, candidate: Candidate, q: Array, v: Array) -> str:
         room = np.minimum(q - model.lower, model.upper - q).min(axis=(0, 1))
         k = int(np.argmin(room))
         near = float(room[k])
-        return f'reached by "{names[k]}"' if near < GRIPPED else f"never nearer than {near:.2g}, of \"{names[k]}\""
+        return f'reached by "{names[k]}"' if near < NEAR else f'never nearer than {near:.2g}, of "{names[k]}"'
     if part == "contacts" and scene.contacts is not None:
         gaps = contact_gaps(model, scene.contacts, q).min(axis=(0, 1))
-        near = float(gaps[[k for k, x in enumerate(scene.contacts.names) if candidate.form in ("left out", _without(x))]].min())
-        return "touches the ground" if near < 1e-4 else f"never nearer than {near:.2g} m"
+        near = float(
+            gaps[[k for k, x in enumerate(scene.contacts.names) if candidate.form in ("left out", _without(x))]].min()
+        )
+        return "touches the ground" if near < TOUCHES else f"never nearer than {near:.2g} m"
     if part == "friction" and not isinstance(scene.friction, bool) and scene.friction is not None:
         torque = (scene.friction.static + scene.friction.viscous * abs(v).max(axis=(0, 1))).max()
         return f"up to {torque:.2g} N m or N"
@@ -151,6 +157,14 @@ def why(scene: Scene, candidate: Candidate, q: Array, v: Array) -> str:
         way = max(float(np.ptp(q[..., j.idx_q : j.idx_q + j.nq], axis=1).max()) for j in joints)
         return f"moves by {way:.2g}"
     return ""
+
+
+def touches(scene: Scene, candidate: Candidate, q: Array) -> bool:
+    """Whether a candidate is of single points of contact and one of them touches the ground in a motion."""
+    if not candidate.choice.points or scene.contacts is None:
+        return False
+    gaps = contact_gaps(scene.model, scene.contacts, q).min(axis=(0, 1))
+    return any(gaps[scene.contacts.names.index(x)] < TOUCHES for x in candidate.choice.points)
 
 
 def _without(name: str) -> str:

@@ -15,10 +15,10 @@ from ..errors import SimulationError, SpatialDynError
 from ..simulation.methods import EXPLICIT_METHODS
 from ..simulation.scene import Scene
 from .lesser_scenes import Choice, Lesser, lesser
-from .motions_around import Motion, reason
+from .motions_around import Motion, Timed, reason
 from .references import LEAST, error_bound
 from .requirement import Part
-from .scene_parts import METHODS, PRECISION, Candidate, why
+from .scene_parts import METHODS, PRECISION, Candidate, touches, why
 
 Array = NDArray[Any]
 PART = 0.25  # of the tolerance: the most that the whole scene may differ by from itself at half the step
@@ -31,7 +31,7 @@ NARROW = np.dtype(np.float32)
 WIDE = np.dtype(np.float64)
 
 
-class Way(NamedTuple):
+class Trial(NamedTuple):
     """How a scene is run, and what of it was measured."""
 
     method: str
@@ -122,9 +122,9 @@ class Search:
         if not self.upto:
             at = self.motion.duration / self.motion.records
             raise SimulationError(
-                f"the scene with dt {self.motion.duration / steps:.3g} s differs by {off[0]:.2g} at t = {at:.3g} s from "
-                f"itself with half of it, expected at most {PART * self.tolerance:.2g}, {PART:g} of the tolerance; a "
-                "shorter duration or a larger tolerance can be judged"
+                f"the scene with dt {self.motion.duration / steps:.3g} s differs by {off[0]:.2g} at t = {at:.3g} s "
+                f"from itself with half of it, expected at most {PART * self.tolerance:.2g}, {PART:g} of the tolerance; "
+                "a shorter duration or a larger tolerance can be judged"
             )
         self.steps, self.certainty = steps, float(off[: self.upto].max())
 
@@ -164,7 +164,12 @@ class Search:
 
     def _ns(self, made: Lesser) -> float:
         method = self.method if self.method in made.scene.methods else made.scene.method
-        return self.motion.cost(made, *self.from_states(made)[:2], self.steps, method)
+        return self._cost(made, method, self.steps, WIDE)
+
+    def _cost(self, made: Lesser, method: str, steps: int, dtype: Any) -> float:
+        whole = lesser(self.scene, Choice(), self.q0)
+        beside = Timed(whole, self.from_states(whole)[:2], self.method, self.steps)
+        return self.motion.cost(Timed(made, self.from_states(made)[:2], method, steps, dtype), beside)
 
     # --- parts ------------------------------------------------------------------------------------------------
 
@@ -176,6 +181,8 @@ class Search:
         for x in sorted(found, key=lambda x: x.rank):
             tick()
             if x.rank and x.part in enough:
+                continue
+            if x.choice.points and touches(self.scene, x, self.reference(whole.made, self.steps)[0]):
                 continue
             moved = self._moved(x)
             if moved is not None:
@@ -228,7 +235,7 @@ class Search:
         stages = [self.whole]
         good = [(x, row) for x, row in rows if row.verdict == "saves nothing" and (x.simpler or row.saved > GAIN)]
         free = [(x, row) for x, row in good if row.change <= FREE * self.tolerance]
-        rest = [(x, row) for x, row in good if row.change > FREE * self.tolerance and row.saved > 0.0]
+        rest = [(x, row) for x, row in good if row.change > FREE * self.tolerance]
         rest.sort(key=lambda pair: -pair[1].saved / pair[1].change)
         verdicts: dict[int, str] = {}
         groups = ([free] if free else []) + [[pair] for pair in rest]
@@ -242,35 +249,36 @@ class Search:
             try:
                 made = self.stage(choice, label)
                 fine = self.judged(made.change)
+                gains = made.ns <= (1.0 + GAIN) * stages[-1].ns
             except SpatialDynError:
-                fine = False
-            if fine:
+                fine = gains = False
+            if fine and gains:
                 made.labels = (*stages[-1].labels, *((x.part, x.form) for x, _ in group))
                 stages.append(made)
             elif len(group) > 1:
                 groups = [[pair] for pair in group] + groups
                 continue
             for _, row in group:
-                verdicts[id(row)] = "left out" if fine else "not with the others"
+                verdicts[id(row)] = "not with the others" if not fine else "left out" if gains else "saves nothing"
         return stages, [replace(row, verdict=verdicts.get(id(row), row.verdict)) for _, row in rows]
 
     # --- methods and steps ------------------------------------------------------------------------------------
 
-    def ways(self, stage: Stage, methods: tuple[str, ...] | None, kinds: tuple[str, ...]) -> list[Way]:
+    def trials(self, stage: Stage, methods: tuple[str, ...] | None, kinds: tuple[str, ...]) -> list[Trial]:
         """The coarsest step of each method that is good enough, the cheapest first; in float32 of the cheapest."""
         scene = stage.made.scene
         known = [x for x in (EXPLICIT_METHODS if methods is None else methods) if x in scene.methods]
         same = self.method if self.method in scene.methods else scene.method
         known = [x for x in known if METHODS in kinds or x == same]
-        found = [way for x in known for way in self._coarsest(stage, x, WIDE)]
+        found = [trial for x in known for trial in self._coarsest(stage, x, WIDE)]
         found.sort(key=lambda x: x.ns * x.steps)
         best = next((x for x in found if self.judged(x.change)), None)
         if best is not None and PRECISION in kinds and scene.constraints is None:
             found += self._coarsest(stage, best.method, NARROW, best.steps)
         return sorted(found, key=lambda x: x.ns * x.steps)
 
-    def _coarsest(self, stage: Stage, method: str, dtype: Any, least: int = 0) -> list[Way]:
-        """The Way of the fewest steps that is good enough, or of the least change if none is."""
+    def _coarsest(self, stage: Stage, method: str, dtype: Any, least: int = 0) -> list[Trial]:
+        """The Trial of the fewest steps that is good enough, or of the least change if none is."""
         steps, best = max(self.motion.base, least), None
         while steps <= 2 * self.steps or (best is None and steps == self.motion.base):
             try:
@@ -284,17 +292,17 @@ class Search:
             steps *= 2
         if best is None or not math.isfinite(best[1]):
             return []
-        ns = self.motion.cost(stage.made, *self.from_states(stage.made)[:2], best[0], method, dtype)
-        return [Way(method, best[0], dtype, best[1], ns)]
+        ns = self._cost(stage.made, method, best[0], dtype)
+        return [Trial(method, best[0], dtype, best[1], ns)]
 
-    def rows_of_ways(self, ways: list[Way], taken: Way | None) -> list[Part]:
+    def rows_of_trials(self, trials: list[Trial], taken: Trial | None) -> list[Part]:
         """A Part for each method and precision; savings are beside the parts that are left out."""
-        if not ways:
+        if not trials:
             return []
         whole = self.whole
         full = whole.ns * self.steps
         rows = []
-        for x in ways:
+        for x in trials:
             dt = self.motion.duration / x.steps
             part = "precision" if x.dtype == NARROW else "method"
             form = f"{x.method}, {'float32, ' if x.dtype == NARROW else ''}dt {dt:.3g}"
@@ -308,10 +316,10 @@ class Search:
 
     # --- verification -----------------------------------------------------------------------------------------
 
-    def verified(self, stage: Stage, way: Way) -> tuple[float, float, float]:
+    def verified(self, stage: Stage, trial: Trial) -> tuple[float, float, float]:
         """Largest change in fresh samples, its bound, and how far the whole scene is from itself there."""
         made = stage.made
-        errors = self.changes(made, way.method, way.steps, way.dtype, True, 2 * self.steps)
+        errors = self.changes(made, trial.method, trial.steps, trial.dtype, True, 2 * self.steps)
         off = self.motion.change(self.reference(made, self.steps, True), self.reference(made, 2 * self.steps, True))
         certain = float(off.max())
         return float(errors.max()), error_bound(errors) + certain, certain

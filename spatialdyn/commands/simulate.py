@@ -92,7 +92,7 @@ def _run(arguments: argparse.Namespace) -> int:
     page = _check_save(arguments.save)
     if page or arguments.view:
         viser_module()  # raises before the simulation where it is missing
-    text = None if arguments.scene is None else _text("--scene", arguments.scene)
+    text = None if arguments.scene is None else text_of("--scene", arguments.scene)
     coupled = arguments.constraints is not None or (text is not None and "[[constraint]]" in text)
     with shown("reading", "robots", arguments.quiet):
         model = load(arguments, mimic=not coupled)
@@ -104,7 +104,7 @@ def _run(arguments: argparse.Namespace) -> int:
             "--ledger was given, expected --scene, --friction, --limits or --constraints beside it: no other work is "
             "done"
         )
-    q0 = _start(model, scene.constraints, arguments)
+    q0 = start_of(model, scene.constraints, arguments)
     v0 = parse_numbers("--v0", arguments.v0, model.nv)
     stopped = None
     with warnings.catch_warnings(record=True) as caught, shown("simulating", "steps", arguments.quiet) as report:
@@ -162,7 +162,7 @@ def _check_save(path: str | None) -> bool:
     return path.lower().endswith(PAGE_FILES)
 
 
-def _start(model: Model, constraints: Constraints | None, arguments: argparse.Namespace) -> Array:
+def start_of(model: Model, constraints: Constraints | None, arguments: argparse.Namespace) -> Array:
     """The positions to start from. Raises SpatialDynError."""
     given = parse_numbers("--q0", arguments.q0, model.nq)
     if given is not None:
@@ -207,7 +207,7 @@ def _friction(model: Model, arguments: argparse.Namespace) -> Friction | None:
     return Friction.of(model, **changes)
 
 
-def _text(option: str, path: str) -> str:
+def text_of(option: str, path: str) -> str:
     """The text of a file. Raises SpatialDynError."""
     try:
         return Path(path).read_text(encoding="utf-8")
@@ -219,7 +219,7 @@ def _constraints(model: Model, path: str | None) -> Constraints | None:
     """The constraints of a TOML file, None for none. Raises SpatialDynError."""
     if path is None:
         return None
-    text = _text("--constraints", path)
+    text = text_of("--constraints", path)
     found = Constraints.of_toml(model, text)
     couplers = couplers_of(model)
     return Constraints(model, [*found, *couplers]) if couplers else found

@@ -75,7 +75,8 @@ def rigid(model: Model, joints: Any) -> tuple[Robot, Options]:
         if not isinstance(name, str) or name not in springs:
             raise ModelError(missing("spring of joint", str(name), model.name, springs))
         turns, joint = springs[name], made[name]
-        assert turns.spring is not None and turns.rotor is not None
+        assert turns.spring is not None
+        assert turns.rotor is not None
         own = replace(turns.rotor, ratio=turns.spring.ratio)
         made[name] = with_rotor(replace(joint, rotor=None), own)
         del made[turns.name]

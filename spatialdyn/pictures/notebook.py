@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..accuracy.findings import Diagnosis
+from ..accuracy.requirement import COLUMNS, Requirement
 from ..accuracy.results import Recommendation, Tradeoff
 from ..bodies.kinds import kind_of
 from ..errors import SpatialDynError
@@ -160,6 +161,12 @@ def recommendation_html(found: Recommendation) -> str:
     of = f"{found.tradeoff.task} of {found.tradeoff.model} within {found.tolerance:g}"
     reasons = bullets(found.why.split("; "))
     return block(heading(of), code(found.code), reasons, folded("all options", tradeoff_html(found.tradeoff)))
+
+
+def requirement_html(found: Requirement) -> str:
+    """The table of parts, what it comes to, and the lines to write."""
+    rows = table(COLUMNS, found.table(), numbers=(2, 3, 4))
+    return block(heading(found.head), rows, line(found.foot), code(found.code))
 
 
 def diagnosis_html(found: Diagnosis) -> str:
