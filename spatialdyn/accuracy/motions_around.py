@@ -67,11 +67,13 @@ class Motion:
         return cls(scene, duration, torque, control, observe, math.lcm(given, records), records)
 
     def run(
-        self, made: Lesser, q: Array, v: Array, steps: int, method: str, dtype: DTypeLike = np.float64, upto: int = 0
-    ) -> tuple[Array, Array]:
+        self, made: Lesser, q: Array, v: Array, steps: int, method: str, dtype: DTypeLike = np.float64, upto: int = 0,
+        finer: int = 1,
+    ) -> tuple[Array, Array]:  # fmt: skip
         """q, v (samples, records, ...) of the whole robot, of a lesser scene from states of the whole one.
 
-        upto  records of which the last is the end of the run, all if 0
+        upto   records of which the last is the end of the run, all if 0
+        finer  times as many records
         """
         x, w = made.embedding.to_reduced(q, v, self.scene.model.nv)
         last = upto or self.records
@@ -81,7 +83,7 @@ class Motion:
             warnings.simplefilter("ignore")
             found = rollout(
                 made.scene, x, w, tau, dt=self.duration / steps, steps=some, method=method, dtype=dtype,
-                record=steps // self.records, control=control,
+                record=steps // self.records // finer, control=control,
             )  # fmt: skip
         end = np.asarray(found.q, float), np.asarray(found.v, float)
         return made.embedding.to_full(*end, self.scene.model.nv)

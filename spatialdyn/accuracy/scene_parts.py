@@ -20,7 +20,7 @@ PARTS = (
     "limits", "contacts", "constraints", "fext", "friction", "motor", "rotors", "armatures", "springs", "gravity",
 )  # fmt: skip
 LIGHT = 0.02  # of the mass of a robot: a subtree lighter than that is a light one
-NEAR = 1e-12  # [m | rad] nearer to a limit it is reached
+NEAR = 1e-4  # [m | rad] nearer to a limit it is reached
 TOUCHES = 1e-4  # [m] nearer to the ground a point touches
 
 

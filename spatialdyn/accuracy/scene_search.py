@@ -6,6 +6,7 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,7 +17,7 @@ from ..simulation.methods import EXPLICIT_METHODS
 from ..simulation.scene import Scene
 from .lesser_scenes import Choice, Lesser, lesser
 from .motions_around import Motion, Timed, reason
-from .references import LEAST, error_bound
+from .references import FEW, FEW_LEAST, LEAST, error_bound
 from .requirement import Part
 from .scene_parts import METHODS, PRECISION, Candidate, touches, why
 
@@ -26,6 +27,7 @@ FREE = 1e-3  # of the tolerance: parts that change less are left out together
 GAIN = 0.02  # share of the cost: less is not told from nothing
 FINEST = 1 << 17  # steps
 PATIENCE = 4.0  # CPU seconds of one run of the whole scene, beyond which its step is not halved
+DENSE = 64  # times between two records at which limits and gaps are looked at, at most
 STEP = 1e-3  # [s] of the first run, if none is given
 NARROW = np.dtype(np.float32)
 WIDE = np.dtype(np.float64)
@@ -88,7 +90,8 @@ class Search:
 
     def judged(self, change: float) -> bool:
         """Whether a change has a margin to the tolerance."""
-        return LEAST * change + self.certainty <= self.tolerance
+        margin = LEAST if len(self.fresh[0]) >= FEW else FEW_LEAST
+        return margin * change + self.certainty <= self.tolerance
 
     # --- the whole scene against itself -----------------------------------------------------------------------
 
@@ -121,10 +124,11 @@ class Search:
         self.upto = int(far[0]) if len(far) else self.motion.records
         if not self.upto:
             at = self.motion.duration / self.motion.records
+            most = f"{PART * self.tolerance:.2g}, {PART:g} of the tolerance"
             raise SimulationError(
                 f"the scene with dt {self.motion.duration / steps:.3g} s differs by {off[0]:.2g} at t = {at:.3g} s "
-                f"from itself with half of it, expected at most {PART * self.tolerance:.2g}, {PART:g} of the tolerance; "
-                "a shorter duration or a larger tolerance can be judged"
+                f"from itself with half of it, expected at most {most}; a shorter duration or a larger "
+                "tolerance can be judged"
             )
         self.steps, self.certainty = steps, float(off[: self.upto].max())
 
@@ -182,7 +186,7 @@ class Search:
             tick()
             if x.rank and x.part in enough:
                 continue
-            if x.choice.points and touches(self.scene, x, self.reference(whole.made, self.steps)[0]):
+            if x.choice.points and touches(self.scene, x, self.dense[0]):
                 continue
             moved = self._moved(x)
             if moved is not None:
@@ -220,13 +224,21 @@ class Search:
         return None if self.judged(least) else least
 
     def _why(self, x: Candidate) -> str:
-        made = lesser(self.scene, Choice(), self.q0)
-        if x.choice.locked:
-            try:
-                made = lesser(self.scene, x.choice, self.q0)
-            except SpatialDynError:
-                return ""
+        if not x.choice.locked:
+            return why(self.scene, x, *self.dense)
+        try:
+            made = lesser(self.scene, x.choice, self.q0)
+        except SpatialDynError:
+            return ""
         return why(self.scene, x, *self.reference(made, self.steps))
+
+    @cached_property
+    def dense(self) -> tuple[Array, Array]:
+        """Motions of the whole scene at many times."""
+        made = lesser(self.scene, Choice(), self.q0)
+        each = self.steps // self.motion.records
+        finer = max(k for k in range(1, DENSE + 1) if each % k == 0)
+        return self.motion.run(made, *self.starts, self.steps, self.method, upto=self.upto, finer=finer)
 
     # --- together ---------------------------------------------------------------------------------------------
 
@@ -279,17 +291,17 @@ class Search:
 
     def _coarsest(self, stage: Stage, method: str, dtype: Any, least: int = 0) -> list[Trial]:
         """The Trial of the fewest steps that is good enough, or of the least change if none is."""
-        steps, best = max(self.motion.base, least), None
-        while steps <= 2 * self.steps or (best is None and steps == self.motion.base):
+        base, finest, best = max(self.motion.base, least), 2 * self.steps, None
+        doubled = [base << k for k in range(max(0, finest // base).bit_length())]
+        for steps in [*(x for x in doubled if x < finest), finest]:
             try:
-                change = float(self.changes(stage.made, method, steps, dtype, False, 2 * self.steps).max())
+                change = float(self.changes(stage.made, method, steps, dtype, False, finest).max())
             except SpatialDynError:
                 change = math.inf
             if best is None or change < best[1]:
                 best = steps, change
             if self.judged(change) or (dtype == NARROW and steps >= 4 * least):
                 break
-            steps *= 2
         if best is None or not math.isfinite(best[1]):
             return []
         ns = self._cost(stage.made, method, best[0], dtype)

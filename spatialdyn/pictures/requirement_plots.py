@@ -59,7 +59,7 @@ def draw_requirement(axes: Axes, found: Requirement) -> None:
         )
         handles, names = [*handles, *mark], [*names, KINDS[kind]]
     way = [(MS * x.cost, max(x.change, least)) for x in found.path]
-    handles += axes.plot(*zip(*way, strict=True), "-", color=shades["left out"], linewidth=1.2, alpha=0.7)
+    handles += axes.plot(*zip(*way, strict=True), ".-", color=shades["left out"], linewidth=1.2, alpha=0.7)
     names.append("from the whole scene\nto the one that is taken")
     handles.append(axes.axhline(found.tolerance, color=FAINT, linestyle="--", linewidth=1.2))
     names.append("tolerance")
