@@ -140,13 +140,18 @@ def _cheapest(
     for k in range(len(stages) - 1, -1, -1):
         trials = search.trials(stages[k], methods, kinds)
         seen = seen or trials
-        for trial in trials:
-            if not search.judged(trial.change) or (not k and trial.ns * trial.steps > whole.ns * search.steps):
+        waiting = [x for x in trials if search.judged(x.change)]
+        while waiting:
+            trial = waiting.pop(0)
+            if not k and trial.ns * trial.steps > whole.ns * search.steps:
                 continue
             error, bound, certainty = search.verified(stages[k], trial)
             if bound <= search.tolerance:
-                rows = _settled(parts, stages[: k + 1], search.rows_of_trials(trials, trial))
+                shown = [trial if x.name == trial.name else x for x in trials]
+                rows = _settled(parts, stages[: k + 1], search.rows_of_trials(shown, trial))
                 return _made(search, stages[: k + 1], trial, rows, (error, bound, certainty))
+            waiting += search.finer(stages[k], trial)
+            waiting.sort(key=lambda x: x.ns * x.steps)
     off = motion.change(
         search.reference(whole.made, search.steps, True), search.reference(whole.made, 2 * search.steps, True)
     ).max(axis=1)

@@ -42,6 +42,11 @@ class Trial(NamedTuple):
     change: float
     ns: float
 
+    @property
+    def name(self) -> tuple[str, str]:
+        """Of the method and the precision."""
+        return self.method, np.dtype(self.dtype).name
+
 
 @dataclass
 class Stage:
@@ -306,6 +311,15 @@ class Search:
             return []
         ns = self._cost(stage.made, method, best[0], dtype)
         return [Trial(method, best[0], dtype, best[1], ns)]
+
+    def finer(self, stage: Stage, trial: Trial) -> list[Trial]:
+        """The Trial at half the step, if that is not below that of the reference and good enough."""
+        steps = min(2 * trial.steps, 2 * self.steps)
+        if steps == trial.steps:
+            return []
+        change = float(self.changes(stage.made, trial.method, steps, trial.dtype, False, 2 * self.steps).max())
+        made = trial._replace(steps=steps, change=change)
+        return [made] if self.judged(change) else self.finer(stage, made)
 
     def rows_of_trials(self, trials: list[Trial], taken: Trial | None) -> list[Part]:
         """A Part for each method and precision; savings are beside the parts that are left out."""

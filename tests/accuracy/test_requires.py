@@ -279,8 +279,8 @@ def test_impacts_shorten_the_time_that_is_judged(monkeypatch: pytest.MonkeyPatch
 
 
 def test_a_scene_that_is_uncertain_at_once_is_refused() -> None:
+    scene, q = box(0.1005)
     with pytest.raises(sd.SimulationError, match="a shorter duration or a larger tolerance can be judged"):
-        scene, q = box(0.1005)
         required(scene, q, np.r_[0.0, 0.0, -5.0, 0.0, 0.0, 0.0], observe="v", tolerance=1e-9, dt=1e-3)
 
 
