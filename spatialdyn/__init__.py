@@ -42,6 +42,8 @@ from .urdf.load import load_urdf
 if TYPE_CHECKING:
     from .accuracy.diagnose import diagnose
     from .accuracy.findings import Diagnosis, Finding
+    from .accuracy.requirement import Requirement
+    from .accuracy.requires import requires
     from .accuracy.results import Option, Recommendation, Tradeoff
     from .accuracy.simplify import simplify
     from .accuracy.tradeoff import recommend, trade
@@ -126,9 +128,9 @@ __all__ = [
     "Cost", "CouplerConstraint", "Diagnosis", "DistanceConstraint", "EnergyLedger", "Exact", "Finding", "Frame",
     "Friction", "Heightfield", "HingeConstraint", "Impact", "InertiaError", "Joint", "Mobility", "Model",
     "ModelBuilder", "ModelError", "Motor", "NonFiniteError", "Option", "PD", "Plane", "PointConstraint", "Promise",
-    "Recommendation", "Robot", "RollingConstraint", "Rollout", "Rotor", "Scene", "ShapeError", "SimulationError",
-    "SimulationInterrupt", "SpatialDynError", "Specialized", "SymbolicManipulator", "Tradeoff", "Trajectory",
-    "Transmission", "UrdfError",
+    "Recommendation", "Requirement", "Robot", "RollingConstraint", "Rollout", "Rotor", "Scene", "ShapeError",
+    "SimulationError", "SimulationInterrupt", "SpatialDynError", "Specialized", "SymbolicManipulator", "Tradeoff",
+    "Trajectory", "Transmission", "UrdfError",
     "VelocityConstraint", "WeldConstraint", "assemble", "bounded", "check_conservation", "close_loops",
     "compare_with_pinocchio", "compile", "conserved_quantities", "constrained_dynamics",
     "constrained_dynamics_derivatives", "constraint_drift", "constraint_error", "constraint_jacobian", "contact_gaps",
@@ -138,7 +140,7 @@ __all__ = [
     "impact", "independent_joints", "integrators", "kernels", "linearize", "load", "load_urdf",
     "mobility", "plot",
     "poisson_bracket", "project_configuration", "project_velocity", "random_configuration", "read_transmissions",
-    "recommend", "rollout", "simplify", "simulate", "specialize", "spring_energy", "spring_torque", "step",
+    "recommend", "requires", "rollout", "simplify", "simulate", "specialize", "spring_energy", "spring_torque", "step",
     "step_derivatives", "to_actuators", "to_drake", "to_joints", "to_mjcf", "to_mujoco", "to_urdf",
     "torque_limits", "trade",
     "verify_skew_symmetry", "view", "wrench_at",
@@ -146,6 +148,7 @@ __all__ = [
 
 _LATE = {  # {module: public names}, imported when one is asked for: half the time of an import
     "accuracy.diagnose": "diagnose", "accuracy.findings": "Diagnosis Finding",
+    "accuracy.requirement": "Requirement", "accuracy.requires": "requires",
     "accuracy.results": "Option Recommendation Tradeoff", "accuracy.simplify": "simplify",
     "accuracy.tradeoff": "recommend trade", "actuation.friction": "Friction friction_regressor friction_torque",
     "actuation.motors": "Motor torque_limits", "actuation.springs": "spring_energy spring_torque",

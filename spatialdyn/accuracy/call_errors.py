@@ -25,7 +25,7 @@ from ..engines.programs import derived, recording
 from ..errors import InertiaError, NonFiniteError, ShapeError, SpatialDynError
 from ..model.model import Model
 from ..recursions import SPECS
-from .references import MANY, MANY_LEAST, error_bound, of_calls, relative, truths
+from .references import EACH, LARGEST, MANY, MANY_LEAST, NORMS, error_bound, of_calls, relative, truths
 from .results import INPUTS, Option
 
 Array = NDArray[np.float64]
@@ -131,9 +131,9 @@ def _traces(model: Model, name: str) -> bool:
     return not numba_kernels.PLAIN and engine.program(variant(SPECS[name], ()), model, ()) is not None
 
 
-def _errors(name: str, first: str, found: Any, truth: Array) -> Array:
+def _errors(name: str, first: str, found: Any, truth: Array, norm: str = LARGEST) -> Array:
     """Errors of a candidate; of one that rounds the reference itself, at least those of rounding."""
-    errors = of_calls(first, np.asarray(found), truth)
+    errors = of_calls(first, np.asarray(found), truth, norm)
     return np.maximum(errors, HALF_ULP) if name.endswith(EXTENDED) else errors
 
 
@@ -148,55 +148,60 @@ def measure_calls(model: Model, task: str, states: Any, batch: int, report: Repo
     repeated = [np.ascontiguousarray(np.resize(x, (batch, x.shape[1]))) for x in arrays]
     if batch == 1:
         repeated = [np.array(x[0]) for x in repeated]
-    found: list[tuple[Candidate, Array, str]] = []
-    promises: dict[str, Array] = {}
+    found: list[tuple[Candidate, dict[str, Array], str]] = []
+    promises: dict[str, dict[str, Array]] = {}
     for some in candidates(model, task, batch):
         for candidate in some:
             try:
-                errors = _errors(candidate.name, first, candidate.run(*arrays), truth)
-                note = ""
+                made, note = candidate.run(*arrays), ""
+                errors = {norm: _errors(candidate.name, first, made, truth, norm) for norm in NORMS}
             except (InertiaError, NonFiniteError) as error:
-                errors, note = np.full(1, math.inf), str(error)
+                errors, note = dict.fromkeys(NORMS, np.full(1, math.inf)), str(error)
             promises[candidate.name] = _promised(model, candidate, first, arrays, truth)
             found.append((candidate, errors, note))
         steps.next()
     timed = {
         candidate.name: partial(candidate.run, *(x.astype(candidate.dtype) for x in repeated))
         for candidate, errors, _ in found
-        if np.isfinite(errors).all()
+        if np.isfinite(errors[LARGEST]).all()
     }
     ns = costs(timed, batch)
     steps.next()
-    options = [
-        Option(
-            candidate.name, candidate.code, float(errors.max()), float(np.median(errors)),
-            min(error_bound(errors), error_bound(promises[candidate.name])),
-            ns.get(candidate.name, math.inf), note=note, run=candidate.run,
-            promised=float(promises[candidate.name].max()),
-        )
-        for candidate, errors, note in found
-    ]  # fmt: skip
+    options = []
+    for candidate, errors, note in found:
+        promised, of = promises[candidate.name], errors[LARGEST]
+        bounds = {norm: min(error_bound(errors[norm]), error_bound(promised[norm])) for norm in NORMS}
+        options.append(
+            Option(
+                candidate.name, candidate.code, float(of.max()), float(np.median(of)), bounds[LARGEST],
+                ns.get(candidate.name, math.inf), note=note, run=candidate.run, promised=float(promised[LARGEST].max()),
+                each=float(errors[EACH].max()), each_bound=bounds[EACH],
+            )
+        )  # fmt: skip
     return options, len(arrays[0]), certainty
 
 
-def _promised(model: Model, candidate: Candidate, first: str, arrays: list[Array], truth: Array) -> Array:
-    """Bounds on the errors of a candidate that is a program, as it rounds in NumPy: that has no fused operations, which
-    changes no digit that is shown. Infinite of others, and of robots of more than MOST_BOUNDED freedoms, whose analysis
-    takes longer than the rest.
+def _promised(model: Model, candidate: Candidate, first: str, arrays: list[Array], truth: Array) -> dict[str, Array]:
+    """By norm, bounds on the errors of a candidate that is a program, as it rounds in NumPy: that has no fused
+    operations, which changes no digit that is shown. Infinite of others, and of robots of more than MOST_BOUNDED
+    freedoms, whose analysis takes longer than the rest.
     """
     way, _, name = candidate.name.rpartition(" ")
     if not way.startswith("lanes") or name == EXTENDED or model.nv > MOST_BOUNDED:
-        return np.full(1, math.inf)
+        return dict.fromkeys(NORMS, np.full(1, math.inf))
     options = recording.ProgramOptions(bounds=True)
     program, layout = derived.record((variant(SPECS[name], ()),), model.bodies, (), options, candidate.dtype)
     columns: NDArray[Any] = np.concatenate(arrays, axis=1).astype(candidate.dtype).T
     with np.errstate(all="ignore"):
         bounds = program.only(layout.outputs[1]).run(columns)
     off = np.array([np.broadcast_to(x, len(truth)) for x in bounds], np.float64).T.reshape(truth.shape)
-    return relative(first, np.where(np.isnan(off), math.inf, off), truth)
+    off = np.where(np.isnan(off), math.inf, off)
+    return {norm: relative(first, off, truth, norm) for norm in NORMS}
 
 
-def confirm_calls(model: Model, task: str, options: Sequence[Option], tolerance: float) -> dict[str, Array] | None:
+def confirm_calls(
+    model: Model, task: str, options: Sequence[Option], tolerance: float, norm: str = LARGEST
+) -> dict[str, Array] | None:
     """Errors in MANY further states of the options within the tolerance; options that exceed it are left out.
 
     Returns None if the references of MANY states take longer than PATIENCE.
@@ -210,7 +215,7 @@ def confirm_calls(model: Model, task: str, options: Sequence[Option], tolerance:
             if x.name not in errors or x.run is None:
                 continue
             try:
-                found = _errors(x.name, first, x.run(*arrays), truth)
+                found = _errors(x.name, first, x.run(*arrays), truth, norm)
             except (InertiaError, NonFiniteError):
                 found = np.full(1, math.inf)
             errors[x.name] = np.append(errors[x.name], found)

@@ -23,7 +23,7 @@ from ..model.model import Model
 from ..simulation import integrators, simulate
 from ..simulation.reference_motion import ReferenceMotion, exact_motion
 from .call_errors import PATIENCE, is_count
-from .references import error_bound
+from .references import EACH, LARGEST, NORMS, SMALL, error_bound
 from .results import Option
 
 Array = NDArray[np.float64]
@@ -87,20 +87,23 @@ def measure_motions(
     return options, len(q0), float(truth.error.max())
 
 
-def motion_error(model: Model, run: Any, truth: ReferenceMotion, k: int) -> float:
-    """Error of a motion: the largest of q over the largest change of a coordinate, and of v over the largest |v|."""
+def motion_error(model: Model, run: Any, truth: ReferenceMotion, k: int, norm: str = LARGEST) -> float:
+    """Error of a motion: the largest of q over the largest change of a coordinate, and of v over the largest |v|.
+
+    norm  "each": each coordinate over its own, or SMALL of the largest where that is larger
+    """
     if len(run) != len(truth.t) or not (np.isfinite(run.q).all() and np.isfinite(run.v).all()):
         return math.inf
     q, v = truth.q[:, k], truth.v[:, k]
-    wrong = abs(np.asarray(calls["difference"](model, q, calls["normalize"](model, run.q)))).max(initial=0.0)
-    way = abs(np.asarray(calls["difference"](model, np.broadcast_to(q[0], q.shape), q))).max(initial=0.0)
-    slip, fast = abs(run.v - v).max(initial=0.0), abs(v).max(initial=0.0)
-    return max(_over(float(wrong), float(way)), _over(float(slip), float(fast)))
+    wrong = abs(np.asarray(calls["difference"](model, q, calls["normalize"](model, run.q)))).max(axis=0)
+    way = abs(np.asarray(calls["difference"](model, np.broadcast_to(q[0], q.shape), q))).max(axis=0)
+    return max(_over(wrong, way, norm), _over(abs(run.v - v).max(axis=0), abs(v).max(axis=0), norm))
 
 
 def confirm_motions(
-    model: Model, duration: float, options: Sequence[Option], open_: Sequence[Option], tolerance: float
-) -> dict[str, Array] | None:
+    model: Model, duration: float, options: Sequence[Option], open_: Sequence[Option], tolerance: float,
+    norm: str = LARGEST,
+) -> dict[str, Array] | None:  # fmt: skip
     """Errors from MORE further states, of the options ``open_`` that are within the tolerance.
 
     The reference is another option, whose bound is at most a hundredth of the tolerance and, if possible, of the errors
@@ -122,7 +125,8 @@ def confirm_motions(
             if x.name not in errors or x.run is None:
                 continue
             try:
-                found = motion_error(model, x.run(q, v, duration, sampled=True), truth, 0) + finer.bound
+                run = x.run(q, v, duration, sampled=True)
+                found = motion_error(model, run, truth, 0, norm) + finer.bound
             except (SimulationError, NonFiniteError):
                 found = math.inf
             errors[x.name] = np.append(errors[x.name], found)
@@ -144,8 +148,13 @@ def _finer(options: Sequence[Option], judged: Sequence[Option], tolerance: float
     return min(fine, key=lambda x: x.ns) if fine else min(others, key=lambda x: x.bound, default=None)
 
 
-def _over(wrong: float, size: float) -> float:
-    return wrong / size if size > 0.0 else wrong
+def _over(wrong: Array, size: Array, norm: str) -> float:
+    """The largest of errors (nv,) over the largest size, or each over its own."""
+    largest = float(size.max(initial=0.0))
+    if not largest > 0.0:
+        return float(wrong.max(initial=0.0))
+    scale = np.maximum(size, SMALL * largest) if norm == EACH else largest
+    return float((wrong / scale).max(initial=0.0))
 
 
 def _fixed(model: Model, name: str, truth: ReferenceMotion, duration: float) -> list[Option]:
@@ -185,7 +194,8 @@ def _motion(
 def _option(model: Model, label: str, code: str, truth: ReferenceMotion, duration: float, **words: Any) -> Option:
     """The option of a method, measured on all motions."""
     run = partial(_motion, model, max(1, round(duration / words["dt"] / SAMPLES)), words)
-    errors, seconds, note = [], [], ""
+    errors: dict[str, list[float]] = {norm: [] for norm in NORMS}
+    seconds, note = [], ""
     motions = range(truth.q.shape[1])
     for k in motions if len(motions) > 1 else (0, 0):  # at least two runs: the faster counts
         start = (truth.q[0, k], truth.v[0, k], duration, True)
@@ -197,12 +207,16 @@ def _option(model: Model, label: str, code: str, truth: ReferenceMotion, duratio
                 began = time.perf_counter()
                 found = run(*start)
             seconds.append(time.perf_counter() - began)
-            errors.append(motion_error(model, found, truth, k))
+            for norm, known in errors.items():
+                known.append(motion_error(model, found, truth, k, norm))
         except (SimulationError, NonFiniteError) as error:
-            errors.append(math.inf)
+            for known in errors.values():
+                known.append(math.inf)
             note = str(error)
-    of_all = np.array(errors)
+    of_all, each = (np.array(errors[norm]) for norm in NORMS)
     ns = 1e9 * min(seconds) / duration if seconds else math.inf
     full = f"sd.simulate(model, q0, v0, duration, {code})"
-    median = float(np.median(of_all))
-    return Option(label, full, float(of_all.max()), median, error_bound(of_all), ns, note=note, run=run)
+    return Option(
+        label, full, float(of_all.max()), float(np.median(of_all)), error_bound(of_all), ns, note=note, run=run,
+        each=float(each.max()), each_bound=error_bound(each),
+    )  # fmt: skip

@@ -31,6 +31,7 @@ TOP = 128  # errors in the tail of many, whose slope is estimated
 BEYOND = 4.0  # times as many states, to which the tail is extrapolated
 TAIL = 0.95
 SMALL = 0.1
+LARGEST, EACH = NORMS = ("largest", "each")  # what an error is relative to: the largest entry, or each its own scale
 
 
 @lru_cache(maxsize=4)
@@ -65,21 +66,26 @@ def truths(model: Model, name: str, arrays: list[Array], checked: int = CHECKED)
     return high.T.reshape((len(arrays[0]), *shape)), worst
 
 
-def of_calls(name: str, found: NDArray[Any], truth: Array) -> Array:
+def of_calls(name: str, found: NDArray[Any], truth: Array, norm: str = LARGEST) -> Array:
     """(n,) errors of samples: of M each entry over √(M_ii M_jj), else over the sample's largest entry.
+
+    norm  "each": each entry over itself, or the median of that entry's sizes in all samples where that is larger; of M
+          as above
 
     The scale of a sample is at least SMALL of the median of all: else samples that happen to be near 0 would set the
     bound.
     """
-    return relative(name, np.where(found == truth, 0.0, abs(found.astype(np.float64) - truth)), truth)
+    return relative(name, np.where(found == truth, 0.0, abs(found.astype(np.float64) - truth)), truth, norm)
 
 
-def relative(name: str, off: Array, truth: Array) -> Array:
+def relative(name: str, off: Array, truth: Array, norm: str = LARGEST) -> Array:
     """(n,) errors of samples from those of their entries, by the scale of ``of_calls``."""
     with np.errstate(invalid="ignore", divide="ignore"):
         if name == "crba":
             scale = np.sqrt(np.einsum("nii->ni", truth))
             of = off / (scale[:, :, None] * scale[:, None, :])
+        elif norm == EACH:
+            of = off / np.maximum(abs(truth), np.median(abs(truth), axis=0))
         else:
             largest = abs(truth).max(axis=1, initial=0.0)
             of = off / np.maximum(largest, SMALL * np.median(largest))[:, None]

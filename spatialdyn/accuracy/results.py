@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -19,6 +19,10 @@ INPUTS = {
     "mass_matrix": ("q",),
     "simulate": ("q0", "v0", "duration"),
 }
+
+
+FRONT = "* nothing cheaper has a smaller error"
+EACH_JOINT = "worst joint: the largest error of a joint relative to its own scale"
 
 
 @dataclass(frozen=True)
@@ -37,6 +41,10 @@ class Option:
     run     the function of the call's inputs, or of (q0, v0, duration), that returns the call's result
     promised  the largest bound on its rounding in the sampled states, by the analysis of ``bounded``: no error there is
             above it; infinite where it has none
+    each    the largest error of a joint relative to its own scale: each entry over itself, or the median of its sizes
+            in the sampled states where that is larger; of simulations, each coordinate over its own largest change, or
+            a tenth of the largest of all
+    each_bound  as ``bound``, of ``each``
     """
 
     name: str
@@ -50,9 +58,11 @@ class Option:
     states: int = 0
     run: Callable[..., Any] | None = field(default=None, repr=False, compare=False)
     promised: float = math.inf
+    each: float = math.inf
+    each_bound: float = math.inf
 
 
-Further = Callable[[Sequence[Option], float], Mapping[str, Any] | None]
+Further = Callable[..., Mapping[str, Any] | None]
 
 
 @dataclass(frozen=True)
@@ -112,10 +122,10 @@ class Tradeoff:
         return json.dumps(self.to_dict(), indent=2, ensure_ascii=False, allow_nan=False)
 
     def rows(self) -> list[list[str]]:
-        """Words of a table: mark of the front, name, error, bound, cost, code or note."""
+        """Words of a table: mark of the front, name, error, bound, that of the worst joint, cost, code or note."""
         return [
             [
-                "*" if x.best else "", x.name, figure(x.error), figure(x.bound), f"{x.ns:.4g}",
+                "*" if x.best else "", x.name, figure(x.error), figure(x.bound), figure(x.each), f"{x.ns:.4g}",
                 x.note or x.code,
             ]
             for x in self.options
@@ -128,15 +138,15 @@ class Tradeoff:
         return f"{self.model}: {self.task} of {self.states} states, {what}; truth {self.truth}"
 
     def __str__(self) -> str:
-        rows = [["", "option", "error", "bound", self.unit, "code"], *self.rows()]
-        widths = [max(len(row[k]) for row in rows) for k in range(6)]
+        rows = [["", "option", "error", "bound", "worst joint", self.unit, "code"], *self.rows()]
+        widths = [max(len(row[k]) for row in rows) for k in range(7)]
         lines = [self.head]
         for row in rows:
             cells = [
-                c.rjust(w) if 2 <= k <= 4 else c.ljust(w) for k, (c, w) in enumerate(zip(row, widths, strict=True))
+                c.rjust(w) if 2 <= k <= 5 else c.ljust(w) for k, (c, w) in enumerate(zip(row, widths, strict=True))
             ]
             lines.append("  ".join(cells).rstrip())
-        return "\n".join([*lines, "* nothing cheaper has a smaller error"])
+        return "\n".join([*lines, FRONT, EACH_JOINT])
 
     def __repr__(self) -> str:
         return f"<Tradeoff {self.task} of {self.model}: {len(self.options)} options, {len(self.front)} on the front>"

@@ -10,14 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from ..calls.arguments import as_count, as_number, as_words, check_model
+from ..calls.arguments import as_count, as_number, as_word, as_words, check_model
 from ..calls.progress import Progress, check_progress, reporting
 from ..engines.compiled import numba_kernels
 from ..errors import ModelError, SpatialDynError
 from ..model.model import Model
 from ..simulation import integrators
 from . import call_errors, integrator_errors
-from .references import LEAST, MANY, MANY_LEAST, error_bound
+from .references import EACH, LARGEST, LEAST, MANY, MANY_LEAST, NORMS, error_bound
 from .results import Option, Recommendation, Tradeoff, checked_tolerance, figure, mark_pareto
 
 TASKS = (*call_errors.TASK_CALLS, "simulate")
@@ -49,6 +49,7 @@ def trade(
                                                                                       largest, at 10 times
               ==================  ==================================================  ==============================
 
+              The column "worst joint" is relative to each joint's own scale, see ``Option.each``.
               In a state whose largest entry is below a tenth of the states' median, errors are relative to that tenth.
               Calls run as programs on SIMD lanes in float64 and float32 (with inputs rounded to float32); those that
               are no programs in the table kernel, "untraced"; "extended" on lanes in batches of 512 or more, to 32
@@ -122,11 +123,14 @@ def recommend(
     duration: float = 1.0,
     methods: str | Sequence[str] | None = None,
     progress: Progress = False,
+    norm: str = LARGEST,
 ) -> Recommendation:
     """The cheapest option for a task whose error stays within a tolerance, and why.
 
     tolerance  largest acceptable error, as ``trade`` defines it for the task
     model, task, states, batch, duration, methods, progress   as in ``trade``
+    norm       what an error is relative to: "largest", as ``trade`` has it; or "each": the error of every joint is
+               within the tolerance relative to that joint's own scale, the column "worst joint" of the table
 
     An option is good enough if its bound is within the tolerance: its largest error times a margin of 2 or more, larger
     where errors scatter widely or states are few, as other states may be worse than those measured. A cheaper option
@@ -147,12 +151,14 @@ def recommend(
     (2,)
     """
     within = checked_tolerance(tolerance)  # before anything is measured
-    return advice(trade(model, task, states, batch, duration, methods, progress), within)
+    as_word("norm", norm, NORMS)
+    return advice(trade(model, task, states, batch, duration, methods, progress), within, norm)
 
 
-def advice(found: Tradeoff, tolerance: float) -> Recommendation:
+def advice(found: Tradeoff, tolerance: float, norm: str = LARGEST) -> Recommendation:
     """The cheapest option of a Tradeoff within a tolerance. Raises what ``recommend`` raises."""
     tolerance = checked_tolerance(tolerance)
+    found = _of_each(found) if as_word("norm", norm, NORMS) == EACH else found
     if found.task == "simulate" and found.further is not None:
         chosen = _confirmed(found, tolerance)
     else:
@@ -165,6 +171,16 @@ def advice(found: Tradeoff, tolerance: float) -> Recommendation:
             f"the bound of {best.name}"
         )
     return Recommendation(chosen, _why(found, chosen, tolerance), tolerance, found)
+
+
+def _of_each(found: Tradeoff) -> Tradeoff:
+    """The Tradeoff whose errors are those of the worst joint relative to its own scale."""
+    options = [
+        replace(x, error=x.each, median=math.nan, bound=x.each_bound, promised=math.inf, best=False)
+        for x in found.options
+    ]
+    more = None if found.further is None else partial(found.further, norm=EACH)
+    return replace(found, options=mark_pareto(options), further=more)
 
 
 def _cheaper(found: Tradeoff, chosen: Option | None, tolerance: float) -> Option | None:

@@ -1,6 +1,6 @@
 """The command line: ``spatialdyn info ROBOT``, ``compare [ROBOT ...|--all]``, ``derive ROBOT``, ``simulate ROBOT``,
-``view ROBOT``, ``check ROBOT``, ``trade ROBOT``, ``compile ROBOT``, ``port SCRIPT``, ``run SCRIPT``,
-``example [NAME]``.
+``view ROBOT``, ``check ROBOT``, ``trade ROBOT``, ``requires ROBOT``, ``compile ROBOT``, ``port SCRIPT``,
+``run SCRIPT``, ``example [NAME]``.
 
 Exit status: 0 success; 1 disagreement with Pinocchio, an error found by ``check``, or a script with missing names; 2
 bad input, reported in one line on stderr; 130 Ctrl-C, likewise; 141 a reader that closed stdout early; of ``run`` that
@@ -28,6 +28,7 @@ COMMANDS = {
     "simulate": "motion of a robot without motors, its energy, a plot and a file of it",
     "view": "a robot in the browser, or in one page to keep",
     "trade": "error and cost of every option for a task, and the cheapest within a tolerance",
+    "requires": "which parts of a scene a motion needs, and the cheapest scene that keeps it",
     "compile": "compile a robot's calls ahead, and keep the code on disk",
     "port": "which of Pinocchio's names a script uses, and which are supported",
     "run": "a script, unchanged, with this library in the place of Pinocchio",

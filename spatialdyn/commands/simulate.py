@@ -103,7 +103,7 @@ def _run(arguments: argparse.Namespace) -> int:
             "--ledger was given, expected --scene, --friction, --limits or --constraints beside it: no other work is "
             "done"
         )
-    q0 = _start(model, scene.constraints, arguments)
+    q0 = start_of(model, scene.constraints, arguments)
     v0 = parse_numbers("--v0", arguments.v0, model.nv)
     stopped = None
     with warnings.catch_warnings(record=True) as caught, shown("simulating", "steps", arguments.quiet) as report:
@@ -167,7 +167,7 @@ def _check_save(path: str | None) -> bool:
     return path.lower().endswith(PAGE_FILES)
 
 
-def _start(model: Model, constraints: Constraints | None, arguments: argparse.Namespace) -> Array:
+def start_of(model: Model, constraints: Constraints | None, arguments: argparse.Namespace) -> Array:
     """The positions to start from. Raises SpatialDynError."""
     given = parse_numbers("--q0", arguments.q0, model.nq)
     if given is not None:

@@ -7,7 +7,8 @@ import json
 import math
 import warnings
 
-from ..accuracy.results import Option, Tradeoff, figure
+from ..accuracy.references import NORMS
+from ..accuracy.results import EACH_JOINT, Option, Tradeoff, figure
 from ..accuracy.tradeoff import BATCH, TASKS, advice, trade
 from ..errors import SpatialDynError
 from ..simulation import integrators
@@ -21,6 +22,9 @@ def add(parser: argparse.ArgumentParser) -> None:
     add_robot(parser)
     parser.add_argument("--task", choices=TASKS, default=TASKS[0], metavar="TASK", help=f"one of {', '.join(TASKS)}")
     parser.add_argument("--tolerance", type=float, metavar="E", help="name the cheapest option within this error")
+    parser.add_argument(
+        "--norm", choices=NORMS, default=NORMS[0], help="each: of every joint relative to its own scale"
+    )
     parser.add_argument("--states", type=int, metavar="N", help="random states in which errors are measured")
     parser.add_argument("--batch", type=int, default=BATCH, metavar="N", help=f"samples a call (default: {BATCH})")
     parser.add_argument("--duration", type=float, default=1.0, metavar="S", help="of simulations (default: 1 s)")
@@ -43,7 +47,7 @@ def _run(arguments: argparse.Namespace) -> int:
         warnings.simplefilter("ignore")
         model = load(arguments, mimic=True)
         found = trade(model, arguments.task, arguments.states, arguments.batch, arguments.duration, methods, report)
-        chosen = None if tolerance is None else advice(found, tolerance)
+        chosen = None if tolerance is None else advice(found, tolerance, arguments.norm)
     if arguments.json:
         added = {} if chosen is None else {"recommended": {"name": chosen.option.name, "why": chosen.why}}
         print(json.dumps({**found.to_dict(), **added}, indent=2, ensure_ascii=False, allow_nan=False))
@@ -67,17 +71,19 @@ def _run(arguments: argparse.Namespace) -> int:
 def _show(found: Tradeoff, chosen: Option | None) -> None:
     """The table of options, and the reasons of those that failed."""
     fold(found.head, first="")
-    columns = [Column(""), Column("option"), Column("error", True), Column("bound", True), Column(found.unit, True)]
+    columns = [Column(""), Column("option"), Column("error", True), Column("bound", True)]
+    columns += [Column("worst joint", True), Column(found.unit, True)]
     rows = [
         [
             ">" if chosen is not None and x.name == chosen.name else "*" if x.best else "",
-            x.name, figure(x.error), figure(x.bound), f"{x.ns:.4g}",
+            x.name, figure(x.error), figure(x.bound), figure(x.each), f"{x.ns:.4g}",
         ]
         for x in found.options
     ]  # fmt: skip
     bad = [k for k, x in enumerate(found.options) if not math.isfinite(x.error)]
     print_table(columns, rows, bad)
     print("*       nothing cheaper has a smaller error")
+    fold(EACH_JOINT, first="")
     for x in found.options:
         if x.note:
             fold(f"{x.name}: {x.note}", first="note    ")

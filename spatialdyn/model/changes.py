@@ -64,6 +64,27 @@ def subtree_robot(robot: Robot, link: str) -> Robot:
     return replace(checked, ordered=robot.ordered, source=robot.source, declared=robot.declared)
 
 
+def rigid(model: Model, joints: Any) -> tuple[Robot, Options]:
+    """The robot and options of ``Model.rigid``."""
+    springs = {j.spring.joint: j for j in model.robot.joints if j.spring is not None}
+    if joints is not None and (isinstance(joints, str) or not isinstance(joints, Iterable)):
+        raise ModelError(f"joints is {joints!r}, expected names of joints behind springs")
+    names = list(springs) if joints is None else list(joints)
+    made = {j.name: j for j in model.robot.joints}
+    for name in names:
+        if not isinstance(name, str) or name not in springs:
+            raise ModelError(missing("spring of joint", str(name), model.name, springs))
+        turns, joint = springs[name], made[name]
+        assert turns.spring is not None
+        assert turns.rotor is not None
+        own = replace(turns.rotor, ratio=turns.spring.ratio)
+        made[name] = with_rotor(replace(joint, rotor=None), own)
+        del made[turns.name]
+    gone = {springs[name].child for name in names}
+    links = tuple(x for x in model.robot.links if x.name not in gone)
+    return replace(model.robot, joints=tuple(made.values()), links=links), model.options
+
+
 def changed(
     model: Model,
     gravity: ArrayLike | None,

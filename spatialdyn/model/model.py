@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import ModelError
 from .assembly import GRAVITY, IDENTITY, Frame, Options, Tables, tables
-from .changes import changed, gravity_of, locked, subtree_robot
+from .changes import changed, gravity_of, locked, rigid, subtree_robot
 from .joint_rows import Joint, frozen
 from .robot import Robot, RobotJoint, Rotor
 from .robot_checks import missing
@@ -170,6 +170,16 @@ class Model:
         Raises ModelError if lock is neither, or naming an unknown joint or a value of the wrong size or norm.
         """
         return Model(*locked(self, lock))
+
+    def rigid(self, joints: Iterable[str] | None = None) -> Model:
+        """The Model with series-elastic joints rigid: their rotors are no freedoms, and turn with the joints, exactly.
+
+        joints  names of joints behind springs (``ModelBuilder.add_series_elastic``), by default all
+
+        The torque of a rotor's freedom is, times the gear's ratio, one of the joint.
+        Raises ModelError for something else than names, and naming a joint without a spring.
+        """
+        return Model(*rigid(self, joints))
 
     def subtree(self, link: str) -> Model:
         """The Model of a link and its subtree, the link fixed in the world.

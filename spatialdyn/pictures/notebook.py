@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..accuracy.findings import Diagnosis
-from ..accuracy.results import Recommendation, Tradeoff
+from ..accuracy.requirement import COLUMNS, Requirement
+from ..accuracy.results import EACH_JOINT, FRONT, Recommendation, Tradeoff
 from ..bodies.kinds import kind_of
 from ..errors import SpatialDynError
 from ..model.model import Model
@@ -145,14 +146,14 @@ def rollout_html(found: Rollout) -> str:
 
 def tradeoff_html(found: Tradeoff) -> str:
     """The table of options."""
-    return block(heading(found.head), options_table(found), line("* nothing cheaper has a smaller error"))
+    return block(heading(found.head), options_table(found), line(FRONT), line(EACH_JOINT))
 
 
 def options_table(found: Tradeoff, most: int = 80) -> str:
     """A row per option, as ``str`` has them, in the unit of the plot."""
     scale, unit = cost(found)
-    rows = [[*row[:4], f"{scale * x.ns:.4g}", row[5]] for row, x in zip(found.rows(), found.options, strict=True)]
-    return table(("", "option", "error", "bound", unit, "code"), rows, numbers=(2, 3, 4), most=most)
+    rows = [[*row[:5], f"{scale * x.ns:.4g}", row[6]] for row, x in zip(found.rows(), found.options, strict=True)]
+    return table(("", "option", "error", "bound", "worst joint", unit, "code"), rows, numbers=(2, 3, 4, 5), most=most)
 
 
 def recommendation_html(found: Recommendation) -> str:
@@ -160,6 +161,12 @@ def recommendation_html(found: Recommendation) -> str:
     of = f"{found.tradeoff.task} of {found.tradeoff.model} within {found.tolerance:g}"
     reasons = bullets(found.why.split("; "))
     return block(heading(of), code(found.code), reasons, folded("all options", tradeoff_html(found.tradeoff)))
+
+
+def requirement_html(found: Requirement) -> str:
+    """The table of parts, what it comes to, and the lines to write."""
+    rows = table(COLUMNS, found.table(), numbers=(2, 3, 4))
+    return block(heading(found.head), rows, line(found.foot), code(found.code))
 
 
 def diagnosis_html(found: Diagnosis) -> str:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..accuracy.findings import Diagnosis
-from ..accuracy.results import Tradeoff
+from ..accuracy.results import EACH_JOINT, FRONT, Tradeoff
 from ..calls.files import check_ending
 from ..engines.programs import host_cpu
 from ..errors import SpatialDynError, pip_install
@@ -103,7 +103,7 @@ def report_tradeoff(found: Tradeoff, path: Any) -> None:
         ("The trade", facts({**about, **made_by()})),
         *_robot(found.subject, "The model is not at hand."),
         ("Error against cost", picture((f"error against cost of {found.task}", plot_tradeoff(found, None, None)))),
-        ("Numbers", options_table(found, LINKS) + line("* nothing cheaper has a smaller error")),
+        ("Numbers", options_table(found, LINKS) + line(FRONT) + line(EACH_JOINT)),
         ("Again", code(f"{_load(found.subject, found.model)}\nsd.trade(model, {found.task!r}, {asked})")),
     ]
     what = f"simulations of {found.duration:g} s" if found.duration else found.task.replace("_", " ")

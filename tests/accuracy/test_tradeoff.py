@@ -102,7 +102,7 @@ def test_no_error_is_above_what_is_promised() -> None:
 
 @compiled
 def test_the_bound_is_the_smaller_of_both_extrapolations(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(call_errors, "_promised", lambda *given: np.full(64, 1e-30))
+    monkeypatch.setattr(call_errors, "_promised", lambda *given: dict.fromkeys(references.NORMS, np.full(64, 1e-30)))
     for x in sd.trade(MODELS["two_link"](), "inverse_dynamics", states=64, batch=8).options:
         assert x.bound == references.error_bound(np.full(64, 1e-30)) < x.error
 
@@ -454,6 +454,39 @@ def test_errors_of_m_are_scaled_by_its_diagonal_and_others_by_the_largest_entry(
     a = np.array([[1.0, -10.0], [0.0, 0.0]])
     assert references.of_calls("aba", a + np.array([[1.0, 0.0], [0.0, 0.0]]), a).tolist() == [0.1, 0.0]
     assert references.of_calls("aba", np.full((2, 2), np.nan), a).tolist() == [math.inf, math.inf]
+
+
+def test_each_joint_is_measured_by_its_own_scale() -> None:
+    """Its own entry, or the median of its sizes where that is larger; of a motion its own largest change."""
+    a = np.array([[1.0, -10.0], [3.0, 20.0], [0.5, 30.0]])
+    off = np.array([[0.0, 0.0], [0.3, 0.0], [0.3, 0.6]])
+    assert references.of_calls("aba", a + off, a, "each").tolist() == pytest.approx([0.0, 0.1, 0.3])
+    M = np.array([[[4.0, 1.0], [1.0, 9.0]]])
+    assert references.of_calls("crba", M + 0.6, M, "each").tolist() == references.of_calls("crba", M + 0.6, M).tolist()
+    over = integrator_errors._over
+    assert over(np.array([0.1, 0.1]), np.array([0.5, 10.0]), "largest") == pytest.approx(0.01)
+    assert over(np.array([0.1, 0.1]), np.array([0.5, 10.0]), "each") == pytest.approx(0.1)  # a tenth of the largest
+    assert over(np.array([0.1, 0.1]), np.array([2.0, 10.0]), "each") == pytest.approx(0.05)
+
+
+@compiled
+def test_what_is_recommended_for_each_joint_holds_for_each() -> None:
+    """Light bodies among heavy ones accelerate most, and hide what the others lose."""
+    model = MODELS["alternating"]()
+    found = sd.trade(model, states=512, batch=64)
+    by = {x.name: x for x in found.options}
+    assert by["lanes float32 crba_solve"].each > 1.5 * by["lanes float32 crba_solve"].error
+    for x in found.options:
+        assert x.each <= x.each_bound
+        assert figure_of(x.each) in str(found)
+    fresh = call_errors.random_call_states(model, "forward_dynamics", FRESH, seed=1)
+    truth, _ = references.truths(model, "aba", fresh)
+    for tolerance in (1e-3, 1e-9):
+        chosen = advice(found, tolerance, "each")
+        assert references.of_calls("aba", np.asarray(chosen(*fresh)), truth, "each").max() <= tolerance
+        assert chosen.option.error == by[chosen.option.name].each or chosen.option.states
+    with pytest.raises(sd.SpatialDynError, match="norm is 'all', expected one of largest, each"):
+        sd.recommend(model, norm="all")
 
 
 def test_the_margin_is_2_at_least_and_grows_with_the_tail() -> None:

@@ -1,0 +1,188 @@
+"""The result of ``requires``: the parts of a scene, the cheapest scene that keeps a motion, and how far that holds."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..simulation.scene import Scene
+from .embedding import Embedding
+from .results import figure
+
+Array = NDArray[np.float64]
+COLUMNS = ("part", "form", "change", "ns a step", "saved", "verdict", "why")
+
+
+@dataclass(frozen=True)
+class Part:
+    """A part of a scene in a cheaper form, or a method with its step.
+
+    part, form  in words
+    change      largest change of what is observed, in all samples and times; infinite if it was not measured
+    ns          cost of a step of one sample [ns]; NaN if it was not measured
+    dt          its step [s]
+    saved       share of the cost of a second of motion that it saves, alone; of a method and a precision, beside the
+                parts that are left out
+    verdict     "left out" or "taken"; "needed"; "not with the others": within the tolerance alone; "saves nothing";
+                "not taken": another is cheaper; "cannot": it does not run
+    why         the reason in words
+    """
+
+    part: str
+    form: str
+    change: float
+    ns: float
+    dt: float
+    saved: float
+    verdict: str
+    why: str
+
+    @property
+    def cost(self) -> float:
+        """Nanoseconds of a second of motion of one sample."""
+        return self.ns / self.dt
+
+
+@dataclass(frozen=True, repr=False)
+class Requirement:
+    """What a motion requires of a scene.
+
+    full       the whole Scene
+    scene      the Scene that keeps the motion; with ``method``, ``dt`` [s] and ``dtype`` of its ``rollout``
+    code       lines of Python that make it and run it, of ``scene``, ``q0``, ``v0``, ``torque`` and ``control`` as they
+               were given, with ``numpy`` as ``np``
+    tolerance  of what is observed
+    error      its largest change in fresh samples, of the scene with this method, step and precision
+    bound      expected to hold in other samples of the same kind: ``error`` with a margin, and ``certainty``
+    certainty  what the whole scene differs by from itself at half the step
+    horizon    [s]  up to which ``certainty`` holds; nothing was judged beyond
+    duration   [s]  that was asked for
+    samples    fresh ones, of ``error``; others were as many
+    fine       (method, dt) of the whole scene
+    rows       Part of every candidate
+    path       Part of the whole scene and of each scene on the way to this one, in the order of the search
+    """
+
+    full: Scene
+    scene: Scene
+    method: str
+    dt: float
+    dtype: str
+    code: str
+    tolerance: float
+    error: float
+    bound: float
+    certainty: float
+    horizon: float
+    duration: float
+    samples: int
+    fine: tuple[str, float]
+    rows: tuple[Part, ...]
+    path: tuple[Part, ...]
+    embedding: Embedding = field(repr=False, compare=False)
+
+    def to_full(self, q: ArrayLike, v: ArrayLike) -> tuple[Array, Array]:
+        """States q (..., nq), v (..., nv) of the whole robot, of those of ``scene``. Raises ShapeError."""
+        return self.embedding.to_full(q, v, self.full.model.nv)
+
+    def to_reduced(self, q: ArrayLike, v: ArrayLike) -> tuple[Array, Array]:
+        """States of ``scene``, of those of the whole robot. Raises ShapeError."""
+        return self.embedding.to_reduced(q, v, self.full.model.nv)
+
+    @property
+    def needed(self) -> tuple[str, ...]:
+        """Names of the parts that are needed in some form: that have rows, and none of them left out whole."""
+        out = {x.part for x in self.rows if x.verdict == "left out" and x.form in ("left out", "locked", "rigid")}
+        return tuple(dict.fromkeys(x.part for x in self.rows if x.verdict != "taken" and x.part not in out
+                                   and x.part not in ("method", "precision")))  # fmt: skip
+
+    @property
+    def speedup(self) -> float:
+        """How many times less a second of motion costs than of the whole scene at its fine step."""
+        return self.path[0].cost / self.path[-1].cost
+
+    @property
+    def head(self) -> str:
+        """The title of the table."""
+        short = "" if self.horizon == self.duration else f", judged to {self.horizon:g} s of {self.duration:g} s"
+        return (
+            f"{self.full.model.name}: {self.duration:g} s within {self.tolerance:g}{short}; the whole scene at "
+            f"{self.fine[0]}, dt {self.fine[1]:.3g} s, is {figure(self.certainty)} from itself at half of it"
+        )
+
+    @property
+    def foot(self) -> str:
+        """What it comes to."""
+        acts = ", ".join(self.scene.acts) or "nothing"
+        return (
+            f"take {self.method}, dt {self.dt:.3g} s, {self.dtype}, {self.scene.model.nv} of {self.full.model.nv} "
+            f"freedoms, on which acts: {acts}; error {figure(self.error)} in {self.samples} fresh samples, expected "
+            f"below {figure(self.bound)} in others; {self.speedup:.3g} times faster"
+        )
+
+    def table(self) -> list[list[str]]:
+        """Words of a table, a row for each of ``rows``, in the order of ``COLUMNS``."""
+        return [
+            [
+                x.part, x.form, figure(x.change), "-" if math.isnan(x.ns) else f"{x.ns:.4g}",
+                "-" if math.isnan(x.saved) else f"{100.0 * x.saved:.0f} %", x.verdict, x.why,
+            ]
+            for x in self.rows
+        ]  # fmt: skip
+
+    def __str__(self) -> str:
+        rows = [list(COLUMNS), *self.table()]
+        widths = [max(len(row[k]) for row in rows) for k in range(len(COLUMNS))]
+        lines = [self.head]
+        for row in rows:
+            cells = [
+                c.rjust(w) if k in (2, 3, 4) else c.ljust(w) for k, (c, w) in enumerate(zip(row, widths, strict=True))
+            ]
+            lines.append("  ".join(cells).rstrip())
+        return "\n".join([*lines, self.foot])
+
+    def __repr__(self) -> str:
+        return (
+            f"<Requirement of {self.full!r} within {self.tolerance:g}: {self.scene!r}, {self.method}, dt {self.dt:g}>"
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """All of it as JSON types; numbers that are not finite are None."""
+        skipped = ("full", "scene", "embedding", "rows", "path")
+        whole = {name: _json(x) for name, x in vars(self).items() if name not in skipped}
+        rows = {
+            name: [{k: _json(y) for k, y in vars(x).items()} for x in getattr(self, name)] for name in ("rows", "path")
+        }
+        return {"model": self.full.model.name, "acts": list(self.scene.acts), **whole, **rows}
+
+    def to_json(self) -> str:
+        """All of it as JSON text."""
+        return json.dumps(self.to_dict(), indent=2, ensure_ascii=False, allow_nan=False)
+
+    def plot(self, path: Any = None, ax: Any = None) -> Any:
+        """A Matplotlib Figure of change against cost, a point a candidate, the chosen path marked.
+
+        path  a file to write, by its ending PNG, SVG, PDF, ...
+        ax    Matplotlib axes to draw into
+
+        Raises  SpatialDynError where matplotlib is not installed, or the file cannot be written.
+        """
+        from ..pictures.requirement_plots import plot_requirement
+
+        return plot_requirement(self, ax, path)
+
+    def _repr_html_(self) -> str:
+        from ..pictures.notebook import requirement_html
+
+        return requirement_html(self)
+
+
+def _json(x: Any) -> Any:
+    if isinstance(x, tuple):
+        return list(x)
+    return None if isinstance(x, float) and not math.isfinite(x) else x

@@ -1,0 +1,84 @@
+"""The plot of ``requires``: change against cost, a point for each part in a cheaper form."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+from ..accuracy.requirement import Part, Requirement
+from .figures import (
+    FAINT,
+    check_path,
+    colours,
+    given_axes,
+    legend,
+    log_ticks,
+    new_figure,
+    place_labels,
+    plain,
+    tidy,
+    written,
+)
+from .tradeoff_plots import real_time
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+LEAST = 1e-5  # of the tolerance: changes below are drawn there, as a logarithmic axis has no 0
+MS = 1e-6  # of a nanosecond
+KINDS = {"left out": "left out", "taken": "method and step that are taken", "needed": "needed", "other": "not taken"}
+MARKS = {"left out": "o", "taken": "*", "needed": "X", "other": "."}
+
+
+def plot_requirement(found: Requirement, ax: Any, path: Any) -> Figure:
+    """``Requirement.plot``."""
+    check_path(path)
+    given = given_axes(ax, ["change against cost"])
+    figure = new_figure(9.5, 5.2) if given is None else given[0]
+    axes = figure.subplots() if given is None else given[1][0]
+    draw_requirement(axes, found)
+    return written(figure, path)
+
+
+def draw_requirement(axes: Axes, found: Requirement) -> None:
+    """Draw into axes."""
+    tidy(axes)
+    shades = dict(zip(KINDS, colours(len(KINDS)), strict=True))
+    least = LEAST * found.tolerance
+    groups: dict[str, list[Part]] = {}
+    for x in found.rows:
+        if math.isfinite(x.change) and math.isfinite(x.ns):
+            groups.setdefault(x.verdict if x.verdict in KINDS else "other", []).append(x)
+    handles: list[Any] = []
+    names: list[str] = []
+    for kind, rows in groups.items():
+        at = [(MS * x.cost, max(x.change, least)) for x in rows]
+        mark = axes.plot(
+            *zip(*at, strict=True), MARKS[kind], color=shades[kind], markersize=11 if kind == "taken" else 7
+        )
+        handles, names = [*handles, *mark], [*names, KINDS[kind]]
+    way = [(MS * x.cost, max(x.change, least)) for x in found.path]
+    handles += axes.plot(*zip(*way, strict=True), ".-", color=shades["left out"], linewidth=1.2, alpha=0.7)
+    names.append("from the whole scene\nto the one that is taken")
+    handles.append(axes.axhline(found.tolerance, color=FAINT, linestyle="--", linewidth=1.2))
+    names.append("tolerance")
+    axes.set(xscale="log", yscale="log", xlabel="ms of computing for a second of motion")
+    axes.set_ylabel("largest change of what is observed")
+    axes.margins(x=0.12, y=0.08)
+    axes.autoscale_view()
+    log_ticks(axes.xaxis)
+    log_ticks(axes.yaxis)
+    axes.set_title(plain(f"{found.full.model.name}: what {found.horizon:g} s require within {found.tolerance:g}\n"),
+                   fontsize="medium")  # fmt: skip
+    real_time(axes)
+    legend(axes, handles, names, f"points at {least:.0e}: no change" if way[0][1] == least else None)
+    words = [(MS * x.cost, max(x.change, least), label(x), shades[kind]) for kind, rows in groups.items() for x in rows]
+    place_labels(axes, [(*way[0], "whole scene", shades["left out"]), *words], 7.5)
+
+
+def label(x: Part) -> str:
+    """A part in few words."""
+    if x.part in ("method", "precision"):
+        return x.form
+    return x.part if x.form in ("left out", "locked") else f"{x.part}: {x.form}"
