@@ -87,6 +87,7 @@ if TYPE_CHECKING:
         project_velocity,
     )
     from .constraints.table import Constraints
+    from .control.paths import Path, PathPeaks, PathPoint, fourier, quintic, spline, trapezoid
     from .interop.pinocchio import from_pinocchio
     from .interop.states import from_drake, from_mujoco, to_drake, to_mujoco
     from .lagrangian.check_conservation import check_conservation
@@ -121,20 +122,20 @@ __all__ = [
     "ConstrainedMotion", "ConstraintError", "Constraints", "ContactRecord", "ContactStep", "Contacts", "Control",
     "Cost", "CouplerConstraint", "Diagnosis", "DistanceConstraint", "EnergyLedger", "Exact", "Finding", "Frame",
     "Friction", "Heightfield", "HingeConstraint", "Impact", "InertiaError", "Joint", "Mobility", "Model",
-    "ModelBuilder", "ModelError", "Motor", "NonFiniteError", "Option", "PD", "Plane", "PointConstraint", "Promise",
-    "Recommendation", "Robot", "RollingConstraint", "Rollout", "Rotor", "Scene", "ShapeError", "SimulationError",
-    "SimulationInterrupt", "SpatialDynError", "Specialized", "SymbolicManipulator", "Tradeoff", "Trajectory",
-    "Transmission", "UrdfError",
-    "VelocityConstraint", "WeldConstraint", "assemble", "bounded", "check_conservation", "close_loops",
-    "compare_with_pinocchio", "compile", "conserved_quantities", "constrained_dynamics",
-    "constrained_dynamics_derivatives", "constraint_drift", "constraint_error", "constraint_jacobian", "contact_gaps",
-    "contact_step", "delassus", "diagnose", "energy_ledger", "exact", "forward_dynamics", "friction_regressor",
-    "friction_torque", "from_drake", "from_mujoco", "from_pinocchio", "hamilton_equations", "hamilton_simulation",
-    "impact", "independent_joints", "integrators", "kernels", "linearize", "load_urdf", "mobility", "plot",
-    "poisson_bracket", "project_configuration", "project_velocity", "random_configuration", "read_transmissions",
-    "recommend", "rollout", "simplify", "simulate", "specialize", "spring_energy", "spring_torque", "step",
-    "step_derivatives", "to_actuators", "to_drake", "to_joints", "to_mujoco", "torque_limits", "trade",
-    "verify_skew_symmetry", "view", "wrench_at",
+    "ModelBuilder", "ModelError", "Motor", "NonFiniteError", "Option", "PD", "Path", "PathPeaks", "PathPoint", "Plane",
+    "PointConstraint", "Promise", "Recommendation", "Robot", "RollingConstraint", "Rollout", "Rotor", "Scene",
+    "ShapeError", "SimulationError", "SimulationInterrupt", "SpatialDynError", "Specialized", "SymbolicManipulator",
+    "Tradeoff", "Trajectory", "Transmission", "UrdfError", "VelocityConstraint", "WeldConstraint", "assemble",
+    "bounded", "check_conservation", "close_loops", "compare_with_pinocchio", "compile", "conserved_quantities",
+    "constrained_dynamics", "constrained_dynamics_derivatives", "constraint_drift", "constraint_error",
+    "constraint_jacobian", "contact_gaps", "contact_step", "delassus", "diagnose", "energy_ledger", "exact",
+    "forward_dynamics", "fourier", "friction_regressor", "friction_torque", "from_drake", "from_mujoco",
+    "from_pinocchio", "hamilton_equations", "hamilton_simulation", "impact", "independent_joints", "integrators",
+    "kernels", "linearize", "load_urdf", "mobility", "plot", "poisson_bracket", "project_configuration",
+    "project_velocity", "quintic", "random_configuration", "read_transmissions", "recommend", "rollout", "simplify",
+    "simulate", "specialize", "spline", "spring_energy", "spring_torque", "step", "step_derivatives", "to_actuators",
+    "to_drake", "to_joints", "to_mujoco", "torque_limits", "trade", "trapezoid", "verify_skew_symmetry", "view",
+    "wrench_at",
 ]  # fmt: skip
 
 _LATE = {  # {module: public names}, imported when one is asked for: half the time of an import
@@ -156,7 +157,8 @@ _LATE = {  # {module: public names}, imported when one is asked for: half the ti
     "constraints.kinds": "CouplerConstraint DistanceConstraint HingeConstraint PointConstraint RollingConstraint "
     "VelocityConstraint WeldConstraint",
     "constraints.loops": "Mobility close_loops independent_joints mobility project_configuration project_velocity",
-    "constraints.table": "Constraints", "interop.pinocchio": "from_pinocchio",
+    "constraints.table": "Constraints",
+    "control.paths": "Path PathPeaks PathPoint fourier quintic spline trapezoid", "interop.pinocchio": "from_pinocchio",
     "interop.states": "from_drake from_mujoco to_drake to_mujoco",
     "lagrangian.check_conservation": "check_conservation", "lagrangian.conserved": "conserved_quantities",
     "lagrangian.coriolis_constructions": "ChristoffelC verify_skew_symmetry",
@@ -173,7 +175,7 @@ _LATE = {  # {module: public names}, imported when one is asked for: half the ti
     "validate.comparison": "compare_with_pinocchio",
 }  # fmt: skip
 _MODULE_OF = {name: module for module, names in _LATE.items() for name in names.split()}
-_ROOMS = ("accuracy", "actuation", "constraints", "interop", "lagrangian", "pictures", "simulation", "validate")
+_ROOMS = ("accuracy", "actuation", "constraints", "control", "interop", "lagrangian", "pictures", "simulation", "validate")
 
 
 def __dir__() -> list[str]:
