@@ -87,6 +87,7 @@ if TYPE_CHECKING:
         project_velocity,
     )
     from .constraints.table import Constraints
+    from .control.inverse_kinematics import IKResult, solve_ik
     from .control.paths import Path, PathPeaks, PathPoint, fourier, quintic, spline, trapezoid
     from .interop.pinocchio import from_pinocchio
     from .interop.states import from_drake, from_mujoco, to_drake, to_mujoco
@@ -121,7 +122,7 @@ __all__ = [
     "ChristoffelC", "ConfigurationError", "Constrained", "ConstrainedDerivatives", "ConstrainedImpact",
     "ConstrainedMotion", "ConstraintError", "Constraints", "ContactRecord", "ContactStep", "Contacts", "Control",
     "Cost", "CouplerConstraint", "Diagnosis", "DistanceConstraint", "EnergyLedger", "Exact", "Finding", "Frame",
-    "Friction", "Heightfield", "HingeConstraint", "Impact", "InertiaError", "Joint", "Mobility", "Model",
+    "Friction", "Heightfield", "HingeConstraint", "IKResult", "Impact", "InertiaError", "Joint", "Mobility", "Model",
     "ModelBuilder", "ModelError", "Motor", "NonFiniteError", "Option", "PD", "Path", "PathPeaks", "PathPoint", "Plane",
     "PointConstraint", "Promise", "Recommendation", "Robot", "RollingConstraint", "Rollout", "Rotor", "Scene",
     "ShapeError", "SimulationError", "SimulationInterrupt", "SpatialDynError", "Specialized", "SymbolicManipulator",
@@ -133,9 +134,9 @@ __all__ = [
     "from_pinocchio", "hamilton_equations", "hamilton_simulation", "impact", "independent_joints", "integrators",
     "kernels", "linearize", "load_urdf", "mobility", "plot", "poisson_bracket", "project_configuration",
     "project_velocity", "quintic", "random_configuration", "read_transmissions", "recommend", "rollout", "simplify",
-    "simulate", "specialize", "spline", "spring_energy", "spring_torque", "step", "step_derivatives", "to_actuators",
-    "to_drake", "to_joints", "to_mujoco", "torque_limits", "trade", "trapezoid", "verify_skew_symmetry", "view",
-    "wrench_at",
+    "simulate", "solve_ik", "specialize", "spline", "spring_energy", "spring_torque", "step", "step_derivatives",
+    "to_actuators", "to_drake", "to_joints", "to_mujoco", "torque_limits", "trade", "trapezoid", "verify_skew_symmetry",
+    "view", "wrench_at",
 ]  # fmt: skip
 
 _LATE = {  # {module: public names}, imported when one is asked for: half the time of an import
@@ -158,6 +159,7 @@ _LATE = {  # {module: public names}, imported when one is asked for: half the ti
     "VelocityConstraint WeldConstraint",
     "constraints.loops": "Mobility close_loops independent_joints mobility project_configuration project_velocity",
     "constraints.table": "Constraints",
+    "control.inverse_kinematics": "IKResult solve_ik",
     "control.paths": "Path PathPeaks PathPoint fourier quintic spline trapezoid", "interop.pinocchio": "from_pinocchio",
     "interop.states": "from_drake from_mujoco to_drake to_mujoco",
     "lagrangian.check_conservation": "check_conservation", "lagrangian.conserved": "conserved_quantities",
