@@ -88,6 +88,7 @@ if TYPE_CHECKING:
     )
     from .constraints.table import Constraints
     from .control.inverse_kinematics import IKResult, solve_ik
+    from .control.observers import ContactWrench, MomentumObserver, base_velocity, contact_wrench, detection_thresholds, momentum_observer_step
     from .control.paths import Path, PathPeaks, PathPoint, fourier, quintic, spline, trapezoid
     from .interop.pinocchio import from_pinocchio
     from .interop.states import from_drake, from_mujoco, to_drake, to_mujoco
@@ -120,23 +121,24 @@ __version__ = "0.1.0"
 __all__ = [
     *_dynamics.__all__,
     "ChristoffelC", "ConfigurationError", "Constrained", "ConstrainedDerivatives", "ConstrainedImpact",
-    "ConstrainedMotion", "ConstraintError", "Constraints", "ContactRecord", "ContactStep", "Contacts", "Control",
-    "Cost", "CouplerConstraint", "Diagnosis", "DistanceConstraint", "EnergyLedger", "Exact", "Finding", "Frame",
-    "Friction", "Heightfield", "HingeConstraint", "IKResult", "Impact", "InertiaError", "Joint", "Mobility", "Model",
-    "ModelBuilder", "ModelError", "Motor", "NonFiniteError", "Option", "PD", "Path", "PathPeaks", "PathPoint", "Plane",
-    "PointConstraint", "Promise", "Recommendation", "Robot", "RollingConstraint", "Rollout", "Rotor", "Scene",
-    "ShapeError", "SimulationError", "SimulationInterrupt", "SpatialDynError", "Specialized", "SymbolicManipulator",
-    "Tradeoff", "Trajectory", "Transmission", "UrdfError", "VelocityConstraint", "WeldConstraint", "assemble",
-    "bounded", "check_conservation", "close_loops", "compare_with_pinocchio", "compile", "conserved_quantities",
-    "constrained_dynamics", "constrained_dynamics_derivatives", "constraint_drift", "constraint_error",
-    "constraint_jacobian", "contact_gaps", "contact_step", "delassus", "diagnose", "energy_ledger", "exact",
+    "ConstrainedMotion", "ConstraintError", "Constraints", "ContactRecord", "ContactStep", "ContactWrench", "Contacts",
+    "Control", "Cost", "CouplerConstraint", "Diagnosis", "DistanceConstraint", "EnergyLedger", "Exact", "Finding",
+    "Frame", "Friction", "Heightfield", "HingeConstraint", "IKResult", "Impact", "InertiaError", "Joint", "Mobility",
+    "Model", "ModelBuilder", "ModelError", "MomentumObserver", "Motor", "NonFiniteError", "Option", "PD", "Path",
+    "PathPeaks", "PathPoint", "Plane", "PointConstraint", "Promise", "Recommendation", "Robot", "RollingConstraint",
+    "Rollout", "Rotor", "Scene", "ShapeError", "SimulationError", "SimulationInterrupt", "SpatialDynError",
+    "Specialized", "SymbolicManipulator", "Tradeoff", "Trajectory", "Transmission", "UrdfError", "VelocityConstraint",
+    "WeldConstraint", "assemble", "base_velocity", "bounded", "check_conservation", "close_loops",
+    "compare_with_pinocchio", "compile", "conserved_quantities", "constrained_dynamics",
+    "constrained_dynamics_derivatives", "constraint_drift", "constraint_error", "constraint_jacobian", "contact_gaps",
+    "contact_step", "contact_wrench", "delassus", "detection_thresholds", "diagnose", "energy_ledger", "exact",
     "forward_dynamics", "fourier", "friction_regressor", "friction_torque", "from_drake", "from_mujoco",
     "from_pinocchio", "hamilton_equations", "hamilton_simulation", "impact", "independent_joints", "integrators",
-    "kernels", "linearize", "load_urdf", "mobility", "plot", "poisson_bracket", "project_configuration",
-    "project_velocity", "quintic", "random_configuration", "read_transmissions", "recommend", "rollout", "simplify",
-    "simulate", "solve_ik", "specialize", "spline", "spring_energy", "spring_torque", "step", "step_derivatives",
-    "to_actuators", "to_drake", "to_joints", "to_mujoco", "torque_limits", "trade", "trapezoid", "verify_skew_symmetry",
-    "view", "wrench_at",
+    "kernels", "linearize", "load_urdf", "mobility", "momentum_observer_step", "plot", "poisson_bracket",
+    "project_configuration", "project_velocity", "quintic", "random_configuration", "read_transmissions", "recommend",
+    "rollout", "simplify", "simulate", "solve_ik", "specialize", "spline", "spring_energy", "spring_torque", "step",
+    "step_derivatives", "to_actuators", "to_drake", "to_joints", "to_mujoco", "torque_limits", "trade", "trapezoid",
+    "verify_skew_symmetry", "view", "wrench_at",
 ]  # fmt: skip
 
 _LATE = {  # {module: public names}, imported when one is asked for: half the time of an import
@@ -160,6 +162,7 @@ _LATE = {  # {module: public names}, imported when one is asked for: half the ti
     "constraints.loops": "Mobility close_loops independent_joints mobility project_configuration project_velocity",
     "constraints.table": "Constraints",
     "control.inverse_kinematics": "IKResult solve_ik",
+    "control.observers": "ContactWrench MomentumObserver base_velocity contact_wrench detection_thresholds momentum_observer_step",
     "control.paths": "Path PathPeaks PathPoint fourier quintic spline trapezoid", "interop.pinocchio": "from_pinocchio",
     "interop.states": "from_drake from_mujoco to_drake to_mujoco",
     "lagrangian.check_conservation": "check_conservation", "lagrangian.conserved": "conserved_quantities",
