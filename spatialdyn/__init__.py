@@ -87,7 +87,9 @@ if TYPE_CHECKING:
         project_velocity,
     )
     from .constraints.table import Constraints
+    from .control.gains import ClosedStep, Gains, LQR, closed_step, critical_gains, gravity_stiffness_bound, largest_step, lqr
     from .control.inverse_kinematics import IKResult, solve_ik
+    from .control.laws import ComputedTorque, EnergyShaping, Gravity, PD, PDGravity, PDPlus, Passivity, StateFeedback
     from .control.observers import ContactWrench, MomentumObserver, base_velocity, contact_wrench, detection_thresholds, momentum_observer_step
     from .control.paths import Path, PathPeaks, PathPoint, fourier, quintic, spline, trapezoid
     from .interop.pinocchio import from_pinocchio
@@ -104,7 +106,6 @@ if TYPE_CHECKING:
     from .simulation.contact_record import ContactRecord
     from .simulation.effects.control import Control
     from .simulation.effects.cost import Cost
-    from .simulation.effects.pd import PD
     from .simulation.ledger import EnergyLedger, energy_ledger
     from .simulation.methods import integrators
     from .simulation.rollout_result import Rollout
@@ -120,25 +121,26 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 __all__ = [
     *_dynamics.__all__,
-    "ChristoffelC", "ConfigurationError", "Constrained", "ConstrainedDerivatives", "ConstrainedImpact",
-    "ConstrainedMotion", "ConstraintError", "Constraints", "ContactRecord", "ContactStep", "ContactWrench", "Contacts",
-    "Control", "Cost", "CouplerConstraint", "Diagnosis", "DistanceConstraint", "EnergyLedger", "Exact", "Finding",
-    "Frame", "Friction", "Heightfield", "HingeConstraint", "IKResult", "Impact", "InertiaError", "Joint", "Mobility",
-    "Model", "ModelBuilder", "ModelError", "MomentumObserver", "Motor", "NonFiniteError", "Option", "PD", "Path",
-    "PathPeaks", "PathPoint", "Plane", "PointConstraint", "Promise", "Recommendation", "Robot", "RollingConstraint",
-    "Rollout", "Rotor", "Scene", "ShapeError", "SimulationError", "SimulationInterrupt", "SpatialDynError",
-    "Specialized", "SymbolicManipulator", "Tradeoff", "Trajectory", "Transmission", "UrdfError", "VelocityConstraint",
-    "WeldConstraint", "assemble", "base_velocity", "bounded", "check_conservation", "close_loops",
-    "compare_with_pinocchio", "compile", "conserved_quantities", "constrained_dynamics",
+    "ChristoffelC", "ClosedStep", "ComputedTorque", "ConfigurationError", "Constrained", "ConstrainedDerivatives",
+    "ConstrainedImpact", "ConstrainedMotion", "ConstraintError", "Constraints", "ContactRecord", "ContactStep",
+    "ContactWrench", "Contacts", "Control", "Cost", "CouplerConstraint", "Diagnosis", "DistanceConstraint",
+    "EnergyLedger", "EnergyShaping", "Exact", "Finding", "Frame", "Friction", "Gains", "Gravity", "Heightfield",
+    "HingeConstraint", "IKResult", "Impact", "InertiaError", "Joint", "LQR", "Mobility", "Model", "ModelBuilder",
+    "ModelError", "MomentumObserver", "Motor", "NonFiniteError", "Option", "PD", "PDGravity", "PDPlus", "Passivity",
+    "Path", "PathPeaks", "PathPoint", "Plane", "PointConstraint", "Promise", "Recommendation", "Robot",
+    "RollingConstraint", "Rollout", "Rotor", "Scene", "ShapeError", "SimulationError", "SimulationInterrupt",
+    "SpatialDynError", "Specialized", "StateFeedback", "SymbolicManipulator", "Tradeoff", "Trajectory", "Transmission",
+    "UrdfError", "VelocityConstraint", "WeldConstraint", "assemble", "base_velocity", "bounded", "check_conservation",
+    "close_loops", "closed_step", "compare_with_pinocchio", "compile", "conserved_quantities", "constrained_dynamics",
     "constrained_dynamics_derivatives", "constraint_drift", "constraint_error", "constraint_jacobian", "contact_gaps",
-    "contact_step", "contact_wrench", "delassus", "detection_thresholds", "diagnose", "energy_ledger", "exact",
-    "forward_dynamics", "fourier", "friction_regressor", "friction_torque", "from_drake", "from_mujoco",
-    "from_pinocchio", "hamilton_equations", "hamilton_simulation", "impact", "independent_joints", "integrators",
-    "kernels", "linearize", "load_urdf", "mobility", "momentum_observer_step", "plot", "poisson_bracket",
-    "project_configuration", "project_velocity", "quintic", "random_configuration", "read_transmissions", "recommend",
-    "rollout", "simplify", "simulate", "solve_ik", "specialize", "spline", "spring_energy", "spring_torque", "step",
-    "step_derivatives", "to_actuators", "to_drake", "to_joints", "to_mujoco", "torque_limits", "trade", "trapezoid",
-    "verify_skew_symmetry", "view", "wrench_at",
+    "contact_step", "contact_wrench", "critical_gains", "delassus", "detection_thresholds", "diagnose", "energy_ledger",
+    "exact", "forward_dynamics", "fourier", "friction_regressor", "friction_torque", "from_drake", "from_mujoco",
+    "from_pinocchio", "gravity_stiffness_bound", "hamilton_equations", "hamilton_simulation", "impact",
+    "independent_joints", "integrators", "kernels", "largest_step", "linearize", "load_urdf", "lqr", "mobility",
+    "momentum_observer_step", "plot", "poisson_bracket", "project_configuration", "project_velocity", "quintic",
+    "random_configuration", "read_transmissions", "recommend", "rollout", "simplify", "simulate", "solve_ik",
+    "specialize", "spline", "spring_energy", "spring_torque", "step", "step_derivatives", "to_actuators", "to_drake",
+    "to_joints", "to_mujoco", "torque_limits", "trade", "trapezoid", "verify_skew_symmetry", "view", "wrench_at",
 ]  # fmt: skip
 
 _LATE = {  # {module: public names}, imported when one is asked for: half the time of an import
@@ -163,6 +165,8 @@ _LATE = {  # {module: public names}, imported when one is asked for: half the ti
     "constraints.table": "Constraints",
     "control.inverse_kinematics": "IKResult solve_ik",
     "control.observers": "ContactWrench MomentumObserver base_velocity contact_wrench detection_thresholds momentum_observer_step",
+    "control.laws": "ComputedTorque EnergyShaping Gravity PD PDGravity PDPlus Passivity StateFeedback",
+    "control.gains": "ClosedStep Gains LQR closed_step critical_gains gravity_stiffness_bound largest_step lqr",
     "control.paths": "Path PathPeaks PathPoint fourier quintic spline trapezoid", "interop.pinocchio": "from_pinocchio",
     "interop.states": "from_drake from_mujoco to_drake to_mujoco",
     "lagrangian.check_conservation": "check_conservation", "lagrangian.conserved": "conserved_quantities",
@@ -172,7 +176,7 @@ _LATE = {  # {module: public names}, imported when one is asked for: half the ti
     "model.transmission": "Transmission", "urdf.transmissions": "read_transmissions",
     "pictures.comparison_plots": "plot", "pictures.scene": "view",
     "simulation.contact_record": "ContactRecord", "simulation.effects.control": "Control",
-    "simulation.effects.cost": "Cost", "simulation.effects.pd": "PD",
+    "simulation.effects.cost": "Cost",
     "simulation.ledger": "EnergyLedger energy_ledger",
     "simulation.methods": "integrators", "simulation.rollout_result": "Rollout", "simulation.rollouts": "rollout",
     "simulation.runs": "hamilton_simulation simulate", "simulation.scene": "Scene", "simulation.single_step": "step",

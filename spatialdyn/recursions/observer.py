@@ -17,7 +17,7 @@ from .hamilton import WORK_RATE, generalized_momentum, momentum_rate
 from .signatures import Bodies, Config, Vector, Work
 from .spec import TAU, TURNED_Q, Argument, Spec, V
 
-MEMORY = Argument("memory", ("nv+nv+nv",), "kg m²/s, N m", "z, the rate β and the residual r, one after the other")
+MEMORY = Argument("observed", ("nv+nv+nv",), "kg m²/s, N m", "z, the rate β and the residual r, one after the other")
 
 
 @inline
@@ -48,7 +48,7 @@ OBSERVER = Spec(
         TURNED_Q, V, TAU, Argument("gain", ("nv",), "1/s", "of the filter"), Argument("dt", (), "s", "the step"),
         MEMORY,
     ),
-    Argument("memory_after", ("nv+nv+nv",), "kg m²/s, N m", "the memory after the step"),
+    Argument("observed_after", ("nv+nv+nv",), "kg m²/s, N m", "the memory after the step"),
     "A step of the momentum observer.", "De Luca and Mattone (2005), by the trapezoidal rule.",
     scratch=(("nv",), ("nv",)), regroup=True,
 )  # fmt: skip
