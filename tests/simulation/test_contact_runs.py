@@ -15,9 +15,9 @@ from slow import slow_but
 import spatialdyn as sd
 from spatialdyn.engines.compiled import numba_kernels
 from spatialdyn.engines.programs import recording
+from spatialdyn.recursions.control_laws import law_spec
 from spatialdyn.simulation import program_steps
 from spatialdyn.simulation.effects import contacts as contact_effect
-from spatialdyn.recursions.control_laws import law_spec
 from spatialdyn.simulation.effects.control import Feedback
 from spatialdyn.simulation.steps import step_specs
 
@@ -132,7 +132,7 @@ def test_a_quadruped_stands_on_its_weight_and_its_feet_do_not_creep(robot: Any) 
 def test_a_trotting_quadruped_is_solved_to_1e_4_in_95_of_100_steps(robot: Any, mu: float) -> None:
     model, _, q0 = robot
     contacts = sd.Contacts(model, dict.fromkeys(robot[1].names, 0.02), friction=mu)
-    pd = hold(model, q0)._replace(q_ref=trot(model, q0, 800, 2e-3))
+    pd = hold(model, q0, trot(model, q0, 800, 2e-3))
     run = sd.rollout(sd.Scene(model, contacts=contacts), q0, np.zeros(18), dt=2e-3, control=pd, record="contacts")
     residual = run.contacts.residual
     assert np.percentile(residual, 95) <= 1e-4
@@ -146,12 +146,13 @@ def test_a_trotting_quadruped_is_solved_to_1e_4_in_95_of_100_steps(robot: Any, m
 @compiled
 def test_impulses_are_what_the_momentum_changes_by(robot: Any) -> None:
     model, contacts, q0 = robot
-    pd = hold(model, q0)._replace(q_ref=trot(model, q0, 100, DT))
+    pd = hold(model, q0, trot(model, q0, 100, DT))
     run = sd.rollout(sd.Scene(model, contacts=contacts), q0, np.zeros(18), dt=DT, control=pd, record="contacts")
     q, v = np.vstack([q0, run.q[:-1]]), np.vstack([np.zeros(18), run.v[:-1]])
     for k in range(0, 100, 7):
         tau = np.zeros(18)
-        tau[6:] = (pd.kp[6:] * (pd.q_ref[k, 7:] - q[k, 7:]) - pd.kd[6:] * v[k, 6:])  # fmt: skip
+        kp, kd, q_ref = (pd.values[x] for x in ("kp", "kd", "q_ref"))
+        tau[6:] = kp[6:] * (q_ref[k, 7:] - q[k, 7:]) - kd[6:] * v[k, 6:]
         step = sd.contact_step(model, contacts, q[k], v[k], tau, DT)
         np.testing.assert_allclose(run.v[k], step.v, rtol=0.0, atol=1e-11)
         np.testing.assert_allclose(run.contacts.impulse[k], step.impulse, rtol=0.0, atol=1e-11)

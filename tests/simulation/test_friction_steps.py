@@ -17,11 +17,11 @@ from trees import random_tree
 import spatialdyn as sd
 from spatialdyn.engines.compiled import numba_kernels
 from spatialdyn.engines.programs import recording
+from spatialdyn.recursions.control_laws import law_spec
 from spatialdyn.simulation import program_steps
 from spatialdyn.simulation.effects import friction as friction_effect
-from spatialdyn.simulation.effects.friction import WAYS
-from spatialdyn.recursions.control_laws import law_spec
 from spatialdyn.simulation.effects.control import Feedback
+from spatialdyn.simulation.effects.friction import WAYS
 from spatialdyn.simulation.steps import step_specs
 
 EPS = float(np.finfo(float).eps)

@@ -320,7 +320,7 @@ def test_a_quadruped_with_dry_joints_stands_and_trots() -> None:
     assert (stood.v[-500:, 6:] == 0.0).all()
     assert stood.contacts.residual[-500:].max() <= 1e-5
     assert stood.contacts.impulse[-1, :, 2].sum() / 2e-3 == pytest.approx(sd.total_mass(model) * G, rel=1e-4)
-    walk = hold(model, q0)._replace(q_ref=trot(model, q0, 800, 2e-3))
+    walk = hold(model, q0, trot(model, q0, 800, 2e-3))
     run = scenes.rollout(model, q0, np.zeros(18), control=walk, **kept)
     assert np.percentile(run.contacts.residual, 95) <= 1e-3
     assert np.median(run.contacts.residual) <= 1e-6
