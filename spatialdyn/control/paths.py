@@ -20,7 +20,7 @@ from ..calls.dynamics import calls, checked_call
 from ..errors import NonFiniteError, ShapeError, SpatialDynError
 from ..model.builder import ModelBuilder
 from ..model.model import Model
-from ..recursions.paths import fourier_spec, polynomial_spec
+from ..recursions.paths import fourier_spec, polynomial_spec, timed_spec
 from ..recursions.spec import Spec
 
 if TYPE_CHECKING:
@@ -86,8 +86,10 @@ class Path:
             ends = given["times"]
             at = np.clip(np.searchsorted(ends, when, "left") - 1, 0, len(ends) - 2)
             given["times"] = np.stack([ends[at], ends[at + 1]], -1)
-            given["coefficients"] = given["coefficients"][at][..., None, :, :]
-            spec = polynomial_spec(1, given["coefficients"].shape[-1])
+            name, make = ("scale", timed_spec) if "scale" in given else ("coefficients", polynomial_spec)
+            chosen = given[name][at]
+            given[name] = chosen.reshape((*when.shape, 1, *chosen.shape[when.ndim :]))
+            spec = make(1, chosen.shape[-1])
         table = self._table
         out = np.asarray(checked_call(spec, table, (when[..., None], *given.values()), (), None))
         parts = np.split(out, [table.nq, table.nq + table.nv], axis=-1)
@@ -103,17 +105,21 @@ class Path:
         numbers from the roots of their derivatives, else from 1000 samples of a segment or period.
         """
         plain = all(x.kind in R1 for x in self._table.bodies[1:])
-        if "coefficients" not in self.values or not plain:
+        if "times" not in self.values or not plain:
             ends = self.values.get("times", np.array([0.0, self.duration]))
             grid = np.concatenate([np.linspace(a, b, SAMPLES) for a, b in zip(ends[:-1], ends[1:], strict=True)])
             q, v, a = self(grid)
             return PathPeaks(abs(v).max(0), abs(a).max(0), q.min(0), q.max(0))
         centre, times = self.values["centre"], self.values["times"]
+        if "scale" in self.values:
+            c = self.values["scale"][:, None, :] * self.values["way"][None, :, None]
+        else:
+            c = self.values["coefficients"]
         found = np.empty((3, 2, len(centre)))
         for i in range(len(centre)):
             for order in range(3):
-                segments = zip(self.values["coefficients"][:, i], np.diff(times), strict=True)
-                ends = [_range(c, h, order) for c, h in segments]
+                segments = zip(c[:, i], np.diff(times), strict=True)
+                ends = [_range(x, h, order) for x, h in segments]
                 found[order, :, i] = min(x for x, _ in ends), max(x for _, x in ends)
         widest = abs(found).max(1)
         return PathPeaks(widest[1], widest[2], centre + found[0, 0], centre + found[0, 1])
@@ -258,9 +264,8 @@ def quintic(q0: ArrayLike, q1: ArrayLike, T: float, model: Model | None = None, 
     """
     T = _positive("T", T)
     start, way = _way(model, q0, q1)
-    c = np.zeros((1, len(way), 6))
-    c[0, :, 3:] = way[:, None] * np.array([10.0 / T**3, -15.0 / T**4, 6.0 / T**5])
-    return _polynomial(model, start, np.array([0.0, T]), c, limits)
+    s = np.array([[0.0, 0.0, 0.0, 10.0 / T**3, -15.0 / T**4, 6.0 / T**5]])
+    return _timed(model, start, way, np.array([0.0, T]), s, limits)
 
 
 def trapezoid(
@@ -299,7 +304,7 @@ def trapezoid(
     bends = [0.0, rise, rise + level, 2.0 * rise + level] if level > 0.0 else [0.0, rise, 2.0 * rise]
     s = [[0.0, 0.0, 0.5 * a], [0.5 * a * rise**2, a * rise, 0.0], [1.0 - 0.5 * a * rise**2, a * rise, -0.5 * a]]
     s = s if level > 0.0 else [s[0], s[2]]
-    return _polynomial(model, start, np.array(bends), np.array(s)[:, None, :] * way[None, :, None], limits)
+    return _timed(model, start, way, np.array(bends), np.array(s), limits)
 
 
 def fourier(
@@ -335,6 +340,11 @@ def fourier(
 def _polynomial(model: Model | None, centre: Array, times: Array, c: Array, limits: bool) -> Path:
     values = {"centre": centre.copy(), "times": times.copy(), "coefficients": np.ascontiguousarray(c)}
     return _checked(Path(model, polynomial_spec(len(c), c.shape[-1]), values, float(times[-1])), limits)
+
+
+def _timed(model: Model | None, centre: Array, way: Array, times: Array, scale: Array, limits: bool) -> Path:
+    values = {"centre": centre.copy(), "way": way.copy(), "times": times, "scale": scale}
+    return _checked(Path(model, timed_spec(*scale.shape), values, float(times[-1])), limits)
 
 
 def _checked(path: Path, limits: bool) -> Path:

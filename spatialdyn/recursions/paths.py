@@ -10,6 +10,8 @@ Swevers et al., Optimal robot excitation and identification (1997), for the seri
 
 from __future__ import annotations
 
+from functools import cache
+
 from ..algebra.euclidean import add, neg, rotate
 from ..algebra.lie import Tangent, exp_jacobian, log_jacobian_times_derivative
 from ..algebra.scalars import Scalar, cos, inline, select, sin
@@ -34,25 +36,52 @@ def polynomial_path(
 
     Before the first and after the last time the path rests there, with v = a = 0.
     """
-    last, t = len(times) - 1, clock[0]
+    t, s, live = in_segment(clock[0], times)
+    for i in range(len(bodies) - 1):
+        u, du, ddu = polynomial(coefficients[:, i], times, t, s)
+        rows[0, i], rows[1, i], rows[2, i] = u, live * du, live * ddu
+    on_the_group(bodies, centre, rows, q, v, a)
+
+
+@inline
+def timed_path(
+    bodies: Bodies, clock: Vector, centre: Config, way: Vector, times: Vector, scale: Matrix, q: Config, v: Vector,
+    a: Vector, rows: Matrix,
+) -> None:  # fmt: skip
+    """u = s(t) way, with s of piecewise polynomials of ``scale`` (segments, powers): one direction, all joints in step."""
+    t, s, live = in_segment(clock[0], times)
+    x, dx, ddx = polynomial(scale, times, t, s)
+    dx, ddx = live * dx, live * ddx
+    for i in range(len(bodies) - 1):
+        rows[0, i], rows[1, i], rows[2, i] = x * way[i], dx * way[i], ddx * way[i]
+    on_the_group(bodies, centre, rows, q, v, a)
+
+
+@inline
+def in_segment(t: Scalar, times: Vector) -> tuple[Scalar, Scalar, Scalar]:
+    """t within the times, the time since its segment began, and 1, or 0 where t was before or after them."""
+    last = len(times) - 1
     over, under = t - times[last], times[0] - t
     live = select(over, 0.0, select(under, 0.0, 1.0))
     t = select(over, times[last], select(under, times[0], t))
     begun = times[0]
     for k in range(1, last):
         begun = select(t - times[k], times[k], begun)
-    s = t - begun
-    for i in range(len(bodies) - 1):
-        u, du, ddu = 0.0, 0.0, 0.0
-        for m in range(coefficients.shape[2] - 1, -1, -1):
-            c = coefficients[0, i, m]
-            for k in range(1, last):
-                c = select(t - times[k], coefficients[k, i, m], c)
-            ddu = ddu * s + 2.0 * du
-            du = du * s + u
-            u = u * s + c
-        rows[0, i], rows[1, i], rows[2, i] = u, live * du, live * ddu
-    on_the_group(bodies, centre, rows, q, v, a)
+    return t, t - begun, live
+
+
+@inline
+def polynomial(coefficients: Matrix, times: Vector, t: Scalar, s: Scalar) -> tuple[Scalar, Scalar, Scalar]:
+    """Σ_m c_m s^m with the coefficients of the segment of t, and its first two derivatives: Horner's scheme."""
+    x, dx, ddx = 0.0, 0.0, 0.0
+    for m in range(coefficients.shape[1] - 1, -1, -1):
+        c = coefficients[0, m]
+        for k in range(1, len(times) - 1):
+            c = select(t - times[k], coefficients[k, m], c)
+        ddx = ddx * s + 2.0 * dx
+        dx = dx * s + x
+        x = x * s + c
+    return x, dx, ddx
 
 
 @inline
@@ -104,6 +133,7 @@ def minus(m: Motion) -> Motion:
     return Motion(neg(m.w), neg(m.v))
 
 
+@cache
 def polynomial_spec(segments: int, order: int) -> Spec:
     """The Spec of a path of so many segments, each of so many coefficients."""
     return Spec(
@@ -117,6 +147,22 @@ def polynomial_spec(segments: int, order: int) -> Spec:
     )  # fmt: skip
 
 
+@cache
+def timed_spec(segments: int, order: int) -> Spec:
+    """The Spec of a path in one direction of so many segments, each of so many coefficients."""
+    return Spec(
+        f"timed_path_{segments}_{order}", timed_path, None,
+        (
+            CLOCK, CENTRE, Argument("way", ("nv",), "rad | m", "displacement of the whole path"),
+            Argument("times", (segments + 1,), "s", "ends of segments"),
+            Argument("scale", (segments, order), "", "of powers of the time in each segment"),
+        ),
+        OUTPUT, "A path in one direction.", "Biagiotti and Melchiorri (2008).", parts=PARTS, scratch=((3, "nv"),),
+        composed=True, regroup=True,
+    )  # fmt: skip
+
+
+@cache
 def fourier_spec(harmonics: int) -> Spec:
     """The Spec of a path of so many harmonics."""
     of_velocity = (harmonics, "nv"), "rad/s | m/s"
