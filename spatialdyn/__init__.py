@@ -90,6 +90,7 @@ if TYPE_CHECKING:
     from .control.gains import ClosedStep, Gains, LQR, closed_step, critical_gains, gravity_stiffness_bound, largest_step, lqr
     from .control.inverse_kinematics import IKResult, solve_ik
     from .control.laws import ComputedTorque, EnergyShaping, Gravity, PD, PDGravity, PDPlus, Passivity, StateFeedback
+    from .control.monitors import LyapunovRecord, PassivityRecord, lyapunov, passivity
     from .control.observers import ContactWrench, MomentumObserver, base_velocity, contact_wrench, detection_thresholds, momentum_observer_step
     from .control.paths import Path, PathPeaks, PathPoint, fourier, quintic, spline, trapezoid
     from .interop.pinocchio import from_pinocchio
@@ -125,22 +126,23 @@ __all__ = [
     "ConstrainedImpact", "ConstrainedMotion", "ConstraintError", "Constraints", "ContactRecord", "ContactStep",
     "ContactWrench", "Contacts", "Control", "Cost", "CouplerConstraint", "Diagnosis", "DistanceConstraint",
     "EnergyLedger", "EnergyShaping", "Exact", "Finding", "Frame", "Friction", "Gains", "Gravity", "Heightfield",
-    "HingeConstraint", "IKResult", "Impact", "InertiaError", "Joint", "LQR", "Mobility", "Model", "ModelBuilder",
-    "ModelError", "MomentumObserver", "Motor", "NonFiniteError", "Option", "PD", "PDGravity", "PDPlus", "Passivity",
-    "Path", "PathPeaks", "PathPoint", "Plane", "PointConstraint", "Promise", "Recommendation", "Robot",
-    "RollingConstraint", "Rollout", "Rotor", "Scene", "ShapeError", "SimulationError", "SimulationInterrupt",
-    "SpatialDynError", "Specialized", "StateFeedback", "SymbolicManipulator", "Tradeoff", "Trajectory", "Transmission",
-    "UrdfError", "VelocityConstraint", "WeldConstraint", "assemble", "base_velocity", "bounded", "check_conservation",
-    "close_loops", "closed_step", "compare_with_pinocchio", "compile", "conserved_quantities", "constrained_dynamics",
-    "constrained_dynamics_derivatives", "constraint_drift", "constraint_error", "constraint_jacobian", "contact_gaps",
-    "contact_step", "contact_wrench", "critical_gains", "delassus", "detection_thresholds", "diagnose", "energy_ledger",
-    "exact", "forward_dynamics", "fourier", "friction_regressor", "friction_torque", "from_drake", "from_mujoco",
-    "from_pinocchio", "gravity_stiffness_bound", "hamilton_equations", "hamilton_simulation", "impact",
-    "independent_joints", "integrators", "kernels", "largest_step", "linearize", "load_urdf", "lqr", "mobility",
-    "momentum_observer_step", "plot", "poisson_bracket", "project_configuration", "project_velocity", "quintic",
-    "random_configuration", "read_transmissions", "recommend", "rollout", "simplify", "simulate", "solve_ik",
-    "specialize", "spline", "spring_energy", "spring_torque", "step", "step_derivatives", "to_actuators", "to_drake",
-    "to_joints", "to_mujoco", "torque_limits", "trade", "trapezoid", "verify_skew_symmetry", "view", "wrench_at",
+    "HingeConstraint", "IKResult", "Impact", "InertiaError", "Joint", "LQR", "LyapunovRecord", "Mobility", "Model",
+    "ModelBuilder", "ModelError", "MomentumObserver", "Motor", "NonFiniteError", "Option", "PD", "PDGravity", "PDPlus",
+    "Passivity", "PassivityRecord", "Path", "PathPeaks", "PathPoint", "Plane", "PointConstraint", "Promise",
+    "Recommendation", "Robot", "RollingConstraint", "Rollout", "Rotor", "Scene", "ShapeError", "SimulationError",
+    "SimulationInterrupt", "SpatialDynError", "Specialized", "StateFeedback", "SymbolicManipulator", "Tradeoff",
+    "Trajectory", "Transmission", "UrdfError", "VelocityConstraint", "WeldConstraint", "assemble", "base_velocity",
+    "bounded", "check_conservation", "close_loops", "closed_step", "compare_with_pinocchio", "compile",
+    "conserved_quantities", "constrained_dynamics", "constrained_dynamics_derivatives", "constraint_drift",
+    "constraint_error", "constraint_jacobian", "contact_gaps", "contact_step", "contact_wrench", "critical_gains",
+    "delassus", "detection_thresholds", "diagnose", "energy_ledger", "exact", "forward_dynamics", "fourier",
+    "friction_regressor", "friction_torque", "from_drake", "from_mujoco", "from_pinocchio", "gravity_stiffness_bound",
+    "hamilton_equations", "hamilton_simulation", "impact", "independent_joints", "integrators", "kernels",
+    "largest_step", "linearize", "load_urdf", "lqr", "lyapunov", "mobility", "momentum_observer_step", "passivity",
+    "plot", "poisson_bracket", "project_configuration", "project_velocity", "quintic", "random_configuration",
+    "read_transmissions", "recommend", "rollout", "simplify", "simulate", "solve_ik", "specialize", "spline",
+    "spring_energy", "spring_torque", "step", "step_derivatives", "to_actuators", "to_drake", "to_joints", "to_mujoco",
+    "torque_limits", "trade", "trapezoid", "verify_skew_symmetry", "view", "wrench_at",
 ]  # fmt: skip
 
 _LATE = {  # {module: public names}, imported when one is asked for: half the time of an import
@@ -167,6 +169,7 @@ _LATE = {  # {module: public names}, imported when one is asked for: half the ti
     "control.observers": "ContactWrench MomentumObserver base_velocity contact_wrench detection_thresholds momentum_observer_step",
     "control.laws": "ComputedTorque EnergyShaping Gravity PD PDGravity PDPlus Passivity StateFeedback",
     "control.gains": "ClosedStep Gains LQR closed_step critical_gains gravity_stiffness_bound largest_step lqr",
+    "control.monitors": "LyapunovRecord PassivityRecord lyapunov passivity",
     "control.paths": "Path PathPeaks PathPoint fourier quintic spline trapezoid", "interop.pinocchio": "from_pinocchio",
     "interop.states": "from_drake from_mujoco to_drake to_mujoco",
     "lagrangian.check_conservation": "check_conservation", "lagrangian.conserved": "conserved_quantities",
