@@ -133,7 +133,7 @@ def check(model: sd.Model, contacts: sd.Contacts, peer: Peer, q: Array) -> list[
         q,
         np.zeros(model.nv),
         dt=DT,
-        pd=law(model, trot(model, q, WALK)),
+        control=law(model, trot(model, q, WALK)),
         record="contacts",
     )
     assert walk.contacts is not None
@@ -143,7 +143,7 @@ def check(model: sd.Model, contacts: sd.Contacts, peer: Peer, q: Array) -> list[
 
     high, v = q.copy(), 0.3 * np.random.default_rng(1).standard_normal(model.nv)
     high[2] += 5.0
-    ours = sd.rollout(sd.Scene(model, contacts=contacts), high, v, dt=DT, steps=50, pd=law(model, q))
+    ours = sd.rollout(sd.Scene(model, contacts=contacts), high, v, dt=DT, steps=50, control=law(model, q))
     theirs = peer.rollout(peer.states(high[None], v[None]), np.tile(q, (50, 1)))[0]
     wanted = peer.states(ours.q, ours.v)
     off = abs(theirs[-1, 1:] - wanted[-1, 1:]).max()
@@ -155,7 +155,7 @@ def check(model: sd.Model, contacts: sd.Contacts, peer: Peer, q: Array) -> list[
         np.zeros(model.nv),
         dt=DT,
         steps=1000,
-        pd=law(model, q),
+        control=law(model, q),
         record="contacts",
     )
     assert stand.contacts is not None
@@ -199,7 +199,9 @@ def check_dry(model: sd.Model, contacts: sd.Contacts, peer: Peer, q: Array) -> l
     reference, friction = trot(model, q, WALK), dry_joints(model)
     kept: dict[str, Any] = dict(contacts=contacts, friction=friction)
     scene = sd.Scene(model, **kept)
-    walk = sd.rollout(scene, q, np.zeros(model.nv), dt=DT, pd=law(model, reference), check=False, record="contacts")
+    walk = sd.rollout(
+        scene, q, np.zeros(model.nv), dt=DT, control=law(model, reference), check=False, record="contacts"
+    )
     assert walk.contacts is not None
     residual = walk.contacts.residual
     assert (residual <= SOLVED).mean() >= SOLVED_DRY, np.percentile(residual, [50, 99, 100])
@@ -213,7 +215,7 @@ def check_dry(model: sd.Model, contacts: sd.Contacts, peer: Peer, q: Array) -> l
 
     high, v = q.copy(), 0.3 * np.random.default_rng(1).standard_normal(model.nv)
     high[2] += 5.0
-    ours = sd.rollout(scene, high, v, dt=DT, steps=50, pd=law(model, q))
+    ours = sd.rollout(scene, high, v, dt=DT, steps=50, control=law(model, q))
     theirs = peer.rollout(peer.states(high[None], v[None]), np.tile(q, (50, 1)))[0]
     gap = abs(theirs[-1, 1:] - peer.states(ours.q, ours.v)[-1, 1:]).max()
     assert gap < 0.05, gap  # frictionloss is regularised: its joints creep
@@ -244,7 +246,7 @@ def main() -> None:
 
     def ours(dtype: Any = np.float64, **given: Any) -> Callable[[], object]:
         scene = sd.Scene(model, **given)
-        return lambda: sd.rollout(scene, starts, v, dt=DT, pd=pd, record=STEPS, dtype=dtype, check=False)
+        return lambda: sd.rollout(scene, starts, v, dt=DT, control=pd, record=STEPS, dtype=dtype, check=False)
 
     contestants = {
         "no contact": ours(), "contact": ours(contacts=contacts),

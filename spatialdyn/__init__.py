@@ -89,6 +89,28 @@ if TYPE_CHECKING:
         project_velocity,
     )
     from .constraints.table import Constraints
+    from .control.gains import (
+        LQR,
+        ClosedStep,
+        Gains,
+        closed_step,
+        critical_gains,
+        gravity_stiffness_bound,
+        largest_step,
+        lqr,
+    )
+    from .control.inverse_kinematics import IKResult, solve_ik
+    from .control.laws import PD, ComputedTorque, EnergyShaping, Gravity, Passivity, PDGravity, PDPlus, StateFeedback
+    from .control.monitors import LyapunovRecord, PassivityRecord, lyapunov, passivity
+    from .control.observers import (
+        ContactWrench,
+        MomentumObserver,
+        base_velocity,
+        contact_wrench,
+        detection_thresholds,
+        momentum_observer_step,
+    )
+    from .control.paths import Path, PathPeaks, PathPoint, fourier, quintic, spline, trapezoid
     from .interop.pinocchio import from_pinocchio
     from .interop.states import from_drake, from_mujoco, to_drake, to_mujoco
     from .lagrangian.check_conservation import check_conservation
@@ -103,7 +125,6 @@ if TYPE_CHECKING:
     from .simulation.contact_record import ContactRecord
     from .simulation.effects.control import Control
     from .simulation.effects.cost import Cost
-    from .simulation.effects.pd import PD
     from .simulation.ledger import EnergyLedger, energy_ledger
     from .simulation.methods import integrators
     from .simulation.rollout_result import Rollout
@@ -123,27 +144,29 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 __all__ = [
     *_dynamics.__all__,
-    "ChristoffelC", "ConfigurationError", "Constrained", "ConstrainedDerivatives", "ConstrainedImpact",
-    "ConstrainedMotion", "ConstraintError", "Constraints", "ContactRecord", "ContactStep", "Contacts", "Control",
-    "Cost", "CouplerConstraint", "Diagnosis", "DistanceConstraint", "EnergyLedger", "Exact", "Finding", "Frame",
-    "Friction", "Heightfield", "HingeConstraint", "Impact", "InertiaError", "Joint", "Mobility", "Model",
-    "ModelBuilder", "ModelError", "Motor", "NonFiniteError", "Option", "PD", "Plane", "PointConstraint", "Promise",
-    "Recommendation", "Requirement", "Robot", "RollingConstraint", "Rollout", "Rotor", "Scene", "ShapeError",
-    "SimulationError", "SimulationInterrupt", "SpatialDynError", "Specialized", "SymbolicManipulator", "Tradeoff",
-    "Trajectory", "Transmission", "UrdfError",
-    "VelocityConstraint", "WeldConstraint", "assemble", "bounded", "check_conservation", "close_loops",
+    "ChristoffelC", "ClosedStep", "ComputedTorque", "ConfigurationError", "Constrained", "ConstrainedDerivatives",
+    "ConstrainedImpact", "ConstrainedMotion", "ConstraintError", "Constraints", "ContactRecord", "ContactStep",
+    "ContactWrench", "Contacts", "Control", "Cost", "CouplerConstraint", "Diagnosis", "DistanceConstraint",
+    "EnergyLedger", "EnergyShaping", "Exact", "Finding", "Frame", "Friction", "Gains", "Gravity", "Heightfield",
+    "HingeConstraint", "IKResult", "Impact", "InertiaError", "Joint", "LQR", "LyapunovRecord", "Mobility", "Model",
+    "ModelBuilder", "ModelError", "MomentumObserver", "Motor", "NonFiniteError", "Option", "PD", "PDGravity",
+    "PDPlus", "Passivity", "PassivityRecord", "Path", "PathPeaks", "PathPoint", "Plane", "PointConstraint",
+    "Promise", "Recommendation", "Requirement", "Robot", "RollingConstraint", "Rollout", "Rotor", "Scene",
+    "ShapeError", "SimulationError", "SimulationInterrupt", "SpatialDynError", "Specialized", "StateFeedback",
+    "SymbolicManipulator", "Tradeoff", "Trajectory", "Transmission", "UrdfError", "VelocityConstraint",
+    "WeldConstraint", "assemble", "base_velocity", "bounded", "check_conservation", "close_loops", "closed_step",
     "compare_with_pinocchio", "compile", "conserved_quantities", "constrained_dynamics",
-    "constrained_dynamics_derivatives", "constraint_drift", "constraint_error", "constraint_jacobian", "contact_gaps",
-    "contact_step", "delassus", "diagnose", "energy_ledger", "exact", "forward_dynamics", "friction_regressor",
-    "friction_torque", "from_drake", "from_mjmodel", "from_mujoco",
-    "from_pinocchio", "hamilton_equations", "hamilton_simulation",
-    "impact", "independent_joints", "integrators", "kernels", "linearize", "load", "load_urdf",
-    "mobility", "plot",
-    "poisson_bracket", "project_configuration", "project_velocity", "random_configuration", "read_transmissions",
-    "recommend", "requires", "rollout", "simplify", "simulate", "specialize", "spring_energy", "spring_torque", "step",
-    "step_derivatives", "to_actuators", "to_drake", "to_joints", "to_mjcf", "to_mujoco", "to_urdf",
-    "torque_limits", "trade",
-    "verify_skew_symmetry", "view", "wrench_at",
+    "constrained_dynamics_derivatives", "constraint_drift", "constraint_error", "constraint_jacobian",
+    "contact_gaps", "contact_step", "contact_wrench", "critical_gains", "delassus", "detection_thresholds",
+    "diagnose", "energy_ledger", "exact", "forward_dynamics", "fourier", "friction_regressor", "friction_torque",
+    "from_drake", "from_mjmodel", "from_mujoco", "from_pinocchio", "gravity_stiffness_bound", "hamilton_equations",
+    "hamilton_simulation", "impact", "independent_joints", "integrators", "kernels", "largest_step", "linearize",
+    "load", "load_urdf", "lqr", "lyapunov", "mobility", "momentum_observer_step", "passivity", "plot",
+    "poisson_bracket", "project_configuration", "project_velocity", "quintic", "random_configuration",
+    "read_transmissions", "recommend", "requires", "rollout", "simplify", "simulate", "solve_ik", "specialize",
+    "spline", "spring_energy", "spring_torque", "step", "step_derivatives", "to_actuators", "to_drake", "to_joints",
+    "to_mjcf", "to_mujoco", "to_urdf", "torque_limits", "trade", "trapezoid", "verify_skew_symmetry", "view",
+    "wrench_at",
 ]  # fmt: skip
 
 _LATE = {  # {module: public names}, imported when one is asked for: half the time of an import
@@ -166,7 +189,13 @@ _LATE = {  # {module: public names}, imported when one is asked for: half the ti
     "constraints.kinds": "CouplerConstraint DistanceConstraint HingeConstraint PointConstraint RollingConstraint "
     "VelocityConstraint WeldConstraint",
     "constraints.loops": "Mobility close_loops independent_joints mobility project_configuration project_velocity",
-    "constraints.table": "Constraints", "interop.pinocchio": "from_pinocchio",
+    "constraints.table": "Constraints",
+    "control.inverse_kinematics": "IKResult solve_ik",
+    "control.observers": "ContactWrench MomentumObserver base_velocity contact_wrench detection_thresholds momentum_observer_step",
+    "control.laws": "ComputedTorque EnergyShaping Gravity PD PDGravity PDPlus Passivity StateFeedback",
+    "control.gains": "ClosedStep Gains LQR closed_step critical_gains gravity_stiffness_bound largest_step lqr",
+    "control.monitors": "LyapunovRecord PassivityRecord lyapunov passivity",
+    "control.paths": "Path PathPeaks PathPoint fourier quintic spline trapezoid", "interop.pinocchio": "from_pinocchio",
     "interop.states": "from_drake from_mujoco to_drake to_mujoco",
     "lagrangian.check_conservation": "check_conservation", "lagrangian.conserved": "conserved_quantities",
     "lagrangian.coriolis_constructions": "ChristoffelC verify_skew_symmetry",
@@ -175,7 +204,7 @@ _LATE = {  # {module: public names}, imported when one is asked for: half the ti
     "model.transmission": "Transmission", "urdf.transmissions": "read_transmissions",
     "pictures.comparison_plots": "plot", "pictures.view": "view",
     "simulation.contact_record": "ContactRecord", "simulation.effects.control": "Control",
-    "simulation.effects.cost": "Cost", "simulation.effects.pd": "PD",
+    "simulation.effects.cost": "Cost",
     "simulation.ledger": "EnergyLedger energy_ledger",
     "simulation.methods": "integrators", "simulation.rollout_result": "Rollout", "simulation.rollouts": "rollout",
     "simulation.runs": "hamilton_simulation simulate", "simulation.scene": "Scene", "simulation.single_step": "step",
@@ -185,16 +214,9 @@ _LATE = {  # {module: public names}, imported when one is asked for: half the ti
 }  # fmt: skip
 _MODULE_OF = {name: module for module, names in _LATE.items() for name in names.split()}
 _ROOMS = (
-    "accuracy",
-    "actuation",
-    "constraints",
-    "interop",
-    "lagrangian",
-    "pictures",
-    "simulation",
-    "sources",
+    "accuracy", "actuation", "constraints", "control", "interop", "lagrangian", "pictures", "simulation", "sources",
     "validate",
-)
+)  # fmt: skip
 
 
 def __dir__() -> list[str]:

@@ -68,11 +68,11 @@ def stance(model: sd.Model, contacts: sd.Contacts) -> Array:
     return q
 
 
-def hold(model: sd.Model, q: Array) -> sd.PD:
-    """A stiff control law of all joints but the base."""
+def hold(model: sd.Model, q: Array, reference: Array | None = None) -> sd.PD:
+    """A stiff control law of all joints but the base, to a configuration or a reference (steps, nq)."""
     kp, kd = np.full(model.nv, 80.0), np.full(model.nv, 2.0)
     kp[:6] = kd[:6] = 0.0
-    return sd.PD(kp, kd, q)
+    return sd.PD(kp, kd, q if reference is None else reference)
 
 
 def trot(model: sd.Model, q: Array, steps: int, dt: float, period: float = 0.4) -> Array:

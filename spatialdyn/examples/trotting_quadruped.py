@@ -45,7 +45,7 @@ def main(save: str | None = None, quick: bool = False) -> dict[str, np.ndarray]:
         q0 = q_ref[0].copy()
         q0[2] -= sd.contact_gaps(model, contacts, q0).min()
         scene, law = sd.Scene(model, contacts=contacts), sd.PD(kp, kd, q_ref)
-        run = sd.rollout(scene, q0, np.zeros(model.nv), dt=DT, pd=law, record="contacts")
+        run = sd.rollout(scene, q0, np.zeros(model.nv), dt=DT, control=law, record="contacts")
         assert run.contacts is not None
         runs.append(run)
         records.append(run.contacts)

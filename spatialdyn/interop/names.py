@@ -104,12 +104,19 @@ NAMES: dict[str, Aliases] = {
     "view": Aliases("visualize visualise viz show display render animate viewer meshcat"),
     "plot": Aliases("plot_trajectory plots"),
     "trade": Aliases("benchmark"),
+    "solve_ik": Aliases(
+        "ik inverse_kinematics compute_ik clik", "", "", "ikine ikine_LM ikine_GN ikine_NR",
+        "InverseKinematics", "calculateInverseKinematics"
+    ),
+    "spline": Aliases("splines trajectory cubic_spline waypoints trajectory_generation", "", "", "mstraj"),
+    "quintic": Aliases("minimum_jerk min_jerk", "", "", "jtraj"),
+    "trapezoid": Aliases("trapezoidal trapezoidal_profile velocity_profile", "", "", "mtraj"),
+    "fourier": Aliases("excitation fourier_series"),
     "Trajectory": Aliases("trajectories"),
     "SymbolicManipulator": Aliases("symbolic sympy eom equations_of_motion lagrange"),
 }  # fmt: skip
 
 EXAMPLES: dict[str, str] = {  # of the gallery: words for what it shows that no call does
-    "inverse_kinematics": "ik inverse_kinematics solve_ik compute_ik clik ikine ikine_LM calculateInverseKinematics",
     "cart_pole_lqr": "lqr dlqr riccati cart_pole",
     "ilqr": "ilqr ddp trajopt trajectory_optimization optimal_control",
     "mppi_on_lanes": "mppi mpc",
@@ -135,8 +142,8 @@ ABSENT: dict[str, str] = {  # what has it instead: words
     f"quaternions are arrays (4,), x y z w; {_FACE}.Quaternion is a class of them": "quaternion quaternions",
     f"calls take and return arrays, nothing is kept between them; {_FACE}.Data is a class that keeps results": "Data "
     "create_data createData MjData",
-    "paths are not planned here; OMPL finds them, scipy.interpolate joins points by splines": "plan planner planning "
-    "motion_planning rrt spline splines jtraj trapezoidal quintic trajectory_generation",
+    "paths are not planned here; OMPL finds them, and spline joins their points": "plan planner planning "
+    "motion_planning rrt",
     "every call takes any leading batch shape": "vmap batch batched vectorize",
 }
 

@@ -38,7 +38,7 @@ from ..algebra.records import (
     table_dtype,
     vec_of,
 )
-from ..algebra.scalars import inline
+from ..algebra.scalars import inline, inline_or_by_rows
 from ..algebra.spatial import (
     Force,
     Inertia,
@@ -214,7 +214,7 @@ def coriolis_transpose_times_velocity(bodies: Bodies, work: Work, q: Config, v: 
     rate(bodies, work, v, None, None, None, out)
 
 
-@inline
+@inline_or_by_rows
 def modified_rnea(bodies: Bodies, work: Work, q: Config, v: Vector, v_r: Vector, a_r: Vector, tau: Vector) -> None:
     """The Newton-Euler recursion with two velocities: v of the bodies, and w, that of v_r, whose rate belongs to a_r.
 

@@ -23,7 +23,6 @@ from .effects import of_run
 from .effects.control import Control, Feedback, check_control, check_law
 from .effects.cost import Cost, check_cost, with_cost
 from .effects.friction import check_stable
-from .effects.pd import PD, JointPD, gains_of
 from .effects.springs import check_springs
 from .methods import SCIPY_METHODS, integrators
 from .plan import Plan, forces_of
@@ -45,7 +44,6 @@ def rollout(
     dt: float,
     steps: int | None = None,
     method: str | None = "semi_implicit_euler",
-    pd: PD | None = None,
     record: int | str | Sequence[int | str] | None = None,
     dtype: DTypeLike = np.float64,
     check: bool = True,
@@ -61,21 +59,20 @@ def rollout(
     v0      (B, nv) or (nv,)  velocities [rad/s | m/s]
     tau     (nv,), (T, nv) or (B, T, nv)  torques, held over each step [N m | N]; zero if left out
     dt      step [s]
-    steps   T; needed if neither tau nor pd has an axis T
+    steps   T; needed if neither tau nor a value of control has an axis T
     method  "semi_implicit_euler", which takes every scene, or another of ``scene.methods``, as in ``simulate``; None
             for ``scene.method``. Those that solve equations or adapt their steps take one sample after another
-    pd      a control law, added to tau
     record  1 for the state after every step, k after every k-th, "last" for the last alone (of no steps, the first);
             left out, 1, or "last" with a cost. "contacts", or (k, "contacts"), records impulses, gaps and residuals
     dtype   float64, or float32: faster, with errors of some 1e-6 a step; numbers below its range, 1e-38, are flushed to
             0, and robots with inertias outside 1e-18 to 1e18 (kg, kg m²) are computed in float64
     check   whether a state that is not finite is an error, and friction or a contact that is not solved; if not, it
             stays
-    control  a Control, whose torque is added to tau; its values may have axes of samples and steps. Not with pd
+    control  a Control, whose torque is added to tau; its values may have axes of samples and steps
     states   {name: (B, ...) or (...)}  states beside q and v at the beginning, of the control law and "bristles": those
              left out start as their Spec says
     cost     a Cost, summed over the steps in their program: ``run.cost`` (B,), beside the last state alone unless
-             ``record`` says otherwise, which then records the sums so far too. Not with pd
+             ``record`` says otherwise, which then records the sums so far too
     fext     (T, njoints, 6) or (B, T or 1, njoints, 6)  external forces that vary, held over each step, beside those of
              the scene; each joint's body in the joint's frame [N | N m]
 
@@ -93,7 +90,6 @@ def rollout(
             a law or cost that cannot be recorded
         InertiaError naming a joint with zero articulated inertia
         ConfigurationError naming a joint whose quaternion or (cos, sin) is not of norm 1 within 1e-6
-        ModelError for a kp of a joint whose position is not one number
         ConstraintError for a start that does not meet the constraints; SimulationError naming sample, time and
             constraints where they contradict each other or their rank changes
         KeyboardInterrupt at Ctrl-C, checked between slices of samples and steps; no bit depends on the slices
@@ -101,7 +97,7 @@ def rollout(
     >>> import numpy as np, spatialdyn as sd
     >>> model = sd.load_urdf("two_link")
     >>> hold = sd.PD(kp=[40.0, 40.0], kd=[8.0, 8.0], q_ref=[0.5, 0.0])
-    >>> q, v = sd.rollout(model, np.zeros((100, 2)), np.zeros((100, 2)), dt=1e-3, steps=500, pd=hold)
+    >>> q, v = sd.rollout(model, np.zeros((100, 2)), np.zeros((100, 2)), dt=1e-3, steps=500, control=hold)
     >>> q.shape
     (100, 500, 2)
     """
@@ -113,21 +109,16 @@ def rollout(
     if not (_is_number(dt) and math.isfinite(dt) and dt > 0.0):
         raise SimulationError(f"dt is {dt!r}, expected a positive number of seconds")
     check_stable(model, scene.effects, method, float(dt))
-    if check_control(control) is not None and pd is not None:
-        raise SimulationError("control and pd are given, expected one of them")
+    check_control(control)
     kept, record = _of_contacts(record)
     if cost is not None:
-        if pd is not None:
-            raise SimulationError("cost and pd are given, expected control in place of pd")
         control, record = with_cost(control, check_cost(cost)), "last" if record is None else record
     check_law(control, method)
-    start, (B, T), (tau_rows, fext_rows, pd_rows) = _inputs(model, q0, v0, (tau, fext, pd), control, steps)
-    single = _is_single(q0, v0, tau, fext, pd, control)
+    start, (B, T), (tau_rows, fext_rows) = _inputs(model, q0, v0, (tau, fext), control, steps)
+    single = _is_single(q0, v0, tau, fext, control)
     _check_lanes(scene, number)
     fixed = 0.0 if method in SCIPY_METHODS else float(dt)
     effects = of_run(scene, start[0], start[1], fixed, kept, forces_of(scene, fext_rows))
-    if pd_rows is not None:
-        effects = (*effects, JointPD(pd_rows))
     if control is not None:
         effects = (*effects, Feedback.of(control, model, B, T))
     plan = Plan(scene, method, effects)
@@ -188,10 +179,10 @@ def _states(model: Model, q0: ArrayLike, v0: ArrayLike) -> list[Array]:
 
 
 def _inputs(
-    model: Model, q0: ArrayLike, v0: ArrayLike, given: tuple[Any, Any, Any], control: Control | None, steps: int | None
-) -> tuple[list[Array], tuple[int, int], tuple[Array | None, Array | None, dict[str, Array] | None]]:
-    """States at the beginning, samples and steps, and rows of tau, fext and the gains of pd. Raises ShapeError."""
-    tau, fext, pd = given
+    model: Model, q0: ArrayLike, v0: ArrayLike, given: tuple[Any, Any], control: Control | None, steps: int | None
+) -> tuple[list[Array], tuple[int, int], tuple[Array | None, Array | None]]:
+    """States at the beginning, samples and steps, and rows of tau and fext. Raises ShapeError."""
+    tau, fext = given
     arrays: dict[str, tuple[Array, tuple[int, ...]]] = (
         {} if tau is None else {"tau": (as_array("tau", tau), (model.nv,))}
     )
@@ -202,8 +193,6 @@ def _inputs(
         if not np.isfinite(x).all():
             raise NonFiniteError("fext has numbers that are not finite, expected finite ones")
         arrays["fext"] = x, (model.njoints, 6)
-    if pd is not None:
-        arrays |= {name: (x, (columns,)) for name, (x, columns) in gains_of(model, pd).items()}
     start = _states(model, q0, v0)
     axes = {name: x.shape[: max(0, x.ndim - len(core))] for name, (x, core) in arrays.items()}
     if control is not None:
@@ -214,12 +203,12 @@ def _inputs(
     rows = {name: _step_rows(name, x, core, B, T) for name, (x, core) in arrays.items()}
     found, forces = rows.pop("tau", None), rows.pop("fext", None)
     forces = None if forces is None else forces.reshape((*forces.shape[:2], model.njoints, 6))
-    return start, (B, T), (found, forces, rows or None)
+    return start, (B, T), (found, forces)
 
 
-def _is_single(q0: Any, v0: Any, tau: Any, fext: Any, pd: PD | None, control: Control | None) -> bool:
+def _is_single(q0: Any, v0: Any, tau: Any, fext: Any, control: Control | None) -> bool:
     """Whether no argument has an axis of samples."""
-    parts = [(q0, 1), (v0, 1), (tau, 2), (fext, 3), *((x, 2) for x in pd or ())]
+    parts = [(q0, 1), (v0, 1), (tau, 2), (fext, 3)]
     return not (control is not None and control.batched) and all(x is None or np.ndim(x) <= most for x, most in parts)
 
 

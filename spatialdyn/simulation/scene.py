@@ -330,6 +330,8 @@ def effects_in_scene(call: str) -> Callable[[Callable[P, T]], Callable[P, T]]:
 
         @functools.wraps(function)
         def named(*args: P.args, **kwargs: P.kwargs) -> T:
+            if "pd" in kwargs and "pd" not in known:
+                raise SimulationError(f"pd is given, expected sd.{call}(..., control=sd.PD(kp, kd, q_ref, v_ref))")
             moved = [name for name in kwargs if name not in known and name in (*FIELDS[1:], "record_contacts")]
             if moved:
                 raise SimulationError(_moved(call, moved))

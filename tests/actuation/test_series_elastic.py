@@ -142,7 +142,7 @@ def test_a_motor_holds_a_load_through_the_spring() -> None:
     )
     model = b.add_series_elastic("arm_joint", K, 2.0, J, N).build()
     law = sd.PD(kp=[0.0, 0.5], kd=[0.0, 5e-3], q_ref=[0.0, 0.0])
-    q, v = sd.rollout(model, [0.0, 0.0], [0.0, 0.0], dt=5e-4, steps=20000, pd=law, record="last")
+    q, v = sd.rollout(model, [0.0, 0.0], [0.0, 0.0], dt=5e-4, steps=20000, control=law, record="last")
     assert abs(v).max() < 1e-8
     load = sd.generalized_gravity(model, q)[0]
     np.testing.assert_allclose(sd.spring_torque(model, q), [load, -load / N], rtol=1e-8)

@@ -35,6 +35,10 @@ def test_suggested_names_exist_and_no_name_leads_two_ways() -> None:
         ("gravload", "generalized_gravity"),
         ("jacob0", "frame_jacobian"),
         ("inverse_dynamics", "rnea"),
+        ("ik", "solve_ik"),
+        ("inverse_kinematics", "solve_ik"),
+        ("trajectory", "spline"),
+        ("jtraj", "quintic"),
         ("coriolis_matrx", "coriolis_matrix"),
     ],
 )
@@ -46,13 +50,11 @@ def test_names_of_other_libraries_lead_to_ours(name: str, ours: str) -> None:
 @pytest.mark.parametrize(
     ("name", "hint"),
     [
-        ("ik", "see `spatialdyn example inverse_kinematics`"),
-        ("inverse_kinematics", "see `spatialdyn example inverse_kinematics`"),
         ("lqr", "see `spatialdyn example cart_pole_lqr`"),
         ("pid", "see `spatialdyn example pd_with_gravity`"),
         ("identify", "see `spatialdyn example payload_identification`"),
         ("collision", "no shapes are here to collide; Pinocchio with coal, or MuJoCo, finds collisions"),
-        ("trajectory", "did you mean Trajectory"),
+        ("planner", "paths are not planned here; OMPL finds them, and spline joins their points"),
         ("load_mjcf", "sd.load reads MJCF, xacro and URDF, from_mjmodel a mujoco.MjModel"),
         ("SE3", "poses are arrays (4, 4); spatialdyn.compat.pinocchio.SE3 is a class of them"),
     ],

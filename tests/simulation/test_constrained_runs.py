@@ -81,7 +81,7 @@ def test_the_program_and_the_calls_take_the_same_steps(monkeypatch: pytest.Monke
     by_calls = sd.simulate(sd.Scene(model, constraints=held), q, v, 0.05, 1e-3, torque=lambda t, q, v: tau)
     assert abs(at_once.q - by_calls.q).max() <= 1e-13
     pd = sd.PD(kp=[3.0, 0, 0], kd=[0.1, 0, 0], q_ref=[1.0, 0, 0])
-    run = sd.rollout(sd.Scene(model, constraints=held), q, v, dt=1e-3, steps=2000, pd=pd)
+    run = sd.rollout(sd.Scene(model, constraints=held), q, v, dt=1e-3, steps=2000, control=pd)
     assert abs(run.v[-1]).max() < abs(run.v).max()
     assert left_open(model, held, run.q, run.v)[0] <= 1e-9
 
@@ -321,7 +321,7 @@ def test_a_quadruped_holds_its_feet() -> None:
     )
     v = sd.project_velocity(model, feet, q, np.random.default_rng(0).normal(size=model.nv))
     pd = sd.PD(np.r_[np.zeros(6), 80.0 * np.ones(12)], np.r_[np.zeros(6), 2.0 * np.ones(12)], q)
-    run = sd.rollout(sd.Scene(model, constraints=feet), q, v, dt=2e-3, steps=200, pd=pd)
+    run = sd.rollout(sd.Scene(model, constraints=feet), q, v, dt=2e-3, steps=200, control=pd)
     for name, at, start in zip(held, places(run.q), places(q), strict=True):
         assert abs(at - start).max() <= 1e-8, name
     assert abs(run.v[-1]).max() <= 0.05 * abs(run.v[0]).max()

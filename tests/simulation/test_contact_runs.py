@@ -15,9 +15,10 @@ from slow import slow_but
 import spatialdyn as sd
 from spatialdyn.engines.compiled import numba_kernels
 from spatialdyn.engines.programs import recording
+from spatialdyn.recursions.control_laws import law_spec
 from spatialdyn.simulation import fixed_steps
 from spatialdyn.simulation.effects import contacts as contact_effect
-from spatialdyn.simulation.effects.pd import JointPD
+from spatialdyn.simulation.effects.control import Feedback
 from spatialdyn.simulation.steps import step_specs
 
 EPS = float(np.finfo(float).eps)
@@ -114,7 +115,13 @@ def test_a_box_on_four_corners_creeps_within_the_tolerance() -> None:
 def test_a_quadruped_stands_on_its_weight_and_its_feet_do_not_creep(robot: Any) -> None:
     model, contacts, q0 = robot
     run = sd.rollout(
-        sd.Scene(model, contacts=contacts), q0, np.zeros(18), dt=DT, steps=2000, pd=hold(model, q0), record="contacts"
+        sd.Scene(model, contacts=contacts),
+        q0,
+        np.zeros(18),
+        dt=DT,
+        steps=2000,
+        control=hold(model, q0),
+        record="contacts",
     )
     record = run.contacts
     weight = record.impulse[-500:, :, 2].sum(axis=1).mean() / DT
@@ -131,8 +138,8 @@ def test_a_quadruped_stands_on_its_weight_and_its_feet_do_not_creep(robot: Any) 
 def test_every_step_of_a_trotting_quadruped_is_solved(robot: Any, mu: float) -> None:
     model, _, q0 = robot
     contacts = sd.Contacts(model, dict.fromkeys(robot[1].names, 0.02), friction=mu)
-    pd = hold(model, q0)._replace(q_ref=trot(model, q0, 800, 2e-3))
-    run = sd.rollout(sd.Scene(model, contacts=contacts), q0, np.zeros(18), dt=2e-3, pd=pd, record="contacts")
+    pd = hold(model, q0, trot(model, q0, 800, 2e-3))
+    run = sd.rollout(sd.Scene(model, contacts=contacts), q0, np.zeros(18), dt=2e-3, control=pd, record="contacts")
     residual = run.contacts.residual
     assert residual.max() <= 1e-6
     f = run.contacts.impulse
@@ -145,12 +152,13 @@ def test_every_step_of_a_trotting_quadruped_is_solved(robot: Any, mu: float) -> 
 def test_impulses_are_what_the_momentum_changes_by(robot: Any) -> None:
     """Of velocities in the axes that the trunk has at the beginning; after the step they are turned with it."""
     model, contacts, q0 = robot
-    pd = hold(model, q0)._replace(q_ref=trot(model, q0, 100, DT))
-    run = sd.rollout(sd.Scene(model, contacts=contacts), q0, np.zeros(18), dt=DT, pd=pd, record="contacts")
+    pd = hold(model, q0, trot(model, q0, 100, DT))
+    run = sd.rollout(sd.Scene(model, contacts=contacts), q0, np.zeros(18), dt=DT, control=pd, record="contacts")
     q, v = np.vstack([q0, run.q[:-1]]), np.vstack([np.zeros(18), run.v[:-1]])
     for k in range(0, 100, 7):
         tau = np.zeros(18)
-        tau[6:] = (pd.kp[6:] * (pd.q_ref[k, 7:] - q[k, 7:]) - pd.kd[6:] * v[k, 6:])  # fmt: skip
+        kp, kd, q_ref = (pd.values[x] for x in ("kp", "kd", "q_ref"))
+        tau[6:] = kp[6:] * (q_ref[k, 7:] - q[k, 7:]) - kd[6:] * v[k, 6:]
         M, straight = sd.crba(model, q[k]), np.zeros(18)
         straight[:3] = np.cross(v[k, 3:6], v[k, :3])
         step = sd.contact_step(model, contacts, q[k], v[k], tau + M @ straight, DT)
@@ -176,7 +184,7 @@ def test_a_quadruped_lands_on_rough_ground_on_lanes(robot: Any) -> None:
     q = q0.copy()
     q[2] += 0.03 - sd.contact_gaps(model, rough, q0).min()
     kept: dict[str, Any] = dict(contacts=rough, record="contacts")
-    run = scenes.rollout(model, q, np.zeros(18), dt=DT, steps=800, pd=hold(model, q0), **kept)
+    run = scenes.rollout(model, q, np.zeros(18), dt=DT, steps=800, control=hold(model, q0), **kept)
     assert run.contacts.impulse[-1, :, 2].sum() / DT == pytest.approx(sd.total_mass(model) * G, rel=0.05)
     assert abs(run.contacts.gap[-1]).max() <= 1e-4
     assert np.percentile(run.contacts.residual, 95) <= 1e-4
@@ -231,7 +239,7 @@ def test_limits_act_beside_feet(robot: Any) -> None:
     model, contacts, q0 = robot
     rate = np.zeros(18)
     loose = sd.PD(np.zeros(18), np.r_[np.zeros(6), np.full(12, 0.2)], q0)
-    kept = dict(dt=DT, steps=400, pd=loose, contacts=contacts, check=False)
+    kept = dict(dt=DT, steps=400, control=loose, contacts=contacts, check=False)
     shanks = [j.idx_q for j in model.joints if j.name.endswith("shank_joint")]
     free = scenes.rollout(model, q0, rate, **kept)
     held = scenes.rollout(model, q0, rate, limits=True, **kept, record="contacts")
@@ -313,7 +321,7 @@ def test_a_step_without_a_program_runs_all_the_same(robot: Any, monkeypatch: pyt
 
 def test_float32_follows_float64(robot: Any) -> None:
     model, contacts, q0 = robot
-    kept: dict[str, Any] = dict(dt=DT, steps=30, pd=hold(model, q0), contacts=contacts)
+    kept: dict[str, Any] = dict(dt=DT, steps=30, control=hold(model, q0), contacts=contacts)
     wanted, found = (scenes.rollout(model, q0, np.zeros((2, 18)), **kept, dtype=x) for x in (np.float64, np.float32))
     assert found.v.dtype == np.float32
     assert abs(found.v - wanted.v).max() <= 1e-3
@@ -417,7 +425,7 @@ def test_a_control_law_stands_beside_contacts(robot: Any) -> None:
     model, contacts, q0 = robot
     kd = np.r_[np.zeros(6), np.full(12, 1.5)]
     law = sd.PD(np.zeros(18), kd, q0)
-    wanted = sd.rollout(sd.Scene(model, contacts=contacts), q0, np.zeros(18), dt=DT, steps=20, pd=law)
+    wanted = sd.rollout(sd.Scene(model, contacts=contacts), q0, np.zeros(18), dt=DT, steps=20, control=law)
     damp = lambda t, q, v: -kd * v  # noqa: E731
     found = sd.simulate(
         sd.Scene(model, contacts=contacts), q0, np.zeros(18), 20 * DT, DT, STEPPED, torque=damp, record="work"
@@ -449,7 +457,7 @@ COUNTS = {(STEPPED, False): (87, 56, 2), (STEPPED, True): (93, 68, 2), ("rk4", F
 @pytest.mark.parametrize(("method", "law"), COUNTS)
 def test_contacts_that_are_not_asked_for_cost_no_operation(method: str, law: bool) -> None:
     """The counts of ``test_friction_steps``: those of before there was any."""
-    specs = step_specs(method, (JointPD({}),) if law else ())
+    specs = step_specs(method, (Feedback(law_spec("pd"), True),) if law else ())
     counts = recording.record(specs, sd.load_urdf("three_link").bodies).program.operations
     assert tuple(counts[x] for x in ("mul", "add", "div")) <= COUNTS[method, law]
     assert counts["select"] == 0

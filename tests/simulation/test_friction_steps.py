@@ -17,10 +17,11 @@ from trees import random_tree
 import spatialdyn as sd
 from spatialdyn.engines.compiled import numba_kernels
 from spatialdyn.engines.programs import recording
+from spatialdyn.recursions.control_laws import law_spec
 from spatialdyn.simulation import fixed_steps
 from spatialdyn.simulation.effects import friction as friction_effect
+from spatialdyn.simulation.effects.control import Feedback
 from spatialdyn.simulation.effects.friction import WAYS
-from spatialdyn.simulation.effects.pd import JointPD
 from spatialdyn.simulation.steps import step_specs
 
 EPS = float(np.finfo(float).eps)
@@ -319,7 +320,9 @@ COUNTS = {  # mul, add, div of a step without friction, as before there was any
 
 @pytest.mark.parametrize(("method", "law"), COUNTS)
 def test_friction_that_is_not_asked_for_costs_no_operation(arm: sd.Model, method: str, law: bool) -> None:
-    counts = recording.record(step_specs(method, (JointPD({}),) if law else ()), arm.bodies).program.operations
+    counts = recording.record(
+        step_specs(method, (Feedback(law_spec("pd"), True),) if law else ()), arm.bodies
+    ).program.operations
     assert tuple(counts[x] for x in ("mul", "add", "div")) <= COUNTS[method, law]
     assert counts["exp"] == counts["select"] == 0
 

@@ -213,7 +213,7 @@ def test_a_walker_sags_until_its_dry_joints_hold_it() -> None:
     """Weak springs of a control law let it sink; then friction takes the rest of the weight, and nothing creeps."""
     model, contacts, q0 = walker()
     kp, kd = np.r_[np.zeros(3), np.full(4, 25.0)], np.r_[np.zeros(3), np.full(4, 0.3)]
-    kept: dict[str, Any] = dict(dt=DT, steps=1500, pd=sd.PD(kp, kd, q0), contacts=contacts, record="contacts")
+    kept: dict[str, Any] = dict(dt=DT, steps=1500, control=sd.PD(kp, kd, q0), contacts=contacts, record="contacts")
     run = scenes.rollout(model, q0, np.zeros(7), friction=legs(model, 2.0), **kept)
     assert run.q[-1, 1] < q0[1] - 0.005
     assert (run.v[-500:, 3:] == 0.0).all()
@@ -229,7 +229,7 @@ def test_a_walker_sags_until_its_dry_joints_hold_it() -> None:
 def test_float32_stands_as_float64_does() -> None:
     model, contacts, q0 = walker()
     law = sd.PD(np.r_[np.zeros(3), np.full(4, 25.0)], np.r_[np.zeros(3), np.full(4, 0.3)], q0)
-    kept: dict[str, Any] = dict(dt=DT, steps=600, pd=law, contacts=contacts, friction=legs(model, 2.0))
+    kept: dict[str, Any] = dict(dt=DT, steps=600, control=law, contacts=contacts, friction=legs(model, 2.0))
     wanted, found = (scenes.rollout(model, q0, np.zeros(7), **kept, dtype=x) for x in (np.float64, np.float32))
     assert found.v.dtype == np.float32
     assert (found.v[-1, 3:] == 0.0).all()
@@ -314,12 +314,12 @@ def test_a_quadruped_with_dry_joints_stands_and_trots() -> None:
     friction = sd.Friction(2.0 * legs_only, 0.05 * legs_only)
     law = hold(model, q0)._replace(kp=40.0 * legs_only, kd=0.5 * legs_only)
     kept: dict[str, Any] = dict(dt=2e-3, contacts=contacts, friction=friction, record="contacts")
-    stood = scenes.rollout(model, q0, np.zeros(18), steps=1000, pd=law, **kept)
+    stood = scenes.rollout(model, q0, np.zeros(18), steps=1000, control=law, **kept)
     assert (stood.v[-500:, 6:] == 0.0).all()
     assert stood.contacts.residual[-500:].max() <= 1e-5
     assert stood.contacts.impulse[-1, :, 2].sum() / 2e-3 == pytest.approx(sd.total_mass(model) * G, rel=1e-4)
-    walk = hold(model, q0)._replace(q_ref=trot(model, q0, 800, 2e-3))
-    run = scenes.rollout(model, q0, np.zeros(18), pd=walk, **kept)
+    walk = hold(model, q0, trot(model, q0, 800, 2e-3))
+    run = scenes.rollout(model, q0, np.zeros(18), control=walk, **kept)
     assert np.percentile(run.contacts.residual, 99.8) <= 1e-6
     assert run.q[:, 2].min() > 0.3
 

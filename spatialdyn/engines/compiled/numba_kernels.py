@@ -299,11 +299,12 @@ _MESSAGES = {
 
 
 @cache
-def user_kernel(name: str) -> Callable[..., None]:
-    """The kernel of a public call for use inside jitted code, optional inputs last; see ``kernels``."""
+def user_kernel(call: str | Spec) -> Callable[..., None]:
+    """The kernel of a public call, or of a Spec, for use inside jitted code, optional inputs last; see ``kernels``."""
     from . import jit
 
-    spec = SPECS[name]
+    spec = call if isinstance(call, Spec) else SPECS[call]
+    name = spec.name
     required = [x for x in spec.present if not x.optional]
     optional = [x for x in spec.present if x.optional]
     parameters = ["bodies", *(x.name for x in required), spec.output.name, *(f"{x.name}=None" for x in optional)]

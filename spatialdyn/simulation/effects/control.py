@@ -7,41 +7,59 @@ by its name, so that another law of the same name does not meet an old kernel.
 
 from __future__ import annotations
 
-import dis
 import hashlib
 import math
-import types
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from ...bodies.static_table import StaticTable
-from ...calls.arguments import as_array, as_flag, check_model, core_shape
-from ...engines.compiled.numba_kernels import variant
+from ...calls.arguments import as_array, as_number, broadcast, check_model, core_shape
 from ...engines.programs import batch_kernels, recording, structure
-from ...engines.programs.mimic_rows import MimicRows
 from ...engines.programs.recording import Recording
-from ...engines.programs.tracer import evaluate, table
-from ...errors import ModelError, ShapeError, SimulationError, SpatialDynError
+from ...errors import NonFiniteError, ShapeError, SimulationError
 from ...model.model import Model
 from ...recursions.friction import DT
-from ...recursions.spec import TAU, Argument, Q, Spec, V, shape_in, sizes_of
+from ...recursions.spec import TAU, Q, Spec, V
 from ..arithmetic import Arithmetic
 from ..methods import EXPLICIT_METHODS, SCIPY_METHODS
+from .composed_laws import CLOCK, LIMITS, PERIOD, limited, sampled, total
 from .effect import Effect
+from .law_specs import (
+    AFTER as AFTER,
+)
+from .law_specs import (
+    OF_STEP as OF_STEP,
+)
+from .law_specs import (
+    OWN_INPUT as OWN_INPUT,
+)
+from .law_specs import (
+    Law,
+    begun_of,
+    check_parts,
+    inputs_of,
+    moved_states,
+    states_of,
+    static_rows,
+)
+from .law_specs import (
+    check_recordable as check_recordable,
+)
+from .law_specs import (
+    evaluated as evaluated,
+)
+from .law_specs import (
+    law_on as law_on,
+)
+from .law_specs import (
+    with_values as with_values,
+)
 
 Array = NDArray[Any]
-Law = Callable[[Any, Any, Any, Mapping[str, Any]], tuple[Any, dict[str, Any]]]
-RATE, AFTER = "_rate", "_after"  # endings of a state's part
-OWN_INPUT = "control."  # before the names of a law's inputs among those of a step
-OF_STEP = (Q.name, V.name, TAU.name, DT.name)  # inputs that the step gives
-NUMBERS = (int, float, complex, list, dict, np.ndarray, np.generic)  # what a law may not read but as an input
-OWN_MODULES = __name__.partition(".")[0] + "."
-CODE = (types.FunctionType, types.BuiltinFunctionType, types.ModuleType, type)  # what a law may close over
 
 
 class Control:
@@ -54,9 +72,11 @@ class Control:
     values  {name: array} of the others: of the input's shape, with an axis of steps before it, or in a rollout with
             axes of samples and steps
     held    False: the law acts wherever the method evaluates forces. True: its torque is that of the beginning
-            of a step, held over it as by a digital controller
+            of a step, held over it as by a digital controller. A period [s]: it is taken anew once in a period, at the
+            step nearest to it, and held in between, as by a controller slower than the steps
 
-    The torque is added to the argument torque of ``simulate``, or tau of ``rollout``.
+    The torque is added to the argument torque of ``simulate``, or tau of ``rollout``. ``law + other`` is the law of
+    both, each held as it is; ``law.limited_by(limits)`` clips its torque; ``law(model, t, q, v)`` is its torque.
     Raises  SimulationError for a Spec that is no control law, for values that are missing or unknown, and for a
             recursion that closes over numbers, which are to be inputs.
 
@@ -75,15 +95,103 @@ class Control:
     (True, (1601, 2))
     """
 
-    def __init__(self, spec: Spec, values: Mapping[str, Any] | None = None, held: bool = False) -> None:
+    checks: tuple[Callable[[Model], None], ...] = ()  # of a model that the law meets
+
+    def __init__(self, spec: Spec, values: Mapping[str, Any] | None = None, held: bool | float = False) -> None:
         """Check the Spec, and keep copies of the values."""
         check_recordable(spec)
-        _check_parts(spec)
-        self.held = as_flag("held", held)
+        check_parts(spec)
         self.spec, self.values, self.static = with_values(spec, values)
+        self._hold(held)
+
+    @classmethod
+    def of(
+        cls, spec: Spec, values: Mapping[str, Array], static: tuple[Any, ...] = (), held: bool | float = False,
+        checks: tuple[Callable[[Model], None], ...] = (),
+    ) -> Control:  # fmt: skip
+        """A law of a Spec that is made of others, with checks of a model."""
+        made: Control = Control.__new__(Control)
+        made.spec, made.values, made.static, made.checks = spec, dict(values), static, checks
+        made._hold(held)
+        return made
+
+    def _hold(self, held: Any) -> None:
+        """Keep how the torque is held: with a period, by a Spec that keeps it from step to step."""
+        period = as_number(held)
+        if not isinstance(held, (bool, np.bool_)) and 0.0 < period < math.inf:
+            self.spec, self.values = sampled(self.spec), {**self.values, PERIOD.name: np.array([period])}
+            held = False
+        elif not isinstance(held, (bool, np.bool_)):
+            raise SimulationError(f"held is {held!r}, expected True, False or a period above 0 [s]")
+        self.held = bool(held)
 
     def __repr__(self) -> str:
         return f"<Control: {self.spec.name}{', held' if self.held else ''}>"
+
+    def __add__(self, other: Any) -> Control:
+        """The law whose torque is the sum of both, each held as it is; they share a clock."""
+        if not isinstance(other, Control):
+            return NotImplemented
+        laws = (self, other)
+        spec, names = total(tuple(x.spec for x in laws), tuple(x.held for x in laws))
+        values = {named[x]: y for law, named in zip(laws, names, strict=True) for x, y in law.values.items()}
+        return Control.of(spec, values, self.static + other.static, False, self.checks + other.checks)
+
+    def limited_by(self, limits: ArrayLike) -> Control:
+        """This law with its torques within -limits to limits (nv,), above 0 [N m | N]: effort limits, as of a Model.
+
+        Raises SimulationError for limits that are not above 0
+        """
+        most = as_array("limits", limits)
+        if most.ndim != 1 or not (most > 0.0).all():
+            raise SimulationError(f"limits is {most.tolist()}, expected (nv,) numbers above 0")
+        values = {**self.values, LIMITS.name: most}
+        return Control.of(limited(self.spec), values, self.static, self.held, self.checks)
+
+    def __call__(
+        self, model: Model, t: ArrayLike, q: ArrayLike, v: ArrayLike, tau: ArrayLike | None = None,
+        states: Mapping[str, ArrayLike] | None = None,
+    ) -> Array:  # fmt: skip
+        """The torque (..., nv) [N m | N] at times t (...), of states q (..., nq) and v (..., nv).
+
+        tau     (..., nv)  torque of the arguments, of laws that read it; zero if left out
+        states  {name: (..., size)}  the law's own, which otherwise are as at the beginning; its clock is t
+
+        Raises ShapeError, NonFiniteError; SimulationError for a law whose values have axes of steps or samples.
+        """
+        n = check_model(model).nv
+        if self.axes(model):
+            raise SimulationError(
+                f"values of {', '.join(self.axes(model))} have axes of steps, expected none in a call"
+            )
+        when, zero = as_array("t", t), np.zeros(n)
+        given = {
+            Q.name: as_array("q", q),
+            V.name: as_array("v", v),
+            TAU.name: as_array("tau", zero if tau is None else tau),
+        }
+        given[DT.name] = np.ones(1)
+        for x in self.spec.states:
+            start = (
+                when[..., None]
+                if x.name == CLOCK.name
+                else np.full(core_shape(model, x, self.static), float(x.start or 0))
+            )
+            given[x.name] = as_array(x.name, (states or {}).get(x.name, start))
+        cores = {x.name: core_shape(model, x, self.static) for x in self.spec.present if x.name in given}
+        cores |= {Q.name: (model.nq,), V.name: (n,), TAU.name: (n,), DT.name: (1,)}
+        for name, x in given.items():
+            if x.shape[x.ndim - len(cores[name]) :] != cores[name]:
+                raise ShapeError(f"{name} has shape {x.shape}, expected (..., {', '.join(map(str, cores[name]))})")
+            if not np.isfinite(x).all():
+                raise NonFiniteError(f"{name} has numbers that are not finite, expected finite ones")
+        leads = {name: x.shape[: x.ndim - len(cores[name])] for name, x in given.items()}
+        batch = broadcast(["t", *leads], [when.shape, *leads.values()])
+        size = math.prod(batch)
+        rows = {name: np.broadcast_to(x, batch + cores[name]).reshape(size, -1) for name, x in given.items()}
+        for name, x in self.rows(model, 1, 1).items():
+            rows[name.removeprefix(OWN_INPUT)] = np.broadcast_to(x[0], (size, x.shape[2]))
+        return _torques_of(self, model, rows, size).reshape(*batch, n)
 
     def axes(self, model: Model) -> dict[str, tuple[int, ...]]:
         """Axes before those of the input, of each value that has any, named: of steps, or of samples and steps."""
@@ -110,6 +218,8 @@ class Control:
 
     def rows(self, model: Model, samples: int, steps: int) -> dict[str, Array]:
         """Values (samples or 1, steps or 1, columns) by the names of a step's inputs. Raises ShapeError."""
+        for check in self.checks:
+            check(model)
         found = {}
         for name, (value, core) in zip(self._given, self._cores(check_model(model)), strict=True):
             lead = value.shape[: value.ndim - len(core)]
@@ -135,8 +245,12 @@ def check_law(control: Control | None, method: str) -> None:
     if control is None or method not in SCIPY_METHODS:
         return
     ends = len(control.spec.states) - len(moved_states(control.spec))
-    if control.held or ends:
-        which = "is held over a step" if control.held else "has states that change at the end of a step"
+    if control.held or ends or begun_of(control.spec):
+        which = (
+            "is held over a step"
+            if control.held or begun_of(control.spec)
+            else "has states that change at the end of a step"
+        )
         raise SimulationError(
             f'control "{control.spec.name}" {which}, expected a fixed step for it: {", ".join(EXPLICIT_METHODS)}'
         )
@@ -210,7 +324,7 @@ class Feedback(Effect):
         spec = self.spec
         if at.recorded:
             return law_on(spec, at.rows, at.given)
-        tables = {OWN_INPUT + x.name: _static_rows(at.given[OWN_INPUT + x.name]) for x in spec.present if x.static}
+        tables = {OWN_INPUT + x.name: static_rows(at.given[OWN_INPUT + x.name]) for x in spec.present if x.static}
         recorded = law_on(spec, at.rows, {**at.given, **tables})
 
         def law(q: Any, v: Any, tau: Any, states: Mapping[str, Any]) -> tuple[Any, dict[str, Any]]:
@@ -218,170 +332,6 @@ class Feedback(Effect):
             return np.asarray(wanted, float), {name: np.asarray(x, float) for name, x in made.items()}
 
         return law
-
-
-def _static_rows(value: Any) -> Any:
-    return table(value.rows) if hasattr(value, "rows") else value
-
-
-def _of_step(x: Argument) -> Argument:
-    """An input of a law as one of a step."""
-    return replace(x, name=OWN_INPUT + x.name, optional=False, unit_norm=False)
-
-
-def states_of(spec: Spec) -> tuple[Argument, ...]:
-    """The states of a law, as a step names them."""
-    return tuple(_of_step(x) for x in spec.states)
-
-
-def moved_states(spec: Spec) -> tuple[str, ...]:
-    """Names in a step of the states that have rates."""
-    ends = (part.name for part in spec.parts[1:])
-    return tuple(OWN_INPUT + x.name for x, end in zip(spec.states, ends, strict=True) if end == x.name + RATE)
-
-
-def inputs_of(spec: Spec) -> tuple[Argument, ...]:
-    """The inputs of a law beside q, v, dt and its states, as a step names them, static ones last."""
-    found = [x for x in spec.present if x.start is None and x.name not in OF_STEP]
-    return tuple(_of_step(x) for x in sorted(found, key=lambda x: x.static))
-
-
-def law_on(spec: Spec, rows: Sequence[Any], inputs: Mapping[str, Any]) -> Law:
-    """``(q, v, tau, states) -> tau, rates or ends of states`` on a table of Rows; ``inputs`` are those of a step."""
-    parts = spec.parts or (spec.output,)
-
-    def law(q: Any, v: Any, tau: Any, states: Mapping[str, Any]) -> tuple[Any, dict[str, Any]]:
-        given = {Q.name: q, V.name: v, TAU.name: tau}
-        for x in spec.present:
-            if x.name not in given:
-                name = x.name if x.name in OF_STEP else OWN_INPUT + x.name
-                given[x.name] = states[name] if name in states else inputs[name]
-        sizes = sizes_of(rows, [(x, given[x.name]) for x in spec.present if x.table is not None])
-        widths = [math.prod(shape_in(x.shape, sizes)) for x in parts]
-        out = evaluated(spec, rows, (sum(widths),), given)
-        wanted, *made = np.split(out, np.cumsum(widths)[:-1])
-        return wanted, {OWN_INPUT + x.name: y for x, y in zip(spec.states, made, strict=True)}
-
-    return law
-
-
-def evaluated(
-    spec: Spec, rows: Sequence[Any], shape: tuple[int, ...], inputs: Mapping[str, Any], start: float = 0.0
-) -> Any:
-    """``tracer.evaluate`` of a caller's Spec, whose name is in its errors. ``start`` is what is not written."""
-    try:
-        return evaluate(spec, rows, shape, inputs, np.zeros(len(rows) - 1, object), start)
-    except SpatialDynError:
-        raise
-    except AttributeError as error:
-        if not isinstance(rows, MimicRows):
-            raise
-        raise ModelError(
-            f'spec "{spec.name}" walks the tree of a robot with mimic joints ({error}), expected one of their own '
-            "coordinates: rnea, crba and aba may be called"
-        ) from None
-    except (TypeError, ValueError, IndexError, ZeroDivisionError) as error:
-        named = f'spec "{spec.name}": '
-        kind = ZeroDivisionError if isinstance(error, ZeroDivisionError) else TypeError
-        raise kind(named + str(error).removeprefix(named)) from error
-
-
-# --- checks ---------------------------------------------------------------------------------------------
-
-
-def check_recordable(spec: Any) -> None:
-    """Raise SimulationError for what is no Spec, or one that no program can be made of for all values."""
-    if not isinstance(spec, Spec):
-        raise SimulationError(f"spec is {spec!r}, expected a Spec")
-    if not spec.traceable:
-        raise SimulationError(f'spec "{spec.name}" branches on values, expected one that can be recorded')
-    _refuse_constants(spec)
-
-
-def with_values(spec: Spec, given: Mapping[str, Any] | None) -> tuple[Spec, dict[str, Any], tuple[Any, ...]]:
-    """A law without the optional inputs that have no value, copies of the values of the others, of static ones last.
-
-    Raises SimulationError for values that are missing or unknown, or no mapping.
-    """
-    if given is not None and not isinstance(given, Mapping):
-        raise SimulationError(f'values of spec "{spec.name}" are {given!r}, expected a mapping of names to arrays')
-    given = dict(given or {})
-    others = {x.name: x for x in spec.present if x.start is None and x.name not in OF_STEP}
-    for name in given:
-        if name not in others:
-            listed = f"some of {', '.join(others)}" if others else "none"
-            raise SimulationError(f'values of spec "{spec.name}" have {name}, expected {listed}')
-    missing = [name for name, x in others.items() if name not in given and not x.optional]
-    if missing:
-        raise SimulationError(f'values of spec "{spec.name}" lack {", ".join(missing)}')
-    spec = variant(spec, given) if any(x.optional for x in spec.present) else spec
-    known = [x for x in spec.present if x.name in given]
-    static = tuple(_static(x.name, given[x.name]) for x in known if x.static)
-    return spec, {x.name: as_array(x.name, given[x.name]) for x in known if not x.static}, static
-
-
-def _static(name: str, value: Any) -> Any:
-    """The value of a static input: an int, or the table of Constraints and their like. Raises SimulationError."""
-    found = getattr(value, "table", value)
-    if isinstance(found, (bool, np.bool_)) or not isinstance(found, (int, np.integer, StaticTable)):
-        raise SimulationError(f"{name} is {value!r}, expected an int, or an object with a table, as static inputs are")
-    return found if isinstance(found, StaticTable) else int(found)
-
-
-def _refuse_constants(spec: Spec) -> None:
-    """Raise SimulationError for a recursion that reads numbers which are no inputs: what was compiled keeps them.
-
-    Also for a function that it calls, other than the library's own.
-    """
-    seen: set[int] = set()
-    waiting: list[Any] = [spec.recursion]
-    while waiting:
-        function = waiting.pop()
-        if isinstance(function, types.MethodType):
-            raise SimulationError(
-                f'recursion of spec "{spec.name}" is or calls a method, {function.__qualname__}, expected functions: '
-                "what an object holds is no input"
-            )
-        if id(function) in seen or not isinstance(function, types.FunctionType):
-            continue
-        seen.add(id(function))
-        for name, held in _read(function):
-            if isinstance(held, NUMBERS) or (name in function.__code__.co_freevars and not isinstance(held, CODE)):
-                raise SimulationError(
-                    f'recursion of spec "{spec.name}" reads {name} = {held!r} in {function.__name__}, expected '
-                    f'functions only: make {name} an input, Argument("{name}", ...), and give it in values'
-                )
-            if isinstance(held, (types.FunctionType, types.MethodType)) and not held.__module__.startswith(OWN_MODULES):
-                waiting.append(held)
-
-
-def _read(function: types.FunctionType) -> list[tuple[str, Any]]:
-    """What a function reads from around it: its closure, and the globals that its code names."""
-    cells = zip(function.__code__.co_freevars, function.__closure__ or (), strict=True)
-    found = [(name, cell.cell_contents) for name, cell in cells]
-    codes = [function.__code__]
-    while codes:
-        code = codes.pop()
-        codes += [x for x in code.co_consts if isinstance(x, types.CodeType)]
-        found += [(name, function.__globals__[name]) for name in _globals(code) if name in function.__globals__]
-    return found
-
-
-@lru_cache(maxsize=256)
-def _globals(code: types.CodeType) -> tuple[str, ...]:
-    """The globals that a code names; disassembling it takes 0.1 ms, in the loop of a controller that plans."""
-    return tuple(sorted({x.argval for x in dis.get_instructions(code) if x.opname == "LOAD_GLOBAL"}))
-
-
-def _check_parts(spec: Spec) -> None:
-    """Raise SimulationError unless the output is tau, and a rate or an end of each state."""
-    names = [x.name for x in spec.parts] or [spec.output.name]
-    states = spec.states
-    good = len(names) == 1 + len(states) and names[0] == TAU.name
-    good = good and all(name in (x.name + RATE, x.name + AFTER) for name, x in zip(names[1:], states, strict=True))
-    if not good:
-        wanted = ", ".join([TAU.name, *(f"{x.name}{RATE} or {x.name}{AFTER}" for x in states)])
-        raise SimulationError(f'spec "{spec.name}" has the outputs {", ".join(names)}, expected {wanted}')
 
 
 # --- kernels and torques --------------------------------------------------------------------------------
@@ -425,17 +375,30 @@ def law_torques(
     given: dict[str, Array] = {Q.name: q, V.name: v, TAU.name: tau, DT.name: np.full((len(q), 1), dt), **states}
     for name, rows in control.rows(model, 1, total).items():
         given[name.removeprefix(OWN_INPUT)] = rows[0, np.minimum(steps, rows.shape[1] - 1)]
-    inputs = [x for x in control.spec.present if not x.static]
-    columns = [y for x in inputs for y in given[x.name].reshape((len(q), -1)).T]
-    made = recording.record((_torque(control.spec),), model.bodies, control.static).program
+    return _torques_of(control, model, given, len(q))
+
+
+def _torques_of(control: Control, model: Model, given: Mapping[str, Array], samples: int) -> Array:
+    """The law's torques (samples, nv) by rows of its inputs."""
+    spec = _torque(control.spec)
+    columns = [y for x in spec.present if not x.static for y in given[x.name].reshape((samples, -1)).T]
+    made = recorded((spec,), model, control.static, np.dtype(np.float64))[0]
+    if made is None:
+        raise SimulationError(f'law "{control.spec.name}" divides by an inertia that is 0')
     with np.errstate(all="ignore"):
-        found = made.run(columns)
-    return np.stack([np.broadcast_to(np.asarray(x, float), len(q)) for x in found[: model.nv]], 1)
+        found = made.program.run(columns)
+    return np.stack([np.broadcast_to(np.asarray(x, float), samples) for x in found[: model.nv]], 1)
 
 
+@lru_cache(maxsize=64)
 def _torque(spec: Spec) -> Spec:
-    """The law as a call whose output is the torque alone."""
-    inputs = tuple(replace(x, unit_norm=False, optional=False) for x in spec.present)
+    """The law as a call whose output is the torque alone, at the beginning of a step."""
+    early = begun_of(spec)
+    inputs = tuple(replace(x, unit_norm=False, optional=False) for x in spec.present if x.name not in early)
+    known = {x.name for x in inputs}
+    inputs += tuple(
+        replace(x, unit_norm=False) for x in (Q, V, TAU) if x.name in early.values() and x.name not in known
+    )
 
     def recursion(rows: Any, *arrays: Any) -> None:
         given = {(x.name if x.name in OF_STEP else OWN_INPUT + x.name): y for x, y in zip(inputs, arrays, strict=False)}

@@ -13,7 +13,18 @@ from typing import Any
 from ...errors import SimulationError
 from ...recursions.friction import DT
 from ...recursions.spec import TAU, Argument, Q, Spec, V
-from .control import AFTER, OF_STEP, OWN_INPUT, Control, check_recordable, evaluated, law_on, shown, with_values
+from .control import Control, shown
+from .law_specs import (
+    AFTER,
+    OF_STEP,
+    OWN_INPUT,
+    begun_of,
+    check_recordable,
+    evaluated,
+    given_by_step,
+    law_on,
+    with_values,
+)
 
 COST = "cost"
 OWN = "cost."  # before the names of a cost's inputs among those of the law that it becomes part of
@@ -75,15 +86,17 @@ def with_cost(control: Control | None, cost: Cost) -> Control:
     made.held = control is not None and control.held
     made.values = {**({} if control is None else control.values), **{OWN + x: y for x, y in cost.values.items()}}
     made.static = (*(() if control is None else control.static), *cost.static)
+    made.checks = () if control is None else control.checks
     return made
 
 
 @lru_cache(maxsize=64)
 def _summed(law: Spec | None, cost: Spec) -> Spec:
-    own = () if law is None else tuple(x for x in law.present if x.name not in OF_STEP)
+    own = () if law is None else tuple(x for x in law.present if x.name not in given_by_step(law))
+    early = () if law is None else tuple(x for x in law.present if x.name in begun_of(law))
     total = Argument(COST, (1,), cost.output.unit, "sum of the cost over the steps", start=0.0)
     further = tuple(replace(x, name=OWN + x.name, unit_norm=False) for x in cost.present if x.name not in OF_STEP)
-    inputs = (*(replace(x, unit_norm=False) for x in (Q, V, TAU)), DT, *own, total, *further)
+    inputs = (*(replace(x, unit_norm=False) for x in (Q, V, TAU)), DT, *early, *own, total, *further)
     ends = () if law is None else law.parts[1:]
 
     def recursion(rows: Any, *arrays: Any) -> None:

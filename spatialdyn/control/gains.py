@@ -1,0 +1,218 @@
+"""Gains of control laws: by pole placement, by Riccati's equation, and whether a closed step is stable."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..calls.arguments import as_array, as_count, as_number, check_model
+from ..calls.dynamics import calls
+from ..calls.states import random_configuration
+from ..errors import NonFiniteError, ShapeError, SimulationError, SpatialDynError, pip_install
+from ..model.model import Model
+from ..simulation.effects.control import Control
+from ..simulation.rollouts import rollout
+from ..simulation.scene import Scene, scene_of
+from .laws import StateFeedback
+
+Array = NDArray[np.float64]
+DELTA = 1e-6  # of central differences of a step, whose errors are some 1e-10
+
+
+class Gains(NamedTuple):
+    """Kp and Kd, to be unpacked into a law."""
+
+    Kp: Array
+    Kd: Array
+
+
+def critical_gains(omega: ArrayLike, zeta: ArrayLike = 1.0) -> Gains:
+    """Kp = ω², Kd = 2 ζ ω of ``ComputedTorque``: errors of frequency ω and damping ζ, critical at ζ = 1.
+
+    omega  number or (nv,), above 0 [rad/s]
+    zeta   number or (nv,), above 0
+
+    For ``PD`` and its kin multiply both by the diagonal of M where it is largest. With a torque held over steps of
+    semi_implicit_euler such a mode is stable below ``largest_step``.
+    Raises SpatialDynError
+
+    >>> import spatialdyn as sd
+    >>> [float(x) for x in sd.critical_gains(10.0, 0.7)]
+    [100.0, 14.0]
+    """
+    w, z = _positive("omega", omega), _positive("zeta", zeta)
+    return Gains(w * w + 0.0 * z, 2.0 * z * w)
+
+
+def largest_step(omega: ArrayLike, zeta: ArrayLike) -> Array:
+    """The step [s] below which a mode of frequency ω and damping ζ is stable under a torque held over steps of
+    semi_implicit_euler: (2 √(1 + ζ²) - 2 ζ) / ω.
+
+    Raises SpatialDynError
+
+    >>> import spatialdyn as sd
+    >>> round(float(sd.largest_step(1.0, 0.7)), 3)
+    1.041
+    """
+    w, z = _positive("omega", omega), _positive("zeta", zeta)
+    return np.asarray((2.0 * np.sqrt(1.0 + z * z) - 2.0 * z) / w)
+
+
+def _positive(name: str, value: ArrayLike) -> Array:
+    x = as_array(name, value)
+    if not ((x > 0.0) & np.isfinite(x)).all():
+        raise SpatialDynError(f"{name} is {x.tolist()}, expected finite numbers above 0")
+    return x
+
+
+def gravity_stiffness_bound(model: Model, samples: int = 1000, seed: int = 0) -> float:
+    """The largest slope of gravity, max ‖∂g/∂q‖₂ [N m/rad], of random configurations within the limits.
+
+    PD with the constant g(q_d) rests at q_d alone if the least eigenvalue of Kp is above the true maximum. This one is
+    sampled, and so a little below it; with g(q) (``PDGravity``) any Kp above 0 will do.
+
+    Raises SpatialDynError
+
+    >>> import spatialdyn as sd
+    >>> round(sd.gravity_stiffness_bound(sd.load_urdf("pendulum")), 2)
+    9.81
+    """
+    check_model(model)
+    if not (n := as_count(samples, 10**7)):
+        raise SpatialDynError(f"samples is {samples!r}, expected a whole number from 1 to 10000000")
+    q = random_configuration(model, seed, (n,))
+    slope = np.asarray(calls["generalized_gravity_derivatives"](model, q))
+    return float(np.linalg.norm(slope, 2, axis=(-2, -1)).max(initial=0.0))
+
+
+class LQR(NamedTuple):
+    """K (m, n), P (n, n) and the closed poles (n,); ``feedback(q, v, tau)`` is the law."""
+
+    K: Array
+    P: Array
+    poles: NDArray[Any]
+    discrete: bool = False
+
+    def feedback(
+        self, q: ArrayLike, v: ArrayLike | None = None, tau: ArrayLike | None = None, joints: ArrayLike | None = None
+    ) -> StateFeedback:
+        """The law tau = tau₀ - K (q ⊖ q₀, v - v₀), of the freedoms ``joints`` if K is of some alone."""
+        return StateFeedback(self.K, q, v, tau, joints, held=self.discrete)
+
+
+def lqr(A: ArrayLike, B: ArrayLike, Q: ArrayLike, R: ArrayLike, *, discrete: bool = False) -> LQR:
+    """The gain of least ∫ xᵀQx + uᵀRu along ẋ = A x + B u, u = -K x, or of least sum of a step's, x⁺ = A x + B u.
+
+    A (n, n), B (n, m)  as ``linearize`` gives them; of a robot with fewer motors the columns of those, B[:, [0]]
+    Q (n, n), R (m, m)  symmetric, Q not negative, R positive
+    discrete            whether A and B are those of a step
+
+    SciPy solves Riccati's equation. Raises  SpatialDynError naming the eigenvalue of Q or R, or for a system that no
+    feedback stabilizes; ShapeError; ImportError without SciPy
+
+    >>> import numpy as np, spatialdyn as sd
+    >>> found = sd.lqr([[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], np.eye(2), [[1.0]])
+    >>> found.K.round(6).tolist()
+    [[1.0, 1.732051]]
+    """
+    try:
+        from scipy import linalg
+    except ImportError as error:
+        raise ImportError(f"lqr needs SciPy: {pip_install('simulation')}") from error
+    a, b = as_array("A", A), as_array("B", B)
+    if a.ndim != 2 or a.shape[0] != a.shape[1]:
+        raise ShapeError(f"A has shape {a.shape}, expected (n, n)")
+    if b.ndim != 2 or len(b) != len(a):
+        raise ShapeError(f"B has shape {b.shape}, expected ({len(a)}, m)")
+    weights = []
+    for name, value, size, strict in (("Q", Q, len(a), False), ("R", R, b.shape[1], True)):
+        x = as_array(name, value)
+        if x.shape != (size, size):
+            raise ShapeError(f"{name} has shape {x.shape}, expected {(size, size)}")
+        if not np.isfinite(x).all() or abs(x - x.T).max() > 1e-9 * abs(x).max(initial=1e-300):
+            raise SpatialDynError(f"{name} is {x.tolist()}, expected a symmetric matrix")
+        least = float(np.linalg.eigvalsh(x).min())
+        if least <= 0.0 if strict else least < -1e-12 * abs(x).max():
+            raise SpatialDynError(
+                f"{name} has the eigenvalue {least:.6g}, expected {'above 0' if strict else '0 or more'}"
+            )
+        weights.append(x)
+    if not (np.isfinite(a).all() and np.isfinite(b).all()):
+        raise NonFiniteError("A or B has numbers that are not finite, expected finite ones")
+    q, r = weights
+    solve = linalg.solve_discrete_are if discrete else linalg.solve_continuous_are
+    try:
+        P = solve(a, b, q, r)
+    except (np.linalg.LinAlgError, ValueError) as error:
+        raise SpatialDynError(f"no feedback stabilizes A, B ({error}), expected a system that motors reach") from error
+    K = np.linalg.solve(r + b.T @ P @ b, b.T @ P @ a) if discrete else np.linalg.solve(r, b.T @ P)
+    return LQR(K, P, np.linalg.eigvals(a - b @ K), bool(discrete))
+
+
+class ClosedStep(NamedTuple):
+    """A step of a robot under a law, near a state.
+
+    A       (2 nv, 2 nv)  δx⁺ = A δx, δx = (δq, δv)
+    radius  the largest |eigenvalue|: errors grow by it in each step if it is above 1
+    joint   the name of the joint that moves most in that mode
+    """
+
+    A: Array
+    radius: float
+    joint: str
+
+    def check(self) -> None:
+        """Raise SimulationError naming the joint if errors grow."""
+        if self.radius > 1.0 + 1e-6:
+            raise SimulationError(
+                f'errors grow by {self.radius:.6g} in a step, most in joint "{self.joint}", expected at most 1: smaller '
+                "gains there, or a smaller dt"
+            )
+
+
+def closed_step(
+    scene: Scene | Model, law: Control, q: ArrayLike, v: ArrayLike, dt: float, method: str | None = None
+) -> ClosedStep:
+    """How errors move in a step of a scene under a law, by central differences of the step itself at its first time.
+
+    scene, method  of smooth effects, as of ``rollout``; method left out: ``scene.method``
+    q (nq,), v (nv,)  the state, of a law of a path that at its beginning
+    dt  [s]
+
+    States of the law's own start as they do in a run. Raises SimulationError, ShapeError as ``rollout``
+
+    >>> import spatialdyn as sd
+    >>> model = sd.load_urdf("pendulum")
+    >>> stiff = sd.PD([1e4], [10.0], [0.0])
+    >>> sd.closed_step(model, stiff, [0.0], [0.0], 0.05, "semi_implicit_euler").radius > 1.0
+    True
+    """
+    scene = scene_of(scene)
+    model, n = scene.model, scene.model.nv
+    if not isinstance(law, Control):
+        raise SimulationError(f"law is {law!r}, expected a Control")
+    for name, value in (("smooth", scene.solves),):
+        if value:
+            raise SimulationError(f"scene of {', '.join(scene.acts)} is not {name}, expected smooth effects")
+    h = as_number(dt)
+    if not 0.0 < h < math.inf:
+        raise SimulationError(f"dt is {dt!r}, expected a finite number above 0")
+    at, speed = as_array("q", q), as_array("v", v)
+    for name, x, size in (("q", at, model.nq), ("v", speed, n)):
+        if x.shape != (size,):
+            raise ShapeError(f"{name} has shape {x.shape}, expected ({size},)")
+    ways = DELTA * np.concatenate([np.eye(2 * n), -np.eye(2 * n)])
+    starts = np.asarray(calls["integrate"](model, at, ways[:, :n])), speed + ways[:, n:]
+    run = rollout(scene, *starts, dt=h, steps=1, method=method, control=law)
+    q1, v1 = np.asarray(run.q)[:, 0], np.asarray(run.v)[:, 0]
+    moved = np.concatenate([calls["difference"](model, q1[2 * n :], q1[: 2 * n]), v1[: 2 * n] - v1[2 * n :]], 1)
+    A = moved.T / (2.0 * DELTA)
+    values, vectors = np.linalg.eig(A)
+    worst = int(abs(values).argmax())
+    share = abs(vectors[:n, worst]) + h * abs(vectors[n:, worst])
+    k = int(share.argmax())
+    joint = next(x.name for x in model.joints[1:] if x.idx_v <= k < x.idx_v + x.nv)
+    return ClosedStep(A, float(abs(values[worst])), joint)

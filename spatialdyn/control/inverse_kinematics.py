@@ -1,0 +1,282 @@
+"""``solve_ik``: joint positions that bring frames to poses or points, of many targets at once."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..algebra.lie import larger
+from ..calls.arguments import as_array, as_count, as_flag, as_number, broadcast, check_model, frame_row_and_placement
+from ..calls.dynamics import calls
+from ..calls.states import random_configuration
+from ..engines.programs.mimic_rows import evaluate
+from ..errors import NonFiniteError, ShapeError, SpatialDynError
+from ..model.model import Frame, Model
+from ..recursions import SPECS
+from ..recursions.inverse_kinematics import damped_step, put_error
+from ..recursions.spec import LOCAL_WORLD_ALIGNED, Argument, Spec
+from .programs import repeated
+
+Array = NDArray[np.float64]
+CONVERGED, STUCK, EXHAUSTED = "converged", "stuck", "exhausted"  # why a search stopped
+STEPS, PROGRESS = 6, 0.9  # steps within which the residual has to fall to this part of what it was
+SAME = 1e-4  # rad, m: solutions that differ by less are one
+RIGID = 1e-6  # of the rows of a target's rotation
+
+
+class IKResult(NamedTuple):
+    """Of each target (...):
+
+    q           (..., nq)  the best configuration found
+    residual    (..., 2)   largest distance [m] and angle [rad] from a target that are left
+    converged   (...)      whether both are within the tolerance
+    iterations  (...)      steps, of all starts together
+    starts      (...)      starts that were tried
+    why         (...)      "converged", or of the best start "stuck" where its steps got nowhere, "exhausted" otherwise
+    solutions   a list of the distinct (k, nq) of each target, flat, if all were asked for, else None
+    """
+
+    q: Array
+    residual: Array
+    converged: NDArray[np.bool_]
+    iterations: NDArray[np.intp]
+    starts: NDArray[np.intp]
+    why: NDArray[np.str_]
+    solutions: list[Array] | None
+
+
+def solve_ik(
+    model: Model,
+    targets: Mapping[str | Frame, ArrayLike],
+    q0: ArrayLike | None = None,
+    *,
+    limits: bool = True,
+    tolerance: float = 1e-8,
+    restarts: int = 20,
+    iterations: int = 40,
+    seed: int = 0,
+    all_solutions: bool = False,
+) -> IKResult:
+    """Joint positions at which frames are where they should be: inverse kinematics of any batch of targets.
+
+    targets        {frame: pose (..., 4, 4) or position (..., 3)} in the world [m]
+    q0             (..., nq)  where the search starts [rad | m]; left out, the middle of the limits, or neutral
+    limits         whether positions stay within the limits of the model
+    tolerance      largest distance [m] and angle [rad] from a target
+    restarts       starts after the first, from random configurations within the limits, the same for all targets
+    iterations     steps of a start at most
+    seed           of the random starts
+    all_solutions  whether every start is tried, and all distinct configurations that they find are returned
+
+    Damped Gauss-Newton steps on the joints' group, the targets side by side on SIMD lanes; a start whose residual no
+    longer falls is given up. What a target gets does not depend on the others beside it. Redundant robots have infinitely
+    many solutions, of which a few are found. For whole tasks with priorities, velocity limits and collisions see pink
+    (pip install pin-pink) or mink.
+
+    Returns IKResult.
+    Raises  ModelError for an unknown frame; ShapeError, NonFiniteError; SpatialDynError for a target whose rotation is
+            none, and for settings out of range
+    Source  Sugihara, Solvability-unconcerned inverse kinematics by the Levenberg-Marquardt method (2011).
+
+    >>> import numpy as np, spatialdyn as sd
+    >>> model = sd.load_urdf("ur5")
+    >>> goal = sd.frame_placement(model, [0.1, -1.0, 1.2, 0.3, 0.5, 0.2], "tool0")
+    >>> found = sd.solve_ik(model, {"tool0": goal})
+    >>> bool(found.converged), bool(abs(sd.frame_placement(model, found.q, "tool0") - goal).max() < 1e-7)
+    (True, True)
+    """
+    check_model(model)
+    frames, poses, sizes = _targets(model, targets)
+    start = _first(model, limits := as_flag("limits", limits)) if q0 is None else as_array("q0", q0)
+    if start.shape[-1:] != (model.nq,):
+        raise ShapeError(f"q0 has shape {start.shape}, expected (..., {model.nq})")
+    if not np.isfinite(start).all():
+        raise NonFiniteError("q0 has numbers that are not finite, expected finite ones")
+    all_solutions = as_flag("all_solutions", all_solutions)
+    near = as_number(tolerance)
+    if not 0.0 < near < 1.0:
+        raise SpatialDynError(f"tolerance is {tolerance!r}, expected a number between 0 and 1")
+    more = 0 if isinstance(restarts, (int, np.integer)) and not isinstance(restarts, bool) and restarts == 0 else (
+        as_count(restarts, 10**6)
+    )  # fmt: skip
+    if not more and restarts != 0:
+        raise SpatialDynError(f"restarts is {restarts!r}, expected a whole number from 0 to 1000000")
+    if not (steps := as_count(iterations, 10**6)):
+        raise SpatialDynError(f"iterations is {iterations!r}, expected a whole number from 1 to 1000000")
+    batch = broadcast(["q0", "targets"], [start.shape[:-1], poses.shape[:-3]])
+    calls["potential_energy"](model, start)  # raises ConfigurationError naming the joint
+    lead = np.broadcast_to(poses, (*batch, *poses.shape[-3:])).reshape(-1, 16 * len(sizes))
+    first = np.broadcast_to(start, (*batch, model.nq)).reshape(-1, model.nq)
+    if limits:
+        first = np.clip(first, model.lower, model.upper)
+    others = random_configuration(model, seed, (more,))
+    search = _Search(model, _spec(sizes), frames, lead, limits, near, steps)
+    found, solutions = search.run(first, others, all_solutions)
+    q, residual, count, starts, why = (x.reshape((*batch, *x.shape[1:])) for x in found)
+    return IKResult(q, residual, why == CONVERGED, count, starts, why, solutions)
+
+
+def _targets(model: Model, targets: Any) -> tuple[tuple[Any, ...], Array, tuple[int, ...]]:
+    """Rows and placements of the frames, poses (..., K, 4, 4), and the number of equations of each."""
+    if not isinstance(targets, Mapping) or not targets:
+        raise SpatialDynError(f"targets are {targets!r}, expected a mapping of frames to poses or positions")
+    frames: list[Any] = []
+    poses: list[Array] = []
+    sizes: list[int] = []
+    for name, value in targets.items():
+        frames += frame_row_and_placement(model, name)
+        x = as_array(f"target of {name}", value)
+        if not np.isfinite(x).all():
+            raise NonFiniteError(f"target of {name} has numbers that are not finite, expected finite ones")
+        if x.shape[-2:] == (4, 4):
+            R = x[..., :3, :3]
+            off = abs(R @ np.swapaxes(R, -1, -2) - np.eye(3)).max(initial=0.0)
+            if off > RIGID or (np.linalg.det(R) < 0.0).any():
+                raise SpatialDynError(
+                    f"target of {name} has a rotation whose rows are off by {off:.2g}, expected a pose"
+                )
+            poses.append(x)
+        elif x.shape[-1:] == (3,):
+            pose = np.zeros((*x.shape[:-1], 4, 4))
+            pose[..., :, :] = np.eye(4)
+            pose[..., :3, 3] = x
+            poses.append(pose)
+        else:
+            raise ShapeError(f"target of {name} has shape {x.shape}, expected (..., 4, 4) or (..., 3)")
+        sizes.append(6 if x.shape[-2:] == (4, 4) else 3)
+    batch = broadcast([f"target of {name}" for name in targets], [x.shape[:-2] for x in poses])
+    return tuple(frames), np.stack([np.broadcast_to(x, (*batch, 4, 4)) for x in poses], -3), tuple(sizes)
+
+
+def _first(model: Model, limits: bool) -> Array:
+    """The middle of the limits where both are finite, neutral elsewhere."""
+    q: Array = np.array(calls["neutral"](model))
+    both = np.isfinite(model.lower) & np.isfinite(model.upper)
+    if limits:
+        q[both] = 0.5 * (model.lower[both] + model.upper[both])
+    return q
+
+
+# --- the step -------------------------------------------------------------------------------------------
+
+
+@lru_cache(maxsize=64)
+def _spec(sizes: tuple[int, ...]) -> Spec:
+    """A step of frames with so many equations each: the next q, and what is left at this one."""
+    placement, jacobian = SPECS["frame_placement"], SPECS["frame_jacobian"]
+    ends = [sum(sizes[:k]) for k in range(len(sizes) + 1)]
+    m = ends[-1]
+
+    def recursion(rows: Any, state: Any, target: Any, lower: Any, upper: Any, *others: Any) -> None:
+        (*static, out), n = others, len(rows) - 1
+        q = state[:-2]
+        J, e = np.zeros((m, n), object), np.zeros(m, object)
+        distance, angle = 0.0, 0.0
+        for k, size in enumerate(sizes):
+            row, place = static[2 * k : 2 * k + 2]
+            given = {"q": q, "row": row, "placement": place, "reference": LOCAL_WORLD_ALIGNED}
+            X = evaluate(placement, rows, (4, 4), given, None)
+            turns = size == 6
+            p, w = put_error(X, target.reshape(-1, 4, 4)[k], ends[k], turns, e)
+            J[ends[k] : ends[k + 1]] = evaluate(jacobian, rows, (6, n), given, None)[:size]
+            distance, angle = (p, w) if k == 0 else (larger(distance, p), larger(angle, w))
+        out[-2], out[-1] = distance, angle
+        damped_step(
+            rows, q, lower, upper, J, e, np.zeros((m, m), object), np.zeros(m, object), np.zeros(n, object), out[:-2]
+        )
+
+    named = zip(range(len(sizes)), sizes, strict=True)
+    static = [
+        x for k, _ in named for x in (
+            Argument(f"row_{k}", (), "", "", static=True), Argument(f"placement_{k}", (4, 4), "m", "", static=True)
+        )
+    ]  # fmt: skip
+    bounds = Argument("lower", ("nq",), "rad | m", "limits"), Argument("upper", ("nq",), "rad | m", "limits")
+    name = "ik_step_" + "_".join(map(str, sizes))
+    state = Argument("ik_state", ("nq+2",), "", "q, and squares of distance and angle that were left before the step")
+    return Spec(
+        name, recursion, None, (state, Argument("target", (16 * len(sizes),), "m", "poses"), *bounds, *static),
+        replace(state, name="ik_after"), "A step of inverse kinematics.", "Sugihara (2011).", composed=True,
+    )  # fmt: skip
+
+
+# --- the search -----------------------------------------------------------------------------------------
+
+
+class _Search(NamedTuple):
+    """What a search for many targets needs: targets are (B, 16 K)."""
+
+    model: Model
+    spec: Spec
+    frames: tuple[Any, ...]
+    targets: Array
+    limits: bool
+    tolerance: float
+    most: int
+
+    def run(self, first: Array, others: Array, every: bool) -> tuple[list[Any], list[Array] | None]:
+        """(q, residual, iterations, starts, why) of each target: those that still move step side by side, each from
+        its first start, then from the others, one after another.
+        """
+        model, B, nq = self.model, len(self.targets), self.model.nq
+        inf = np.full((1, nq), np.inf)
+        bounds = (model.lower[None].copy(), model.upper[None].copy()) if self.limits else (-inf, inf)
+        best, left, why = first.copy(), np.full((B, 2), np.inf), np.full(B, EXHAUSTED)
+        count, starts = np.zeros(B, np.intp), np.ones(B, np.intp)
+        solutions: list[list[Array]] = [[] for _ in range(B)]
+        at, targets = np.arange(B), self.targets  # targets that still move
+        state = np.concatenate([first, np.zeros((B, 2))], 1)  # where they are, and what was left before
+        step, least = np.zeros(B, np.intp), np.full(B, np.inf)  # of their start
+        while len(at):
+            after = repeated(self.spec, model, self.frames, state, [targets, *bounds], STEPS)
+            rest = np.sqrt(after[:, :, nq:])
+            size = rest.max(2)
+            size[np.isnan(size)] = np.inf
+            good, row = size <= self.tolerance, np.arange(len(at))
+            done = good.any(1)
+            k = np.where(done, good.argmax(1), size.argmin(1))  # of the states before the steps, the one to keep
+            q = np.where((k == 0)[:, None], state[:, :nq], after[row, k - 1, :nq])
+            lowest = size[row, k]
+            better = lowest < left[at].max(1)
+            best[at[better]], left[at[better]] = q[better], rest[row, k][better]
+            stuck = ~done & ~(lowest < PROGRESS * least)
+            over = done | stuck | (step + STEPS >= self.most)
+            why[at[better]] = np.where(done, CONVERGED, np.where(stuck, STUCK, EXHAUSTED))[better]
+            count[at] += np.where(done, k, STEPS)
+            least, step, state = np.minimum(least, lowest), step + STEPS, after[:, -1]
+            if every:
+                for j in np.flatnonzero(done):
+                    self._add(solutions[at[j]], q[j])
+            again = np.flatnonzero(over & (every | ~done) & (starts[at] <= len(others)))
+            state[again, :nq] = others[starts[at[again]] - 1]
+            starts[at[again]] += 1
+            step[again], least[again] = 0, np.inf
+            goes = ~over
+            goes[again] = True
+            at, targets, state, step, least = at[goes], targets[goes], state[goes], step[goes], least[goes]
+        shape = (0, nq)
+        distinct = [np.array(x) if x else np.empty(shape) for x in solutions] if every else None
+        return [best, left, count, starts, why], distinct
+
+    def _add(self, known: list[Array], q: Array) -> None:
+        difference: Any = calls["difference"]
+        for x in known:
+            way = np.asarray(difference(self.model, x, q))
+            if abs(way - 2.0 * np.pi * np.round(way / (2.0 * np.pi)) * self._turns).max() < SAME:
+                return
+        known.append(q)
+
+    @property
+    def _turns(self) -> Array:
+        """1 for freedoms that turn without end, whose whole turns are no other solution; 0 for others."""
+        made = np.zeros(self.model.nv)
+        for joint in self.model.joints[1:]:
+            if joint.nv == 1 and joint.kind in ("continuous", "revolute"):
+                endless = not self.limits or not np.isfinite(self.model.upper[joint.idx_q])
+                made[joint.idx_v] = float(endless)
+        return made

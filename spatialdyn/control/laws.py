@@ -1,0 +1,351 @@
+"""Control laws by name: each a ``Control`` whose Spec is a recursion, and whose numbers are values.
+
+A law follows a ``Path``, by a clock of its own that every stage of a method reads, or references given as arrays: a
+configuration, or one for each step. Laws add, are clipped (``limited_by``), and are called: ``law(model, t, q, v)``.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..calls.arguments import as_array, as_word
+from ..errors import NonFiniteError, ShapeError, SimulationError
+from ..model.model import Model
+from ..recursions.control_laws import GRAVITY, STATE_FEEDBACK, law_spec
+from ..recursions.paths import CLOCK
+from ..recursions.spec import TAU, Argument, Q, Spec, V
+from ..simulation.effects.control import Control, evaluated
+from ..simulation.effects.law_specs import RATE, with_values
+from .paths import Path
+
+Array = NDArray[np.float64]
+ROUNDING = 1e-9  # of a matrix's largest entry: how far from symmetric it may be
+
+
+class Law(Control):
+    """A ``Control`` of this module: its gains, its reference and how it is held."""
+
+    path: Path | None = None
+
+    def __init__(self, core: Spec, gains: dict[str, Array], reference: Any, held: bool | float) -> None:
+        """Of the Spec of a law, its gains by name, and a Path, or arrays q_ref, v_ref and a_ref by name."""
+        if isinstance(reference, Path):
+            self.path = reference
+            spec, values, self.static = following(core, reference.spec), {**gains, **reference.values}, ()
+            self.checks = (reference.check_model,)
+        else:
+            given = {**gains, **{name: x for name, x in reference.items() if x is not None}}
+            spec, values, self.static = with_values(core, given)
+        self.spec, self.values = spec, values
+        self._hold(held)
+
+
+@lru_cache(maxsize=64)
+def following(core: Spec, path: Spec) -> Spec:
+    """The Spec of a law that follows a path, by a clock."""
+    own = tuple(x for x in core.present if x.name not in (Q.name, V.name, "q_ref", "v_ref", "a_ref"))
+    inputs: tuple[Argument, ...] = (Q, V, *own, *path.present)
+    wanted = {x.name for x in core.present}
+
+    def recursion(rows: Any, *arrays: Any) -> None:
+        given = dict(zip((x.name for x in inputs), arrays, strict=False))
+        tau, rate = arrays[len(inputs) :]
+        nq, nv = len(given[Q.name]), len(given[V.name])
+        q, v, a = np.split(evaluated(path, rows, (nq + 2 * nv,), given), [nq, nq + nv])
+        known = {**given, "q_ref": q, "v_ref": v, "a_ref": a}
+        tau[:] = evaluated(core, rows, (nv,), {name: x for name, x in known.items() if name in wanted})
+        rate[0] = 1.0
+
+    parts = TAU, Argument(CLOCK.name + RATE, (1,), "", "of the clock")
+    name = f"{core.name}_on_{path.name}"
+    return Spec(name, recursion, None, inputs, TAU, core.summary, core.source, parts=parts, regroup=True, composed=True)
+
+
+def gain_of(name: str, value: ArrayLike, size: int, least: float | None = 0.0) -> Array:
+    """Gains as (nv,), of a diagonal, (nv, nv), or with axes of steps and samples (B, T, nv).
+
+    least  eigenvalues have to be above it; None for 0 or above
+
+    Raises SimulationError naming the eigenvalue, ShapeError, NonFiniteError.
+    """
+    K = as_array(name, value)
+    if not np.isfinite(K).all():
+        raise NonFiniteError(f"{name} is {K.tolist()}, expected finite numbers")
+    if K.ndim == 0 and size:
+        K = np.full(size, float(K))
+    if K.ndim == 0 or K.ndim > 3:
+        raise ShapeError(f"{name} has shape {K.shape}, expected (nv,) or (nv, nv)")
+    found = K
+    if K.ndim == 2 and K.shape[0] == K.shape[1] and K.shape[0] > 1:
+        off = abs(K - K.T).max()
+        if off > ROUNDING * abs(K).max():
+            raise SimulationError(f"{name} is not symmetric, by up to {off:.3g}, expected a symmetric matrix")
+        found = np.linalg.eigvalsh(K)
+    low = float(found.min(initial=np.inf))
+    if low < 0.0 or (least is not None and low <= least):
+        raise SimulationError(
+            f"{name} has the eigenvalue {low:.6g}, expected {'0 or more' if least is None else 'above 0'}"
+        )
+    return K
+
+
+def _is_matrix(K: Array) -> bool:
+    return K.ndim == 2 and K.shape[0] == K.shape[1] and K.shape[0] > 1
+
+
+def _reference(path: Any, name: str = "path") -> tuple[Any, int]:
+    """A Path, or arrays by name; and nv, 0 if it cannot be told."""
+    if isinstance(path, Path):
+        table = path._table
+        return path, table.nv
+    q = as_array(name, path)
+    if not np.isfinite(q).all():
+        raise NonFiniteError(f"{name} is {q.tolist()}, expected finite numbers")
+    if not q.ndim:
+        raise ShapeError(
+            f"{name} has shape (), expected a Path, or positions (nq,), (steps, nq) or (samples, steps, nq)"
+        )
+    return {"q_ref": q}, q.shape[-1]
+
+
+def _two_gains(
+    law: str, first: tuple[str, ArrayLike], second: tuple[str, ArrayLike], size: int
+) -> tuple[Spec, Array, Array]:
+    """The Spec of a law of two gains, and those."""
+    one, two = gain_of(*first, size), gain_of(*second, size)
+    return law_spec(law, _is_matrix(one), _is_matrix(two)), one, two
+
+
+class PD(Law):
+    """A law of the joints: tau = kp (q_ref ⊖ q) + kd (v_ref - v).
+
+    kp, kd  (nv,), (nv, nv), or (B, 1, nv) per sample  gains [N m/rad | N/m], [N m s/rad | N s/m], 0 or more
+    q_ref   (nq,), (T, nq) or (B, T, nq)  positions to reach [rad | m], or a Path
+    v_ref   (nv,), (T, nv) or (B, T, nv)  velocities to reach [rad/s | m/s]; zero, or the path's, if left out
+    held    True: evaluated at the beginning of a step and held over it, as by a digital controller. False: wherever the
+            method evaluates forces. Or a period [s]
+
+    Raises  SimulationError for gains that are not symmetric or have an eigenvalue below 0, naming it; ShapeError
+
+    >>> import numpy as np, spatialdyn as sd
+    >>> model = sd.load_urdf("two_link")
+    >>> hold = sd.PD([40.0, 40.0], [8.0, 8.0], [0.5, 0.0])
+    >>> hold(model, 0.0, [0.0, 0.0], [0.0, 0.0])
+    array([20.,  0.])
+    """
+
+    def __init__(
+        self, kp: ArrayLike, kd: ArrayLike, q_ref: ArrayLike | Path, v_ref: ArrayLike | None = None,
+        held: bool | float = True,
+    ) -> None:  # fmt: skip
+        """See the class."""
+        reference, n = _reference(q_ref, "q_ref")
+        one, two = gain_of("kp", kp, n, None), gain_of("kd", kd, n, None)
+        if v_ref is not None:
+            if isinstance(reference, Path):
+                raise SimulationError("v_ref is given beside a path, expected one of them")
+            reference["v_ref"] = as_array("v_ref", v_ref)
+        core = law_spec("pd", _is_matrix(one), _is_matrix(two))
+        super().__init__(core, {"kp": one, "kd": two}, reference, held)
+
+
+class Gravity(Law):
+    """Gravity compensation: tau = g(q).
+
+    held  as of ``Control``
+
+    >>> import spatialdyn as sd
+    >>> model = sd.load_urdf("pendulum")
+    >>> bool(sd.Gravity()(model, 0.0, [0.3], [0.0]) == sd.generalized_gravity(model, [0.3]))
+    True
+    """
+
+    def __init__(self, held: bool | float = False) -> None:
+        """See the class."""
+        super().__init__(GRAVITY, {}, {}, held)
+
+
+class PDGravity(Law):
+    """PD with gravity at the robot's own q: tau = g(q) + Kp (q_d ⊖ q) - Kd v. The robot rests exactly at q_d, for any
+    Kp above 0: it is the law with the constant g(q_d) that needs a Kp above ``gravity_stiffness_bound``.
+
+    Kp, Kd  numbers, (nv,) or (nv, nv), above 0 [N m/rad | N/m], [N m s/rad | N s/m]
+    q_d     (nq,), (T, nq) or (B, T, nq)  or a Path, of which the positions are taken
+    held    as of ``Control``
+
+    V = ½ vᵀM v + ½ eᵀKp e falls along motions: V̇ = -vᵀKd v. Raises as ``PD``, for eigenvalues that are not above 0.
+
+    >>> import spatialdyn as sd
+    >>> model = sd.load_urdf("two_link")
+    >>> law = sd.PDGravity(30.0, 8.0, [0.5, 0.2])
+    >>> run = sd.simulate(model, [0.0, 0.0], [0.0, 0.0], 10.0, 0.01, control=law)
+    >>> bool(abs(run.q[-1] - [0.5, 0.2]).max() < 1e-6)
+    True
+    """
+
+    def __init__(self, Kp: ArrayLike, Kd: ArrayLike, q_d: ArrayLike | Path, held: bool | float = False) -> None:
+        """See the class."""
+        reference, n = _reference(q_d, "q_d")
+        core, one, two = _two_gains("pd_gravity", ("Kp", Kp), ("Kd", Kd), n)
+        super().__init__(core, {"kp": one, "kd": two}, reference, held)
+
+
+class EnergyShaping(Law):
+    """Energy shaping: tau = g(q) - ∂V_d/∂q - Kd v, which makes H_d = ½ pᵀM⁻¹p + V_d the energy, with Ḣ_d = -vᵀKd v.
+
+    Kp, Kd     (nv,) or numbers; of "quadratic" (nv, nv) too, above 0
+    q_d        (nq,)  where V_d has its minimum
+    potential  "quadratic": V_d = ½ eᵀKp e, the law of ``PDGravity``. "cosine": V_d = Σ Kp (1 - cos e), whose torque is
+               bounded by Kp and which knows no turns: for joints whose position is one number
+    held       as of ``Control``
+
+    ``energy(model, q, v)`` is H_d, a Lyapunov function. Raises as ``PDGravity``
+
+    >>> import spatialdyn as sd
+    >>> law = sd.EnergyShaping(20.0, 5.0, [0.5, 0.2], potential="cosine")
+    >>> float(law.energy(sd.load_urdf("two_link"), [0.5, 0.2], [0.0, 0.0]))
+    0.0
+    """
+
+    def __init__(
+        self, Kp: ArrayLike, Kd: ArrayLike, q_d: ArrayLike, potential: str = "quadratic", held: bool | float = False
+    ) -> None:
+        """See the class."""
+        self.potential = as_word("potential", potential, ("quadratic", "cosine"))
+        reference, n = _reference(as_array("q_d", q_d), "q_d")
+        law = "pd_gravity" if potential == "quadratic" else "cosine_shaping"
+        core, one, two = _two_gains(law, ("Kp", Kp), ("Kd", Kd), n)
+        if potential == "cosine" and one.ndim != 1:
+            raise ShapeError(f"Kp has shape {one.shape}, expected (nv,) for cosines")
+        super().__init__(core, {"kp": one, "kd": two}, reference, held)
+
+    def energy(self, model: Model, q: ArrayLike, v: ArrayLike) -> Array:
+        """H_d (...) = ½ vᵀM v + V_d(q) [J]."""
+        from ..calls.dynamics import calls
+
+        e = np.asarray(calls["difference"](model, q, self.values["q_ref"]))
+        Kp = self.values["kp"]
+        kinetic = np.asarray(calls["kinetic_energy"](model, q, v))
+        if self.potential == "cosine":
+            return np.asarray(kinetic + (Kp * (1.0 - np.cos(e))).sum(-1))
+        return np.asarray(kinetic + 0.5 * (e * (Kp * e if Kp.ndim == 1 else e @ Kp)).sum(-1))
+
+
+class PDPlus(Law):
+    """PD+: tau = M a_d + C(q, v) v_d + g + Kp e + Kd ė along a path: passive, and exact where there is no error.
+
+    Kp, Kd  numbers, (nv,) or (nv, nv), above 0 [N m/rad | N/m], [N m s/rad | N s/m]
+    path    Path, or positions to hold (nq,)
+    held    as of ``Control``
+
+    V = ½ ėᵀM ė + ½ eᵀKp e falls along motions: V̇ = -ėᵀKd ė, by Ṁ - 2C skew. Raises as ``PDGravity``
+    Source  Paden and Panja, Globally asymptotically stable PD+ controller for robot manipulators (1988).
+
+    >>> import spatialdyn as sd
+    >>> law = sd.PDPlus(60.0, 12.0, sd.quintic([0.0, 0.0], [1.0, 0.5], 2.0))
+    >>> sd.rollout(sd.load_urdf("two_link"), [0.1, 0.0], [0.0, 0.0], dt=1e-3, steps=10, control=law).q.shape
+    (10, 2)
+    """
+
+    def __init__(self, Kp: ArrayLike, Kd: ArrayLike, path: Path | ArrayLike, held: bool | float = False) -> None:
+        """See the class."""
+        reference, n = _reference(path)
+        core, one, two = _two_gains("pd_plus", ("Kp", Kp), ("Kd", Kd), n)
+        super().__init__(core, {"kp": one, "kd": two}, reference, held)
+
+
+class ComputedTorque(Law):
+    """Computed torque: tau = M (a_d + Kp e + Kd ė) + C v + g, which leaves ë + Kd ė + Kp e = 0 of a right model.
+
+    Kp, Kd  numbers, (nv,) or (nv, nv), above 0 [1/s²], [1/s]: ``critical_gains``
+    path    Path, or positions to hold (nq,)
+    held    as of ``Control``
+
+    Raises  as ``PDGravity``
+    Source  Spong, Hutchinson and Vidyasagar, Robot Modeling and Control (2006), section 8.3.
+
+    >>> import spatialdyn as sd
+    >>> path = sd.quintic([0.0, 0.0], [1.0, 0.5], 2.0)
+    >>> law = sd.ComputedTorque(*sd.critical_gains(8.0), path)
+    >>> run = sd.simulate(sd.load_urdf("two_link"), [0.0, 0.0], [0.0, 0.0], 2.0, 0.01, control=law)
+    >>> bool(abs(run.q - path(run.t).q).max() < 1e-7)
+    True
+    """
+
+    def __init__(self, Kp: ArrayLike, Kd: ArrayLike, path: Path | ArrayLike, held: bool | float = False) -> None:
+        """See the class."""
+        reference, n = _reference(path)
+        core, one, two = _two_gains("computed_torque", ("Kp", Kp), ("Kd", Kd), n)
+        super().__init__(core, {"kp": one, "kd": two}, reference, held)
+
+
+class Passivity(Law):
+    """Passivity-based control: tau = M a_r + C(q, v) v_r + g - K s, v_r = v_d + Λ e, s = v - v_r: Slotine and Li's
+    law without adaptation.
+
+    rates  Λ, a number, (nv,) or (nv, nv), above 0 [1/s]
+    gain   K, a number, (nv,) or (nv, nv), above 0 [N m s/rad | N s/m]
+    path   Path, or positions to hold (nq,)
+    held   as of ``Control``
+
+    V = ½ sᵀM s falls along motions: V̇ = -sᵀK s, by Ṁ - 2C skew. Raises as ``PDGravity``
+    Source  Slotine and Li, On the adaptive control of robot manipulators (1987).
+
+    >>> import spatialdyn as sd
+    >>> law = sd.Passivity(5.0, 10.0, sd.quintic([0.0, 0.0], [1.0, 0.5], 2.0))
+    >>> law(sd.load_urdf("two_link"), 0.0, [0.0, 0.0], [0.0, 0.0]).shape
+    (2,)
+    """
+
+    def __init__(self, rates: ArrayLike, gain: ArrayLike, path: Path | ArrayLike, held: bool | float = False) -> None:
+        """See the class."""
+        reference, n = _reference(path)
+        core, one, two = _two_gains("passivity_based", ("rates", rates), ("gain", gain), n)
+        super().__init__(core, {"rates": one, "gain": two}, reference, held)
+
+
+class StateFeedback(Law):
+    """State feedback: tau = tau₀ - K (q ⊖ q_ref, v - v_ref), as ``lqr`` finds K.
+
+    K       (nv, 2 nv), or (m, 2 nv) with joints
+    q, v    (nq,), (T, nq) or (B, T, nq), and of v the same  the state to hold; v is zero if left out
+    tau     (nv,), (T, nv) or (B, T, nv)  torque at that state; zero if left out
+    joints  the m freedoms that K drives, by index in v
+    held    as of ``Control``; True for a K of a step
+
+    Raises  ShapeError, NonFiniteError
+
+    >>> import numpy as np, spatialdyn as sd
+    >>> law = sd.StateFeedback(np.array([[3.0, 1.0]]), [0.0])
+    >>> law(sd.load_urdf("pendulum"), 0.0, [0.1], [0.2])
+    array([-0.5])
+    """
+
+    def __init__(
+        self, K: ArrayLike, q: ArrayLike, v: ArrayLike | None = None, tau: ArrayLike | None = None,
+        joints: ArrayLike | None = None, held: bool | float = False,
+    ) -> None:  # fmt: skip
+        """See the class."""
+        gain = as_array("K", K)
+        if gain.ndim != 2 or gain.shape[1] % 2:
+            raise ShapeError(f"K has shape {gain.shape}, expected (nv, 2 nv)")
+        n = gain.shape[1] // 2
+        if joints is not None:
+            at = np.asarray(joints)
+            if at.shape != (len(gain),) or at.dtype.kind not in "iu" or not ((at >= 0) & (at < n)).all():
+                raise ShapeError(f"joints are {joints!r}, expected {len(gain)} whole numbers from 0 to {n - 1}")
+            whole = np.zeros((n, 2 * n))
+            whole[at] = gain
+            gain = whole
+        if gain.shape[0] != n:
+            raise ShapeError(f"K has shape {gain.shape}, expected ({n}, {2 * n}), or joints that it drives")
+        given = {"q_ref": q, "v_ref": v, "hold": tau}
+        reference = {name: as_array(name, x) for name, x in given.items() if x is not None}
+        for name, x in {"K": gain, **reference}.items():
+            if not np.isfinite(x).all():
+                raise NonFiniteError(f"{name} is {x.tolist()}, expected finite numbers")
+        super().__init__(STATE_FEEDBACK, {"gain": gain.copy()}, reference, held)

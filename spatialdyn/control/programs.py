@@ -1,0 +1,85 @@
+"""Specs of this room as programs over batches: recorded for a model, their kernels kept by content."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..engines.compiled import numba_kernels
+from ..engines.programs import batch_kernels, recording, structure, time_loop
+from ..engines.programs.time_loop import StepInput
+from ..engines.run import hashable
+from ..model.model import Model
+from ..recursions.spec import Spec
+
+Array = NDArray[np.float64]
+FROM = 64  # samples from which a kernel is compiled; fewer are computed by NumPy, to the same bits
+
+
+def columns(
+    spec: Spec, model: Model, static: tuple[Any, ...], inputs: Sequence[Array], samples: int, compiled: bool = False
+) -> Array:
+    """The output (samples, columns) of a Spec at inputs (samples or 1, columns) in C order.
+
+    compiled  by its kernel, however few the samples are: of calls in loops
+    """
+    made, kernel = _recorded(spec, model, hashable(static)), None
+    out = np.empty((samples, sum(map(len, made.layout.outputs))))
+    if samples and (compiled or samples >= FROM):
+        kernel = _kernel(spec, model, hashable(static))
+    left = None if kernel is None else kernel(inputs, (out,))
+    again = np.arange(samples) if left is None else left
+    if len(again):
+        given = [y for x in inputs for y in (x[again] if len(x) == samples else x).T]
+        found = made.program.run(given)
+        out[again] = np.stack([np.broadcast_to(np.asarray(x, float), len(again)) for x in found], 1)
+    return out
+
+
+def _values(static: tuple[bytes | int, ...]) -> tuple[Any, ...]:
+    """Values of static inputs, of what ``hashable`` makes of them: placements and numbers."""
+    return tuple(np.frombuffer(x).reshape(4, 4) if isinstance(x, bytes) else x for x in static)
+
+
+@lru_cache(maxsize=64)
+def _recorded(spec: Spec, model: Model, static: tuple[bytes | int, ...]) -> recording.Recording:
+    return recording.record((spec,), model.bodies, _values(static))
+
+
+@lru_cache(maxsize=64)
+def _kernel(spec: Spec, model: Model, static: tuple[bytes | int, ...]) -> Any:
+    """The kernel, by the content of what is recorded; None if there is none."""
+    if numba_kernels.PLAIN or not recording.fits((spec,), model.bodies, static=_values(static)):
+        return None
+    made = _recorded(spec, model, static)
+    found = hashlib.sha256(structure.digest(*made).encode())
+    found.update(structure.Numbers(*made).values(np.float64).tobytes())
+    return batch_kernels.kernel((spec,), model.bodies, found.hexdigest(), _values(static), recorded=made)
+
+
+def repeated(
+    spec: Spec, model: Model, static: tuple[Any, ...], state: Array, inputs: Sequence[Array], steps: int
+) -> Array:
+    """The states (samples, steps, columns) of a Spec that takes its own output as first input, step after step.
+
+    inputs  (samples or 1, columns) of the others, the same in all steps
+    """
+    made: Array = np.empty((len(state), steps, state.shape[1]))
+    kernel = _kernel(spec, model, hashable(static))
+    again = np.arange(len(state))
+    if kernel is not None and len(state):
+        again = time_loop.run(kernel, [state], [StepInput(x[:, None]) for x in inputs], [made], steps, 1)
+    if len(again):
+        now = np.ascontiguousarray(state[again])
+        rest = [np.ascontiguousarray(x[again]) if len(x) == len(state) else x for x in inputs]
+        program = _recorded(spec, model, hashable(static)).program
+        for k in range(steps):
+            found = program.run([y for x in (now, *rest) for y in x.T])
+            now = np.stack([np.broadcast_to(np.asarray(x, float), len(again)) for x in found], 1)
+            made[again, k] = now
+    return made

@@ -1,0 +1,153 @@
+"""Control laws made of others: their sum, a law within limits, and one that is taken anew once in a period."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from ...algebra.scalars import select
+from ...recursions.friction import DT
+from ...recursions.paths import CLOCK as CLOCK
+from ...recursions.spec import TAU, Argument, Q, Spec, V
+from .law_specs import AFTER, BEGUN, OWN_INPUT, begun, begun_of, given_by_step, law_on
+
+LIMITS = Argument("limits", ("nv",), "N m | N", "largest torques")
+PERIOD = Argument("period", (1,), "s", "from one sample to the next")
+LEFT = Argument("time_left", (1,), "s", "until the next sample", start=0.0)
+HELD = Argument("held_torque", ("nv",), "N m | N", "of the last sample", start=0.0)
+STEP = tuple(replace(x, unit_norm=False) for x in (Q, V, TAU))
+EARLY = tuple(begun(x) for x in (Q, V, TAU))  # what a held torque is of
+
+
+def ends_of(spec: Spec) -> tuple[Argument, ...]:
+    """The parts of a law that are rates or ends of its states."""
+    return spec.parts[1:]
+
+
+def own_of(spec: Spec) -> tuple[Argument, ...]:
+    """The inputs of a law that the step does not give, its states among them."""
+    return tuple(x for x in spec.present if x.name not in given_by_step(spec))
+
+
+def called(spec: Spec, rows: Any, given: Mapping[str, Any], names: Mapping[str, str], early: bool) -> tuple[Any, Any]:
+    """The torque of a law and what it makes of its states, by their names.
+
+    names  what the given inputs are called that the law has under its own names
+    early  whether it is called with the beginning of the step
+    """
+    states = {x.name for x in spec.states}
+
+    def at(name: str) -> Any:
+        return given[name + BEGUN if early else name]
+
+    inputs: dict[str, Any] = {DT.name: given[DT.name]}
+    for x in spec.present:
+        if x.name in names:
+            inputs[OWN_INPUT + x.name] = at(names[x.name]) if x.name in states else given[names[x.name]]
+    inputs |= {name: given[names.get(of, of) + BEGUN] for name, of in begun_of(spec).items()}
+    tau, made = law_on(spec, rows, inputs)(*(at(x.name) for x in STEP), {})
+    return tau, {name.removeprefix(OWN_INPUT): x for name, x in made.items()}
+
+
+def _composed(
+    name: str, recursion: Any, own: tuple[Argument, ...], ends: tuple[Argument, ...], parts: tuple[Spec, ...],
+    early: bool = False,
+) -> Spec:  # fmt: skip
+    """The Spec of a law made of others, whose own inputs, static ones last, follow q, v and tau.
+
+    early  whether it reads the beginning of the step, beside what its parts do
+    """
+    own = tuple(sorted((replace(x, unit_norm=False, optional=False) for x in own), key=lambda x: x.static))
+    first = (*EARLY, *(begun(x) for x in own if x.start is not None))
+    reads = early or any(begun_of(x) for x in parts)
+    inputs = (*STEP, DT, *(first if reads else ()), *own)
+
+    def on_rows(rows: Any, *arrays: Any) -> None:
+        recursion(rows, dict(zip((x.name for x in inputs), arrays, strict=False)), *arrays[len(inputs) :])
+
+    regroup = all(x.regroup for x in parts)
+    return Spec(name, on_rows, None, inputs, TAU, "A law made of others.", "", parts=(TAU, *ends), regroup=regroup)
+
+
+@lru_cache(maxsize=64)
+def total(specs: tuple[Spec, ...], held: tuple[bool, ...]) -> tuple[Spec, list[dict[str, str]]]:
+    """The sum of laws, and what their own inputs are called in it: a name that several have gets their numbers.
+
+    They share one clock.
+    """
+    count: dict[str, int] = {}
+    for spec in specs:
+        for x in own_of(spec):
+            count[x.name] = count.get(x.name, 0) + 1
+    names = [
+        {x.name: x.name if count[x.name] == 1 or x.name == CLOCK.name else f"{x.name}_{k}" for x in own_of(spec)}
+        for k, spec in enumerate(specs, 1)
+    ]
+    own: dict[str, Argument] = {}
+    ends: dict[str, Argument] = {}
+    for spec, named in zip(specs, names, strict=True):
+        own |= {named[x.name]: replace(x, name=named[x.name]) for x in own_of(spec)}
+        for x, end in zip(spec.states, ends_of(spec), strict=True):
+            ends[named[x.name]] = replace(end, name=named[x.name] + end.name.removeprefix(x.name))
+
+    def recursion(rows: Any, given: dict[str, Any], tau: Any, *parts: Any) -> None:
+        places = dict(zip((x for x, y in own.items() if y.start is not None), parts, strict=True))
+        for k, (spec, named, early) in enumerate(zip(specs, names, held, strict=True)):
+            torque, made = called(spec, rows, given, named, early)
+            if early and made:  # its torque is held, its states move on
+                made = called(spec, rows, given, named, False)[1]
+            tau[:] = torque if k == 0 else tau + torque
+            for name, x in made.items():
+                places[named[name]][:] = x
+
+    ordered = tuple(ends[name] for name, x in own.items() if x.start is not None)
+    name, inputs = "_and_".join(x.name for x in specs), tuple(own.values())
+    return _composed(name, recursion, inputs, ordered, specs, any(held)), names
+
+
+@lru_cache(maxsize=64)
+def limited(spec: Spec) -> Spec:
+    """A law within -limits to limits."""
+    names = {x.name: x.name for x in own_of(spec)}
+
+    def recursion(rows: Any, given: dict[str, Any], tau: Any, *parts: Any) -> None:
+        torque, made = called(spec, rows, given, names, False)
+        most = given[LIMITS.name]
+        for i, x in enumerate(torque):
+            x = select(x - most[i], most[i], x)
+            tau[i] = select(-most[i] - x, -most[i], x)
+        for part, x in zip(parts, made.values(), strict=True):
+            part[:] = x
+
+    own = (*own_of(spec), LIMITS)
+    return _composed(f"limited_{spec.name}", recursion, own, ends_of(spec), (spec,))
+
+
+@lru_cache(maxsize=64)
+def sampled(spec: Spec) -> Spec:
+    """A law that is taken anew once in a period and held in between; its states that change at ends do so then."""
+    names = {x.name: x.name for x in own_of(spec)}
+    moved = [end.name.endswith(AFTER) for end in ends_of(spec)]
+
+    def recursion(rows: Any, given: dict[str, Any], tau: Any, *parts: Any) -> None:
+        left, h = given[LEFT.name][0], given[DT.name]
+        h = h[0] if np.ndim(h) else h
+        due = 0.5 * h - left
+        torque, early = called(spec, rows, given, names, True)
+        now = called(spec, rows, given, names, False)[1] if early else {}
+        for i, x in enumerate(torque):
+            tau[i] = select(due, x, given[HELD.name][i])
+        *own, left_after, held_after = parts
+        for part, at_end, (name, x), y in zip(own, moved, early.items(), now.values(), strict=True):
+            for i in range(len(part)):
+                part[i] = select(due, x[i], given[name][i]) if at_end else y[i]
+        left_after[0] = select(due, left + given[PERIOD.name][0], left) - h
+        held_after[:] = tau
+
+    own = (*own_of(spec), PERIOD, LEFT, HELD)
+    ends = (*ends_of(spec), *(replace(x, name=x.name + AFTER, start=None) for x in (LEFT, HELD)))
+    return _composed(f"sampled_{spec.name}", recursion, own, ends, (spec,), early=True)

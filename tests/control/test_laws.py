@@ -1,0 +1,289 @@
+"""Control laws: their torques from M, C and g, their closed loops, and what they are made of together."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import spatialdyn as sd
+
+ROUNDING = 1e-12  # of torques of some 10 N m
+N = 3
+
+
+@pytest.fixture(scope="module")
+def arm() -> sd.Model:
+    """Three joints about different axes, whose inertias are alike."""
+    builder = sd.ModelBuilder("arm")
+    for k, axis in enumerate(((0, 0, 1), (0, 1, 0), (1, 0, 0))):
+        solid = (1.0, (0.1, 0.05, 0.15), np.diag([0.3, 0.4, 0.35]))
+        builder.add_body(f"b{k}", f"b{k - 1}" if k else None, "revolute", axis, (0.2, 0.1, 0.3) if k else None, solid)
+    return builder.build()
+
+
+def spd(seed: int, n: int = N) -> np.ndarray:
+    """A symmetric positive matrix."""
+    A = np.random.default_rng(seed).normal(size=(n, n))
+    return A @ A.T + np.eye(n)
+
+
+def laws(path: Any) -> dict[str, sd.Control]:
+    return {
+        "pd": sd.PD(spd(1), spd(2), path, held=False), "pd_gravity": sd.PDGravity(spd(1), spd(2), path),
+        "pd_plus": sd.PDPlus(spd(1), spd(2), path), "computed_torque": sd.ComputedTorque(spd(1), spd(2), path),
+        "passivity": sd.Passivity(spd(1), spd(2), path),
+    }  # fmt: skip
+
+
+def formula(name: str, model: sd.Model, q: np.ndarray, v: np.ndarray, at: sd.PathPoint) -> np.ndarray:
+    """The line of the textbook, with M, C and g formed."""
+    M, C, g = sd.crba(model, q), sd.coriolis_matrix(model, q, v), sd.generalized_gravity(model, q)
+    Kp, Kd, e, de = spd(1), spd(2), sd.difference(model, q, at.q), at.v - v
+    lines = {
+        "pd": lambda: Kp @ e + Kd @ de,
+        "pd_gravity": lambda: g + Kp @ e - Kd @ v,
+        "pd_plus": lambda: M @ at.a + C @ at.v + g + Kp @ e + Kd @ de,
+        "computed_torque": lambda: M @ (at.a + Kp @ e + Kd @ de) + C @ v + g,
+        "passivity": lambda: M @ (at.a + Kp @ de) + C @ (at.v + Kp @ e) + g - Kd @ (v - at.v - Kp @ e),
+    }
+    return np.asarray(lines[name]())
+
+
+@pytest.mark.parametrize("name", laws([0.0] * N))
+def test_a_law_is_its_line_in_the_textbook(name: str, arm: sd.Model) -> None:
+    draw = np.random.default_rng(3)
+    path = sd.fourier(*draw.normal(size=(2, 2, N)), 0.5, draw.normal(size=N))
+    t, q, v = draw.uniform(0.0, 2.0, 100), draw.normal(size=(100, N)), draw.normal(size=(100, N))
+    found = laws(path)[name](arm, t, q, v)
+    for k in range(100):
+        want = formula(name, arm, q[k], v[k], path(t[k]))
+        assert abs(found[k] - want).max() < ROUNDING * max(1.0, abs(want).max())
+    assert (laws(path)[name](arm, t[7], q[7], v[7]) == found[7]).all()  # to the bit, alone
+
+
+def test_laws_of_groups_and_of_mimic_joints_are_theirs() -> None:
+    solid = (1.0, (0.1, 0.0, 0.2), 0.1 * np.eye(3))
+    free = sd.ModelBuilder("free", "world").add_body("base", None, "floating", inertia=solid)
+    model = free.add_body("arm", "base", "spherical", inertia=solid).build()
+    draw = np.random.default_rng(4)
+    q = sd.integrate(model, sd.neutral(model), 0.3 * draw.normal(size=model.nv))
+    path = sd.quintic(sd.neutral(model), q, 2.0, model)
+    v = draw.normal(size=model.nv)
+    at, gains = path(0.7), (np.full(model.nv, 3.0), np.full(model.nv, 2.0))
+    e = sd.difference(model, q, at.q)
+    want = sd.rnea(model, q, v, at.a + 3.0 * e + 2.0 * (at.v - v))
+    assert abs(sd.ComputedTorque(*gains, path)(model, 0.7, q, v) - want).max() < ROUNDING * abs(want).max()
+    finger = sd.ModelBuilder("finger").add_body("a", None, "revolute", (0, 1, 0), inertia=solid)
+    finger.add_body("b", "a", "revolute", (0, 1, 0), (0.4, 0, 0), solid, mimic={"leader": "a_joint", "multiplier": 0.5})
+    mimic = finger.add_body("c", "b", "revolute", (0, 1, 0), (0.4, 0, 0), solid).build(mimic=True)
+    q, v = np.array([0.4, -0.2]), np.array([1.0, 2.0])
+    want = sd.modified_rnea(mimic, q, v, v + 1.0, v)
+    found = sd.PDPlus(1e-9, 1e-9, sd.spline([0.0, 1.0], [[0.0, 0.0], [1.0, 1.0]]))(mimic, 0.0, q, v)
+    assert found.shape == want.shape
+    assert abs(sd.Gravity()(mimic, 0.0, q, v) - sd.generalized_gravity(mimic, q)).max() < ROUNDING
+
+
+def test_computed_torque_follows_a_path_to_order_four_by_rk4(arm: sd.Model) -> None:
+    """Its clock is read at the times of the stages: samples held over steps would make it of order 1."""
+    path = sd.fourier([[1.0, 0.5, -0.5]], [[0.2, -0.4, 0.6]], 0.5, [0.1, 0.2, 0.3])
+    law = sd.ComputedTorque(*sd.critical_gains(4.0), path)
+    start, errors = path(0.0), []
+    for dt in (0.02, 0.01, 0.005):
+        run = sd.simulate(arm, start.q + 0.1, start.v, 1.0, dt, "rk4", control=law)
+        exact = path(run.t).q + (0.1 * (1.0 + 4.0 * run.t) * np.exp(-4.0 * run.t))[:, None]  # e'' + 8 e' + 16 e = 0
+        errors.append(abs(run.q - exact).max())
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(4.0, abs=0.3)
+    assert np.log2(errors[1] / errors[2]) == pytest.approx(4.0, abs=0.3)
+    assert errors[2] < 1e-8
+    assert run.states["clock"][-1] == pytest.approx(1.0, abs=1e-12)
+
+
+def test_a_rollout_on_lanes_is_simulate(arm: sd.Model) -> None:
+    path = sd.quintic([0.0] * N, [0.5, -0.4, 0.3], 0.5)
+    law, starts = sd.Passivity(3.0, 4.0, path) + sd.Gravity(), 0.1 * np.random.default_rng(5).normal(size=(9, N))
+    found = sd.rollout(arm, starts, np.zeros(N), dt=0.01, steps=20, method="rk4", control=law)
+    alone = sd.simulate(arm, starts[4], np.zeros(N), 0.2, 0.01, "rk4", control=law)
+    assert abs(found.q[4] - alone.q[1:]).max() < ROUNDING
+
+
+def test_pd_with_gravity_rests_exactly_at_its_goal(arm: sd.Model) -> None:
+    goal = np.array([0.4, -0.2, 0.3])
+    law = sd.PDGravity(20.0, 12.0, goal)
+    run = sd.simulate(arm, np.zeros(N), np.zeros(N), 20.0, 0.01, control=law)
+    assert abs(run.q[-1] - goal).max() < 1e-9
+    assert abs(run.v[-1]).max() < 1e-9
+    for method in ("implicit_midpoint", "stormer_verlet"):  # they evaluate the law where they evaluate forces
+        other = sd.simulate(arm, np.zeros(N), np.zeros(N), 2.0, 0.01, method, control=law)
+        assert abs(other.q[-1] - run.q[200]).max() < 1e-3
+
+
+def test_lyapunov_functions_of_the_laws_fall(arm: sd.Model) -> None:
+    """V' = -ė·Kd ė of PD+, -s·K s of passivity-based control, -v·Kd v of energy shaping."""
+    path = sd.fourier([[1.0, 0.5, -0.5]], [[0.2, -0.4, 0.6]], 0.5, [0.1, 0.2, 0.3])
+    shaping = sd.EnergyShaping(20.0, 3.0, [0.3, 0.2, 0.1], "cosine")
+
+    def of_plus(t: np.ndarray, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        at = path(t)
+        e, de = at.q - q, at.v - v
+        return np.asarray(sd.kinetic_energy(arm, q, de) + 0.5 * np.einsum("ni,ij,nj->n", e, spd(1), e))
+
+    def of_slotine(t: np.ndarray, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        at = path(t)
+        return np.asarray(sd.kinetic_energy(arm, q, v - at.v - (at.q - q) @ spd(1)))
+
+    for law, V in (
+        (laws(path)["pd_plus"], of_plus), (laws(path)["passivity"], of_slotine),
+        (shaping, lambda t, q, v: shaping.energy(arm, q, v)),
+    ):  # fmt: skip
+        run = sd.simulate(arm, [0.5, -0.5, 0.2], [0.3, 0.1, -0.4], 2.0, 2e-3, control=law)
+        found = V(run.t, run.q, run.v)
+        assert np.diff(found).max() < 1e-12 * found[0]
+        assert found[-1] < 0.5 * found[0]
+
+
+# --- together -------------------------------------------------------------------------------------------
+
+
+def test_laws_add(arm: sd.Model) -> None:
+    path = sd.quintic([0.0] * N, [0.5, -0.4, 0.3], 0.5)
+    parts = sd.PD(10.0, 2.0, path, held=False), sd.Gravity(), sd.PDPlus(1.0, 1.0, path)
+    both = parts[0] + parts[1] + parts[2]
+    q, v = np.array([0.1, 0.2, 0.3]), np.array([1.0, -1.0, 0.5])
+    want = sum(x(arm, 0.2, q, v) for x in parts)
+    assert abs(both(arm, 0.2, q, v) - want).max() < ROUNDING
+    run = sd.simulate(arm, q, v, 0.3, 0.01, "rk4", control=both)
+    assert list(run.states) == ["clock"]  # which they share
+    adaptive = sd.simulate(arm, q, v, 0.3, 0.3, "dop853", control=both)
+    assert abs(adaptive.q[-1] - run.q[-1]).max() < 1e-6
+    with pytest.raises(TypeError):
+        both + 3  # type: ignore[operator]
+
+
+def test_a_held_law_beside_one_that_is_not_is_held_alone(arm: sd.Model) -> None:
+    """By hand: PD's torque at the beginning of each step, beside g(q) at every stage."""
+    hold, q, v = sd.PD(30.0, 5.0, [0.3, 0.2, 0.1]), np.zeros(N), np.zeros(N)
+    run = sd.simulate(arm, q, v, 0.2, 0.02, "rk4", control=hold + sd.Gravity())
+    for k in range(10):
+        tau = hold(arm, 0.0, q, v)
+        end = sd.simulate(arm, q, v, 0.02, 0.02, "rk4", torque=tau, control=sd.Gravity())
+        q, v = end.q[-1], end.v[-1]
+        assert abs(run.q[k + 1] - q).max() < ROUNDING
+    with pytest.raises(sd.SimulationError, match="is held over a step"):
+        sd.simulate(arm, q, v, 0.2, 0.02, "dop853", control=hold + sd.Gravity())
+
+
+def test_a_law_with_a_period_is_taken_anew_once_in_it(arm: sd.Model) -> None:
+    goal = [0.3, 0.2, 0.1]
+    slow = sd.PD(30.0, 5.0, goal, held=0.05)
+    q, v = np.zeros(N), np.zeros(N)
+    run = sd.simulate(arm, q, v, 0.2, 0.01, "rk4", control=slow)
+    lanes = sd.rollout(arm, np.tile(q, (3, 1)), v, dt=0.01, steps=20, method="rk4", control=slow)
+    assert abs(lanes.q[1] - run.q[1:]).max() < ROUNDING
+    for k in range(20):
+        if k % 5 == 0:
+            tau = sd.PD(30.0, 5.0, goal)(arm, 0.0, q, v)
+        end = sd.simulate(arm, q, v, 0.01, 0.01, "rk4", torque=tau)
+        q, v = end.q[-1], end.v[-1]
+        assert abs(run.q[k + 1] - q).max() < ROUNDING
+    rates = sd.PD(30.0, 5.0, goal, held=0.05) + sd.PDGravity(3.0, 1.0, goal, held=0.02) + sd.Gravity()
+    mixed = sd.simulate(arm, np.zeros(N), np.zeros(N), 0.2, 0.01, "rk4", control=rates)
+    assert {"time_left_1", "time_left_2", "held_torque_1", "held_torque_2"} <= {*mixed.states} or len(mixed.states) == 4
+
+
+def test_limits_clip_the_sum(arm: sd.Model) -> None:
+    most = np.array([3.0, np.inf, 0.5])
+    law = sd.PD(100.0, 5.0, [1.0, 1.0, -1.0]) + sd.Gravity()
+    q, v = np.zeros(N), np.zeros(N)
+    whole = law(arm, 0.0, q, v)
+    assert (law.limited_by(most)(arm, 0.0, q, v) == np.clip(whole, -most, most)).all()
+    run = sd.rollout(arm, q, v, dt=1e-3, steps=5, control=law.limited_by(most))
+    first = sd.step(arm, q, v, np.clip(whole, -most, most), 1e-3)
+    assert abs(run.q[0] - first[0]).max() < ROUNDING
+    with pytest.raises(sd.SimulationError, match="limits is .* expected"):
+        law.limited_by([0.0, 1.0, 1.0])
+
+
+def test_a_cost_is_summed_beside_laws_at_different_rates(arm: sd.Model) -> None:
+    from spatialdyn.recursions.spec import TAU, Argument, Spec
+
+    def toil(bodies: Any, tau: Any, cost: Any) -> None:
+        cost[0] = tau[0] * tau[0]
+
+    cost = sd.Cost(Spec("toil_of_laws", toil, None, (TAU,), Argument("cost", (1,), "", ""), "", ""))
+    law = sd.PD(30.0, 5.0, [0.3, 0.2, 0.1], held=0.02) + sd.Gravity()
+    run = sd.rollout(arm, np.zeros(N), np.zeros(N), dt=0.01, steps=10, control=law, cost=cost, record=1)
+    assert np.isfinite(run.cost).all()
+    plain = sd.rollout(arm, np.zeros(N), np.zeros(N), dt=0.01, steps=10, control=law)
+    assert abs(run.q - plain.q).max() < ROUNDING
+
+
+def test_references_may_vary_by_sample_and_step(arm: sd.Model) -> None:
+    goals = np.random.default_rng(6).normal(size=(4, 5, N))
+    found = sd.rollout(arm, np.zeros(N), np.zeros(N), dt=0.01, control=sd.PDPlus(10.0, 3.0, goals))
+    alone = sd.rollout(arm, np.zeros(N), np.zeros(N), dt=0.01, control=sd.PDPlus(10.0, 3.0, goals[2]))
+    assert found.q.shape == (4, 5, N)
+    assert (found.q[2] == alone.q).all()
+
+
+# --- gains ----------------------------------------------------------------------------------------------
+
+
+def test_gains_that_are_none_are_refused_by_their_eigenvalue(arm: sd.Model) -> None:
+    path = sd.quintic([0.0] * N, [1.0] * N, 1.0)
+    bad = np.diag([1.0, 2.0, -0.5])
+    with pytest.raises(sd.SimulationError, match="Kp has the eigenvalue -0.5, expected above 0"):
+        sd.ComputedTorque(bad, 1.0, path)
+    with pytest.raises(sd.SimulationError, match="Kd is not symmetric, by up to 1, expected"):
+        sd.PDPlus(1.0, np.eye(N) + np.eye(N, k=1), path)
+    with pytest.raises(sd.SimulationError, match="kd has the eigenvalue -1, expected 0 or more"):
+        sd.PD([1.0] * N, [-1.0] * N, [0.0] * N)
+    with pytest.raises(sd.NonFiniteError, match="q_d is"):
+        sd.PDGravity(1.0, 1.0, [np.nan] * N)
+    with pytest.raises(sd.SpatialDynError, match='2 coordinates that are numbers, expected the 3 of robot "arm"'):
+        sd.simulate(arm, [0.0] * N, [0.0] * N, 0.1, 0.01, control=sd.PDPlus(1.0, 1.0, sd.quintic([0, 0], [1, 1], 1.0)))
+    with pytest.raises(sd.SimulationError, match="held is -1"):
+        sd.Gravity(held=-1)
+
+
+def test_lqr_holds_what_falls() -> None:
+    pytest.importorskip("scipy")
+    model = sd.load_urdf("two_link")
+    up, rest = np.array([-np.pi / 2, 0.0]), np.zeros(2)
+    hold = sd.generalized_gravity(model, up)
+    for dt in (None, 0.01):
+        A, B = sd.linearize(model, up, rest, hold, dt, *(() if dt is None else ("semi_implicit_euler",)))
+        found = sd.lqr(A, B, np.eye(4), 0.1 * np.eye(2), discrete=dt is not None)
+        assert (abs(found.poles).max() < 1.0) if dt else (found.poles.real.max() < 0.0)
+        run = sd.simulate(
+            model, up + 0.1, rest, 20.0, 0.01, "semi_implicit_euler", control=found.feedback(up, tau=hold)
+        )
+        assert abs(run.q[-1] - up).max() < 1e-3
+    with pytest.raises(sd.SpatialDynError, match="R has the eigenvalue 0, expected above 0"):
+        sd.lqr(A, B, np.eye(4), np.zeros((2, 2)))
+    with pytest.raises(sd.SpatialDynError, match="no feedback stabilizes"):
+        sd.lqr(2.0 * np.eye(2), np.zeros((2, 1)), np.eye(2), np.eye(1))
+
+
+def test_a_closed_step_is_stable_below_the_bound_and_names_its_joint() -> None:
+    """ω h < 2 √(1 + ζ²) - 2 ζ, exact for one joint without gravity under a torque held over the step."""
+    solid = (1.0, (0.0, 0.0, 0.5), 0.1 * np.eye(3))
+    model = sd.ModelBuilder("rod").add_body("rod", None, axis=(0, 0, 1), inertia=solid).build()
+    inertia, h = float(sd.crba(model, [0.0])[0, 0]), 0.01
+    for zeta in (0.1, 0.7):
+        most = float(sd.largest_step(1.0, zeta)) / h
+        for part, stable in ((0.999, True), (1.001, False)):
+            Kp, Kd = sd.critical_gains(part * most, zeta)
+            law = sd.PD([inertia * float(Kp)], [inertia * float(Kd)], [0.0])
+            found = sd.closed_step(model, law, [0.0], [0.0], h, "semi_implicit_euler")
+            assert (found.radius < 1.0) == stable
+    with pytest.raises(sd.SimulationError, match='most in joint "rod'):
+        found.check()
+    arm = sd.load_urdf("ur5")
+    stiff = sd.PD(np.r_[100.0, 100.0, 100.0, 10.0, 10.0, 500.0], 1.0, np.zeros(6))
+    assert sd.closed_step(arm, stiff, np.zeros(6), np.zeros(6), 0.02, "semi_implicit_euler").joint == arm.joints[6].name
+
+
+def test_the_stiffness_of_gravity_is_that_of_the_notes() -> None:
+    assert sd.gravity_stiffness_bound(sd.load_urdf("ur5"), 20000) == pytest.approx(64.4, abs=1.0)
