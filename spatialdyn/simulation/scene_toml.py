@@ -79,8 +79,8 @@ def read(model: Model, text: str) -> dict[str, Any]:
     if "motor" in given:
         found["motor"] = _made("motor", Motor, given["motor"])
     if "contacts" in given:
-        known = ("points", "friction", "restitution", "terrain", "tolerance", "steps", "rounds")
-        entries = _table("contacts", given["contacts"], known)
+        wanted = ("points", "friction", "restitution", "terrain", "tolerance", "steps", "rounds")
+        entries = _table("contacts", given["contacts"], wanted)
         if "points" not in entries:
             raise SimulationError("[contacts] of the scene lacks points, expected {frame = radius}")
         if "terrain" in entries:
