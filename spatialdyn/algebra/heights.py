@@ -14,17 +14,18 @@ from .scalars import Scalar, compiled_as, select
 
 
 @singledispatch
-def bilinear(x: Scalar, y: Scalar, heights: Any) -> tuple[Scalar, Scalar, Scalar]:
+def bilinear(x: Scalar, y: Scalar, heights: Any, first: int) -> tuple[Scalar, Scalar, Scalar]:
     """(f, ∂f/∂x, ∂f/∂y) at x, y in cells from the first height; beyond the table it goes on level from its rim.
 
     heights  rows with the column z, those of one x after another; row 0 is the header, with their numbers nx and ny
+    first    row of the first of nx ny heights
     """
     nx, ny = heights[0].nx, heights[0].ny
     if not (x == x and y == y):  # NaN has no cell
         return x + y, x + y, x + y
     i, j = min(max(math.floor(x), 0), nx - 2), min(max(math.floor(y), 0), ny - 2)
     s, t = min(max(x - i, 0), 1), min(max(y - j, 0), 1)
-    k = 1 + i * ny + j
+    k = first + i * ny + j
     a, b, c, d = heights[k].z, heights[k + 1].z, heights[k + ny].z, heights[k + ny + 1].z
     level = (1 - s) * ((1 - t) * a + t * b) + s * ((1 - t) * c + t * d)
     along = (1 - t) * (c - a) + t * (d - b) if 0 <= x < nx - 1 else 0.0 * a
@@ -33,15 +34,15 @@ def bilinear(x: Scalar, y: Scalar, heights: Any) -> tuple[Scalar, Scalar, Scalar
 
 
 @compiled_as(bilinear)
-def _bilinear(x, y, heights):  # type: ignore[no-untyped-def]  # Numba compares the argument lists
-    def read(x, y, heights):  # type: ignore[no-untyped-def]
+def _bilinear(x, y, heights, first):  # type: ignore[no-untyped-def]  # Numba compares the argument lists
+    def read(x, y, heights, first):  # type: ignore[no-untyped-def]
         nx, ny = heights[0].nx, heights[0].ny
         if not (abs(x) < 1e15 and abs(y) < 1e15):
             lost = x - x + (y - y)
             return lost, lost, lost
         i, j = min(max(math.floor(x), 0), nx - 2), min(max(math.floor(y), 0), ny - 2)
         s, t = min(max(x - i, 0.0), 1.0), min(max(y - j, 0.0), 1.0)
-        k = 1 + i * ny + j
+        k = first + i * ny + j
         a, b, c, d = heights[k].z, heights[k + 1].z, heights[k + ny].z, heights[k + ny + 1].z
         level = (1.0 - s) * ((1.0 - t) * a + t * b) + s * ((1.0 - t) * c + t * d)
         along = (1.0 - t) * (c - a) + t * (d - b) if 0.0 <= x < nx - 1.0 else 0.0
@@ -51,7 +52,7 @@ def _bilinear(x, y, heights):  # type: ignore[no-untyped-def]  # Numba compares 
     return read
 
 
-def by_weights(x: Scalar, y: Scalar, heights: Any) -> tuple[Scalar, Scalar, Scalar]:
+def by_weights(x: Scalar, y: Scalar, heights: Any, first: int) -> tuple[Scalar, Scalar, Scalar]:
     """``bilinear`` without a branch or an address."""
     ny = heights[0].ny
     (p, dp), (q, dq) = _weights(x, heights[0].nx), _weights(y, ny)
@@ -62,7 +63,7 @@ def by_weights(x: Scalar, y: Scalar, heights: Any) -> tuple[Scalar, Scalar, Scal
         line: Scalar = 0.0
         slope: Scalar = 0.0
         for i in range(len(p)):
-            z = heights[1 + i * ny + j].z
+            z = heights[first + i * ny + j].z
             line = line + z * p[i]
             slope = slope + z * dp[i]
         level, along, across = level + line * q[j], along + slope * q[j], across + line * dq[j]

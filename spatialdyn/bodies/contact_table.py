@@ -17,6 +17,7 @@ height     row 0 only, of a plane: how far along the normal it lies from the wor
 row        row of the body that carries the point; the joint's own row
 p          of a point, its centre in that body
 radius     of a point, that of its sphere
+heights    of a point over heights, the row of the first of them: those of its radius
 q_index    of a joint, its coordinate
 lower      of a joint, its limits; infinite where there is none
 upper
@@ -40,13 +41,14 @@ CONTACTS = table_dtype(
     row=int,
     p=Vec,
     radius=float,
+    heights=int,
     q_index=int,
     lower=float,
     upper=float,
 )
 
 # The table of heights of a ground that is no plane: row 0 the header, then one row for each height, those of one x
-# after another.
+# after another; where spheres touch it, for each of their radii the heights of a centre that touches.
 #   last_row  row 0 only: the number of rows that follow
 #   nx, ny    row 0 only: heights along x and along y
 #   x, y      row 0 only: place of the first

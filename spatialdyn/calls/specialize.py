@@ -16,9 +16,11 @@ from numpy.typing import DTypeLike
 
 from ..errors import SpatialDynError
 from ..model.model import Frame, Model
-from .promise import Promise
 from .specialize_request import Names, check_derivative, read_request
 from .specialized import Specialized, check_program, of_request
+
+if typing.TYPE_CHECKING:
+    from .promise import Promise
 
 
 @typing.overload
@@ -149,6 +151,8 @@ def specialize(
         def bounded(dtype: Any) -> Specialized:
             made = read_request(model, calls, dtype, constants, *given, bounds=True)
             return check_program(of_request(made, specialize, ()), "bounds")
+
+        from .promise import Promise  # what bounds need is read for a tolerance alone
 
         return Promise(request, tolerance, bounded, partial(specialize, **words), (model, calls))
     made = of_request(request, specialize, (model, calls, dtype, fixed, *given, derivative))

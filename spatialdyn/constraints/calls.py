@@ -19,7 +19,7 @@ from ..engines.programs.single_call import Parameter
 from ..engines.programs.single_call_text import ARRAY, MOST, NUMBER
 from ..errors import ConstraintError
 from ..model.model import Model
-from ..recursions.constrained import DEPENDENT
+from ..recursions.constrained import CHOSEN, DEPENDENT, ROWS, UNSURE
 from ..recursions.spec import Spec
 from .contact_points import Contacts
 from .table import Constraints, check_constraints
@@ -77,11 +77,35 @@ def _function(
     return single_call.bound(python, parameters, plan)
 
 
+def settled(spec: Spec, constraints: Constraints, out: Array, *values: Any) -> Array:
+    """``out`` with the samples whose rows had to be chosen computed again, by the rows that are: see ``respond``.
+
+    out     (..., nv + nc + 2) with residual and rank at the end
+    values  the inputs of ``spec`` in order but for the rows that are chosen
+    """
+    unsure = out[..., -2] >= UNSURE
+    if not unsure.any():
+        return out
+    model, batch = constraints.model, out.shape[:-1]
+    given = [x for x in spec.present if not x.static and x.name != CHOSEN.name]
+    cores = [core_shape(model, x, (constraints.table,)) for x in given]
+    sample = [None if x is None else _spread(x, batch, core)[unsure] for x, core in zip(values, cores, strict=True)]
+    found = call(ROWS, model, constraints, sample[0], None)
+    made = out.copy()
+    made[unsure] = call(spec, model, constraints, *sample, found[..., :-1])
+    return made
+
+
+def _spread(x: Any, batch: tuple[int, ...], core: tuple[int, ...]) -> Array:
+    """An input of all samples."""
+    return np.broadcast_to(np.asarray(x, np.float64), batch + core)
+
+
 def raise_contradiction(spec: Spec, constraints: Constraints, out: Array, *values: Any) -> None:
     """Raise ConstraintError if equations of a sample contradict others.
 
     out     (..., nv + nc + 2) with residual and rank at the end
-    values  the inputs of ``spec`` in order; None for one left out
+    values  the inputs of ``spec`` in order but for the rows that are chosen; None for one left out
     """
     model, nc = constraints.model, constraints.nc
     least = CONTRADICTION * (model.nv + nc) * EPS
@@ -90,7 +114,8 @@ def raise_contradiction(spec: Spec, constraints: Constraints, out: Array, *value
         return
     batch = out.shape[:-1]
     index = np.unravel_index(bad[0], batch)
-    cores = [core_shape(model, x, (constraints.table,)) for x in spec.present if not x.static]
+    given = [x for x in spec.present if not x.static and x.name != CHOSEN.name]
+    cores = [core_shape(model, x, (constraints.table,)) for x in given]
     sample = [_sample(x, batch, index, core) for x, core in zip(values, cores, strict=True)]
     where = "" if not batch else f" in sample {', '.join(str(int(k)) for k in index)}"
     kept, left, size = _dropped(spec, constraints, sample)
@@ -105,14 +130,15 @@ def raise_contradiction(spec: Spec, constraints: Constraints, out: Array, *value
 
 def _sample(x: Any, batch: tuple[int, ...], index: Any, core: tuple[int, ...]) -> Any:
     """One sample of an input."""
-    return None if x is None else np.broadcast_to(np.asarray(x, np.float64), batch + core)[index]
+    return None if x is None else _spread(x, batch, core)[index]
 
 
 def _dropped(spec: Spec, constraints: Constraints, sample: list[Any]) -> tuple[Array, Array, Array]:
     """(kept, residual, size of terms squared), (nc) each, of one sample."""
     model = constraints.model
     varying = [x.name for x in spec.present if not x.static]
-    values = {"constraints": constraints.table.rows} | dict(zip(varying, sample, strict=True))
+    chosen = call(ROWS, model, constraints, sample[0], None)[:-1]
+    values = {"constraints": constraints.table.rows} | dict(zip(varying, [*sample, chosen], strict=True))
     out = np.empty(core_shape(model, spec.output, (constraints.table,)))
     with np.errstate(all="ignore"):
         _, s = spec.run(model.bodies, np.zeros(model.nv + 1, spec.work), values, out)

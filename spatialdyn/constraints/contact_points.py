@@ -10,13 +10,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..bodies.contact_table import CONTACTS, HEIGHTS
+from ..bodies.contact_table import CONTACTS
 from ..bodies.kinds import R1
 from ..bodies.static_table import StaticTable
 from ..calls.arguments import as_array, as_count, as_number, check_model
 from ..calls.failures import joint_of_velocity
 from ..errors import ConstraintError, ModelError
 from ..model.model import Model
+from .dilated_ground import dilated, heights_table
 from .kinds import across
 from .table import other_model
 
@@ -62,9 +63,10 @@ class Heightfield:
     spacing  [m]
     origin   (2,) [m]
 
-    A sphere touches the slope that is below its centre, so the slope has to change little over its radius. Programs
-    have each height in them: rollouts take up to 2048, ``simulate`` and ``contact_step`` any number, above that by the
-    table kernel.
+    A sphere touches where it is nearest: its centre moves over heights of its own, those of the ground dilated by its
+    radius, which are computed at the same grid with slopes between neighbours for the ground's. Programs have each
+    height in them, once for each radius: rollouts take up to 2048, ``simulate`` and ``contact_step`` any number, above
+    that by the table kernel.
     Raises  ConstraintError for heights that are not finite or no grid, a spacing that is not above 0, another origin
 
     >>> import numpy as np, spatialdyn as sd
@@ -89,13 +91,9 @@ class Heightfield:
             raise ConstraintError(f"Heightfield has spacing {spacing!r}, expected a finite number above 0")
         if at.shape != (2,) or not np.isfinite(at).all():
             raise ConstraintError(f"Heightfield has origin {origin!r}, expected two finite numbers")
-        rows = np.zeros(1 + heights.size, HEIGHTS)
-        rows[0]["last_row"], rows[0]["nx"], rows[0]["ny"] = heights.size, *heights.shape
-        rows[0]["x"], rows[0]["y"], rows[0]["spacing"] = at[0], at[1], spacing
-        rows["z"][1:] = heights.ravel()
-        kept = heights.copy()
+        kept, place = heights.copy(), (float(at[0]), float(at[1]))
         kept.flags.writeable = False
-        given = (kept, float(spacing), (float(at[0]), float(at[1])), StaticTable(rows, ()))
+        given = (kept, float(spacing), place, heights_table([kept], float(spacing), place))
         for name, value in zip(("z", "spacing", "origin", "table"), given, strict=True):
             object.__setattr__(self, name, value)
 
@@ -138,6 +136,7 @@ class Contacts:
     names, radii              of the points (np)
     friction, restitution     (np,), as arrays
     table                     the StaticTable of recursions
+    ground                    that of heights, for each radius; None on a plane
 
     Raises
         ModelError for a name that is not in the robot, with similar names, and for points of a robot with mimic joints
@@ -153,8 +152,8 @@ class Contacts:
     """
 
     __slots__ = (
-        "_plans", "friction", "limits", "model", "names", "radii", "restitution", "rounds", "steps", "table", "terrain",
-        "tolerance",
+        "_plans", "friction", "ground", "limits", "model", "names", "radii", "restitution", "rounds", "steps", "table",
+        "terrain", "tolerance",
     )  # fmt: skip
     model: Model
     names: tuple[str, ...]
@@ -167,6 +166,7 @@ class Contacts:
     rounds: int
     limits: bool
     table: StaticTable
+    ground: StaticTable | None
     _plans: dict[Any, Any]  # builtins of single calls: no part of the content
 
     def __init__(
@@ -227,10 +227,16 @@ class Contacts:
             for column, value in zip("xyz", axis, strict=True):
                 head["axes"][letter + column] = value
         head["height"] = flat.height
+        levels = None
         for record, row in zip(table[1:], [*rows, *stops], strict=True):
             for column, value in row.items():
                 record[column] = value
-        for name, value in {**held, "table": StaticTable(table, SIZES), "_plans": {}}.items():
+        if isinstance(ground, Heightfield):
+            sizes = sorted({row["radius"] for row in rows})
+            layers = [dilated(ground.z, ground.spacing, r) for r in sizes] or [ground.z]
+            levels = heights_table(layers, ground.spacing, ground.origin)
+            table["heights"][1 : 1 + len(rows)] = [1 + sizes.index(row["radius"]) * ground.z.size for row in rows]
+        for name, value in {**held, "ground": levels, "table": StaticTable(table, SIZES), "_plans": {}}.items():
             object.__setattr__(self, name, value)
 
     def with_limits(self) -> Contacts:
@@ -254,7 +260,7 @@ class Contacts:
     @property
     def tables(self) -> tuple[StaticTable, ...]:
         """What recursions take: of contacts, and of heights if there are some."""
-        return (self.table, self.terrain.table) if isinstance(self.terrain, Heightfield) else (self.table,)
+        return (self.table,) if self.ground is None else (self.table, self.ground)
 
     @property
     def stops(self) -> tuple[str, ...]:

@@ -3,20 +3,24 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from itertools import groupby
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..algebra.scalars import EPS
 from ..calls.arguments import as_array, as_flag, as_number, batch_shape, broadcast
 from ..errors import ConstraintError
 from ..model.model import Model
 from ..recursions import constrained, constraint_rows
 from ..recursions.spec import Spec, V
-from .calls import call, raise_contradiction
+from .calls import CONTRADICTION, call, raise_contradiction, settled
 from .table import Constraints
 
 Array = NDArray[np.float64]
+FLOOR = 1e-12  # [m/s | rad/s] velocity that is rounding of faster ones, or of rest
 
 
 class ConstrainedMotion(NamedTuple):
@@ -133,7 +137,7 @@ def constrained_motion(
 ) -> ConstrainedMotion:
     """``constrained_dynamics`` with a table of constraints."""
     rate = None if stabilization is None else 1.0 / stabilization_time(stabilization)
-    out = call(constrained.MOTION, model, constraints, q, v, tau, fext, rate)
+    out = call(constrained.MOTION, model, constraints, q, v, tau, fext, rate, None)
     found = ConstrainedMotion(*_parts(constrained.MOTION, model, constraints, out, q, v, tau, fext, rate))
     if minimum_norm is False or not as_flag("minimum_norm", minimum_norm):
         return found
@@ -158,7 +162,7 @@ def constrained_impact(
     if not 0.0 <= elastic <= 1.0:
         raise ConstraintError(f"restitution is {restitution!r}, expected 0 to 1")
     v, rate = constraint_rate(model, constraints, q, v)
-    change, impulse, residual, rank = response(model, constraints, q, -(1.0 + elastic) * rate)
+    change, impulse, residual, rank = velocity_response(model, constraints, q, v, -(1.0 + elastic) * rate)
     with np.errstate(invalid="ignore"):  # of samples that are not finite
         return ConstrainedImpact(v + change, impulse, residual, rank)
 
@@ -178,8 +182,53 @@ def response(
     rhs    (..., nc)  [m/s | rad/s]
     check  whether equations that contradict others are an error
     """
-    out = call(constrained.RESPONSE, model, constraints, q, rhs)
+    out = call(constrained.RESPONSE, model, constraints, q, rhs, None)
     return _parts(constrained.RESPONSE, model, constraints, out, q, rhs, check=check)
+
+
+def velocity_response(model: Model, constraints: Constraints, q: ArrayLike, v: Array, rhs: Array) -> tuple[Any, ...]:
+    """``response`` to rhs = -(1 + e) J v, which no equations contradict but by rounding of the terms of J v."""
+    change, impulse, residual, rank = response(model, constraints, q, rhs, check=False)
+    if np.any(np.greater(residual, 0.0)):
+        J = constraint_jacobian(model, constraints, q)
+        missed = abs((J @ change[..., None])[..., 0] - rhs)
+        least = CONTRADICTION * (model.nv + constraints.nc) * EPS
+        if np.any(missed > least * (rate_terms(constraints, J, v) + FLOOR)):
+            return response(model, constraints, q, rhs)
+    return change, impulse, residual, rank
+
+
+def rate_terms(constraints: Constraints, J: Array, v: Array) -> Array:
+    """|J| |v| (..., nc), of each constraint the largest: one equation of several may be nothing but rounding."""
+    terms: Array = (abs(J) @ abs(v)[..., None])[..., 0]
+    for first, count in owned(constraints):
+        terms[..., first : first + count] = terms[..., first : first + count].max(axis=-1, keepdims=True)
+    return terms
+
+
+def owned(constraints: Constraints) -> Iterator[tuple[int, int]]:
+    """Of each constraint its first equation and how many it has."""
+    first = 0
+    for _, of_one in groupby(constraints.equations, key=lambda x: id(x.constraint)):
+        count = len([*of_one])
+        yield first, count
+        first += count
+
+
+def rows_to_keep(model: Model, constraints: Constraints, q: ArrayLike, rank: Any = None) -> tuple[Array, Any]:
+    """Independent equations (..., nc), 1 for those to keep, and how many they are; see ``independent_rows``."""
+    out = call(constrained.ROWS, model, constraints, q, rank)
+    return out[..., :-1], out[..., -1]
+
+
+def by_rows(spec: Spec, model: Model, constraints: Constraints, *values: Any) -> tuple[Array, Array, float, int]:
+    """(x, force, residual, rank) of one sample of a Spec by the rows that are the last of its inputs, or None.
+
+    Nothing is judged; without rows, they are taken in their order whatever their pivots.
+    """
+    n, m = model.nv, constraints.nc
+    out = call(spec, model, constraints, *values)
+    return out[:n], out[n : n + m], out[n + m], int(out[n + m + 1])
 
 
 def stabilization_time(value: Any) -> float:
@@ -195,6 +244,8 @@ def _parts(
 ) -> tuple[Any, ...]:
     """The outputs that lie side by side in ``out``. Raises ConstraintError if equations contradict others."""
     n, m = model.nv, constraints.nc
+    if out.ndim > 1 or out[-2] >= constrained.UNSURE:
+        out = settled(spec, constraints, out, *values)
     if out.ndim == 1:
         residual, rank = out[n + m :].tolist()
         if check and residual > 0.0:

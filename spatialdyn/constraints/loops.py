@@ -13,7 +13,7 @@ from ..calls.arguments import as_array, as_items, as_number
 from ..calls.dynamics import calls
 from ..errors import ConstraintError, ModelError, NonFiniteError, ShapeError
 from ..model.model import Model
-from .dynamics import constraint_error, constraint_jacobian, constraint_rate, response
+from .dynamics import constraint_error, constraint_jacobian, constraint_rate, response, velocity_response
 from .kinds import AXES, Constraint, HingeConstraint, WeldConstraint, placed
 from .table import Constraints, check_constraints
 
@@ -86,7 +86,7 @@ def project_velocity(model: Model, constraints: Constraints, q: ArrayLike, v: Ar
     True
     """
     v, rate = constraint_rate(model, constraints, q, v)
-    made: Array = v + response(model, constraints, q, -rate)[0]
+    made: Array = v + velocity_response(model, constraints, q, v, -rate)[0]
     return made
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from ..algebra.scalars import inline
-from .constrained import FORCE, RANK, RATE, RESIDUAL, WORK, ConstraintScratch, respond, stabilize
+from .constrained import CHOSEN, FORCE, RANK, RATE, RESIDUAL, WORK, ConstraintScratch, respond, stabilize
 from .constraint_rows import CONSTRAINTS_ARGUMENT, turn_rows, write_drift, write_jacobian
 from .crba import crba
 from .friction import BRISTLE_LAW, BRISTLES, DT, BristleLaw, add_bristles
@@ -32,7 +32,8 @@ class HeldBristles(NamedTuple):
 @inline
 def held_bristle_step(
     bodies: Bodies, work: Work, q: Config, v: Vector, z: Vector, tau: Vector, fext: Matrix, dt: Number,
-    law: BristleLaw, constraints: Record, rate: Number, after: HeldBristles, pivots: Vector, s: ConstraintScratch,
+    law: BristleLaw, constraints: Record, rate: Number, chosen: Vector, after: HeldBristles, pivots: Vector,
+    s: ConstraintScratch,
 ) -> None:  # fmt: skip
     """Velocities and bristles after a step, and the constraints' forces, as ``bristle_step`` and ``constrained_motion``
     have them.
@@ -49,7 +50,7 @@ def held_bristle_step(
         stabilize(bodies, work, q, v, constraints, rate, s.Y, s.gamma, s.error)
     for i in range(n):
         pivots[i] = s.L[i, i]
-    respond(bodies, constraints, s, ahead, after.force, after.residual, after.rank)
+    respond(bodies, constraints, chosen, s, ahead, after.force, after.residual, after.rank)
     for i in range(n):
         ahead[i] = v[i] + dt * ahead[i]
         bristles[i] = (z[i] + dt * ahead[i]) * bristles[i]
@@ -57,7 +58,7 @@ def held_bristle_step(
 
 HELD_BRISTLES = Spec(
     "held_bristle_step", held_bristle_step, WORK,
-    (Q, V, BRISTLES, TAU, FEXT_OPTIONAL, DT, BRISTLE_LAW, CONSTRAINTS_ARGUMENT, RATE),
+    (Q, V, BRISTLES, TAU, FEXT_OPTIONAL, DT, BRISTLE_LAW, CONSTRAINTS_ARGUMENT, RATE, CHOSEN),
     Argument("result", ("nv+nv+nc+2",), "", "velocities and bristles after a step, force, residual, rank"),
     "A step of the velocities under LuGre friction and constraints.", "see ``recursions.friction``",
     pivots=True, regroup=True, scratch=(ConstraintScratch(),),

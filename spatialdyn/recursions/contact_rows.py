@@ -46,7 +46,10 @@ BOUNCING = 1e-2  # [m/s] speed of approach from which a point bounces: slower on
 
 @inline
 def write_gaps(bodies: Bodies, work: Work, contacts: Record, heights: Record, gap: Vector, T: Array) -> None:
-    """gap (np), from R and o of every row; over heights T too. A slope is that below the sphere's centre."""
+    """gap (np), from R and o of every row; over heights T too.
+
+    Heights are those that a sphere's centre has when it touches the ground: their slope is that where it touches.
+    """
     for p in range(contacts[0].np):
         c = contacts[1 + p]
         i = c.row
@@ -59,9 +62,9 @@ def write_gaps(bodies: Bodies, work: Work, contacts: Record, heights: Record, ga
         else:
             each = 1.0 / heights[0].spacing
             x, y = (at.y - heights[0].x) * each, (at.z - heights[0].y) * each
-            level, along, across = bilinear(x, y, heights)
+            level, along, across = bilinear(x, y, heights, c.heights)
             slope_axes(along * each, across * each, T[p])
-            gap[p] = (at.x - level) * T[p, 0, 0] - c.radius
+            gap[p] = (at.x - level) * T[p, 0, 0]
 
 
 @inline

@@ -18,14 +18,22 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import NamedTuple
 
-from ..algebra.euclidean import dot, neg
+from ..algebra.euclidean import add, cross, dot, neg, scale
 from ..algebra.lie import Tangent, turned_diagonal
 from ..algebra.scalars import Scalar, inline, no_inline, select
-from ..bodies.kinds import NV
-from .configuration import dintegrate, displacement_rate_derivatives, integrate, put_tangent, twist
+from ..algebra.spatial import Motion
+from ..bodies.kinds import NV, SE2, SE3
+from .configuration import (
+    dintegrate,
+    displacement_rate_derivatives,
+    integrate,
+    put_tangent,
+    put_twist,
+    twist,
+)
 from .derivatives import WORK, aba_derivatives_by_factor
 from .friction import LAW, SMOOTHING, friction_torque, smooth_friction_slope
-from .signatures import Array, Bodies, Config, Matrix, Vector, Work
+from .signatures import Array, Bodies, Config, Matrix, Record, Vector, Work
 from .spec import FEXT_OPTIONAL, TAU, Argument, Q, Spec, V
 
 RK4_NODES, RK4_WEIGHTS = (0.0, 0.5, 0.5, 1.0), (1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0)
@@ -152,8 +160,12 @@ def semi_implicit_euler_derivatives(
     bodies: Bodies, work: Work, q: Config, v: Vector, tau: Vector, fext: Matrix, dt: Vector, law: SmoothLaw,
     out: Matrix, pivots: Vector, s: DerivativeScratch,
 ) -> None:  # fmt: skip
-    """v⁺ = v + h a, q⁺ = q ∘ exp(h v⁺)."""
-    n, h, u, a, D, U = len(bodies) - 1, dt[0], s.u, s.a, s.D, s.U
+    """v⁺ = v + h a, q⁺ = q ∘ exp(h v⁺), in joints that turn and travel as ``simulation.explicit.turn`` has it.
+
+    There x = v + h (a + ω × v) is the linear velocity in the axes of the beginning, q⁺ = q ∘ exp(h x) ∘ exp(h ω⁺), and
+    Rᵀ x the velocity after the step, R the rotation by h ω⁺.
+    """
+    n, h, u, w, a, D, by_step, U = len(bodies) - 1, dt[0], s.u, s.w, s.a, s.D, s.by_step, s.U
     acceleration_derivatives(bodies, work, q, v, tau, fext, law, D, pivots, a, s.inverse, s.rubbed)
     for i in range(n):
         u[i] = h * (v[i] + h * a[i])
@@ -161,10 +173,72 @@ def semi_implicit_euler_derivatives(
             for k in range(3):
                 out[n + i, k * n + j] = h * D[k, i, j]
     _add_unit(1, out[n : 2 * n])
-    _scaled(h, out[n : 2 * n], U)
-    dintegrate(bodies, q, u, s.by_step)
-    _moved(bodies, s.by_step, U, out[:n])
+    turns = 0
+    for i in range(1, n + 1):
+        turns += 1 if travels(bodies[i]) else 0
+    if turns == 0:
+        _scaled(h, out[n : 2 * n], U)
+        dintegrate(bodies, q, u, by_step)
+        _moved(bodies, by_step, U, out[:n])
+        _put_turn(largest_turn(bodies, u, 0.0), n, out)
+        return
+    for i in range(n):
+        w[i] = v[i] + h * a[i]
+    first, moved, x, by_turn = s.rate, s.W, s.Ka, s.by_rate
+    for i in range(n):
+        first[i] = 0.0
+    _scaled(0.0, out[n : 2 * n], U)
+    for i in range(1, n + 1):
+        b, r = bodies[i], i - 1
+        if travels(b):
+            m = twist(b, r, v)
+            put_twist(b, r, Motion(m.w, add(twist(b, r, w).v, scale(h, cross(m.w, m.v)))), D[0, 0])
+            crossed = Tangent(turned_diagonal(0.0, scale(h, m.w)), turned_diagonal(0.0, scale(-h, m.v)))
+            put_tangent(b, r, crossed, 0.0, D, 1)
+            lengths = NV[b.kind] - (1 if NV[b.kind] == 3 else 3)
+            for k in range(r, r + lengths):
+                w[k] = D[0, 0, k]
+                first[k], u[k] = h * w[k], 0.0
+                for l in range(r, r + NV[b.kind]):
+                    out[n + k, n + l] = out[n + k, n + l] + D[1, k, l]
+                for l in range(3 * n):
+                    U[k, l] = h * out[n + k, l]
+    dintegrate(bodies, q, first, by_step)
+    _moved(bodies, by_step, U, moved)  # of q ∘ exp(h x)
+    for i in range(n):
+        for l in range(3 * n):
+            x[i, l] = out[n + i, l]
+            U[i, l] = h * x[i, l] - U[i, l]  # of the rest of the displacement
+    dintegrate(bodies, q, u, by_turn)
+    _scaled(0.0, out[:n], out[:n])
+    _add_blocks(bodies, by_turn[0], moved, out[:n])
+    _add_blocks(bodies, by_turn[1], U, out[:n])
+    for r in range(n):
+        b = bodies[r + 1]
+        if travels(b):
+            lengths = NV[b.kind] - (1 if NV[b.kind] == 3 else 3)
+            for k in range(r, r + NV[b.kind]):
+                D[0, 0, k] = 0.0
+                for l in range(r, r + lengths):
+                    D[0, 0, k] = D[0, 0, k] + by_turn[0, k, l] * w[l] if k < r + lengths else 0.0
+            after = turned_diagonal(0.0, twist(b, r, D[0, 0]).v)  # of Rᵀ x: by x, and by the angle
+            put_tangent(b, r, Tangent(after, after), 0.0, D, 1)
+            for k in range(r, r + lengths):
+                for l in range(3 * n):
+                    total = 0.0
+                    for i in range(r, r + lengths):
+                        total = total + by_turn[0, k, i] * x[i, l]
+                    for i in range(r + lengths, r + NV[b.kind]):
+                        for j in range(r + lengths, r + NV[b.kind]):
+                            total = total + D[1, k, i] * by_turn[1, i, j] * (h * x[j, l])
+                    out[n + k, l] = total
     _put_turn(largest_turn(bodies, u, 0.0), n, out)
+
+
+@inline
+def travels(b: Record) -> bool:
+    """Whether a joint turns and travels: it is floating or planar."""
+    return b.kind in SE3 or b.kind in SE2
 
 
 @inline

@@ -1,18 +1,21 @@
 """Explicit methods in (q, v): Euler's, semi-implicit Euler, velocity Verlet, and the Runge-Kutta method of order 4.
 
 q moves on the joints' group, q ∘ exp(h v) in the body's frame, so quaternions keep their unit norm and no chart is
-needed. None of the methods is symplectic once M depends on q; those of ``symplectic`` and ``variational`` are.
+needed. In semi-implicit steps a floating or planar joint's linear velocity is found in the axes that its body has at
+the beginning, moves it along a straight line, and is turned with the body after that: turned explicitly, by -h ω × v,
+it would grow by ½ h² ω² a step. None of the methods is symplectic once M depends on q; those of ``symplectic`` and
+``variational`` are.
 """
 
 from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from ..algebra.euclidean import add, dot, rotate
-from ..algebra.lie import log_jacobian
+from ..algebra.euclidean import add, cross, dot, rotate, scale, unrotate
+from ..algebra.lie import exp_rotation, log_jacobian, log_travel, matrix
 from ..algebra.scalars import inline, inline_unoptimized
 from ..algebra.spatial import Motion
-from ..bodies.kinds import CONTINUED, NV
+from ..bodies.kinds import CONTINUED, NV, SE2, SE3
 from ..engines.compiled import numba_kernels
 from ..engines.compiled.checks import all_finite
 from ..engines.compiled.table_kernels import kernel
@@ -30,26 +33,31 @@ class ExplicitKernels(NamedTuple):
     aba: Any
     integrate: Any
     displacement_rate: Any
+    turn: Any
 
 
 def kernels(loaded: bool) -> ExplicitKernels:
     """The kernels of these methods, compiled at first use; ``loaded``: with external forces."""
     aba = numba_kernels.sample_kernel(numba_kernels.variant(SPECS["aba"], frozenset({"fext"} if loaded else ())))
     integrate = numba_kernels.sample_kernel(SPECS["integrate"])
-    return ExplicitKernels(_loaded if loaded else _free, aba, integrate, kernel(displacement_rate, 1, 1, 1))
+    return ExplicitKernels(_loaded if loaded else _free, aba, integrate, *_group_kernels())
 
 
 def plain_kernels(loaded: bool) -> ExplicitKernels:
     """The same in plain Python, which take the table itself."""
     aba = numba_kernels.plain_kernel(numba_kernels.variant(SPECS["aba"], frozenset({"fext"} if loaded else ())))
     integrate = numba_kernels.plain_kernel(SPECS["integrate"])
-    return ExplicitKernels(_loaded if loaded else _free, aba, integrate, displacement_rate)
+    return ExplicitKernels(_loaded if loaded else _free, aba, integrate, displacement_rate, turn)
 
 
 def kernels_of(accelerate: Any) -> ExplicitKernels:
     """The kernels of these methods with another ``accelerate``, which may be a function of Python."""
     integrate = numba_kernels.sample_kernel(SPECS["integrate"])
-    return ExplicitKernels(accelerate, None, integrate, kernel(displacement_rate, 1, 1, 1))
+    return ExplicitKernels(accelerate, None, integrate, *_group_kernels())
+
+
+def _group_kernels() -> tuple[Any, Any]:
+    return kernel(displacement_rate, 1, 1, 1), kernel(turn, 1, 1, 1, 1)
 
 
 @inline_unoptimized
@@ -89,6 +97,26 @@ def rate_of_displacement(bodies: Any, u: Any, v: Any, out: Any) -> None:
             put_twist(b, i - 1, Motion(rotate(T.J, rate.w), add(rotate(T.J, rate.v), rotate(T.K, rate.w))), out)
 
 
+@inline
+def turn(bodies: Any, h: Any, v: Any, w: Any, u: Any) -> int:
+    """u ← the displacement of a step h (nv, all alike) by velocities w = v + h a, and w ← the velocities after it.
+
+    v  velocities by which -ω × v is in a; 0 where a lacks it, and w is in the axes at the beginning
+    """
+    for i in range(1, len(bodies)):
+        b, r = bodies[i], i - 1
+        if b.kind in SE3 or b.kind in SE2:
+            before, after = twist(b, r, v), twist(b, r, w)
+            x = add(after.v, scale(h[r], cross(before.w, before.v)))
+            angle = scale(h[r], after.w)
+            put_twist(b, r, Motion(after.w, unrotate(matrix(exp_rotation(angle)), x)), w)
+            put_twist(b, r, Motion(angle, log_travel(angle, scale(h[r], x))), u)
+        elif b.kind != CONTINUED:
+            for k in range(r, r + NV[b.kind]):
+                u[k] = h[k] * w[k]
+    return OK
+
+
 @inline_unoptimized
 def acceleration(system: System, t: float, q: Any, v: Any, a: Any) -> None:
     """a of the state (q, v) at time t."""
@@ -116,12 +144,21 @@ def explicit_euler(system: System, t: float, h: float, state: State) -> None:
 
 @inline_unoptimized
 def semi_implicit_euler(system: System, t: float, h: float, state: State) -> None:
-    """v⁺ = v + h a(q, v), q⁺ = q ∘ exp(h v⁺)."""
-    a, u = state.work[0], state.work[1]
+    """v⁺ = v + h a(q, v), q⁺ = q ∘ exp(h v⁺), but for the linear velocity of a joint that turns too: ``turn``."""
+    a, before = state.work[0], state.work[2]
     acceleration(system, t, state.q, state.w, a)
+    copy(before, state.w)
     add_scaled(state.w, state.w, h, a)
+    move_turned(system, t, h, before, state)
+
+
+@inline_unoptimized
+def move_turned(system: System, t: float, h: float, v: Any, state: State) -> None:
+    """Move q by the velocities w of a step, and turn them with it; v as of ``turn``."""
+    u, steps = state.work[1], state.work[3]
     for i in range(len(u)):
-        u[i] = h * state.w[i]
+        steps[i] = h
+    set_status(system, system.kernels.turn(system.table, steps, v, state.w, u), t)
     move(system, t, u, state)
 
 

@@ -21,7 +21,7 @@ from . import explicit
 from .compiled_loop import compile_loop, drive
 from .energy import FAST
 from .kernel_steps import KernelSteps
-from .methods import EXPLICIT, Method
+from .methods import EXPLICIT, Family, Method
 from .plan import Plan
 from .program_steps import program, slice_of
 from .recorder import Recorder
@@ -37,120 +37,130 @@ PLAIN_STEPS = (
 STEPS = 100  # in a program's first slice: 40 µs for an arm, 3 ms for a humanoid
 
 
-def run_fixed(
-    plan: Plan, recorder: Recorder, start: tuple[Array, Array, Array], torque: Torque,
-    report: Callable[[int, int], None], sample: int = 0,
-) -> None:  # fmt: skip
-    """All steps of one sample by a method with a fixed step, in slices of about SLICE seconds."""
-    model, method, steps, own = recorder.model, recorder.method, recorder.steps, recorder.own
-    family, advance = method.family, method.advance
-    assert family is not None
-    assert advance is not None
-    (q, v, p), n, rows = start, model.nv, len(model.bodies)
-    status, pushed = np.zeros(3), FEXT.name in plan.values
-    forces = plan.given(sample, 0)[FEXT.name].copy() if pushed else np.zeros((0, 6))
-    varies = pushed and (plan.force is not None or plan.values[FEXT.name].shape[1] > 1)
-    simple = plan.bare and not varies and model.mimic_matrix is None  # a loop may be compiled as it is
-    table = joint_table(model)
-    data = (
-        getattr(table, numba_kernels.TABLE),
-        torque.held,
-        forces,
-        units(model.bodies),
-        np.zeros(n),
-        np.zeros(n),
-        status,
-    )
-    scratch = (np.zeros(n), np.zeros(model.nq), np.zeros((rows, 6)), np.zeros((family.rows, n * (1 + family.wide))))
-    state = State(q.copy(), (p if recorder.moves_p else v).copy(), *scratch)
-    asks = held_torque if torque.user is None else user_torque
-    if plan.force is not None and family is EXPLICIT:  # others evaluate forces before they ask for torques
-        asks = with_force(asks, plan.force)
-    bare = System(None, asks, torque.user, *data)  # all that methods with a program need to start and to observe
+class FixedSteps:
+    """The steps of one sample: its state, its inputs, and what takes a step."""
 
-    @functools.cache
-    def kernels() -> tuple[Any, Callable[..., None]]:
-        """The kernels of the family, which take seconds to compile and a program does not need; a step by them."""
-        if simple:
-            return family.kernels(pushed), advance
-        made = KernelSteps(plan, recorder, forces, sample)
-        return made.kernels, made.step
+    def __init__(
+        self, plan: Plan, recorder: Recorder, start: tuple[Array, Array, Array], torque: Torque, sample: int = 0
+    ) -> None:
+        self.plan, self.recorder, self.torque, self.sample = plan, recorder, torque, sample
+        (q, v, p), model, family = start, recorder.model, recorder.method.family
+        assert family is not None
+        self.family: Family = family
+        pushed = FEXT.name in plan.values
+        self.forces = plan.given(sample, 0)[FEXT.name].copy() if pushed else np.zeros((0, 6))
+        varies = pushed and (plan.force is not None or plan.values[FEXT.name].shape[1] > 1)
+        self.simple = plan.bare and not varies and model.mimic_matrix is None  # a loop may be compiled as it is
+        n, self.status, self._table = model.nv, np.zeros(3), joint_table(model)
+        self.data = (
+            getattr(self._table, numba_kernels.TABLE), torque.held, self.forces, units(model), np.zeros(n), np.zeros(n),
+            self.status,
+        )  # fmt: skip
+        scratch = np.zeros((len(model.bodies), 6)), np.zeros((family.rows, n * (1 + family.wide)))
+        self.state = State(q.copy(), (p if recorder.moves_p else v).copy(), np.zeros(n), np.zeros(model.nq), *scratch)
+        asks = held_torque if torque.user is None else user_torque
+        if plan.force is not None and family is EXPLICIT:  # others evaluate forces before they ask for torques
+            asks = with_force(asks, plan.force)
+        self.bare = System(None, asks, torque.user, *self.data)  # all that a program needs to start and to observe
+        self.now = (*self.state, recorder.at, recorder.own)
+        self.marked = [x.copy() for x in self.now]
 
-    def system() -> System:
-        return bare._replace(kernels=kernels()[0])
+    @functools.cached_property
+    def _by_kernels(self) -> tuple[System, Callable[..., None]]:
+        """A System, and a step, by the kernels of the family, which take seconds to compile."""
+        if self.simple:
+            made, step = self.family.kernels(len(self.forces) > 0), self.recorder.method.advance
+            assert step is not None
+            return self.bare._replace(kernels=made), step
+        steps = KernelSteps(self.plan, self.recorder, self.forces, self.sample)
+        return self.bare._replace(kernels=steps.kernels), steps.step
 
-    at_once = program(plan, recorder, torque, state, sample)
-    if at_once is None:
-        family.start(system(), state)
-    now = (*state, recorder.at, own)
-    marked = [x.copy() for x in now]
+    @functools.cached_property
+    def _in_python(self) -> tuple[System, Callable[..., None]]:
+        """The same without compiling, of explicit methods."""
+        model, step = self.recorder.model, self.recorder.method.advance
+        made = self.bare._replace(kernels=explicit.plain_kernels(len(self.forces) > 0), table=model.bodies)
+        if self.simple:
+            assert step is not None
+            return made, step
+        steps = KernelSteps(self.plan, self.recorder, self.forces, self.sample, once=True)
+        return (made if steps.kernels is None else self.bare._replace(kernels=steps.kernels)), steps.step
 
-    def mark() -> None:
+    def _mark(self) -> None:
         """Save the state: Ctrl-C may come while a step changes it."""
-        for kept, x in zip(marked, now, strict=True):
+        for kept, x in zip(self.marked, self.now, strict=True):
             kept[...] = x
 
-    def marking(system: System, t: float, h: float, state: State) -> None:
-        mark()
-        kernels()[1](system, t, h, state)
-
-    def marking_plain(system: System, t: float, h: float, state: State) -> None:
-        mark()
-        advance(system, t, h, state)
-
-    def observing(system: System, t: float, state: State) -> None:
-        family.observe(system, t, state)
-        recorder.own_rows[recorder.at[1]] = own
-
-    def run(first: int, count: int, h: float, plain: bool) -> None:
+    def _take(self, first: int, count: int, h: float, plain: bool) -> None:
+        """Take steps of h and record them, in Python or by kernels. Raises SimulationError."""
+        recorder, steps = self.recorder, self.recorder.steps
         times: tuple[Any, ...] = (first, count, steps.total, recorder.every, steps.dt, h, recorder.at, *recorder.rows)
-        if plain:
-            made = bare._replace(kernels=explicit.plain_kernels(pushed), table=model.bodies)
-            with np.errstate(all="ignore"):
-                drive(marking_plain, observing, made, state, *times)
-        elif torque.compiled and simple:
-            compile_loop(method, pushed, torque.user)(*data, *state, *times)
+        if not plain and self.torque.compiled and self.simple:
+            loop = compile_loop(recorder.method, len(self.forces) > 0, self.torque.user)
+            loop(*self.data, *self.state, *times)
         else:
+            system, step = self._in_python if plain else self._by_kernels
+
+            def marking(system: System, t: float, h: float, state: State) -> None:
+                self._mark()
+                step(system, t, h, state)
+
+            def observing(system: System, t: float, state: State) -> None:
+                self.family.observe(system, t, state)
+                recorder.own_rows[recorder.at[1]] = recorder.own
+
             try:
                 with np.errstate(all="ignore"):
-                    drive(marking, observing, system(), state, *times)
+                    drive(marking, observing, system, self.state, *times)
             except ConstraintError as error:
                 raise SimulationError(f"step from t = {recorder.at[0] * steps.dt:.9g} s: {error}") from error
-        if status[0] != OK:
-            raise SimulationError(failure_message(status, recorder.method, recorder.model, h, state))
+        if self.status[0] != OK:
+            raise SimulationError(failure_message(self.status, recorder.method, recorder.model, h, self.state))
 
-    try:
-        count, odd = 1 if at_once is None else STEPS, 0
-        explicitly = simple and family.kernels is explicit.kernels
-        plain = PLAIN_STEPS if at_once is not None and explicitly else 0  # a number, so that no bits depend on a clock
-        while (first := int(recorder.at[0])) < steps.total:
-            began = time.perf_counter()
-            h, count = (steps.dt, min(count, steps.whole - first)) if first < steps.whole else (steps.rest, 1)
-            if at_once is not None:
-                count = slice_of(first, max(1, (odd - first) // 2) if odd else count, recorder.every)
-                if not at_once(first, count, h):
-                    odd = first + count  # the program has no answer to one of these steps: bisect for it
-                    at_once = at_once if count > 1 else None
-                    continue
-            else:
-                count = min(count, plain) if plain else count
-                run(first, count, h, plain > 0)
-                plain -= min(count, plain)
-            mark()
-            after = dict(zip((x.name for x in plan.states), (own[at] for at in recorder.states.slices), strict=True))
-            if reason := plan.failure(after, steps.dt, steps.time(int(recorder.at[0]))):
-                raise SimulationError(reason)
-            report(int(recorder.at[0]), steps.total)
-            spent = max(time.perf_counter() - began, 1e-6)
-            count = max(1, int(min(10.0 * count, count * SLICE / spent)))
-    except KeyboardInterrupt:
-        for x, kept in zip(now, marked, strict=True):
-            x[...] = kept
-        done = int(recorder.at[0])
-        with np.errstate(all="ignore"):
-            family.observe(system() if at_once is None else bare, steps.time(done), state)
-        recorder.end(steps.time(done), state.q, state.w, torque.unasked(done))
-        raise
+    def run(self, report: Callable[[int, int], None]) -> None:
+        """All steps, in slices of about SLICE seconds. Raises SimulationError, KeyboardInterrupt."""
+        plan, recorder, steps = self.plan, self.recorder, self.recorder.steps
+        at_once = program(plan, recorder, self.torque, self.state, self.sample)
+        if at_once is None:
+            self.family.start(self._by_kernels[0], self.state)
+        try:
+            count, odd = 1 if at_once is None else STEPS, 0
+            plain = 0 if at_once is None else PLAIN_STEPS  # a number, so that no bits depend on a clock
+            while (first := int(recorder.at[0])) < steps.total:
+                began = time.perf_counter()
+                h, count = (steps.dt, min(count, steps.whole - first)) if first < steps.whole else (steps.rest, 1)
+                if at_once is not None:
+                    count = slice_of(first, max(1, (odd - first) // 2) if odd else count, recorder.every)
+                    if not at_once(first, count, h):
+                        odd = first + count  # the program has no answer to one of these steps: bisect for it
+                        at_once = at_once if count > 1 else None
+                        continue
+                else:
+                    count = min(count, plain) if plain else count
+                    self._take(first, count, h, plain > 0)
+                    plain -= min(count, plain)
+                self._mark()
+                self._judge()
+                report(int(recorder.at[0]), steps.total)
+                spent = max(time.perf_counter() - began, 1e-6)
+                count = max(1, int(min(10.0 * count, count * SLICE / spent)))
+        except KeyboardInterrupt:
+            for x, kept in zip(self.now, self.marked, strict=True):
+                x[...] = kept
+            done = int(recorder.at[0])
+            with np.errstate(all="ignore"):
+                system = self.bare if at_once is not None else self._by_kernels[0]
+                self.family.observe(system, steps.time(done), self.state)
+            recorder.end(steps.time(done), self.state.q, self.state.w, self.torque.unasked(done))
+            raise
+
+    def _judge(self) -> None:
+        """Raise SimulationError where an effect finds that its law is not met."""
+        recorder = self.recorder
+        own = (recorder.own[at] for at in recorder.states.slices)
+        after = dict(zip((x.name for x in self.plan.states), own, strict=True))
+        if reason := self.plan.failure(after, recorder.steps.dt, recorder.steps.time(int(recorder.at[0]))):
+            raise SimulationError(reason)
 
 
 def failure_message(status: Array, method: Method, model: Model, h: float, state: State) -> str:
@@ -169,7 +179,7 @@ def failure_message(status: Array, method: Method, model: Model, h: float, state
         )
     if code == PIVOT and np.isfinite(state.q).all() and np.isfinite(state.w).all():
         v = state.v if method.family is not None and method.family.moves == "p" else state.w
-        fastest = float((units(model.bodies)[: model.nv] * abs(v)).max() * h)
+        fastest = float((units(model)[: model.nv] * abs(v)).max() * h)
         if fastest <= FAST:
             return f'a joint of robot "{model.name}" has zero articulated inertia at t = {t:.9g} s, expected some'
         return (

@@ -307,7 +307,7 @@ def _solve(
     assert method.advance is not None
     nv, rows = model.nv, len(model.bodies)
     status, still = np.zeros(3), np.zeros(nv)
-    own, unit, mimics = joint_table(model), units(model.bodies), model.mimic_matrix is not None
+    own, unit, mimics = joint_table(model), units(model), model.mimic_matrix is not None
     table = getattr(own, numba_kernels.TABLE)
     kernels = None if mimics else family.kernels(fext is not None)
     bare = System(kernels, held_torque, None, table, None, None, unit, still, None, status)

@@ -15,11 +15,13 @@ from numpy.typing import NDArray
 
 from ..calls.dynamics import calls
 from ..engines.compiled import numba_kernels
+from ..errors import SimulationError
 from ..recursions.friction import DT
 from ..recursions.spec import FEXT
 from . import constrained_variational, explicit, rattle
 from .arithmetic import Computed
 from .effects import work
+from .effects.control import OWN_INPUT
 from .effects.effect import Effect
 from .effects.external import external_torque
 from .methods import DISCRETE, EXPLICIT, Family
@@ -41,14 +43,15 @@ class KernelSteps:
     """The kernels and the step of a run of one sample.
 
     forces  (njoints, 6) external forces, written before each step; (0, 6) without any
+    once    whether a few steps are taken, by recursions in plain Python rather than compiled kernels
     """
 
-    def __init__(self, plan: Plan, recorder: Recorder, forces: Array, sample: int) -> None:
+    def __init__(self, plan: Plan, recorder: Recorder, forces: Array, sample: int, once: bool = False) -> None:
         self.plan, self.recorder, self.forces, self.sample = plan, recorder, forces, sample
         model, family = plan.model, recorder.method.family
         assert family is not None
         self.family: Family = family
-        self.at = Computed(model, {})
+        self.at = Computed(model, {}, once)
         self.held = [x for x in plan.effects if type(x).held_torque is not Effect.held_torque]
         self.names = [x.name for x in recorder.states.arguments]
         loaded = forces if len(forces) else None
@@ -56,6 +59,8 @@ class KernelSteps:
             self.kernels: Any = explicit.kernels_of(None)
         elif model.mimic_matrix is not None:
             self.kernels = mimic_kernels(model, family, loaded)
+        elif once:
+            self.kernels = None
         else:
             self.kernels = family.kernels(len(forces) > 0)
         if family is EXPLICIT:
@@ -85,15 +90,20 @@ class KernelSteps:
         for effect in self.held:
             system.tau[:] = effect.held_torque(self.at, q, v, system.tau)
 
-    def _put(self, after: Any) -> None:
+    def _put(self, system: System, t: float, after: Any) -> None:
+        """Write the states after a step. Raises SimulationError for one that is not finite where q and v are."""
         for name, x in zip(self.names, self.recorder.states.views(self.recorder.own), strict=True):
             x[...] = after[name]
+            if system.status[0] == OK and not np.isfinite(x).all():
+                label, feedback = name.removeprefix(OWN_INPUT), self.plan.feedback
+                of = f' of spec "{feedback.spec.name}"' if feedback is not None and label != name else ""
+                raise SimulationError(f'state "{label}"{of} is not finite in the step from t = {t:.9g} s')
 
     def _explicit(self, system: System, t: float, h: float, state: State) -> None:
         own, plan = self._begin(system, t, h), self.plan
         self._hold(system, state.q, state.w)
         method: Any = self.recorder.method.advance
-        self._put(advance(plan.effects, plan.work, self.at, method, system, t, h, state, own))
+        self._put(system, t, advance(plan.effects, plan.work, self.at, method, system, t, h, state, own))
 
     # --- methods in momenta -----------------------------------------------------------------------------
 
@@ -174,7 +184,7 @@ class KernelSteps:
         if law is not None and feedback is not None:
             now = self._after_half(law, h, state, given(system, t + h, state.q, state.v), now)
             after |= {name: now[name] for name in feedback.integrated}
-        self._put(after)
+        self._put(system, t, after)
 
     def _after_half(self, law: Any, h: float, state: State, tau: Array, own: dict[str, Any]) -> dict[str, Any]:
         """The states of a law after half a step of theirs alone, by the midpoint rule."""

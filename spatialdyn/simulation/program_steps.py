@@ -1,48 +1,67 @@
-"""Explicit methods as one program on one lane: three to six times the speed of the table kernel.
+"""Explicit methods by one program: of one sample on one lane, three to six times the speed of the table kernel, or of
+many samples side by side.
 
-The choice between the two depends on the model, the method and the kind of torque, never on the number of steps: the
-program runs from the first step on if there is one. From the first step to which it has no answer (an angle beyond its
-range, a state that is not finite) the recursions run, a few steps in plain Python, then as table kernels.
+Whether there is a program depends on the robot, what acts, the method and the kind of torque, never on the number of
+steps or samples: it runs from the first step on if there is one, with the same bits for one and for many. From the
+first step to which it has no answer (an angle beyond its range, a state that is not finite) the recursions run, a few
+steps in plain Python, then as table kernels.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from ..calls.dynamics import calls
 from ..engines.compiled import numba_kernels
-from ..engines.programs import batch_kernels, recording, time_loop
+from ..engines.programs import batch_kernels, float32_range, recording, time_loop
+from ..engines.programs.program import Program
 from ..engines.programs.time_loop import StepInput
 from ..model.model import Model
-from ..recursions.spec import Argument
+from ..recursions.spec import Argument, Spec
 from .effects.control import Feedback, step_kernel
 from .effects.effect import Effect, find
-from .methods import EXPLICIT_METHODS, Method
+from .methods import EXPLICIT_METHODS
 from .plan import Plan
 from .recorder import Recorder
 from .steps import step_specs
 from .system import State
 from .torques import Torque
 
-# Rows of the table times forward dynamics per step: 85 to 350 operations of the program each, 0.1 ms to compile one.
-# At the limit that is 3 s once per model, and the code (600 kB) exceeds the caches: twice the table kernel's speed.
-MOST = 128
-
+Array = NDArray[Any]
 Slice = Callable[[int, int, float], bool]
+
+
+def is_program(plan: Plan) -> bool:
+    """Whether a step may be a program: of an explicit method, of few equations and points, without callables."""
+    contact, constraints = plan.contact, plan.scene.constraints
+    few = constraints is None or constraints.nc <= recording.MOST_EQUATIONS
+    return plan.method in EXPLICIT_METHODS and few and plan.force is None and not (contact and contact.is_long)
+
+
+@lru_cache(maxsize=batch_kernels.CACHE_SIZE)
+def _kernel(
+    model: Model, method: str, effects: tuple[Effect, ...], works: tuple[Argument, ...], static: tuple[Any, ...],
+    forced: bool = True, dtype: Any = np.float64, one: bool = True,
+) -> Any:  # fmt: skip
+    specs = step_specs(method, effects, works, forced)
+    if not recording.fits(specs, model.bodies, static=static):
+        return None
+    return step_kernel(specs, model, static, dtype, one=one, by_content=find(effects, Feedback) is not None)
 
 
 def program(plan: Plan, recorder: Recorder, torque: Torque, state: State, sample: int = 0) -> Slice | None:
     """``(first, count, h) -> done``: takes and records these steps of h and advances the state; returns False, with
     nothing changed, if the program has no answer to one of them. None if not applicable.
     """
-    model, steps, method = recorder.model, recorder.steps, recorder.method
-    long = plan.contact is not None and plan.contact.is_long
-    if plan.method not in EXPLICIT_METHODS or torque.user is not None or plan.force is not None or long:
+    model, steps = recorder.model, recorder.steps
+    if numba_kernels.PLAIN or torque.user is not None or not is_program(plan):
         return None
-    kernel = _kernel(model, method, plan.structure, plan.work, plan.tables)
+    kernel = _kernel(model, plan.method, plan.structure, plan.work, plan.tables)
     if kernel is None:
         return None
     values = [x[min(sample, len(x) - 1)][None] for x in plan.values.values()]
@@ -84,12 +103,47 @@ def slice_of(first: int, count: int, every: int) -> int:
     return min(count, every - first % every)
 
 
-@lru_cache(maxsize=batch_kernels.CACHE_SIZE)
-def _kernel(
-    model: Model, method: Method, effects: tuple[Effect, ...], work: tuple[Argument, ...], static: tuple[Any, ...]
-) -> Any:
-    specs = step_specs(method.name, effects, work)
-    rows = (method.evaluations + 2 * len(static)) * (len(model.bodies) - 1)
-    if numba_kernels.PLAIN or rows > MOST or not recording.fits(specs, model.bodies, static=static):
+def on_lanes(
+    plan: Plan, states: Sequence[Array], tau: Array | None, records: Sequence[Array], steps: tuple[float, int, int]
+) -> NDArray[np.intp] | None:
+    """Run samples side by side through all steps, and write records; returns those without an answer. None if not
+    applicable.
+
+    The arguments are those of ``driver.run_samples``.
+    """
+    (dt, total, every), model = steps, plan.model
+    if not is_program(plan):
         return None
-    return step_kernel(specs, model, static, one=True, by_content=find(effects, Feedback) is not None)
+    forced = tau is not None
+    given = [np.full((1, 1, 1), dt), *(() if tau is None else (tau,)), *plan.values.values()]
+    if numba_kernels.PLAIN:
+        recorded = _recorded(model, step_specs(plan.method, plan.structure, (), forced), plan.tables)
+        return None if recorded is None else time_loop.replay(recorded, states, given, records, total, every)
+    dtype = records[0].dtype if _holds(model, states[0][0], records[0].dtype) else np.dtype(np.float64)
+    kernel = _kernel(model, plan.method, plan.structure, (), plan.tables, forced, dtype, False)
+    if kernel is None:
+        return None
+    made = records if dtype == records[0].dtype else [np.empty(x.shape, dtype) for x in records]
+    with np.errstate(over="ignore"):
+        start, inputs = [x.astype(dtype, copy=False) for x in states], [x.astype(dtype, copy=False) for x in given]
+        left = time_loop.run(kernel, start, [StepInput(x) for x in inputs], made, total, every)
+        for x, y in zip(records, made, strict=True):
+            if x is not y:
+                x[...] = y
+    return left
+
+
+@lru_cache(maxsize=32)
+def _recorded(model: Model, specs: tuple[Spec, ...], static: tuple[Any, ...]) -> Program | None:
+    fits = recording.fits(specs, model.bodies, static=static)
+    return recording.record(specs, model.bodies, static).program if fits else None
+
+
+def _holds(model: Model, q: Array, dtype: np.dtype[Any]) -> bool:
+    """Whether the model's numbers, and the diagonal of M at q, are in the range of a dtype."""
+    if dtype == np.float64:
+        return True
+    diagonal = np.diagonal(calls["crba"](model, q))
+    return not float32_range.beyond(model.bodies) and bool(
+        ((diagonal >= float32_range.LEAST) & (diagonal <= float32_range.MOST)).all()
+    )

@@ -111,6 +111,13 @@ class Recorder:
             self.t[row] = t
             self.put(q, w, tau)
 
+    def velocities(self) -> list[Array]:
+        """Rows of q, v and each state carried, written so far."""
+        n = int(self.at[1])
+        q, w, _ = (rows[:n] for rows in self.rows)
+        v = np.asarray(calls["velocity_from_momentum"](self.model, q, w)) if self.moves_p else w
+        return [q, v, *(self.own_rows[:n, at] for at in self.states.slices)]
+
     def trajectory(self, control: Control | None = None, interrupted: bool = False) -> Trajectory:
         """The samples so far; computes v from the recorded p, or p from v, and a law's torques, of all at once."""
         n, model = int(self.at[1]), self.model

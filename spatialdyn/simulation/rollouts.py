@@ -8,43 +8,28 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from functools import lru_cache
-from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from ..calls.arguments import as_array, as_flag, as_number, broadcast
 from ..calls.dynamics import calls
-from ..engines.compiled import numba_kernels
-from ..engines.programs import float32_range, recording, time_loop
-from ..engines.programs.program import Program
-from ..engines.programs.time_loop import StepInput
-from ..errors import ConstraintError, NonFiniteError, ShapeError, SimulationError
+from ..errors import NonFiniteError, ShapeError, SimulationError
 from ..model.model import Model
 from ..model.robot_checks import masked
-from ..recursions.spec import Spec
-from . import explicit
-from .adaptive import run_adaptive
-from .arithmetic import Computed
+from .driver import run_samples
 from .effects import of_run
-from .effects.control import Control, Feedback, check_control, check_law, step_kernel
+from .effects.control import Control, Feedback, check_control, check_law
 from .effects.cost import Cost, check_cost, with_cost
 from .effects.friction import check_stable
 from .effects.pd import PD, JointPD, gains_of
 from .effects.springs import check_springs
-from .fixed_steps import run_fixed
-from .kernel_steps import rates_of
-from .methods import EXPLICIT_METHODS, SCIPY_METHODS, integrators
+from .methods import SCIPY_METHODS, integrators
 from .plan import Plan, forces_of
-from .recorder import Recorder, Steps
 from .rollout_result import Rollout
 from .scene import Scene, check_method, effects_in_scene, scene_of, warn_of_friction
-from .states import RunStates, run_states
-from .steps import advance, step_specs
-from .system import State, System, held_torque
-from .torques import Torque
+from .states import run_states
 
 Array = NDArray[Any]
 TOLERANCES = 1e-9, 1e-12  # relative and absolute, of SciPy's methods
@@ -156,8 +141,7 @@ def rollout(
         check_springs(model, method, now[0][0], float(dt))
         if model.nq != model.nv:
             calls["potential_energy"](model, now[0])  # raises ConfigurationError naming the joint
-        run = _Run(plan, carried, float(dt), T, every, check, cost)
-        (_on_lanes if run.fits_lanes else _one_by_one)(run, now, tau_rows, records)
+        run_samples(plan, carried, now, tau_rows, records, (float(dt), T, every), check)
     single = single and all(len(x) == 1 for x in carried.starts)
     if isinstance(record, str):
         records = [x[:, -1] for x in records] if T else [x.copy() for x in now]
@@ -291,190 +275,3 @@ def _every(record: Any, steps: int) -> int:
     if isinstance(record, (int, np.integer)) and not isinstance(record, bool) and record >= 1:
         return min(int(record), steps + 1)  # more have no sample either
     raise SimulationError(f'record is {record!r}, expected a whole number of steps or "last"')
-
-
-# --- the run ----------------------------------------------------------------------------------------------
-
-
-class _Run(NamedTuple):
-    """A rollout: its plan, the states that it carries, its steps and how often they are recorded."""
-
-    plan: Plan
-    carried: RunStates
-    dt: float
-    steps: int
-    every: int
-    check: bool
-    cost: Cost | None
-
-    @property
-    def fits_lanes(self) -> bool:
-        """Whether the step may be a program."""
-        contact, constraints = self.plan.contact, self.plan.scene.constraints
-        few = constraints is None or constraints.nc <= recording.MOST_EQUATIONS
-        return self.plan.method in EXPLICIT_METHODS and few and not (contact is not None and contact.is_long)
-
-    def specs(self, forced: bool) -> tuple[Spec, ...]:
-        """Of a step."""
-        return step_specs(self.plan.method, self.plan.structure, (), forced)
-
-    def failure(self, rows: list[Array], k: int) -> str:
-        """What is wrong with the steps of a sample up to its record k, by its rows of records."""
-        states = {x.name: y[k].astype(float) for x, y in zip(self.plan.states, rows, strict=True)}
-        return self.plan.failure(states, self.dt, (k + 1) * self.every * self.dt)
-
-
-@lru_cache(maxsize=32)
-def _program(model: Model, specs: tuple[Spec, ...], static: tuple[Any, ...]) -> Program:
-    return recording.record(specs, model.bodies, static).program
-
-
-def _holds(model: Model, q: Array, dtype: np.dtype) -> bool:
-    """Whether the model's numbers, and the diagonal of M at q, are in the range of a dtype."""
-    if dtype == np.float64:
-        return True
-    diagonal = np.diagonal(calls["crba"](model, q))
-    return not float32_range.beyond(model.bodies) and bool(
-        ((diagonal >= float32_range.LEAST) & (diagonal <= float32_range.MOST)).all()
-    )
-
-
-def _on_lanes(run: _Run, states: list[Array], tau: Array | None, records: list[Array]) -> None:
-    """All samples side by side, by a program."""
-    plan = run.plan
-    specs, given = run.specs(tau is not None), {"dt": np.full((1, 1, 1), run.dt)}
-    given |= ({} if tau is None else {"tau": tau}) | plan.values
-    again, dtype = np.arange(len(states[0])), records[0].dtype
-    if (
-        not numba_kernels.PLAIN
-        and recording.fits(specs, plan.model.bodies, static=plan.tables)
-        and _holds(plan.model, states[0][0], dtype)
-    ):
-        kernel = step_kernel(specs, plan.model, plan.tables, dtype, by_content=plan.feedback is not None)
-        if kernel is not None:
-            with np.errstate(over="ignore"):
-                start = [x.astype(dtype, copy=False) for x in states]
-                forcing = [StepInput(x.astype(dtype, copy=False)) for x in given.values()]
-            again = time_loop.run(kernel, start, forcing, records, run.steps, run.every)
-    if len(again):
-        _again(run, specs, states, given, records, again)
-    if run.check and len(plan.states) and records[0].shape[1]:
-        _check_solved(run, records)
-
-
-def _check_solved(run: _Run, records: list[Array]) -> None:
-    """Raise SimulationError for samples whose friction or contacts are not solved."""
-    last = records[0].shape[1] - 1
-    bad = [b for b in range(len(records[0])) if run.failure([x[b] for x in records[2:]], last)]
-    if bad:
-        rows = [x[bad[0]] for x in records[2:]]
-        reason = next(found for k in range(last + 1) if (found := run.failure(rows, k)))
-        raise SimulationError(f"sample {bad[0]}: {reason} ({len(bad)} samples in all); check=False lets it")
-
-
-def _again(
-    run: _Run, specs: tuple[Spec, ...], states: list[Array], inputs: Mapping[str, Array], records: list[Array],
-    again: Array,
-) -> None:  # fmt: skip
-    """Run some samples through all steps by the program in NumPy. The sum of a cost is the last of the states."""
-    # samples the lanes leave undone: angles beyond the short sine's range, states not finite, masses beyond float32
-    program, dt = _program(run.plan.model, specs, run.plan.tables), run.dt
-    lost, reason = np.full(len(again), -1), ""
-    of_cost = np.zeros(len(again), np.bool_)  # whether the cost alone is not finite
-    now = [x[again] for x in states]
-    rows = [np.broadcast_to(x, (len(states[0]), *x.shape[1:])) for x in inputs.values()]
-    for k in range(run.steps):
-        columns = [x for s in now for x in s.T]
-        for x in rows:
-            columns += list(x[again, min(k, x.shape[1] - 1)].T)
-        with np.errstate(all="ignore"):
-            results = [np.broadcast_to(np.asarray(x, np.float64), len(again)) for x in program.run(columns)]
-        before = now
-        ends = np.cumsum([0, *(s.shape[1] for s in now)])
-        now = [np.stack(results[a:b], 1) for a, b in pairwise(ends)]
-        finite = np.logical_and.accumulate([np.isfinite(s).all(1) for s in now])
-        just = np.flatnonzero((lost < 0) & ~finite[-1])
-        of_cost[just] = run.cost is not None and finite[-2, just]
-        if run.plan.constrained is not None and run.check and len(just) and not reason:
-            at, tau = again[just[0]], inputs.get("tau")
-            torque = None if tau is None else tau[min(at, len(tau) - 1), min(k, tau.shape[1] - 1)]
-            reason = _reason(run, [x[just[0]] for x in before], torque, int(at), k)
-        lost[just] = k
-        if (k + 1) % run.every == 0:
-            for r, x in zip(records, now, strict=True):
-                with np.errstate(over="ignore"):
-                    r[again, (k + 1) // run.every - 1] = x
-    if run.check and (lost >= 0).any():
-        first = int(np.flatnonzero(lost >= 0)[0])
-        if reason:
-            earliest = int(np.flatnonzero(lost == lost[lost >= 0].min())[0])
-            when = f"sample {int(again[earliest])}, step from t = {lost[earliest] * dt:.9g} s"
-            raise SimulationError(f"{when}: {reason}")
-        if run.cost is not None and of_cost[first]:
-            raise SimulationError(
-                f"cost of sample {int(again[first])} is not finite in the step from t = {lost[first] * dt:.9g} s "
-                f'({int((lost >= 0).sum())} samples in all), expected finite numbers of spec "{run.cost.spec.name}"'
-            )
-        raise SimulationError(
-            f"state of sample {int(again[first])} is not finite after t = {(lost[first] + 1) * dt:.9g} s "
-            f"({int((lost >= 0).sum())} samples in all), expected finite inputs and a smaller dt"
-        )
-
-
-def _reason(run: _Run, state: list[Array], tau: Array | None, sample: int, step: int) -> str:
-    """What is wrong with a step under constraints, "" if its state is merely not finite: the step is taken by calls."""
-    plan, (q, v), n = run.plan, (x.copy() for x in state[:2]), run.plan.model.nv
-    at = Computed(plan.model, {**plan.given(sample, step), "dt": run.dt}, once=True)
-    torque = np.zeros(n) if tau is None else tau.copy()
-    for effect in plan.effects:
-        torque = effect.held_torque(at, q, v, torque)
-    rows = getattr(plan.model, numba_kernels.TABLE)
-    system = System(explicit.kernels_of(None), held_torque, None, rows, None, None, None, None, torque, np.zeros(3))
-    at.begin(system, 0.0)
-    names, shapes = [x.name for x in plan.states], run.carried.shapes
-    own = {name: x.reshape(shape) for name, x, shape in zip(names, state[2:], shapes, strict=True)}
-    space = State(q, v, v, q.copy(), None, np.zeros((10, n)))
-    try:
-        with np.errstate(all="ignore"):
-            advance(plan.effects, (), at, EXPLICIT_METHODS[plan.method], system, 0.0, run.dt, space, own)
-    except ConstraintError as error:
-        return str(error)
-    return ""
-
-
-def _one_by_one(run: _Run, states: list[Array], tau: Array | None, records: list[Array]) -> None:
-    """One sample after another, as ``simulate`` takes one."""
-    plan, method = run.plan, integrators[run.plan.method]
-    n, steps = plan.model.nv, Steps(run.dt, run.steps, 0.0)
-    for b in range(len(states[0])):
-        q, v, *own = (x[b].astype(float) for x in states)
-        carried = RunStates(run.carried.arguments, run.carried.shapes, tuple(x[None] for x in own))
-        recorder = Recorder(plan.scene, method, steps, run.every, carried, plan.contact)
-        held = np.zeros((1, n)) if tau is None else np.ascontiguousarray(tau[min(b, len(tau) - 1)], float)
-        torque = Torque(held, None, not numba_kernels.PLAIN)
-        p = calls["momentum"](plan.model, q, v)
-        recorder.put(q, p if recorder.moves_p else v, held[0])
-        lost = ""
-        try:
-            if method.family is None:
-                jumps = any(x.shape[1] > 1 for x in plan.values.values())
-                acts = rates_of(plan, recorder, b)
-                run_adaptive(recorder, q, v, torque, lambda *_: None, TOLERANCES, acts, jumps)
-            else:
-                run_fixed(plan, recorder, (q, v, p), torque, lambda *_: None, b)
-        except SimulationError as error:
-            lost = str(error)
-        if lost and run.check:
-            raise SimulationError(f"sample {b}: {lost}")
-        done, whole = int(recorder.at[1]), records[0].shape[1]
-        for made, rows in zip(records, _recorded(recorder), strict=True):
-            made[b, : done - 1] = rows[1 : whole + 1]
-            made[b, done - 1 :] = np.nan
-
-
-def _recorded(recorder: Recorder) -> list[Array]:
-    """Rows of q, v and each state, written so far."""
-    n, model = int(recorder.at[1]), recorder.model
-    q, w, _ = (rows[:n] for rows in recorder.rows)
-    v = np.asarray(calls["velocity_from_momentum"](model, q, w)) if recorder.moves_p else w
-    return [q, v, *(recorder.own_rows[:n, at] for at in recorder.states.slices)]

@@ -25,14 +25,12 @@ from ..errors import (
     SpatialDynError,
 )
 from ..model.model import Model
-from .adaptive import run_adaptive
+from .driver import run_sample
 from .effects import of_run
 from .effects.control import Control, Feedback, check_control, check_law
 from .effects.friction import check_stable
 from .effects.springs import check_springs
 from .energy import exploded, scale_of
-from .fixed_steps import run_fixed
-from .kernel_steps import rates_of
 from .methods import Method, integrators
 from .plan import Plan, forces_of
 from .recorder import Recorder, Steps
@@ -137,11 +135,12 @@ def simulate(
     warn_of_friction(scene, "simulate")
     wanted = _Wanted.of(record)
     check_law(check_control(control), chosen.name)
-    p = calls["momentum"](model, q, v)
-    if chosen.family is not None and chosen.family.moves == "p":  # both calls raise InertiaError at a singular M
-        calls["velocity_from_momentum"](model, q, p)
-    else:
-        calls["aba"](model, q, v, np.zeros(model.nv))
+    p = v
+    if chosen.family is not None and chosen.family.moves == "p":
+        p = calls["momentum"](model, q, v)
+        calls["velocity_from_momentum"](model, q, p)  # raises InertiaError at a singular M
+    elif model.nq != model.nv:
+        calls["potential_energy"](model, q)  # raises ConfigurationError naming the joint
     run = _Run(scene, (q, v, p), chosen, wanted, progress, (rtol, atol), control, states)
     return _run(run, duration, dt, torque, fext)
 
@@ -304,17 +303,15 @@ def _run(run: _Run, duration: float, dt: float, torque: Any, fext: Any) -> Traje
         asked = torque_of(torque, model.nv, steps)
         recorder.rows[2][0] = asked.at(0, 0.0, q, v)
         with reporting(run.progress, "simulate") as report:
-            if method.family is None:
-                jumps = any(x.shape[1] > 1 for x in plan.values.values())
-                run_adaptive(recorder, q, v, asked, report, run.tolerances, rates_of(plan, recorder), jumps)
-            else:
-                run_fixed(plan, recorder, (q, v, p), asked, report)
+            run_sample(plan, recorder, (q, v, p), asked, report, tolerances=run.tolerances)
     except KeyboardInterrupt as interrupt:
         trajectory = recorder.trajectory(run.control, interrupted=True)
         stopped = SimulationInterrupt(f"interrupted at t = {trajectory.t[-1]:g} s of {duration:g} s")
         stopped.trajectory = trajectory
         raise stopped from interrupt
     except SimulationError as error:
+        if recorder.at[0] == 0 and not recorder.moves_p:
+            calls["aba"](model, q, v, np.zeros(model.nv))  # raises InertiaError naming the joint
         error.trajectory = recorder.trajectory(run.control)
         raise
     trajectory = recorder.trajectory(run.control)

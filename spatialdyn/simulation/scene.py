@@ -260,7 +260,8 @@ def scene_of(given: Any) -> Scene:
     """A scene as it is, or that of a Model on which nothing else acts. Raises ModelError."""
     if isinstance(given, Scene):
         return given
-    return _bare(check_model(given))
+    found = _bare(check_model(given))
+    return found if found.model is given else Scene(given)  # an equal model is another object
 
 
 @functools.lru_cache(maxsize=64)

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..calls.arguments import core_shape
 from ..calls.specialize_request import SpecializeRequest, constants_of, dtype_of
-from ..constraints.dynamics import response
+from ..constraints.dynamics import rows_to_keep
 from ..constraints.loops import close_loops
 from ..errors import SpatialDynError
 from ..recursions.spec import Argument
@@ -61,5 +61,5 @@ def _at_a_closed_one(scene: Scene, effect: Constrained) -> Constrained:
     q = close_loops(model, held, 1e-2 * np.arange(1.0, model.nq + 1.0)) if model.nq == model.nv else None
     if q is None:
         raise SpatialDynError(f'robot "{model.name}" has joints of several freedoms, expected none beside constraints')
-    rank = np.asarray(response(model, held, q, np.zeros(held.nc), check=False)[3], np.intp)
+    rank = np.asarray(rows_to_keep(model, held, q)[1], np.intp)
     return Constrained(held, effect.rate, rank.reshape(-1))

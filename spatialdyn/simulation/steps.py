@@ -14,11 +14,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..algebra.euclidean import cross
+from ..bodies.kinds import SE2, SE3
 from ..calls.dynamics import calls
 from ..engines.programs.tracer import scratch
 from ..recursions import SPECS
 from ..recursions.aba import WORK, aba
-from ..recursions.configuration import integrate
+from ..recursions.configuration import integrate, twist
 from ..recursions.friction import DT
 from ..recursions.spec import FEXT, TAU, Argument, Q, Spec, V
 from . import explicit
@@ -52,18 +54,24 @@ def advance(
     whole = Acting(free, law, feedback is not None and feedback.held, moving)
     solver = next((x for x in reversed(acting) if x.solves), None)
     after: Power = own
+    if constrained is not None:
+        constrained.begin(at, state.q)
     if solver is not None:
         system.torque(system, t, state.q, state.w)
         at.given.update(own, q=state.q.copy(), v=state.w.copy(), dt=h)
 
         def solve(tau: Any) -> Any:
-            ahead, changed, forces = solver.solve(at, acting, tau)
+            ahead, changed, forces = solver.solve(at, acting, tau if still is None else tau + still)
             if work.EXTERNAL in works and work.EXTERNAL.name not in forces:
                 forces[work.EXTERNAL.name] = external_torque(at, at.given["q"])
             return ahead, changed, forces
 
+        still, nothing = unturned(at, constrained, state), np.zeros(len(state.w), state.w.dtype)
         state.w[:], after = carry_solved(solve, h, state.q, state.w, system.tau.copy(), own, whole)
-        explicit.move(system, t, times(h, state.w), state)
+        if still is None:
+            explicit.move(system, t, times(h, state.w), state)
+        else:
+            explicit.move_turned(system, t, h, nothing, state)
     elif own or law is not None:
         after = carry(method, system, t, h, state, own, whole)
     else:
@@ -99,6 +107,25 @@ def free_of(
     if work.CONSTRAINTS in works:
         powers[work.CONSTRAINTS.name] = force * constrained.rates(at, q, v)
     return OK, powers
+
+
+def unturned(at: Arithmetic, constrained: Constrained | None, state: State) -> Any:
+    """Torques that leave floating and planar joints' linear velocities in the axes of the beginning: M [ω × v; 0].
+
+    None for robots without such joints, and beside constraints, which see the velocity as turned at the step's end.
+    """
+    turning = [i for i in range(1, len(at.rows)) if at.rows[i].kind in SE3 or at.rows[i].kind in SE2]
+    if not turning or constrained is not None:
+        return None
+    (M,) = at.evaluate(SPECS["crba"], q=state.q).values()
+    made = np.zeros(len(state.w), state.w.dtype)
+    for i in turning:
+        b, r = at.rows[i], i - 1
+        m = twist(b, r, state.w)
+        x = cross(m.w, m.v)
+        for k, y in enumerate((x.x, x.y, x.z) if b.kind in SE3 else (x.x, x.y)):
+            made = made + times(y, M[:, r + k])
+    return made
 
 
 def _sound(system: System, state: State) -> bool:
@@ -176,10 +203,14 @@ def carry(
         code: int = kernels.displacement_rate(table, u[:n], w[:n], out[:n])
         return code
 
+    def turned(table: Any, steps: Any, v: Any, w: Any, u: Any) -> int:
+        code: int = kernels.turn(table, steps[:n], v[:n], w[:n], u[:n])
+        return code
+
     def drive(system: System, t: float, q: Any, w: Any) -> None:
         torque(system, t, q, w[:n])
 
-    wide = kernels._replace(accelerate=accelerate, integrate=moved, displacement_rate=turning)
+    wide = kernels._replace(accelerate=accelerate, integrate=moved, displacement_rate=turning, turn=turned)
     both = State(state.q, w, w, state.stage, None, np.zeros((10, size), w.dtype))
     advance(system._replace(kernels=wide, torque=drive), t, h, both)
     state.w[:] = w[:n]
@@ -228,6 +259,7 @@ class _Kernels(NamedTuple):
     accelerate: Callable[..., int]
     integrate: Callable[..., int]
     displacement_rate: Callable[..., int]
+    turn: Callable[..., int]
 
 
 def _accelerate(system: System, q: Any, v: Any, a: Any) -> int:
@@ -264,7 +296,7 @@ def step_specs(
         tau = inputs["tau"].copy() if forced else np.zeros(len(v), object)
         for effect in acting:
             tau = effect.held_torque(at, q, v, tau)
-        kernels = _Kernels(_accelerate, _integrate, _displacement_rate)
+        kernels = _Kernels(_accelerate, _integrate, _displacement_rate, explicit.turn)
         system = System(kernels, held_torque, None, rows, None, inputs.get(FEXT.name), None, None, tau, None)
         state = State(q, v, v, q.copy(), None, np.zeros((10, len(v)), object))
         carried: Power = {x.name: inputs[x.name] for x in own}

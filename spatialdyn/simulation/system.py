@@ -9,6 +9,7 @@ alike: the first failure stays, and the loop stops after that step.
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -83,12 +84,14 @@ def joint_table(model: Model) -> JointTable:
     return JointTable(own, own.ctypes.data)
 
 
-def units(bodies: Any) -> NDArray[np.float64]:
+@lru_cache(maxsize=64)
+def units(model: Model) -> NDArray[np.float64]:
     """(2 nv,) weights: 1 for rotations, 1 / length of the robot for translations; the reciprocals for momenta.
 
     With them one tolerance on changes serves all freedoms in any unit of length. The length is a power of two, so that
     nothing is rounded: that of the longest offset, centre of mass or radius of gyration.
     """
+    bodies = model.bodies
     inertia, at = bodies["inertia"][1:], bodies["X"]["p"][1:]
     heavy = inertia[inertia["m"] > 0.0]
     lengths = [abs(at[k]) for k in "xyz"] + [abs(heavy["h"][k] / heavy["m"]) for k in "xyz"]

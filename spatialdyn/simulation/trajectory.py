@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import zipfile
 from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
@@ -211,6 +210,8 @@ def _file_name(path: Any) -> str | PathLike[str]:
 
 def _read(path: str | PathLike[str]) -> dict[str, Array]:
     """The arrays of an npz file, each checked by its checksum, to which ``np.load`` does not read on."""
+    import zipfile
+
     with open(path, "rb") as file, zipfile.ZipFile(file) as archive:
         found = {name.removesuffix(".npy"): io.BytesIO(archive.read(name)) for name in archive.namelist()}
     return {name: np.lib.format.read_array(data, allow_pickle=False) for name, data in found.items()}

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from mechanisms import G, every_kind, four_bar, four_bar_state, pin_of, rod, turned_four_bar
+from mechanisms import REDUNDANT, G, every_kind, four_bar, four_bar_state, pin_of, rod, turned_four_bar
 
 import spatialdyn as sd
 from spatialdyn.engines.compiled.numba_kernels import variant
@@ -628,3 +628,50 @@ def test_what_is_refused() -> None:
         sd.exact(model, sd.constrained_dynamics)
     with pytest.raises(sd.SpatialDynError, match="expected None: no call takes them"):
         sd.exact(model, sd.rnea, constraints=held)
+
+
+# --- more equations than independent ones ---------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", REDUNDANT)
+def test_velocities_that_meet_redundant_equations_are_taken_as_they_are(name: str) -> None:
+    """J v is rounding there, and says nothing of contradiction; the rank is that of J, along the whole motion."""
+    model, held, q, v = REDUNDANT[name]()
+    run = sd.simulate(sd.Scene(model, constraints=held), q, v, 1.0, 2e-3)
+    for k in range(0, len(run.q), 10):
+        q, v = run.q[k], run.v[k]
+        assert abs(sd.project_velocity(model, held, q, v) - v).max() <= 1e-11 * abs(v).max()
+        hit = sd.impact(model, held, q, v, restitution=1.0)
+        assert abs(hit.v - v).max() <= 1e-11 * abs(v).max()
+        assert hit.rank == np.linalg.matrix_rank(sd.constraint_jacobian(model, held, q), tol=1e-9)
+    many = sd.project_velocity(model, held, run.q, run.v)
+    assert (many[7] == sd.project_velocity(model, held, run.q[7], run.v[7])).all()
+
+
+def test_an_unsure_sample_has_the_bits_it_has_alone() -> None:
+    """Around θ = 0 three cranks have a small early pivot: rows are chosen there, and in no other sample."""
+    model, held, *_ = REDUNDANT["three_cranks"]()
+    theta = np.linspace(-1e-2, 1e-2, 41)
+    signs = np.where(np.array([j.name for j in model.joints[1:]]) == "plate_joint", -1.0, 1.0)
+    states, speeds = theta[:, None] * signs, np.tile(1.5 * signs, (41, 1))
+    found = sd.constrained_dynamics(model, held, states, speeds, np.zeros(4))
+    assert (found.rank == 3).all()
+    for k in range(0, 41, 5):
+        alone = sd.constrained_dynamics(model, held, states[k], speeds[k], np.zeros(4))
+        assert alone.a.tolist() == found.a[k].tolist()
+        J, M = sd.constraint_jacobian(model, held, states[k]), sd.minverse(model, states[k])
+        free = sd.aba(model, states[k], speeds[k], np.zeros(4))
+        missed = J @ free + sd.constraint_drift(model, held, states[k], speeds[k])
+        wanted = free - M @ J.T @ np.linalg.pinv(J @ M @ J.T, rcond=1e-9) @ missed
+        assert abs(alone.a - wanted).max() <= 1e-9 * abs(wanted).max()
+
+
+def test_a_start_that_moves_by_rounding_is_a_start_at_rest() -> None:
+    made = sd.ModelBuilder("disc")
+    made.add_body("disc", None, "floating", inertia=(1.0, (0, 0, 0), np.diag([0.25, 0.5, 0.25])))
+    model = made.build()
+    scene = sd.Scene(model, constraints=sd.Constraints(model, [sd.RollingConstraint("disc", (0, 1, 0), 0.1)]))
+    q = np.array([0, 0, 0.1, 0, 0, 0, 1.0])
+    assert sd.simulate(scene, q, [6e-16, 0, 0, 0, 0, 0], 2e-3, 1e-3).q.shape == (3, 7)
+    with pytest.raises(sd.ConstraintError, match="moves"):
+        sd.simulate(scene, q, [1e-9, 0, 0, 0, 0, 0], 2e-3, 1e-3)

@@ -148,7 +148,7 @@ SPECS = {
     spec.name: spec
     for spec in (
         constraint_rows.JACOBIAN, constraint_rows.ERROR, constraint_rows.DRIFT, constrained.DELASSUS,
-        constrained.MOTION, constrained.RESPONSE, DERIVATIVES, HELD_BRISTLES,
+        constrained.MOTION, constrained.RESPONSE, constrained.ROWS, DERIVATIVES, HELD_BRISTLES,
     )
 }  # fmt: skip
 
@@ -159,6 +159,7 @@ def test_all_engines_agree(name: str) -> None:
     spec, rng = SPECS[name], np.random.default_rng(0)
     held = sd.Constraints(model, held.items if name.startswith("constraint_") else [held.items[k] for k in (0, 5, 7)])
     values = {"q": s.q, "v": s.v, "tau": s.tau, "rhs": rng.normal(size=held.nc), "rate": None, "fext": None}
+    values |= {"chosen": None, "rank": None}
     values |= {"a": rng.normal(size=model.nv), "force": rng.normal(size=held.nc), "dt": 1e-3}
     law = ("bristles", "coulomb", "viscous", "static", "stribeck", "stiffness", "damping")
     values |= dict(zip(law, rng.uniform(0.5, 1.0, size=(len(law), model.nv)), strict=True))

@@ -287,13 +287,13 @@ def test_heights_between_four_are_bilinear_in_every_engine() -> None:
     x, y = rng.uniform(-1.5, 5.5, 200), rng.uniform(-1.5, 7.5, 200)
     x[:5], y[:5] = [0.5, 3.999, 4.001, 2.0, -0.001], [0.001, 5.999, 3.0, 6.001, 2.5]
     tape = Tape()
-    made = by_weights(tape.input(0), tape.input(1), table(ground.table.rows))
+    made = by_weights(tape.input(0), tape.input(1), table(ground.table.rows), 1)
     recorded = np.array(Program(tape, made, 2).run([x, y])).T
     for k in range(200):
         wanted = bilinear_by_hand(z, x[k], y[k])
-        assert bilinear(x[k], y[k], ground.table.rows) == pytest.approx(wanted, abs=1e-13)
+        assert bilinear(x[k], y[k], ground.table.rows, 1) == pytest.approx(wanted, abs=1e-13)
         assert recorded[k] == pytest.approx(wanted, abs=1e-13)
-    assert np.isnan(bilinear(math.nan, 1.0, ground.table.rows)).all()
+    assert np.isnan(bilinear(math.nan, 1.0, ground.table.rows, 1)).all()
 
 
 def test_heights_on_a_plane_are_that_plane() -> None:

@@ -9,7 +9,14 @@ import numpy as np
 import pytest
 
 from spatialdyn.engines.numbers.multiprecision import arithmetic, numbers
-from spatialdyn.recursions.dense import factor_dropping, quotient, solve_backward, solve_forward
+from spatialdyn.recursions.dense import (
+    choose_rows,
+    factor_chosen,
+    factor_dropping,
+    quotient,
+    solve_backward,
+    solve_forward,
+)
 
 EPS = np.finfo(float).eps
 TOLERANCE = 1e-12
@@ -79,3 +86,58 @@ def test_rationals_are_exact() -> None:
 
 def test_a_quotient_by_zero_is_the_numerator() -> None:
     assert [quotient(3.0, 2.0), quotient(3.0, 0.0), quotient(0.0, 0.0)] == [1.5, 3.0, 0.0]
+
+
+# --- rows that are chosen -------------------------------------------------------------------------------
+
+
+def chosen(G: Any, most: int | None = None) -> tuple[list[float], float, float]:
+    """Which rows are kept, how many, and the largest relative pivot of the others."""
+    m = len(G)
+    kept, column, best = (np.zeros(m, G.dtype) for _ in range(3))
+    size = np.diag(G).copy()
+    count, spare = choose_rows(G.copy(), size, TOLERANCE, float(m if most is None else most), kept, column, best)
+    return [float(x) for x in kept], float(count), float(spare)
+
+
+def test_the_largest_pivot_comes_first() -> None:
+    """Rows 0 and 1 nearly agree, and 2 is their sum: of the two near ones the second is not kept, but 2 less."""
+    A = np.array([[1.0, 0.0, 0.0], [1.0, 1e-5, 0.0], [2.0, 1e-5, 0.0], [0.0, 0.0, 1.0]])
+    kept, count, spare = chosen(A @ A.T)
+    assert count == 3
+    assert sum(kept) == 3
+    assert kept[3] == 1.0
+    assert spare <= TOLERANCE
+    kept, count, spare = chosen(A @ A.T, 2)
+    assert count == 2
+    assert kept[3] == 1.0
+    assert 1e-12 < spare < 1e-9  # sin² of 1e-5
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_chosen_rows_solve_beside_a_small_early_pivot(seed: int) -> None:
+    """Rows 0 and 1 differ by 1e-5, the last depends on both and on row 2."""
+    rng = np.random.default_rng(seed)
+    A = rng.normal(size=(4, 6))
+    A[1] = A[0] + 1e-5 * rng.normal(size=6)
+    A[3] = A[:3].T @ rng.normal(size=3)
+    G, b = A @ A.T, A @ rng.normal(size=6)
+    kept, count, _ = chosen(G)
+    assert count == 3
+    C, x = G.copy(), np.zeros(4)
+    factor_chosen(C, np.array(kept))
+    y = b.copy()
+    solve_forward(C, y)
+    solve_backward(C, y, x)
+    assert (x[np.array(kept) == 0.0] == 0.0).all()
+    assert abs(G @ x - b).max() <= 1e2 * EPS * abs(G).max() * abs(x).max()
+
+
+def test_nothing_is_chosen_of_rows_of_zeros() -> None:
+    assert chosen(np.zeros((3, 3))) == ([0.0, 0.0, 0.0], 0.0, 0.0)
+
+
+def test_rationals_are_chosen_exactly() -> None:
+    rational = arithmetic(None)
+    G = numbers(rational, [[2, 4, 0], [4, 8, 0], [0, 0, Fraction(1, 3)]])
+    assert chosen(G)[:2] == ([1.0, 0.0, 1.0], 2.0)

@@ -17,7 +17,7 @@ from trees import random_tree
 import spatialdyn as sd
 from spatialdyn.engines.compiled import numba_kernels
 from spatialdyn.engines.programs import recording
-from spatialdyn.simulation import program_steps
+from spatialdyn.simulation import fixed_steps
 from spatialdyn.simulation.effects import friction as friction_effect
 from spatialdyn.simulation.effects.friction import WAYS
 from spatialdyn.simulation.effects.pd import JointPD
@@ -234,10 +234,8 @@ def test_a_step_without_a_program_runs_all_the_same(arm: sd.Model, monkeypatch: 
     for way in WAYS:
         wanted = scenes.simulate(*args, friction=ARM, friction_method=way)
         with monkeypatch.context() as patch:
-            patch.setattr(program_steps, "MOST", 0)
-            program_steps._kernel.cache_clear()
+            patch.setattr(fixed_steps, "program", lambda *_: None)
             found = scenes.simulate(*args, friction=ARM, friction_method=way)
-        program_steps._kernel.cache_clear()
         np.testing.assert_allclose(found.q, wanted.q, rtol=0.0, atol=SAME)
         np.testing.assert_allclose(found.v, wanted.v, rtol=0.0, atol=1e2 * SAME)
 
@@ -413,7 +411,7 @@ def test_nan_and_overflow_reach_the_state_and_no_other_sample(arm: sd.Model, way
         found = scenes.rollout(arm, np.zeros(3), **given, **kept)
         assert not np.isfinite(found.v[2, -1]).any()
         np.testing.assert_array_equal(found.v[[0, 1, 3]], clean.v[[0, 1, 3]])
-    with pytest.raises(sd.SimulationError, match="state of sample 2 is not finite"):
+    with pytest.raises(sd.SimulationError, match=r"sample 2: (v0 is|tau is|semi_implicit_euler diverged)"):
         scenes.rollout(arm, np.zeros(3), **given, **{**kept, "check": True})
 
 

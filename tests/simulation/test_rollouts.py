@@ -180,7 +180,9 @@ def test_angles_beyond_the_short_sine_are_right_and_disturb_no_other(arm: sd.Mod
 def test_a_state_that_blows_up_is_named_or_nan(arm: sd.Model) -> None:
     q0, v0 = states(arm, 10)
     v0[7] = 1e160
-    with pytest.raises(sd.SimulationError, match=r"sample 7 is not finite after t = 0\.01 s"):
+    with pytest.raises(
+        sd.SimulationError, match=r"sample 7: semi_implicit_euler diverged at t = 0 s: the state is not finite"
+    ):
         sd.rollout(arm, q0, v0, dt=1e-2, steps=5)
     found = sd.rollout(arm, q0, v0, dt=1e-2, steps=5, check=False)
     assert np.isnan(found.v[7]).any()

@@ -20,6 +20,7 @@ from spatialdyn.engines.compiled import numba_kernels
 from spatialdyn.simulation import fixed_steps, integrators, program_steps
 from spatialdyn.simulation.compiled_loop import compile_loop
 from spatialdyn.simulation.energy import exploded, scale_of
+from spatialdyn.simulation.methods import EXPLICIT_METHODS
 
 EPS = np.finfo(float).eps
 COMPILED = pytest.mark.skipif(numba_kernels.PLAIN, reason="NUMBA_DISABLE_JIT: nothing is compiled")
@@ -618,13 +619,24 @@ def test_a_program_steps_as_the_compiled_table_does(monkeypatch: pytest.MonkeyPa
 
 
 @COMPILED
-def test_which_way_depends_on_the_robot_and_the_method_alone(arm: sd.Model) -> None:
-    rk4, euler = integrators["rk4"], integrators["semi_implicit_euler"]
-    long = sd.load_urdf("talos_full_v2", root="floating")
-    assert program_steps._kernel(arm, rk4, (), (), ()) is not None
-    assert program_steps._kernel(arm, rk4, (), (), ()) is program_steps._kernel(arm, rk4, (), (), ())
-    assert rk4.evaluations * long.nv > program_steps.MOST >= euler.evaluations * long.nv
-    assert program_steps._kernel(long, rk4, (), (), ()) is None
+def test_a_step_is_one_program_for_each_robot_and_method(arm: sd.Model) -> None:
+    assert program_steps._kernel(arm, "rk4", (), (), ()) is program_steps._kernel(arm, "rk4", (), (), ())
+    assert program_steps._kernel(arm, "rk4", (), (), ()) is not None
+
+
+@COMPILED
+@pytest.mark.parametrize("method", EXPLICIT_METHODS)
+def test_one_sample_has_the_bits_of_many(method: str) -> None:
+    """Also of a sample in their midst whose angle passes the program's range."""
+    model, rng = random_tree(11, 5, floating=True).model, np.random.default_rng(4)
+    q0, v0 = sd.random_configuration(model, rng, shape=11), 0.1 * rng.standard_normal((11, model.nv))
+    turning = next(j for j in model.joints[1:] if j.nq == 1 and j.kind == "revolute")
+    q0[7, turning.idx_q], v0[7, turning.idx_v] = 1e5 - 0.005, 1.0
+    many = sd.rollout(model, q0, v0, dt=1e-3, steps=20, method=method)
+    for b in (0, 7, 10):
+        one = sd.simulate(model, q0[b], v0[b], 0.02, 1e-3, method)
+        np.testing.assert_array_equal(many.q[b], one.q[1:])
+        np.testing.assert_array_equal(many.v[b], one.v[1:])
 
 
 @COMPILED

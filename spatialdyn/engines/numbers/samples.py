@@ -113,9 +113,9 @@ def _chosen(runs: Any, after: Any, before: Any) -> Samples:
     return Samples(np.where(runs, _array(after), _array(before)))
 
 
-def _bilinear(x: Any, y: Any, rows: Any) -> tuple[Samples, ...]:
+def _bilinear(x: Any, y: Any, rows: Any, first: int) -> tuple[Samples, ...]:
     x, y = np.broadcast_arrays(_array(x), _array(y))
-    found = np.array([heights.bilinear(*at, rows) for at in zip(x.tolist(), y.tolist(), strict=True)], F8)
+    found = np.array([heights.bilinear(*at, rows, first) for at in zip(x.tolist(), y.tolist(), strict=True)], F8)
     return tuple(map(Samples, found.T))
 
 

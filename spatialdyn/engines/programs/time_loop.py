@@ -19,6 +19,7 @@ from ..threads import thread_pool
 from . import host_cpu
 from .batch_kernels import Kernel
 from .llvm_entry import buffer_size, time_loop_entry
+from .program import Program
 
 
 class StepInput(NamedTuple):
@@ -112,3 +113,23 @@ def _pieces(steps: int, every: int, most: int) -> Iterator[tuple[int, int, int]]
         for first in range(mark, end, most):
             count = min(most, end - first)
             yield first, count, count if first + count == mark + every else steps + 1
+
+
+def replay(
+    program: Program, states: Sequence[NDArray[Any]], inputs: Sequence[NDArray[Any]],
+    records: Sequence[NDArray[Any]], steps: int, every: int,
+) -> NDArray[np.intp]:  # fmt: skip
+    """``run`` by a program in NumPy, which rejects no angle; returns the samples that are not finite."""
+    n, now = len(states[0]), [np.asarray(x, np.float64) for x in states]
+    ends = np.cumsum([0, *(x.shape[1] for x in states)])
+    for k in range(steps):
+        rows = [*now, *(np.broadcast_to(x[:, min(k, x.shape[1] - 1)], (n, x.shape[2])) for x in inputs)]
+        with np.errstate(all="ignore"):
+            found = program.run([column for x in rows for column in x.T])
+        after = [np.broadcast_to(np.asarray(x, np.float64), n) for x in found]
+        now = [np.stack(after[a:b], 1) if a < b else np.empty((n, 0)) for a, b in pairwise(ends)]
+        if (k + 1) % every == 0:
+            for record, x in zip(records, now, strict=True):
+                with np.errstate(over="ignore"):
+                    record[:, (k + 1) // every - 1] = x
+    return np.flatnonzero(~np.logical_and.reduce([np.isfinite(x).all(axis=1) for x in now]))

@@ -4,23 +4,36 @@ A step ends with one Newton step of q towards φ = 0 and with the velocity neare
 metric of M; or, where a time of stabilization is given, errors die away within it and nothing is projected. What a step
 finds wrong (equations that contradict others, another rank than at the beginning) makes its state infinite where the
 step is recorded, so that a program rejects the sample, and raises the reason where it is computed.
+
+Where equations depend on others, those to keep are chosen at the beginning of a step, as many as were independent at
+the beginning of the run, and serve for its stages and its projection. The stages leave the constraints by the error of
+the step, so that they say nothing of rank or contradiction: both are judged at the beginning of a step, and what is
+left open after its projection, by what it closed.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import groupby
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...algebra.scalars import EPS, exceeds
+from ...algebra.scalars import EPS, exceeds, select
 from ...bodies.static_table import StaticTable
 from ...calls.dynamics import calls
-from ...constraints.calls import CONTRADICTION, call, raise_contradiction
-from ...constraints.dynamics import constrained_motion, constraint_error, constraint_jacobian, response
+from ...constraints.calls import call
+from ...constraints.dynamics import (
+    FLOOR,
+    by_rows,
+    constrained_motion,
+    constraint_error,
+    constraint_jacobian,
+    delassus,
+    rate_terms,
+    rows_to_keep,
+)
 from ...constraints.loops import raise_if_open
 from ...constraints.table import Constraints
 from ...errors import ConstraintError, SimulationError
@@ -39,8 +52,12 @@ from .effect import Effect
 Array = NDArray[np.float64]
 RATE = Argument("rate", (), "1/s", "1/T of the stabilization")
 RANK = Argument("rank", (), "1", "independent equations at the beginning")
+CHOSEN, UNJUDGED = constrained.CHOSEN.name, "unjudged"  # given in a step
 START = 1e-6  # largest |φ| [m | rad], and |J v| of its terms, of a state to start from
 START_SOLVED = 1e-3  # the same of |J v| where steps find velocities with impulses: see ``impulse_step.meet``
+CONTRADICTS = 1e-4  # of the motion, what equations that depend on others miss at the beginning of a step
+LEFT = 0.1  # of what a projection closes, the most that it leaves open: it leaves the square
+BRANCHING = 1e-3  # of the largest eigenvalue of Delassus' matrix: the smallest, some .03 rad from a branch point
 LEAST_STEPS = 3.0  # of a time of stabilization; at 1 explicit methods diverge
 
 
@@ -79,40 +96,94 @@ class Constrained(Effect):
         """Whether steps end with a projection."""
         return self.rate is None
 
-    def accelerate(self, at: Arithmetic, q: Any, v: Any, tau: Any, a: Any) -> Any:
-        """Write the acceleration under the constraints; returns their force. It may raise ConstraintError."""
+    @property
+    def form(self) -> tuple[Any, ...]:
+        """See ``Effect``."""
+        return (self.chooses,)
+
+    @property
+    def chooses(self) -> bool:
+        """Whether equations of a sample depend on others, so that steps choose those to keep."""
+        return bool((self.rank < self.constraints.nc).any())
+
+    def begin(self, at: Any, q: Any) -> None:
+        """Choose the equations to keep through a step from q. It may raise ConstraintError."""
+        if not self.chooses:
+            return
         if not at.recorded:
-            given = np.array(q), np.array(v), np.array(tau, float)
-            time = None if self.rate is None else 1.0 / self.rate
-            found = constrained_motion(self.constraints.model, self.constraints, *given, time, fext=_forces(at))
-            self.check_rank(found.rank, at.given["rank"])
-            a[:] = found.a
-            return found.force
+            known = float(at.given[RANK.name])
+            chosen, rank = rows_to_keep(self.constraints.model, self.constraints, np.array(q), known)
+            self.check_rank(int(rank), known)
+        else:
+            made = at.evaluate(constrained.ROWS, q=q)
+            chosen, off = made[CHOSEN], made[RANK.name][0] - at.given[RANK.name]
+            at.wrong = at.wrong + exceeds(off * off, 0.5)
+        at.given.update({CHOSEN: chosen, UNJUDGED: True})
+
+    def accelerate(self, at: Any, q: Any, v: Any, tau: Any, a: Any) -> Any:
+        """Write the acceleration under the constraints; returns their force. It may raise ConstraintError."""
+        if self.chooses and CHOSEN not in at.given:  # no step has begun: a method without steps of its own
+            self.begin(at, q)
+            chosen, first = at.given.pop(CHOSEN), at.given.pop(UNJUDGED)
+        else:
+            chosen, first = at.given.get(CHOSEN), at.given.pop(UNJUDGED, False)
+        if not at.recorded:
+            model, held, given = self.constraints.model, self.constraints, (np.array(q), np.array(v), np.array(tau))
+            values = *given, _forces(at), self.rate, chosen
+            a[:], force, residual, rank = by_rows(constrained.MOTION, model, held, *values)
+            self.check_rank(rank, at.given[RANK.name])
+            if first and residual > CONTRADICTS:
+                self._raise_contradiction(q, v, tau, residual, at)
+            return force
         made = at.evaluate(constrained.MOTION, q=q, v=v, tau=tau)
-        self.judge(at, made["residual"][0], made["rank"][0])
+        self._judge_motion(at, made, chosen, first)
         a[:] = made["a"]
         return made["force"]
+
+    def _raise_contradiction(self, q: Any, v: Any, tau: Any, residual: float, at: Any) -> None:
+        """Raise ConstraintError, with the names of equations that contradict others if a call finds them."""
+        held, time = self.constraints, None if self.rate is None else 1.0 / self.rate
+        q, v, tau = (np.array(x, float) for x in (q, v, tau))
+        constrained_motion(held.model, held, q, v, tau, time, fext=_forces(at))
+        raise ConstraintError(
+            f"equations of {', '.join(x.label for x in held)} contradict each other by {residual:.2g} of the "
+            "motion, expected fewer constraints, or a state that meets them"
+        )
+
+    def _judge_motion(self, at: Any, made: Any, chosen: Any, first: bool) -> None:
+        """Note a contradiction at the beginning of a step, or of equations that are not chosen another rank."""
+        if chosen is None:
+            off = made["rank"][0] - at.given[RANK.name]
+            at.wrong = at.wrong + exceeds(off * off, 0.5)
+        elif first:
+            at.wrong = at.wrong + exceeds(made["residual"][0], CONTRADICTS)
 
     def after_bristles(self, at: Arithmetic, tau: Any) -> tuple[Any, Any, Any]:
         """Velocities and bristles after a step of LuGre friction, and the constraints' force."""
         if not at.recorded:
-            known, n = {**at.given, "tau": tau, "fext": _forces(at), "rate": self.rate}, self.constraints.model.nv
+            known, n = {CHOSEN: None, **at.given, "tau": tau, "fext": _forces(at), "rate": self.rate}, len(at.rows) - 1
             values = [known[x.name] for x in HELD_BRISTLES.present if not x.static]
             values = [np.array(x, float) if isinstance(x, np.ndarray) else x for x in values]
             out = call(HELD_BRISTLES, self.constraints.model, self.constraints, *values)
-            raise_contradiction(HELD_BRISTLES, self.constraints, out, *values)
-            self.check_rank(int(out[-1]), at.given["rank"])
+            if known[CHOSEN] is None:
+                self.check_rank(int(out[-1]), at.given[RANK.name])
+            elif out[-2] > CONTRADICTS:
+                self._raise_contradiction(at.given["q"], at.given["v"], tau, out[-2], at)
             return out[:n], out[n : 2 * n], out[2 * n : -2]
         made = at.evaluate(HELD_BRISTLES, tau=tau)
-        self.judge(at, made["residual"][0], made["rank"][0])
+        self._judge_motion(at, made, at.given.get(CHOSEN), True)
         return made["ahead"], made["bristles"], made["force"]
 
-    def judge(self, at: Any, residual: Any, rank: Any, least: float | None = None) -> None:
+    def judge(self, at: Any, residual: Any, rank: Any, least: float) -> None:
         """Note a contradiction, or another rank than at the beginning, in recorded numbers."""
-        n, m = len(at.rows) - 1, int(at.given[CONSTRAINTS_ARGUMENT.name][0].nc)
-        off = rank - at.given["rank"]
-        limit = CONTRADICTION * (n + m) * EPS if least is None else least
-        at.wrong = at.wrong + exceeds(residual, limit) + exceeds(off * off, 0.5)
+        off = rank - at.given[RANK.name]
+        at.wrong = at.wrong + exceeds(residual, least) + exceeds(off * off, 0.5)
+
+    def rows(self, q: Array) -> Array:
+        """The equations to keep at q of the first sample. Raises ConstraintError if the rank has changed."""
+        chosen, rank = rows_to_keep(self.constraints.model, self.constraints, q, float(self.rank[0]))
+        self.check_rank(int(rank))
+        return chosen
 
     def of_sample(self, k: int) -> Constrained:
         """These constraints of one sample."""
@@ -139,24 +210,47 @@ class Constrained(Effect):
         Those meet J v⁺ = 0 there to the order of h³, in an impact h² (``impulse_step.meet``); a projection would move
         joints and points that stick.
         """
-        model, held = self.constraints.model, self.constraints
+        model, held, chosen = self.constraints.model, self.constraints, at.given.get(CHOSEN)
         if not at.recorded:
-            if self.projects:
-                phi = constraint_error(model, held, q)
-                q[:] = calls["integrate"](model, q, response(model, held, q, -phi, check=False)[0])
-                if velocities:
-                    v += response(model, held, q, -(constraint_jacobian(model, held, q) @ v), check=False)[0]
+            if not self.projects:
+                return
+            phi = constraint_error(model, held, q)
+            q[:] = calls["integrate"](model, q, by_rows(constrained.RESPONSE, model, held, q, -phi, chosen)[0])
+            if chosen is not None:
+                left = constraint_error(model, held, q)
+                self._check_closed(abs(phi), abs(left), chosen)
+            if velocities:
+                rates = constraint_jacobian(model, held, q) @ v
+                v += by_rows(constrained.RESPONSE, model, held, q, -rates, chosen)[0]
             return
         if self.projects:
             phi = at.evaluate(ERROR, q=q)["phi"]
             moved = q.copy()
             integrate(at.rows, q, at.evaluate(constrained.RESPONSE, q=q, rhs=-phi)["change"], moved)
             q[:] = moved
+            if chosen is not None:
+                opened = START * START
+                for x in phi:
+                    square = LEFT * LEFT * x * x
+                    opened = select(square - opened, square, opened)
+                for x in at.evaluate(ERROR, q=q)["phi"]:
+                    at.wrong = at.wrong + exceeds(x * x, opened)
         if self.projects and velocities:
             v[:] = v + at.evaluate(constrained.RESPONSE, q=q, rhs=-self.rates(at, q, v))["change"]
         lost = at.wrong / exceeds(1.0, at.wrong)
         for i in range(len(v)):
             v[i] = v[i] + lost
+
+    def _check_closed(self, opened: Array, left: Array, chosen: Array) -> None:
+        """Raise ConstraintError if equations stay open after a projection: |φ| before and after it."""
+        least = max(START, LEFT * float(opened.max(initial=0.0)))
+        bad = dict.fromkeys(self.constraints.equations[k].label for k in np.flatnonzero(left > least))
+        if bad:
+            raise ConstraintError(
+                f"{', '.join(bad)} contradict{'s' * (len(bad) == 1)} the other constraints: {int(chosen.sum())} of "
+                f"{len(chosen)} equations are independent, and with those closed these stay open by "
+                f"{left.max():.2g} m or rad; expected fewer constraints, or a smaller dt"
+            )
 
 
 def _forces(at: Arithmetic) -> Array | None:
@@ -182,10 +276,8 @@ def constrained_of(scene: Any, q: Array, v: Array, dt: float) -> Constrained | N
     phi = constraint_error(model, constraints, q)
     raise_if_open(constraints, q, phi, START, " at the beginning; project_configuration or close_loops closes it")
     J = constraint_jacobian(model, constraints, q)
-    Jv, terms = (J @ v[..., None])[..., 0], (abs(J) @ abs(v)[..., None])[..., 0]
-    for first, count in owned(constraints):  # one equation of several may be nothing but rounding
-        terms[..., first : first + count] = terms[..., first : first + count].max(axis=-1, keepdims=True)
-    bad = np.argwhere(abs(Jv) > (START_SOLVED if solved else START) * terms)
+    Jv, terms = (J @ v[..., None])[..., 0], rate_terms(constraints, J, v)
+    bad = np.argwhere(abs(Jv) > (START_SOLVED if solved else START) * terms + FLOOR)
     if len(bad):
         index, k = tuple(int(x) for x in bad[0, :-1]), int(bad[0, -1])
         where = "" if not index else f" of sample {index[0]}"
@@ -193,17 +285,8 @@ def constrained_of(scene: Any, q: Array, v: Array, dt: float) -> Constrained | N
             f"v0{where} moves {constraints.equations[k].label} at {Jv[(*index, k)]:.3g}, expected 0; "
             "project_velocity gives the nearest velocity that does not"
         )
-    rank = np.asarray(response(model, constraints, q, np.zeros(phi.shape), check=False)[3], np.intp)
+    rank = np.asarray(rows_to_keep(model, constraints, q)[1], np.intp)
     return Constrained(constraints, rate, rank.reshape(-1))
-
-
-def owned(constraints: Constraints) -> Iterator[tuple[int, int]]:
-    """Of each constraint its first equation and how many it has."""
-    first = 0
-    for _, of_one in groupby(constraints.equations, key=lambda x: id(x.constraint)):
-        count = len([*of_one])
-        yield first, count
-        first += count
 
 
 # --- symplectic methods ----------------------------------------------------------------------------------
@@ -218,9 +301,11 @@ def closed(
     settle  positions at the end with the multipliers so far
     add     adds to them what changes those positions by -φ, an impulse over a time of 1
 
-    Writes the status STALLED if φ stays. It raises ConstraintError.
+    Their slope is Delassus' matrix at q; where that does not lead there, as in a step over a branch point, the one
+    between J at the beginning and J at the end. Writes the status STALLED if φ stays. It raises ConstraintError, also
+    where it fails near a branch point.
     """
-    constraints, before = held.constraints, np.inf
+    constraints, before, chosen, exact = held.constraints, np.inf, held.rows(q), False
     for sweep in range(SWEEPS):
         ahead = settle()
         phi = constraint_error(model, constraints, ahead)
@@ -229,16 +314,34 @@ def closed(
             break
         if sweep == SWEEPS - 1:
             set_status(system, STALLED, t, size)
-        before = size
-        _, impulse, _, rank = response(model, constraints, q, -phi, check=False)
-        held.check_rank(rank)
+        exact, before = exact or size >= 0.5 * before, size
+        if not exact:
+            add(by_rows(constrained.RESPONSE, model, constraints, q, -phi, chosen)[1])
+            continue
+        J, end = (constraint_jacobian(model, constraints, x)[chosen > 0.0] for x in (q, ahead))
+        impulse = np.zeros(constraints.nc)
+        impulse[chosen > 0.0] = -np.linalg.lstsq(end @ calls["minverse"](model, q) @ J.T, phi[chosen > 0.0])[0]
         add(impulse)
+    if system.status[0] != OK:
+        _raise_if_branching(held, model, q, chosen)
     return ahead
+
+
+def _raise_if_branching(held: Constrained, model: Model, q: Array, chosen: Array) -> None:
+    """Raise ConstraintError if equations that are kept nearly depend on each other."""
+    G = delassus(model, held.constraints, q)[np.ix_(chosen > 0.0, chosen > 0.0)]
+    values = np.linalg.eigvalsh(G)
+    if values[0] < BRANCHING * values[-1]:
+        raise ConstraintError(
+            f"{', '.join(x.label for x in held.constraints)} nearly lose rank, {int(chosen.sum())} at the beginning: "
+            "the step fails near a branch point, from which the mechanism may go several ways"
+        )
 
 
 def momentum_along(held: Constrained, model: Model, q: Array, p: Array) -> Array:
     """The momenta nearest to p whose velocities keep J v = 0."""
     v = calls["velocity_from_momentum"](model, q, p)
     Jv = constraint_jacobian(model, held.constraints, q) @ v
-    made: Array = calls["momentum"](model, q, v + response(model, held.constraints, q, -Jv, check=False)[0])
+    change = by_rows(constrained.RESPONSE, model, held.constraints, q, -Jv, held.rows(q))[0]
+    made: Array = calls["momentum"](model, q, v + change)
     return made

@@ -1,0 +1,125 @@
+"""The one way to run: samples side by side by a program on lanes, and one sample by its methods' own loop.
+
+``simulate`` is a run of one sample that is watched; ``rollout`` runs many on lanes, and those that a program has no
+answer to as ``simulate`` does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..calls.dynamics import calls
+from ..engines.compiled import numba_kernels
+from ..errors import SimulationError
+from .fixed_steps import FixedSteps
+from .kernel_steps import rates_of
+from .methods import integrators
+from .plan import Plan
+from .program_steps import on_lanes
+from .recorder import Recorder, Steps
+from .states import RunStates
+from .torques import Torque
+
+Array = NDArray[Any]
+TOLERANCES = 1e-9, 1e-12  # relative and absolute, of SciPy's methods
+
+
+def run_sample(
+    plan: Plan, recorder: Recorder, start: tuple[Array, Array, Array], torque: Torque,
+    report: Callable[[int, int], None] = lambda done, total: None, sample: int = 0,
+    tolerances: tuple[float, float] = TOLERANCES,
+) -> None:  # fmt: skip
+    """Run one sample from (q, v, p) and record it. Raises SimulationError, KeyboardInterrupt with what is recorded."""
+    if recorder.method.family is None:
+        from .adaptive import run_adaptive
+
+        jumps = any(x.shape[1] > 1 for x in plan.values.values())
+        rates = rates_of(plan, recorder, sample)
+        run_adaptive(recorder, start[0], start[1], torque, report, tolerances, rates, jumps)
+    else:
+        FixedSteps(plan, recorder, start, torque, sample).run(report)
+
+
+def run_samples(
+    plan: Plan, carried: RunStates, states: Sequence[Array], tau: Array | None, records: Sequence[Array],
+    steps: tuple[float, int, int], check: bool,
+) -> None:  # fmt: skip
+    """Run samples from their states q, v and those carried, and write records (samples, records, columns).
+
+    tau    (samples or 1, steps or 1, nv)  None for zero
+    steps  dt, their number, and how many to a record
+    check  whether a sample that fails is an error; NaN from there on if not
+
+    Raises SimulationError naming the sample.
+    """
+    dt, _, every = steps
+    left, several = on_lanes(plan, states, tau, records, steps), ""
+    if left is None:
+        left = np.arange(len(states[0]))
+    elif (bad := sum(not all(np.isfinite(x[b]).all() for x in records) for b in left)) > 1:
+        several = f" ({bad} samples in all); check=False lets it"
+    for b in left:
+        start, rows = [x[b].astype(float) for x in states], [x[b] for x in records]
+        held = np.zeros((1, plan.model.nv)) if tau is None else tau[min(b, len(tau) - 1)].astype(float)
+        reason = _not_finite(plan, start, held, dt)
+        if not (reason and check):
+            reason = _alone(plan, carried, start, held, rows, steps, b)
+        if reason and check:
+            raise SimulationError(f"sample {b}: {reason}{several}")
+    if check and plan.states and records[0].shape[1]:
+        _check_solved(plan, records, dt, every)
+
+
+def _not_finite(plan: Plan, state: Sequence[Array], held: Array, dt: float) -> str:
+    """What of a sample's start and torques (steps or 1, nv) is not finite; "" if all is."""
+    for name, x in zip(("q0", "v0", *(x.name for x in plan.states)), state, strict=True):
+        if not np.isfinite(x).all():
+            return f"{name} is {x.tolist()}, expected finite numbers"
+    lost = ~np.isfinite(held).all(axis=1)
+    k = int(np.argmax(lost))
+    return f"tau is {held[k].tolist()} at t = {k * dt:.9g} s, expected finite numbers" if lost.any() else ""
+
+
+def _alone(
+    plan: Plan, carried: RunStates, state: list[Array], held: Array, records: list[Array],
+    steps: tuple[float, int, int], sample: int,
+) -> str:  # fmt: skip
+    """Run a sample as ``simulate`` does and write its records, NaN from where it fails; returns why, "" otherwise."""
+    (dt, total, every), (q, v, *own), lost = steps, state, ""
+    if not all(np.isfinite(x).all() for x in state):
+        for made in records:
+            made[:] = np.nan
+        return ""
+    alone = RunStates(carried.arguments, carried.shapes, tuple(x[None] for x in own))
+    recorder = Recorder(plan.scene, integrators[plan.method], Steps(dt, total, 0.0), every, alone, plan.contact)
+    torque = Torque(np.ascontiguousarray(held), None, not numba_kernels.PLAIN)
+    p = calls["momentum"](plan.model, q, v) if recorder.moves_p else v
+    recorder.put(q, p, torque.held[0])
+    try:
+        run_sample(plan, recorder, (q, v, p), torque, sample=sample)
+    except SimulationError as error:
+        lost = str(error)
+    done, whole = int(recorder.at[1]), len(records[0])
+    with np.errstate(over="ignore"):
+        for made, rows in zip(records, recorder.velocities(), strict=True):
+            made[: done - 1] = rows[1 : whole + 1]
+            made[done - 1 :] = np.nan
+    return lost
+
+
+def _check_solved(plan: Plan, records: Sequence[Array], dt: float, every: int) -> None:
+    """Raise SimulationError for samples whose friction or contacts are not solved."""
+
+    def failure(b: int, k: int) -> str:
+        states = {x.name: y[b, k].astype(float) for x, y in zip(plan.states, records[2:], strict=True)}
+        return plan.failure(states, dt, (k + 1) * every * dt)
+
+    count = records[0].shape[1]
+    bad = [b for b in range(len(records[0])) if failure(b, count - 1)]
+    if bad:
+        reason = next(found for k in range(count) if (found := failure(bad[0], k)))
+        raise SimulationError(f"sample {bad[0]}: {reason} ({len(bad)} samples in all); check=False lets it")
