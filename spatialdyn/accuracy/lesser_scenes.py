@@ -174,8 +174,9 @@ def _contacts(contacts: Contacts, model: Model, out: frozenset[str]) -> tuple[Co
         {contacts.names[k]: float(x[k]) for k in keep}
         for x in (contacts.radii, contacts.friction, contacts.restitution)
     ]
-    made = Contacts(model, parts[0], parts[1], parts[2], contacts.terrain, contacts.sweeps)
-    ground = "scene.contacts.terrain, scene.contacts.sweeps"
+    solver = ("terrain", "tolerance", "steps", "rounds")
+    made = Contacts(model, *parts, **{name: getattr(contacts, name) for name in solver})
+    ground = ", ".join(f"{name}=scene.contacts.{name}" for name in solver)
     of = "model" if model is not contacts.model else "scene.model"
     return made, f"sd.Contacts({of}, {', '.join(map(repr, parts))}, {ground})"
 

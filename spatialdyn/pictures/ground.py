@@ -43,7 +43,7 @@ def _slopes(terrain: Heightfield, xy: Array) -> Array:
     """(height, ∂/∂x, ∂/∂y) (n, 3) at places (n, 2) [m], derivatives by cells."""
     rows = terrain.table.rows.view(np.recarray)
     cells = (xy - terrain.origin) / terrain.spacing
-    return np.array([bilinear(x, y, rows) for x, y in cells.tolist()], np.float64).reshape(-1, 3)
+    return np.array([bilinear(x, y, rows, 1) for x, y in cells.tolist()], np.float64).reshape(-1, 3)
 
 
 def surface(terrain: Heightfield, box: Array) -> Surface:
