@@ -17,11 +17,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from ..algebra.euclidean import add, cross, dot, neg, scale
+from ..algebra.euclidean import add, cross, neg, scale
 from ..algebra.lie import Tangent, turned_diagonal
-from ..algebra.scalars import Scalar, inline, no_inline, select
+from ..algebra.scalars import inline, no_inline
 from ..algebra.spatial import Motion
-from ..bodies.kinds import NV, SE2, SE3
+from ..bodies.kinds import NV
 from .configuration import (
     dintegrate,
     displacement_rate_derivatives,
@@ -32,8 +32,20 @@ from .configuration import (
 )
 from .derivatives import WORK, aba_derivatives_by_factor
 from .friction import LAW, SMOOTHING, friction_torque, smooth_friction_slope
-from .signatures import Array, Bodies, Config, Matrix, Record, Vector, Work
+from .signatures import Array, Bodies, Config, Matrix, Vector, Work
 from .spec import FEXT_OPTIONAL, TAU, Argument, Q, Spec, V
+from .step_parts import (
+    add_blocks,
+    add_scaled,
+    add_turned,
+    add_unit,
+    largest_turn,
+    put_acceleration,
+    put_moved,
+    put_scaled,
+    put_turn,
+    travels,
+)
 
 Law = tuple[Vector, Vector, Vector, Vector]  # F_c, b, F_s and v_s of smooth friction, or None each
 
@@ -88,9 +100,9 @@ def _runge_kutta(
         h = nodes[s] * dt[0]
         for i in range(n):
             u[i], w[i] = h * rate[i], v[i] + h * a[i]
-        _scaled(h, Ku, U)
-        _scaled(h, Ka, W)
-        _add_unit(1, W)
+        put_scaled(h, Ku, U)
+        put_scaled(h, Ka, W)
+        add_unit(1, W)
         turn = largest_turn(bodies, u, turn)
         for k in range(len(q)):
             stage[k] = q[k]
@@ -101,27 +113,27 @@ def _runge_kutta(
         # u̇ = T(u) w and the acceleration of the stage, with their derivatives
         for i in range(n):
             rate[i] = 0.0
-        _add_turned(bodies, by_rate[1], w, rate)
+        add_turned(bodies, by_rate[1], w, rate)
         Ku[:] = 0.0
-        _add_blocks(bodies, by_rate[0], U, Ku)
-        _add_blocks(bodies, by_rate[1], W, Ku)
+        add_blocks(bodies, by_rate[0], U, Ku)
+        add_blocks(bodies, by_rate[1], W, Ku)
         acceleration_derivatives(bodies, work, stage, w, tau, fext, law, smoothing, D, spare, a, inverse, rubbed)
         if s == 0:
             pivots[:] = spare
         by_q = wide[6]
-        _moved(bodies, by_step, U, by_q)
-        _acceleration(D, by_q, W, Ka)
+        put_moved(bodies, by_step, U, by_q)
+        put_acceleration(D, by_q, W, Ka)
         h = weights[s] * dt[0]
         for i in range(n):
             moved[i] = moved[i] + h * rate[i]
-        _add_scaled(h, Ku, moved_by)
-        _add_scaled(h, Ka, changed_by)
+        add_scaled(h, Ku, moved_by)
+        add_scaled(h, Ka, changed_by)
     turn = largest_turn(bodies, moved, turn)
     dintegrate(bodies, q, moved, by_step)
-    _moved(bodies, by_step, moved_by, out[:n])
+    put_moved(bodies, by_step, moved_by, out[:n])
     out[n : 2 * n] = changed_by
-    _add_unit(1, out[n : 2 * n])
-    _put_turn(turn, n, out)
+    add_unit(1, out[n : 2 * n])
+    put_turn(turn, n, out)
 
 
 @inline
@@ -144,22 +156,22 @@ def semi_implicit_euler_derivatives(
         for j in range(n):
             for k in range(3):
                 out[n + i, k * n + j] = h * D[k, i, j]
-    _add_unit(1, out[n : 2 * n])
+    add_unit(1, out[n : 2 * n])
     turns = 0
     for i in range(1, n + 1):
         turns += 1 if travels(bodies[i]) else 0
     if turns == 0:
-        _scaled(h, out[n : 2 * n], U)
+        put_scaled(h, out[n : 2 * n], U)
         dintegrate(bodies, q, u, by_step)
-        _moved(bodies, by_step, U, out[:n])
-        _put_turn(largest_turn(bodies, u, 0.0), n, out)
+        put_moved(bodies, by_step, U, out[:n])
+        put_turn(largest_turn(bodies, u, 0.0), n, out)
         return
     for i in range(n):
         w[i] = v[i] + h * a[i]
     first, moved, x, by_turn = rows[3], wide[1], wide[2], squares[6:8]
     for i in range(n):
         first[i] = 0.0
-    _scaled(0.0, out[n : 2 * n], U)
+    put_scaled(0.0, out[n : 2 * n], U)
     for i in range(1, n + 1):
         b, r = bodies[i], i - 1
         if travels(b):
@@ -176,15 +188,15 @@ def semi_implicit_euler_derivatives(
                 for l in range(3 * n):
                     U[k, l] = h * out[n + k, l]
     dintegrate(bodies, q, first, by_step)
-    _moved(bodies, by_step, U, moved)  # of q ∘ exp(h x)
+    put_moved(bodies, by_step, U, moved)  # of q ∘ exp(h x)
     for i in range(n):
         for l in range(3 * n):
             x[i, l] = out[n + i, l]
             U[i, l] = h * x[i, l] - U[i, l]  # of the rest of the displacement
     dintegrate(bodies, q, u, by_turn)
-    _scaled(0.0, out[:n], out[:n])
-    _add_blocks(bodies, by_turn[0], moved, out[:n])
-    _add_blocks(bodies, by_turn[1], U, out[:n])
+    put_scaled(0.0, out[:n], out[:n])
+    add_blocks(bodies, by_turn[0], moved, out[:n])
+    add_blocks(bodies, by_turn[1], U, out[:n])
     for r in range(n):
         b = bodies[r + 1]
         if travels(b):
@@ -204,13 +216,7 @@ def semi_implicit_euler_derivatives(
                         for j in range(r + lengths, r + NV[b.kind]):
                             s = s + D[1, k, i] * by_turn[1, i, j] * (h * x[j, l])
                     out[n + k, l] = s
-    _put_turn(largest_turn(bodies, u, 0.0), n, out)
-
-
-@inline
-def travels(b: Record) -> bool:
-    """Whether a joint turns and travels: it is floating or planar."""
-    return b.kind in SE3 or b.kind in SE2
+    put_turn(largest_turn(bodies, u, 0.0), n, out)
 
 
 @inline
@@ -227,24 +233,24 @@ def velocity_verlet_derivatives(
     U, W, Ka, by_q = wide[0], wide[1], wide[2], wide[3]
     acceleration_derivatives(bodies, work, q, v, tau, fext, law, smoothing, D, pivots, a, inverse, rubbed)
     wide[:] = 0.0
-    _add_unit(0, by_q)
-    _add_unit(1, W)
-    _acceleration(D, by_q, W, Ka)
-    _scaled(0.5 * h * h, Ka, U)
-    _add_scaled(h, W, U)
-    _add_scaled(h, Ka, W)
+    add_unit(0, by_q)
+    add_unit(1, W)
+    put_acceleration(D, by_q, W, Ka)
+    put_scaled(0.5 * h * h, Ka, U)
+    add_scaled(h, W, U)
+    add_scaled(h, Ka, W)
     for i in range(n):
         u[i], w[i] = h * (v[i] + 0.5 * h * a[i]), v[i] + h * a[i]
     integrate(bodies, q, u, stage)
     dintegrate(bodies, q, u, by_step)
-    _moved(bodies, by_step, U, by_q)
+    put_moved(bodies, by_step, U, by_q)
     out[:n] = by_q
-    _scaled(0.5 * h, Ka, out[n : 2 * n])
+    put_scaled(0.5 * h, Ka, out[n : 2 * n])
     acceleration_derivatives(bodies, work, stage, w, tau, fext, law, smoothing, D, spare, a, inverse, rubbed)
-    _acceleration(D, by_q, W, Ka)
-    _add_scaled(0.5 * h, Ka, out[n : 2 * n])
-    _add_unit(1, out[n : 2 * n])
-    _put_turn(largest_turn(bodies, u, 0.0), n, out)
+    put_acceleration(D, by_q, W, Ka)
+    add_scaled(0.5 * h, Ka, out[n : 2 * n])
+    add_unit(1, out[n : 2 * n])
+    put_turn(largest_turn(bodies, u, 0.0), n, out)
 
 
 @inline
@@ -297,106 +303,6 @@ def acceleration_derivatives(
         for i in range(n):
             for j in range(n):
                 D[1, i, j] = D[1, i, j] + inverse[i, j] * rubbed[1, j]
-
-
-# --- parts ----------------------------------------------------------------------------------------------
-
-
-@inline
-def largest_turn(bodies: Bodies, u: Vector, most: Scalar) -> Scalar:
-    """The larger of ``most`` and the squares of the angles by which u turns joints of several freedoms."""
-    for i in range(1, len(bodies)):
-        b = bodies[i]
-        if NV[b.kind] > 1:
-            w = twist(b, i - 1, u).w
-            square = dot(w, w)
-            most = select(square - most, square, most)
-    return most
-
-
-@inline
-def _put_turn(turn: Scalar, n: int, out: Matrix) -> None:
-    """The last row, if there is one."""
-    for i in range(2 * n, len(out)):
-        for j in range(3 * n):
-            out[i, j] = turn if j == 0 else 0.0
-
-
-@inline
-def _moved(bodies: Bodies, by_step: Array, U: Matrix, out: Matrix) -> None:
-    """out = P [1 0 0] + R U of q ∘ exp(u)."""
-    out[:] = 0.0
-    for i in range(1, len(bodies)):
-        d = NV[bodies[i].kind]
-        for r in range(i - 1, i - 1 + d):
-            for c in range(i - 1, i - 1 + d):
-                out[r, c] = by_step[0, r, c]
-    _add_blocks(bodies, by_step[1], U, out)
-
-
-@inline
-def _acceleration(D: Array, by_q: Matrix, W: Matrix, out: Matrix) -> None:
-    """out = D_q Q + D_v W + M⁻¹ [0 0 1]."""
-    n = len(W)
-    for i in range(n):
-        into = out[i]
-        for j in range(2 * n):
-            into[j] = 0.0
-        for j in range(n):
-            into[2 * n + j] = D[2, i, j]
-        for k in range(n):
-            x, y, first, second = D[0, i, k], D[1, i, k], by_q[k], W[k]
-            for j in range(3 * n):
-                into[j] = into[j] + x * first[j] + y * second[j]
-
-
-@inline
-def _add_blocks(bodies: Bodies, T: Matrix, X: Matrix, out: Matrix) -> None:
-    """out += T X, T with a block for each joint."""
-    for i in range(1, len(bodies)):
-        d = NV[bodies[i].kind]
-        for r in range(i - 1, i - 1 + d):
-            into = out[r]
-            for k in range(i - 1, i - 1 + d):
-                x, row = T[r, k], X[k]
-                for j in range(len(row)):
-                    into[j] = into[j] + x * row[j]
-
-
-@inline
-def _add_turned(bodies: Bodies, T: Matrix, x: Vector, out: Vector) -> None:
-    """out += T x, T with a block for each joint."""
-    for i in range(1, len(bodies)):
-        d = NV[bodies[i].kind]
-        for r in range(i - 1, i - 1 + d):
-            for k in range(i - 1, i - 1 + d):
-                out[r] = out[r] + T[r, k] * x[k]
-
-
-@inline
-def _scaled(c: Scalar, X: Matrix, out: Matrix) -> None:
-    """out = c X."""
-    for i in range(len(X)):
-        row, into = X[i], out[i]
-        for j in range(len(row)):
-            into[j] = c * row[j]
-
-
-@inline
-def _add_scaled(c: Scalar, X: Matrix, out: Matrix) -> None:
-    """out += c X."""
-    for i in range(len(X)):
-        row, into = X[i], out[i]
-        for j in range(len(row)):
-            into[j] = into[j] + c * row[j]
-
-
-@inline
-def _add_unit(which: int, out: Matrix) -> None:
-    """out += [1 0 0], [0 1 0] or [0 0 1]."""
-    n = len(out)
-    for i in range(n):
-        out[i, which * n + i] = out[i, which * n + i] + 1.0
 
 
 DT = Argument("dt", (1,), "s", "step")
