@@ -173,7 +173,7 @@ def test_a_step_that_fails_near_a_branch_point_says_so() -> None:
     effect = Constrained(held, None, np.array([2]))
     near = slider_crank(np.pi / 2 - 0.01)[2]
     raise_if_branching(effect, model, q, np.ones(2))
-    with pytest.raises(sd.ConstraintError, match="pin nearly lose rank, 2 at the beginning: .* near a branch point"):
+    with pytest.raises(sd.ConstraintError, match=r"pin nearly lose rank, 2 at the beginning: .* near a branch point"):
         raise_if_branching(effect, model, near, np.ones(2))
 
 
