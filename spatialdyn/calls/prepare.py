@@ -18,7 +18,7 @@ from .specs import spec_of, static_of
 
 FRAME = "row"  # the static input that only calls of a frame have
 OF_CONSTRAINTS = (  # calls with a table of constraints
-    constrained.MOTION, constrained.RESPONSE, constrained.DELASSUS,
+    constrained.MOTION, constrained.RESPONSE, constrained.ROWS, constrained.DELASSUS,
     constraint_rows.JACOBIAN, constraint_rows.ERROR, constraint_rows.DRIFT,
 )  # fmt: skip
 

@@ -149,7 +149,8 @@ def step(
     fext   (..., njoints, 6)  force on each joint's body, in the joint's frame [N | N m]; zero if left out
     method
         explicit_euler        v + a dt and q moved by v dt; order 1, gains energy
-        semi_implicit_euler   v + a dt and q moved by the new v dt; order 1, keeps energy bounded
+        semi_implicit_euler   v + a dt and q moved by the new v dt; order 1, keeps energy bounded. The linear velocity
+                              of a floating or planar joint is that in the axes at the beginning, turned with the body
         rk4                   the classical Runge-Kutta method in the coordinates u of q ∘ exp(u), with u̇ from v by the
                               inverse of ``dintegrate``; order 4 for all joints, which must turn less than 2π a step
 

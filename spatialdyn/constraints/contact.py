@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import math
+from dataclasses import replace
 from typing import Any, NamedTuple, overload
 
 import numpy as np
@@ -17,7 +18,7 @@ from ..engines.compiled import numba_kernels
 from ..engines.compiled.table_kernels import kernel
 from ..errors import ConstraintError, InertiaError, ModelError, ShapeError
 from ..model.model import Model
-from ..recursions.constrained import MOTION
+from ..recursions.constrained import CHOSEN, MOTION
 from ..recursions.kkt import bordered_inverse, constrained_samples
 from ..recursions.spec import TAU
 from .dynamics import ConstrainedImpact, ConstrainedMotion, constrained_impact, constrained_motion
@@ -96,8 +97,9 @@ def constrained_dynamics(model: Model, *given: Any, **named: Any) -> Constrained
                                  of J may be dependent
 
     Returns ConstrainedMotion (a, force, residual, rank): (..., nv), (..., nc), and for each sample a number and how
-    many equations are independent. Equations that depend on those before them drop out: their force is 0, and
-    ``residual`` says by how much, of their terms, they differ from what the others imply. With J, Constrained
+    many equations are independent. Equations that depend on others drop out: their force is 0, and ``residual``
+    says by how much, of their terms, they differ from what the others imply. They are those that come last, or, where
+    that leaves one that is nearly dependent, those that elimination by the largest pivot leaves. With J, Constrained
     (a, force).
     Raises
         ConstraintError naming the constraints that contradict others, and the sample; constraints of another model;
@@ -119,7 +121,9 @@ def constrained_dynamics(model: Model, *given: Any, **named: Any) -> Constrained
     return _with_jacobian(model, *given, **named)
 
 
-constrained_dynamics.spec = MOTION  # type: ignore[attr-defined]  # for ``exact``
+constrained_dynamics.spec = replace(  # type: ignore[attr-defined]  # for ``exact``, with equations in their order
+    MOTION, inputs=tuple(None if x == CHOSEN else x for x in MOTION.inputs)
+)
 
 
 def _of_table(model: Model, given: tuple[Any, ...], named: dict[str, Any]) -> bool:

@@ -51,7 +51,8 @@ def contact_step(
         gap       (..., k)     distance of each sphere from the ground before the step, negative in it [m]
         residual  (...)        by how much the impulses miss the law at worst [m/s]: at most the contacts'
                   tolerance where the step is solved
-    A step is a function of its state alone; ``simulate`` and ``rollout`` take the same steps.
+    A step is a function of its state alone. ``simulate`` and ``rollout`` take the same steps, but for floating and
+    planar joints: -dt ω × v is in v here, there their linear velocity turns with the body after the step.
     Raises
         SimulationError for a dt that is no number above 0
         InertiaError naming a joint with zero articulated inertia, such as that of a massless leg

@@ -65,7 +65,7 @@ status            what a kernel reports of a sample: OK, SHAPE, UNIT, PIVOT or N
 static table      table beside that of bodies, one for all samples, such as the constraints': hashed by its content
 state of its own  input of a Spec with a start: bristles, an estimate, work; a run carries it from step to step
 equation          a scalar condition φ(q) = 0, or J(q) v = 0 without φ; a constraint is one or several
-drop              to leave out an equation that depends on those before it: its force is 0, and its pivot counts as none
+drop              to leave out an equation that depends on others: its force is 0, and its pivot counts as none
 rotor             part of a motor that turns on the body before its joint, n times as fast: a unit of q̇ has its couple
                   n J e in every recursion, beside the momentum of what the joint moves (``rotors``)
 mimic, G          joint that follows another, its leader; G maps the model's velocities to the full tree's

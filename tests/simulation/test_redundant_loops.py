@@ -12,7 +12,7 @@ from dense import Array
 from slow import slow_but
 
 import spatialdyn as sd
-from spatialdyn.simulation.effects.constraints import Constrained
+from spatialdyn.simulation.effects.constraints import Constrained, raise_if_branching
 
 sys.path.append(str(Path(__file__).parents[1] / "constraints"))
 from mechanisms import REDUNDANT, bennett, slider_crank, three_cranks
@@ -165,6 +165,16 @@ def test_a_slider_crank_of_equal_lengths_goes_through_its_branch_point(method: s
     theta, x = run.q[:, names.index("crank_joint")], run.q[:, names.index("slider_joint")]
     assert theta[0] < np.pi / 2 < theta[-1] - 0.1
     assert abs(x - 0.6 * np.cos(theta)).max() <= (1e-7 if method in ("rk4", *SYMPLECTIC) else 1e-6)
+
+
+def test_a_step_that_fails_near_a_branch_point_says_so() -> None:
+    """Delassus' matrix has eigenvalues far apart there, and not a quarter of a turn before."""
+    model, held, q, _ = slider_crank()
+    effect = Constrained(held, None, np.array([2]))
+    near = slider_crank(np.pi / 2 - 0.01)[2]
+    raise_if_branching(effect, model, q, np.ones(2))
+    with pytest.raises(sd.ConstraintError, match=r"pin nearly lose rank, 2 at the beginning: .* near a branch point"):
+        raise_if_branching(effect, model, near, np.ones(2))
 
 
 def test_equations_that_stay_open_after_a_projection_are_named() -> None:

@@ -323,11 +323,11 @@ def closed(
         impulse[chosen > 0.0] = -np.linalg.lstsq(end @ calls["minverse"](model, q) @ J.T, phi[chosen > 0.0])[0]
         add(impulse)
     if system.status[0] != OK:
-        _raise_if_branching(held, model, q, chosen)
+        raise_if_branching(held, model, q, chosen)
     return ahead
 
 
-def _raise_if_branching(held: Constrained, model: Model, q: Array, chosen: Array) -> None:
+def raise_if_branching(held: Constrained, model: Model, q: Array, chosen: Array) -> None:
     """Raise ConstraintError if equations that are kept nearly depend on each other."""
     G = delassus(model, held.constraints, q)[np.ix_(chosen > 0.0, chosen > 0.0)]
     values = np.linalg.eigvalsh(G)
