@@ -43,7 +43,7 @@ class Candidate(NamedTuple):
 def candidates(scene: Scene, q: Array, kinds: tuple[str, ...]) -> list[Candidate]:
     """All candidates of a scene, joints locked as they are at q (nq,)."""
     found = [x for x in _effects(scene) if EFFECTS in kinds or x.part in kinds]
-    light = _light(scene.model) if LINKS in kinds else {}
+    light = _light(scene.model, 2 if JOINTS in kinds else 1) if LINKS in kinds else {}
     found += [
         Candidate(f'links from "{name}" on', f"merged, {mass:.2g} kg", Choice(locked=_locked(scene.model, names, q)))
         for name, (mass, names) in light.items()
@@ -114,8 +114,8 @@ def _locked(model: Model, names: list[str], q: Array) -> dict[str, Any]:
     return found
 
 
-def _light(model: Model) -> dict[str, tuple[float, list[str]]]:
-    """{joint: (mass, joints)} of subtrees of several joints that are light, and of no joint before them."""
+def _light(model: Model, least: int) -> dict[str, tuple[float, list[str]]]:
+    """{joint: (mass, joints)} of light subtrees of at least so many joints, and of no joint before them."""
     if model.mimic_matrix is not None:
         return {}
     mass = model.bodies["inertia"]["m"][[j.row for j in model.joints]].copy()
@@ -128,7 +128,9 @@ def _light(model: Model) -> dict[str, tuple[float, list[str]]]:
     inside: set[str] = set()
     for k in range(1, model.njoints):
         name = model.joints[k].name
-        if len(below[k]) > 1 and mass[k] < LIGHT * model.total_mass and name not in inside and name != ROOT_JOINT:
+        rotor = any(_is_rotor(model, x) for x in below[k])
+        light = mass[k] < LIGHT * model.total_mass and name != ROOT_JOINT and not rotor
+        if light and len(below[k]) >= least and name not in inside:
             found[name] = float(mass[k]), sorted(below[k])
             inside |= set(below[k])
     return found
