@@ -175,7 +175,8 @@ def _contacts(contacts: Contacts, model: Model, out: frozenset[str]) -> tuple[Co
         for x in (contacts.radii, contacts.friction, contacts.restitution)
     ]
     solver = ("terrain", "tolerance", "steps", "rounds")
-    made = Contacts(model, *parts, **{name: getattr(contacts, name) for name in solver})
+    kept: dict[str, Any] = {name: getattr(contacts, name) for name in solver}
+    made = Contacts(model, parts[0], parts[1], parts[2], **kept)
     ground = ", ".join(f"{name}=scene.contacts.{name}" for name in solver)
     of = "model" if model is not contacts.model else "scene.model"
     return made, f"sd.Contacts({of}, {', '.join(map(repr, parts))}, {ground})"
