@@ -1,4 +1,6 @@
-"""Errors and costs of integrators at steps from coarse to fine, against the same motion in double-double."""
+"""Errors and costs of integrators at steps from coarse to fine, against the same motion in double-double, or of a scene
+at a finer step.
+"""
 
 from __future__ import annotations
 
@@ -22,6 +24,7 @@ from ..errors import NonFiniteError, ShapeError, SimulationError, SpatialDynErro
 from ..model.model import Model
 from ..simulation import integrators, simulate
 from ..simulation.reference_motion import ReferenceMotion, exact_motion
+from ..simulation.scene import Scene, check_method
 from .call_errors import PATIENCE, is_count
 from .references import EACH, LARGEST, NORMS, SMALL, error_bound
 from .results import Option
@@ -33,6 +36,9 @@ MOST = 1 << 12
 SAMPLES = 10  # times at which motions are compared
 FIRST, FACTOR = 40, 4  # steps of the coarsest run; factor to the next finer one
 BUDGET = 0.15  # longest run [s]
+FINEST = 2.0  # the same of the reference of a scene
+MOST_STEPS = 1 << 16
+AGREED = 1e-11  # relative: a reference this near to the same with a fourth of the steps is fine enough
 FLOOR = 0.3  # a finer step that leaves more than this part of the error is the last
 MORE = 32  # further states, after which a margin of 2 may be enough
 FINER = 0.01  # of a tolerance: the error of a reference motion
@@ -64,27 +70,58 @@ def random_motion_states(model: Model, count: int, seed: int | list[int]) -> tup
 
 
 def measure_motions(
-    model: Model, states: Any, duration: float, methods: Sequence[str] | None, report: Report
+    scene: Scene, states: Any, duration: float, methods: Sequence[str] | None, report: Report
 ) -> tuple[list[Option], int, float]:
     """Options of a simulation, the number of states they were measured in, and the error of the reference.
 
-    methods  names of integrators, None for all that are installed
+    methods  names of integrators, None for all that are installed and take the scene
     """
-    names = list(integrators if methods is None else methods)
+    model, names = scene.model, list(scene.methods if methods is None else methods)
     if methods is None and importlib.util.find_spec("scipy") is None:
         names = [name for name in names if integrators[name].family is not None]
+    for name in names:
+        check_method(scene, name, integrators)
     steps = Steps(report, len(names) + 1)
     q0, v0 = motion_states(model, states)
     calls["aba"](model, q0, v0, np.zeros(model.nv))  # raises for invalid states or an invalid model
     t = np.linspace(0.0, duration, SAMPLES + 1)
-    truth = exact_motion(model, q0, v0, t)
+    truth = fine_motion(scene, q0, v0, t) if scene.acts else exact_motion(model, q0, v0, t)
     steps.next()
     options = []
     for name in names:
         method = integrators[name]
-        options += _fixed(model, name, truth, duration) if method.family else _adaptive(model, name, truth, duration)
+        options += _fixed(scene, name, truth, duration) if method.family else _adaptive(scene, name, truth, duration)
         steps.next()
     return options, len(q0), float(truth.error.max())
+
+
+def fine_motion(scene: Scene, q0: Array, v0: Array, t: Array) -> ReferenceMotion:
+    """Motions of a scene by the method for what acts, at finer and finer steps until two agree or a run costs much."""
+    steps, before, model = 4 * FIRST, None, scene.model
+    while True:
+        began, runs = time.thread_time(), []
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            for q, v in zip(q0, v0, strict=True):
+                runs.append(
+                    simulate(scene, q, v, t[-1], dt=t[-1] / steps, method=scene.method, record=steps // SAMPLES)
+                )
+        q, v = np.stack([x.q for x in runs], 1), np.stack([x.v for x in runs], 1)
+        if before is not None:
+            way = np.maximum.accumulate(abs(calls["difference"](model, np.broadcast_to(q[:1], q.shape), q)))
+            off = _relative(abs(calls["difference"](model, before[0], q)), way)
+            error = np.maximum(off, _relative(abs(before[1] - v), np.maximum.accumulate(abs(v))))
+            spent = (time.thread_time() - began) / len(q0)
+            if error.max() <= AGREED or spent * FACTOR > FINEST or steps > MOST_STEPS or numba_kernels.PLAIN:
+                return ReferenceMotion(t, q, v, error, steps)
+        before, steps = (q, v), FACTOR * steps
+
+
+def _relative(wrong: Array, size: Array) -> Array:
+    """(N,) the largest of (N, K, nv) over the largest size of each motion until then."""
+    largest = np.maximum(size.max(axis=2), np.finfo(float).tiny)
+    made: Array = (wrong.max(axis=2) / largest).max(axis=1)
+    return made
 
 
 def motion_error(model: Model, run: Any, truth: ReferenceMotion, k: int, norm: str = LARGEST) -> float:
@@ -101,7 +138,7 @@ def motion_error(model: Model, run: Any, truth: ReferenceMotion, k: int, norm: s
 
 
 def confirm_motions(
-    model: Model, duration: float, options: Sequence[Option], open_: Sequence[Option], tolerance: float,
+    scene: Scene, duration: float, options: Sequence[Option], open_: Sequence[Option], tolerance: float,
     norm: str = LARGEST,
 ) -> dict[str, Array] | None:  # fmt: skip
     """Errors from MORE further states, of the options ``open_`` that are within the tolerance.
@@ -115,7 +152,7 @@ def confirm_motions(
     if finer is None or finer.run is None:
         return None
     began, errors = time.thread_time(), {x.name: np.empty(0) for x in open_}
-    for q, v in zip(*random_motion_states(model, MORE, [0, 1]), strict=True):
+    for q, v in zip(*random_motion_states(scene.model, MORE, [0, 1]), strict=True):
         try:
             best = finer.run(q, v, duration, sampled=True)
         except (SimulationError, NonFiniteError):
@@ -126,7 +163,7 @@ def confirm_motions(
                 continue
             try:
                 run = x.run(q, v, duration, sampled=True)
-                found = motion_error(model, run, truth, 0, norm) + finer.bound
+                found = motion_error(scene.model, run, truth, 0, norm) + finer.bound
             except (SimulationError, NonFiniteError):
                 found = math.inf
             errors[x.name] = np.append(errors[x.name], found)
@@ -157,13 +194,13 @@ def _over(wrong: Array, size: Array, norm: str) -> float:
     return float((wrong / scale).max(initial=0.0))
 
 
-def _fixed(model: Model, name: str, truth: ReferenceMotion, duration: float) -> list[Option]:
+def _fixed(scene: Scene, name: str, truth: ReferenceMotion, duration: float) -> list[Option]:
     """Options of a method at finer and finer steps, until they cost too much or gain nothing."""
     found: list[Option] = []
     steps = FIRST
     while True:
         dt = duration / steps
-        option = _option(model, f"{name}, dt {dt:.3g}", f'{dt!r}, "{name}"', truth, duration, method=name, dt=dt)
+        option = _option(scene, f"{name}, dt {dt:.3g}", f'{dt!r}, "{name}"', truth, duration, method=name, dt=dt)
         found.append(option)
         seconds = option.ns * 1e-9 * duration
         stale = len(found) > 1 and math.isfinite(option.error) and not option.error < FLOOR * found[-2].error
@@ -172,30 +209,31 @@ def _fixed(model: Model, name: str, truth: ReferenceMotion, duration: float) -> 
         steps *= FACTOR
 
 
-def _adaptive(model: Model, name: str, truth: ReferenceMotion, duration: float) -> list[Option]:
+def _adaptive(scene: Scene, name: str, truth: ReferenceMotion, duration: float) -> list[Option]:
     """Options of a method at several tolerances."""
     made = []
     for rtol in TOLERANCES:
         words = {"dt": duration / SAMPLES, "rtol": rtol, "atol": 1e-3 * rtol}
         code = f'{words["dt"]!r}, "{name}", rtol={rtol!r}, atol={words["atol"]!r}'
-        made.append(_option(model, f"{name}, rtol {rtol:g}", code, truth, duration, method=name, **words))
+        made.append(_option(scene, f"{name}, rtol {rtol:g}", code, truth, duration, method=name, **words))
         if numba_kernels.PLAIN or made[-1].ns * 1e-9 * duration > BUDGET:
             break
     return made
 
 
 def _motion(
-    model: Model, every: int, words: Mapping[str, Any], q0: Any, v0: Any, duration: float, sampled: bool = False
+    scene: Scene, every: int, words: Mapping[str, Any], q0: Any, v0: Any, duration: float, sampled: bool = False
 ) -> Any:
     """The run of an option; sampled: recorded at every so many steps."""
-    return simulate(model, q0, v0, duration, record=every if sampled else None, **words)
+    return simulate(scene, q0, v0, duration, record=every if sampled else None, **words)
 
 
-def _option(model: Model, label: str, code: str, truth: ReferenceMotion, duration: float, **words: Any) -> Option:
+def _option(scene: Scene, label: str, code: str, truth: ReferenceMotion, duration: float, **words: Any) -> Option:
     """The option of a method, measured on all motions."""
-    run = partial(_motion, model, max(1, round(duration / words["dt"] / SAMPLES)), words)
+    run = partial(_motion, scene, max(1, round(duration / words["dt"] / SAMPLES)), words)
     errors: dict[str, list[float]] = {norm: [] for norm in NORMS}
     seconds, note = [], ""
+    uncertain = float(truth.error.max()) if scene.acts else 0.0  # that of double-double is far below any option's
     motions = range(truth.q.shape[1])
     for k in motions if len(motions) > 1 else (0, 0):  # at least two runs: the faster counts
         start = (truth.q[0, k], truth.v[0, k], duration, True)
@@ -208,14 +246,14 @@ def _option(model: Model, label: str, code: str, truth: ReferenceMotion, duratio
                 found = run(*start)
             seconds.append(time.perf_counter() - began)
             for norm, known in errors.items():
-                known.append(motion_error(model, found, truth, k, norm))
+                known.append(motion_error(scene.model, found, truth, k, norm) + uncertain)
         except (SimulationError, NonFiniteError) as error:
             for known in errors.values():
                 known.append(math.inf)
             note = str(error)
     of_all, each = (np.array(errors[norm]) for norm in NORMS)
     ns = 1e9 * min(seconds) / duration if seconds else math.inf
-    full = f"sd.simulate(model, q0, v0, duration, {code})"
+    full = f"sd.simulate({'scene' if scene.acts else 'model'}, q0, v0, duration, {code})"
     return Option(
         label, full, float(of_all.max()), float(np.median(of_all)), error_bound(of_all), ns, note=note, run=run,
         each=float(each.max()), each_bound=error_bound(each),

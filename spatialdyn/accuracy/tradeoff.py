@@ -10,12 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from ..calls.arguments import as_count, as_number, as_word, as_words, check_model
+from ..calls.arguments import as_count, as_number, as_word, as_words
 from ..calls.progress import Progress, check_progress, reporting
 from ..engines.compiled import numba_kernels
 from ..errors import ModelError, SpatialDynError
 from ..model.model import Model
 from ..simulation import integrators
+from ..simulation.scene import Scene, scene_of
 from . import call_errors, integrator_errors
 from .references import EACH, LARGEST, LEAST, MANY, MANY_LEAST, NORMS, error_bound
 from .results import Option, Recommendation, Tradeoff, checked_tolerance, figure, mark_pareto
@@ -26,7 +27,7 @@ WORTH = 1.1  # an option must be this many times faster to be tried in more stat
 
 
 def trade(
-    model: Model,
+    model: Model | Scene,
     task: str = "forward_dynamics",
     states: Any = None,
     batch: int = BATCH,
@@ -36,7 +37,7 @@ def trade(
 ) -> Tradeoff:
     """Error and cost of every option for a task, measured on this model, on this machine, now.
 
-    model     Model
+    model     Model; for simulations also a Scene: all that acts in it acts in every option
     task      what is computed, by which calls, and what an error is relative to:
 
               ==================  ==================================================  ==============================
@@ -64,9 +65,10 @@ def trade(
     The reference of calls is computed in double-double and checked against the exact engine; that of every method of
     forward dynamics is aba's, for the model's numbers as they are; "extended" rounds that, so its error counts as half
     an ulp of the largest entry at least. The reference of a motion is Gauss collocation of order 32 in double-double;
-    its difference to the same with twice the step is the certainty. Where that is not small, the motion is too chaotic
-    for any method to follow. Of programs ``promised`` is the largest bound on their rounding in the same states, by the
-    analysis of ``bounded``; where it is the smaller, it stands for the errors in an option's ``bound``.
+    its difference to the same with twice the step is the certainty. That of a scene is its own method at a fine step,
+    whose difference to the same with four times the step counts in every error. Where that is not small, the motion is
+    too chaotic for any method to follow. Of programs ``promised`` is the largest bound on their rounding in the same
+    states, by the analysis of ``bounded``; where it is the smaller, it stands for the errors in an option's ``bound``.
 
     Returns a Tradeoff: ``print`` shows it, ``front``, ``cheapest(tolerance)``, ``to_json()``, ``plot(path)``. It takes
     a few seconds, at first use also the time to compile: seconds for calls, minutes for all integrators. The reference
@@ -79,9 +81,12 @@ def trade(
     >>> table.cheapest(1e-12).code
     'sd.crba(model, q)'
     """
-    check_model(model)
+    scene = scene_of(model)
+    model = scene.model
     if not isinstance(task, str) or task not in TASKS:
         raise SpatialDynError(f"task is {task!r}, expected one of {', '.join(TASKS)}")
+    if scene.acts and task != "simulate":
+        raise SpatialDynError(f'task is "{task}" of a Scene, expected "simulate", or its model in place of the scene')
     if not model.nv:
         raise ModelError(f'model "{model.name}" has no joint that moves, expected one that does')
     samples, seconds = as_count(batch, call_errors.MOST), as_number(duration)
@@ -95,10 +100,11 @@ def trade(
     check_progress(progress)
     if task == "simulate":
         with reporting(progress, "trade") as report:
-            options, count, certainty = integrator_errors.measure_motions(model, states, seconds, names, report)
-        truth = f"double-double, {figure(certainty)} from itself with twice the step"
+            options, count, certainty = integrator_errors.measure_motions(scene, states, seconds, names, report)
+        how = "the scene at a fine step" if scene.acts else "double-double"
+        truth = f"{how}, {figure(certainty)} from itself with {'four times' if scene.acts else 'twice'} the step"
         found = (
-            partial(integrator_errors.confirm_motions, model, seconds, options)
+            partial(integrator_errors.confirm_motions, scene, seconds, options)
             if call_errors.is_count(states) and not numba_kernels.PLAIN
             else None
         )
@@ -115,7 +121,7 @@ def trade(
 
 
 def recommend(
-    model: Model,
+    model: Model | Scene,
     task: str = "forward_dynamics",
     tolerance: float = 1e-6,
     states: Any = None,
