@@ -171,7 +171,7 @@ class Spec:
         return found
 
 
-def is_record(x: Any) -> bool:
+def is_record(x: object) -> bool:
     """Whether it is a NamedTuple."""
     return hasattr(x, "_fields")
 
