@@ -86,7 +86,7 @@ SHARED = {
     "spec", "energy", "rnea", "crba", "aba", "coriolis", "hamilton", "kinematics", "centroidal", "ltdl", "derivatives",
     "square_root_rows", "square_root_inertia", "configuration_off_norm", "rnea_off_norm", "steps", "signatures",
     "constraint_rows", "dense", "rotors", "constrained", "coulomb_cone", "friction", "configuration", "contact_rows",
-    "tableau", "aba_motors",
+    "aba_motors", "impulses",
 }  # fmt: skip
 TOUCH_FILES = {"urdf", "sources", "engines", "pictures"}  # the last reads meshes and writes pages
 # themselves, a script, and loops in TOML; one reads an environment variable
