@@ -166,6 +166,8 @@ def test_links_that_the_model_does_not_have_are_named(drawn: Path) -> None:
     other = ours.buildSampleModelManipulator()
     with pytest.raises(sd.ModelError, match='has no link "a", expected one built of this URDF'):
         ours.buildGeomFromUrdf(other, drawn, ours.VISUAL)
+    with pytest.raises(sd.UrdfError, match="has a document type, expected none"):
+        ours.buildGeomFromUrdfString(other, "<!DOCTYPE robot [<!ENTITY x 'y'>]>" + DRAWN, ours.VISUAL)
     with pytest.raises(TypeError, match="geom_type is a int"):
         ours.buildGeomFromUrdf(other, drawn, 3)
 

@@ -17,7 +17,7 @@ from .model.model import Model
 from .model.model_surgery import buildReducedModel
 from .types.arguments import ValueRuntimeError, of_pinocchio
 from .types.frame import LOCAL
-from .visualize import MeshcatVisualizer
+from .visualize.visualizers import MeshcatVisualizer
 
 __all__ = ["RobotWrapper"]
 

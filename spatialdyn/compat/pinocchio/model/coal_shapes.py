@@ -78,3 +78,14 @@ class Described:
             return package.MeshLoader().load(self.path, np.array(self.sizes))
         except Exception as error:  # of coal's readers, of any kind
             raise MissingMeshError(f"the mesh {self.path} of {name} cannot be read: {error}") from error
+
+
+def triangles(shape: Any) -> tuple[Any, Any] | None:
+    """Vertices (n, 3) and faces (m, 3) of a mesh or convex shape of coal; None of another shape."""
+    if hasattr(shape, "num_tris"):
+        points, corners = shape.vertices(), [shape.tri_indices(k) for k in range(shape.num_tris)]
+    elif hasattr(shape, "polygons"):
+        points, corners = shape.points(), [shape.polygons(k) for k in range(shape.num_polygons)]
+    else:
+        return None
+    return np.array(points), np.array([[int(corner[i]) for i in range(3)] for corner in corners])

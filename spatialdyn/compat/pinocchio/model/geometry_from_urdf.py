@@ -135,7 +135,7 @@ def _links(data: bytes, home: Path | None) -> Any:
     import yourdfpy
 
     label = home.name if home is not None else "<text>"
-    StrictReader(label, None).outermost(data)
+    StrictReader(label, None, skip_leftovers=True).read(data)
     try:
         return yourdfpy.URDF.load(io.BytesIO(data), build_scene_graph=False, load_meshes=False).robot
     except Exception as error:  # whatever yourdfpy meets in an element that the strict pass does not read
