@@ -240,7 +240,7 @@ def _of_file(geometry: Any) -> Triangles:
     data = contents.encode() if isinstance(contents, str) else bytes(contents)
     kind = str(geometry.mesh_format)
     try:
-        made = trimesh.load(io.BytesIO(data), file_type=kind, force="mesh", process=False)
+        made: Any = trimesh.load(io.BytesIO(data), file_type=kind, force="mesh", process=False)
         if not len(made.faces):
             raise ValueRuntimeError("it holds no triangles")
         return np.asarray(made.vertices), np.asarray(made.faces)
