@@ -7,9 +7,8 @@ from importlib.util import find_spec
 from types import ModuleType
 from typing import Any
 
+from ....errors import pip_install
 from .coverage import OutOfScopeAttributeError, OutOfScopeError
-
-INSTALL = "pip install coal"
 
 
 def has_coal() -> bool:
@@ -25,7 +24,9 @@ def coal_for(what: str) -> Any:
     try:
         found = import_module("coal")
     except ImportError as error:
-        raise OutOfScopeError(f"{what} takes the package coal, which is not installed; {INSTALL}") from error
+        raise OutOfScopeError(
+            f"{what} takes the package coal, which is not installed; {pip_install('collision')}"
+        ) from error
     return found
 
 

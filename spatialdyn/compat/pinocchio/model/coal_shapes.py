@@ -7,7 +7,6 @@ records of the same names; meshes and collisions raise an error that names the p
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -49,13 +48,15 @@ class Described:
     kind   "box", "cylinder", "sphere" or "mesh"
     sizes  (3,) sides; radius and length; radius; scales (3,) of a mesh
     path   of a mesh's file, or its name in the URDF where no file is found
+    found  whether there is a file
     """
 
     kind: str
     sizes: tuple[float, ...]
     path: str = ""
+    found: bool = True
 
-    def made(self, name: str) -> Any:
+    def build(self, name: str) -> Any:
         """The shape, coal's where that is installed. Raises OutOfScopeError, MissingMeshError for a mesh."""
         if self.kind == "mesh":
             return self._mesh(name)
@@ -72,7 +73,7 @@ class Described:
 
     def _mesh(self, name: str) -> Any:
         package = coal_for(f"the mesh of {name}")
-        if not Path(self.path).is_file():
+        if not self.found:
             raise MissingMeshError(f"the mesh {self.path} of {name} is not found, expected package_dirs that hold it")
         try:
             return package.MeshLoader().load(self.path, np.array(self.sizes))

@@ -7,19 +7,16 @@ material)`` of them. There is no server of MeshCat's, and nothing of its protoco
 
 from __future__ import annotations
 
-import io
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ....pictures.mesh_files import NotDrawnError, triangles_of
 from ....pictures.shapes import box, sphere
 from ....pictures.stage import Stage, plain, quaternions
 from ..coverage.coverage import OutOfScopeError
 from ..types.arguments import ValueRuntimeError
-
-if TYPE_CHECKING:
-    from .visualizers import MeshcatVisualizer
 
 Array = NDArray[np.float64]
 Triangles = tuple[Array, NDArray[np.int64]]
@@ -29,6 +26,20 @@ SIDES = 48  # of a cylinder
 WHITE = 0xFFFFFF
 
 
+class DrawnRobot(Protocol):
+    """The robot of a viewer, whose shapes have paths too."""
+
+    viewerRootNodeName: str
+
+    def named_shapes(self) -> dict[str, dict[str, list[Any]]]:
+        """viser's handles of its geometry, by layer and object."""
+        ...
+
+    def forget(self, path: tuple[str, ...]) -> None:
+        """Drop what is at a path and below: it was removed."""
+        ...
+
+
 class Tree:
     """What was drawn under the names of a tree, on a Stage.
 
@@ -36,7 +47,7 @@ class Tree:
     drawn     its objects by path
     """
 
-    def __init__(self, stage: Stage, robot: MeshcatVisualizer) -> None:
+    def __init__(self, stage: Stage, robot: DrawnRobot) -> None:
         self.stage, self.robot = stage, robot
         self.scene: Any = stage.server.scene
         self.frames: dict[tuple[str, ...], Any] = {}
@@ -234,18 +245,12 @@ def frustum(top: float, bottom: float, height: float) -> Triangles:
 
 def _of_file(geometry: Any) -> Triangles:
     """The triangles of a mesh file that a geometry holds."""
-    import trimesh
-
     contents = geometry.contents
     data = contents.encode() if isinstance(contents, str) else bytes(contents)
-    kind = str(geometry.mesh_format)
     try:
-        made: Any = trimesh.load(io.BytesIO(data), file_type=kind, force="mesh", process=False)
-        if not len(made.faces):
-            raise ValueRuntimeError("it holds no triangles")
-        return np.asarray(made.vertices), np.asarray(made.faces)
-    except Exception as error:  # of any reader of any format
-        raise ValueRuntimeError(f"a mesh of format {kind} cannot be read: {error}") from error
+        return triangles_of(data, str(geometry.mesh_format))
+    except NotDrawnError as error:
+        raise ValueRuntimeError(str(error)) from error
 
 
 def _points(scene: Any, name: str, kind: str, geometry: Any, material: Any, X: Array, rgb: Any) -> Any:

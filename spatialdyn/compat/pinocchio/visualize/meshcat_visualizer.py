@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from importlib import import_module
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from ....errors import pip_install
 from ..coverage.coverage import OutOfScopeError
 from ..model.coal_shapes import triangles
 from .visualizers import MeshcatVisualizer
@@ -19,7 +19,7 @@ UPRIGHT = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, -1.0, 0.0], [0.0, 1.0, 0.0,
 
 def hasMeshFileInfo(geometry_object: Any) -> bool:
     """Whether a geometry object names a mesh file of a format that MeshCat reads: DAE, OBJ, STL."""
-    return Path(geometry_object.meshPath).suffix.lower() in MESHES
+    return str(geometry_object.meshPath).lower().endswith(MESHES)
 
 
 isMesh = hasMeshFileInfo
@@ -67,4 +67,4 @@ def _meshcat(call: str) -> Any:
     try:
         return import_module("meshcat.geometry")
     except ImportError as error:
-        raise OutOfScopeError(f"{call} takes the package meshcat; pip install meshcat") from error
+        raise OutOfScopeError(f"{call} takes the package meshcat; {pip_install('meshcat')}") from error

@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ....pictures.stage import Stage, page_frame
-from .meshcat_tree import Branch, Tree
-
-if TYPE_CHECKING:
-    from .visualizers import MeshcatVisualizer
+from .meshcat_tree import Branch, DrawnRobot, Tree
 
 
 class MeshcatWindow(Branch):
     """viser's ``server``, which shows a stage, and the root of its tree: ``viewer[path]`` is a Branch."""
 
-    def __init__(self, server: Any, stage: Stage, robot: MeshcatVisualizer) -> None:
+    def __init__(self, server: Any, stage: Stage, robot: DrawnRobot) -> None:
         super().__init__(Tree(stage, robot))
         self.server, self._stage = server, stage
 
