@@ -91,7 +91,7 @@ SHARED = {
 TOUCH_FILES = {"urdf", "sources", "engines", "pictures"}  # the last reads meshes and writes pages
 # themselves, a script, and loops in TOML; one reads an environment variable
 SAVE = {
-    "simulation.trajectory", "compat.pinocchio.model.serialization_format", "commands.port", "commands.simulate",
+    "simulation.trajectory", "compat.pinocchio.model.serialization_format", "commands.port", "commands.robots",
     "compat.pinocchio.coverage.strictness", "examples.c_export",
 }  # fmt: skip
 NAME_FILES = {"validate", "commands", "examples"}  # pass a file name to Pinocchio; width of the terminal; pictures
