@@ -3,7 +3,7 @@
 Learn    sd.Rotor is exact, its armature n² J leaves out the gyroscopic part, about 1/n of it; sd.requires says whether
          a motion at a tolerance can tell.
 Look at  the two tolerances. An arm whose rotors outweigh its links moves by degrees without them. With armatures in
-         their place it is right to 0.05 rad, and wrong at 1e-3: the rotors' momentum turns with the links.
+         their place it is right to 0.1 rad, and wrong at 1e-3: the rotors' momentum turns with the links.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import spatialdyn as sd
 from spatialdyn.examples.gallery import start
 
 GEAR, ROTOR = 50.0, 2e-4  # n² J is 0.5 kg m², five times what a link has about its joint
-TOLERANCES, DURATION = (5e-2, 1e-3), 0.5
+TOLERANCES, DURATION = (0.1, 1e-3), 0.5
 TORQUE = np.array([6.0, -4.0, 2.0])
 
 

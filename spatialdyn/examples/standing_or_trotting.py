@@ -1,8 +1,8 @@
 """A quadruped that stands and one that trots: the same scene, and what each of them requires.
 
 Learn    a scene requires nothing by itself, a motion does: sd.requires of two motions of one scene.
-Look at  the joints' damping, and the step. Nothing but the ground and gravity holds a robot that stands, at 8 ms a step;
-         when it trots, its damping moves it by millimetres, and its impacts need steps a tenth as long or less.
+Look at  the joints' damping, and the step. Nothing but the ground and gravity holds a robot that stands, at 8 ms a
+         step; when it trots, its damping moves it by millimetres, and its impacts need steps a tenth as long or less.
 Needs    pip install example-robot-data for Solo12
 """
 
@@ -50,8 +50,8 @@ def main(quick: bool = False) -> dict[str, sd.Requirement]:
     for name, reach in (("standing", q), ("trotting", strides)):
         law = sd.Control(LAW, {"reach": reach, "gain": gain})
         found[name] = sd.requires(
-            scene, rest.q, np.zeros(model.nv), DURATION, TOLERANCE, control=law, kinds=("contacts", "friction", "gravity"),
-            samples=8 if quick else 32, spread=0.0, spread_v=1e-3,
+            scene, rest.q, np.zeros(model.nv), DURATION, TOLERANCE, control=law,
+            kinds=("contacts", "friction", "gravity"), samples=8 if quick else 32, spread=0.0, spread_v=1e-3,
         )  # fmt: skip
         print(f"{name}\n{found[name]}\n")
     return found

@@ -2,8 +2,8 @@
 
 Learn    sd.requires says which parts of a scene a motion needs, measured on the model, and gives the least scene.
 Look at  the verdicts. Friction, rotors and gravity move the arm by far more than 1e-3 rad; the table below the hand,
-         the limits, the motors, a draught and the fingers' own freedoms do not, and cost most of the time. That is so for
-         this motion alone: another one meets the table.
+         the limits, the motors, a draught and the fingers' own freedoms do not, and cost most of the time. That is so
+         for this motion alone: another one meets the table.
 Needs    pip install example-robot-data for the panda
 """
 
