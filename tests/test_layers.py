@@ -69,6 +69,7 @@ DRAW: dict[str, set[str]] = {
     "simulation.rollout_result": {"plot", "_repr_html_"},
     "simulation.ledger": {"plot"},
     "calls.progress": {"bar"},
+    "accuracy.requirement": {"plot", "_repr_html_"},
     "accuracy.results": {"plot", "report", "_repr_html_"},
     "accuracy.findings": {"report", "_repr_html_"},
     "validate.rows": {"_repr_html_"},
