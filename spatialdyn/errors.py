@@ -15,6 +15,9 @@ EXTRAS: dict[str, tuple[str, ...]] = {  # the packages of each extra of pyprojec
     "jax": ("jax",),
     "torch": ("torch",),
     "view": ("viser", "pycollada"),
+    "mujoco": ("mujoco",),
+    "ros": ("xacrodoc",),
+    "descriptions": ("robot_descriptions",),
 }
 
 

@@ -61,7 +61,7 @@ def subtree_robot(robot: Robot, link: str) -> Robot:
     there = {j.name for j in joints}
     joints = tuple(replace(j, shared=None) if j.shared and j.shared[0] not in there else j for j in joints)
     checked = check_tree(robot.name, links, joints, robot.notes)
-    return replace(checked, ordered=robot.ordered, source=robot.source)
+    return replace(checked, ordered=robot.ordered, source=robot.source, declared=robot.declared)
 
 
 def changed(

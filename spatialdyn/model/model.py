@@ -40,7 +40,8 @@ class Model:
     gravity       (3,) [m/s²]
     address       of ``bodies`` in memory, for compiled kernels
     total_mass    of all moving bodies [kg]; links fixed to a fixed root are left out
-    robot         the checked robot it was made from; ``robot.notes`` list oddities of the source
+    robot         the checked robot it was made from
+    notes         oddities of its source, and what of it has no counterpart in a Model
     """
 
     __slots__ = (
@@ -133,6 +134,11 @@ class Model:
 
     def __hash__(self) -> int:
         return hash(self.key)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Oddities of the source, and what of it has no counterpart in a Model."""
+        return self.robot.notes
 
     def joint(self, name: str) -> Joint:
         """The joint of that name. Raises ModelError, with similar names, if there is none."""

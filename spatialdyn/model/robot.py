@@ -125,6 +125,9 @@ class Robot:
     source   absolute path of the URDF that it was read from, empty if from none: where its meshes are looked for. Like
              the notes it is no part of what the robot is: robots that differ in it alone are equal
     ordered  children are in the order of ``joints``, not in byte order of their names
+    declared what the source declares beside bodies and joints, as JSON: "scene", options of a Scene as ``from_toml``
+             has them, and "transmission"; empty if nothing. ``Scene.of`` and ``read_transmissions`` read it. Like the
+             notes it is no part of what the robot is
     """
 
     name: str
@@ -134,6 +137,7 @@ class Robot:
     notes: tuple[str, ...] = field(default=(), compare=False)
     ordered: bool = False
     source: str = field(default="", compare=False, repr=False)
+    declared: str = field(default="", compare=False, repr=False)
 
     @property
     def children(self) -> dict[str, list[RobotJoint]]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import json
 import warnings
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any, ParamSpec, TypeVar
@@ -126,7 +127,9 @@ class Scene:
     def of(cls, model: Model) -> Scene:
         """The scene of all that the robot's file declares: damping, friction, position limits, mimic joints.
 
-        Mimic joints that the model does not move with their leaders (``mimic=False``) become ``CouplerConstraint``.
+        Mimic joints that the model does not move with their leaders (``mimic=False``) become ``CouplerConstraint``. Of
+        MJCF (``sd.load``) also its loops, the contacts of feet with its ground, and its DC motors; loops and contacts
+        whose frames ``Model.reduced`` has left nothing that moves are left out.
 
         >>> import spatialdyn as sd
         >>> builder = sd.ModelBuilder("arm").add_body("rod", None, "revolute", (0, 0, 1), damping=0.1)
@@ -136,10 +139,11 @@ class Scene:
         model = scene_of(model).model
         rubs = bool(model.damping.any() or model.friction.any())
         stops = bool(np.isfinite(model.lower).any() or np.isfinite(model.upper).any())
-        couplers = couplers_of(model)
+        more = scene_toml.options_of(model, declared_of(model))
+        items = [*couplers_of(model), *more.pop("constraints", ())]
         return cls(
             model, friction=True if rubs else None, limits=stops,
-            constraints=Constraints(model, couplers) if couplers else None,
+            constraints=Constraints(model, items) if items else None, **more,
         )  # fmt: skip
 
     @classmethod
@@ -272,8 +276,26 @@ def couplers_of(model: Model) -> list[CouplerConstraint]:
     """The mimic joints of the robot's file, of a model that does not move them with their leaders."""
     if model.mimic_matrix is not None:
         return []
-    follow = [(x.name, x.mimic) for x in model.robot.joints if x.mimic is not None and x.kind != "fixed"]
+    moves = {x.name for x in model.robot.joints if x.kind != "fixed"}
+    follow = [(x.name, x.mimic) for x in model.robot.joints if x.mimic is not None and x.name in moves]
     return [CouplerConstraint(name, m.leader, m.multiplier, m.offset) for name, m in follow if m is not None]
+
+
+def declared_of(model: Model) -> dict[str, Any]:
+    """What the robot's file declares of a scene, as ``scene_toml.options_of`` takes it, of what still moves."""
+    given: dict[str, Any] = json.loads(model.robot.declared or "{}").get("scene", {})
+    moving = {f"{frame.kind}:{frame.name}" for frame in model.frames if frame.joint}
+    moving |= {joint.name for joint in model.joints[1:]}
+    ends = ("frame_a", "frame_b", "joint", "to")
+    held = [x for x in given.pop("constraint", ()) if any(x.get(end) in moving for end in ends)]
+    if held:
+        given["constraint"] = held
+    if "contacts" in given:
+        for name in ("points", "friction"):
+            given["contacts"][name] = {x: y for x, y in given["contacts"][name].items() if x in moving}
+        if not given["contacts"]["points"]:
+            del given["contacts"]
+    return given
 
 
 def _friction(model: Model, friction: Any) -> Friction | bool | None:

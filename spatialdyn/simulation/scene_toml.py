@@ -68,6 +68,11 @@ def read(model: Model, text: str) -> dict[str, Any]:
         given = tomllib.loads(text)
     except (ValueError, RecursionError) as error:
         raise SimulationError(f"the scene is no TOML: {error}, expected a text and no {text!r:.60}") from None
+    return options_of(model, given)
+
+
+def options_of(model: Model, given: Mapping[str, Any]) -> dict[str, Any]:
+    """The options of a scene of this model, given as the tables that a TOML text has. Raises as ``read``."""
     known = (*PLAIN, *TABLES, "constraint")
     for name in given:
         if name not in known:

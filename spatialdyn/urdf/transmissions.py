@@ -11,6 +11,7 @@ Source: ros_control, transmission_interface, the classes' documentation (2013).
 
 from __future__ import annotations
 
+import json
 import math
 import warnings
 from typing import Any
@@ -18,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import ModelError
+from ..model.model import Model
 from ..model.robot_checks import quoted
 from ..model.transmission import Transmission
 from .sources import bytes_of, is_yourdfpy
@@ -37,7 +39,8 @@ def read_transmissions(source: Any) -> tuple[Transmission, ...]:
 
     Source: ros_control, transmission_interface (2013), for what their reductions and offsets mean.
 
-    source  as of ``load_urdf``: path, text, open file, or the name of a robot; not a yourdfpy.URDF, which has none
+    source  as of ``load_urdf``: path, text, open file, or the name of a robot; not a yourdfpy.URDF, which has none. Or
+            a Model: those of the file that it was read from, of MJCF the gears of its actuators on joints
 
     A URDF has no inertias of rotors: ``sd.Transmission(t.joints, t.matrix, rotor_inertia)`` adds them. Left out, with
     one warning that names each and why: other types, whose law is not in the file; transmissions of joints that do not
@@ -55,6 +58,10 @@ def read_transmissions(source: Any) -> tuple[Transmission, ...]:
     >>> sd.read_transmissions(text)
     (<Transmission of j: q̇ = [[0.02]] θ̇>,)
     """
+    if isinstance(source, Model):
+        if source.robot.declared or not source.robot.source:
+            return tuple(Transmission(**x) for x in json.loads(source.robot.declared or "{}").get("transmission", ()))
+        source = source.robot.source
     if is_yourdfpy(source):
         raise ModelError("source is a yourdfpy.URDF, expected a path or text: it has no transmissions")
     label, data = bytes_of(source)

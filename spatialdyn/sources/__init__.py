@@ -1,0 +1,1 @@
+"""Robots of every format: ``load`` chooses a reader; MJCF and xacro are read here, URDF and MJCF are written."""
