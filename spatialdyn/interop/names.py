@@ -20,7 +20,7 @@ class Aliases(NamedTuple):
 
 NAMES: dict[str, Aliases] = {
     "load_urdf": Aliases(
-        "load_robot load read_urdf from_urdf",
+        "load_robot read_urdf from_urdf",
         "buildModelFromUrdf",
         "MjModel",
         "ERobot URDF",
@@ -128,10 +128,9 @@ _FACE = "spatialdyn.compat.pinocchio"
 ABSENT: dict[str, str] = {  # what has it instead: words
     "no shapes are here to collide; Pinocchio with coal, or MuJoCo, finds collisions": "collision collisions collide "
     "check_collision distance_to closest_points geometry computeCollisions computeDistances",
-    "MJCF is read by Pinocchio: from_pinocchio(pinocchio.buildModelFromMJCF(path))": "mjcf load_mjcf from_mjcf "
-    "read_mjcf buildModelFromMJCF load_xml",
-    "load_urdf reads URDF alone; the program xacro makes it of xacro files (pip install xacro)": "xacro load_xacro",
-    "load_urdf reads URDF alone; Drake reads SDF": "sdf load_sdf buildModelFromSdf buildModelsFromSdf",
+    "sd.load reads MJCF, xacro and URDF, from_mjmodel a mujoco.MjModel": "mjcf load_mjcf from_mjcf read_mjcf "
+    "buildModelFromMJCF load_xml xacro load_xacro",
+    "SDF is not read; Drake reads it": "sdf load_sdf buildModelFromSdf buildModelsFromSdf",
     f"poses are arrays (4, 4); {_FACE}.SE3 is a class of them": "SE3 SE_3 pose Pose transform Transform SO3",
     f"quaternions are arrays (4,), x y z w; {_FACE}.Quaternion is a class of them": "quaternion quaternions",
     f"calls take and return arrays, nothing is kept between them; {_FACE}.Data is a class that keeps results": "Data "

@@ -71,6 +71,7 @@ def changed(
     payload: Mapping[str, tuple[float, ArrayLike, ArrayLike]] | None,
     rotors: Mapping[str, Rotor | None] | None,
     transmissions: Iterable[Transmission],
+    inertial_parameters: ArrayLike | None = None,
 ) -> tuple[Robot, Options]:
     """The robot and options of ``Model.with_``."""
     options, robot = model.options, model.robot
@@ -98,6 +99,8 @@ def changed(
     for transmission in listed_transmissions(transmissions):
         joints.update(_driven(model, transmission, joints))
     links = {x.name: x for x in robot.links}
+    if inertial_parameters is not None:
+        links.update(_identified(model, inertial_parameters))
     child = {ROOT_JOINT: robot.root, **{j.name: j.child for j in robot.joints}}
     for name, load in _pairs("payload", payload):
         frame = model.frame(name)
@@ -190,6 +193,32 @@ def _driven(model: Model, transmission: Transmission, joints: Mapping[str, Robot
                         "before the other: M would not be sparse"
                     )
                 made[behind.name] = replace(made[behind.name], shared=(before.name, float(B[i, k])))
+    return made
+
+
+def _identified(model: Model, given: ArrayLike) -> dict[str, Link]:
+    """The links of all joints' bodies with inertial parameters: a joint's own link has all, links fixed to it none.
+
+    Raises ModelError for another shape; InertiaError naming the joint for a mass below 0, or first moment without mass.
+    """
+    pi = _numbers(given)
+    if pi.shape != (model.njoints, 10) or not np.isfinite(pi).all():
+        what = "numbers that are not finite" if pi.shape == (model.njoints, 10) else f"shape {pi.shape}"
+        raise ModelError(f"inertial_parameters have {what}, expected finite ones of shape ({model.njoints}, 10)")
+    names = {x.name for x in model.robot.links}
+    made: dict[str, Link] = {}
+    for frame in model.frames:
+        if frame.kind == "link" and frame.name in names and frame.joint:
+            made[frame.name] = Link(frame.name)
+    own = {ROOT_JOINT: model.robot.root, **{j.name: j.child for j in model.robot.joints}}
+    for joint, row in zip(model.joints[1:], pi[1:].tolist(), strict=True):
+        mass, h, (xx, xy, yy, xz, yz, zz) = row[0], np.array(row[1:4]), row[4:]
+        if mass < 0.0 or (mass == 0.0 and h.any()):
+            said = f"mass {mass:.6g} and first moment {h.tolist()}"
+            raise InertiaError(f'joint "{joint.name}" has inertial parameters of {said}, expected a mass above 0')
+        com = h / mass if mass else h
+        about = parallel_axis(np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]), -mass, com)
+        made[own[joint.name]] = make_link(own[joint.name], (mass, com, about))
     return made
 
 

@@ -185,8 +185,9 @@ class Model:
         payload: Mapping[str, tuple[float, ArrayLike, ArrayLike]] | None = None,
         rotors: Mapping[str, Rotor | None] | None = None,
         transmissions: Iterable[Transmission] = (),
+        inertial_parameters: ArrayLike | None = None,
     ) -> Model:
-        """A new Model with other gravity, rotor inertias or loads.
+        """A new Model with other gravity, rotor inertias, loads or inertial parameters.
 
         gravity   (3,) [m/s²]
         armature  joint name -> reflected rotor inertia [kg m² | kg], in place of the present one
@@ -194,10 +195,13 @@ class Model:
         rotors    joint name -> Rotor, or None for none; it takes the place of the joint's armature
         transmissions  whose rotor inertias take the place of their joints' armatures. Off the diagonal of M they may
                   couple a joint of one freedom and the one right before it: what is further apart has no sparse M
+        inertial_parameters  (njoints, 10)  as ``sd.inertial_parameters`` gives them, identified ones say, the first row
+                  ignored. A joint's link takes its row; links that are fixed to it have no mass then. Inertias that are
+                  not physical are kept, as files' are
 
         Raises ModelError, InertiaError naming the joint or frame and the value.
         """
-        return Model(*changed(self, gravity, armature, payload, rotors, transmissions))
+        return Model(*changed(self, gravity, armature, payload, rotors, transmissions, inertial_parameters))
 
     def __repr__(self) -> str:
         return (

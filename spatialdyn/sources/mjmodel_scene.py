@@ -167,7 +167,7 @@ def _law(m: Any, a: int) -> str:
     if gain == "FIXED" and bias == "NONE":
         return "" if p[0] == 1.0 else f"of gain {p[0]:g}, in torque per unit of control"
     if gain == "FIXED" and bias == "AFFINE" and p[0] == -b[1] and p[0]:
-        return f"position servos, kp {p[0]:g} and kv {-b[2]:g}, left out: sd.PD is such a law"
+        return f"position servos, kp {p[0]:g} and kv {0.0 - b[2]:g}, left out: sd.PD is such a law"
     if gain == "FIXED" and bias == "AFFINE" and p[0] == -b[2] and not b[1]:
         return f"velocity servos, kv {p[0]:g}, left out: sd.PD is such a law"
     return f"of gain {gain.lower()} and bias {bias.lower()}, left out"

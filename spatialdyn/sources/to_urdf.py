@@ -1,0 +1,142 @@
+"""``to_urdf``: a model's robot as URDF, so that it is read again with the same numbers."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import re
+import warnings
+from collections.abc import Iterator
+from xml.sax.saxutils import quoteattr
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..calls.arguments import check_model
+from ..errors import SpatialDynError
+from ..model.model import Model
+from ..model.robot import Link, Robot, RobotJoint
+from ..model.robot_checks import rpy_matrix, rpy_of
+
+Array = NDArray[np.float64]
+KINDS = ("fixed", "revolute", "continuous", "prismatic", "floating", "planar")
+NO_TEXT = re.compile("[\\x00-\\x08\\x0b\\x0c\\x0e-\\x1f\\ud800-\\udfff\\ufffe\\uffff]")  # what XML cannot hold
+STEPS = (0, 1, -1, 2, -2)  # neighbours of an angle, in units of its last place
+
+
+def to_urdf(model: Model) -> str:
+    """The robot of a model as the text of a URDF: links with their inertias, joints with their limits and damping.
+
+    model  Model
+
+    ``load_urdf`` of the text gives an equal robot: numbers have all of their digits, and the angles of a placement are
+    those whose rotation has its bits, if there are such, as of every robot that came from a URDF; else its bits but for
+    rounding. Options of the loading call (a floating root, gravity, ``continuous``, ``mimic``) are no part of a URDF;
+    shapes and meshes, which a model does not keep, are left out.
+
+    Joints of a URDF come in byte order of their names: a UserWarning says so if the model has another order.
+
+    Raises  SpatialDynError naming the joint for what URDF cannot hold: spherical and helical joints, armatures,
+            rotors, motors that joints share, springs; and for a name that no XML holds
+
+    >>> import spatialdyn as sd
+    >>> model = sd.load_urdf("two_link").with_(payload={"tip": (0.5, (0, 0, 0), np.zeros((3, 3)))})
+    >>> sd.load_urdf(to_urdf(model)) == model
+    True
+    """
+    robot = check_model(model).robot
+    for joint in robot.joints:
+        _refuse(joint)
+    for what in (robot.name, *(x.name for x in robot.links), *(x.name for x in robot.joints)):
+        if NO_TEXT.search(what):
+            raise SpatialDynError(f"{what!r} has a character that XML cannot hold, expected a name without it")
+    _warn_of_order(robot)
+    lines = [f"<robot name={quoteattr(robot.name)}>"]
+    for link in robot.links:
+        lines += _link(link)
+    for joint in robot.joints:
+        lines += _joint(joint)
+    return "\n".join([*lines, "</robot>", ""])
+
+
+def _refuse(joint: RobotJoint) -> None:
+    """Raise SpatialDynError for a joint that URDF cannot hold."""
+    what = ""
+    if joint.kind not in KINDS:
+        what = f"is {joint.kind}"
+    elif joint.spring is not None:
+        what = f'is a rotor behind the spring of "{joint.spring.joint}"'
+    elif joint.shared is not None:
+        what = f'shares motors with "{joint.shared[0]}"'
+    elif joint.rotor is not None:
+        what = "has a rotor"
+    elif np.any(joint.armature):
+        what = f"has armature {joint.armature}"
+    if what:
+        raise SpatialDynError(f'joint "{joint.name}" {what}, which URDF cannot hold')
+
+
+def _warn_of_order(robot: Robot) -> None:
+    for children in robot.children.values() if robot.ordered else ():
+        names = [j.name.encode() for j in children]
+        if names != sorted(names):
+            text = f'joints of robot "{robot.name}" come in another order when its URDF is read: byte order of names'
+            warnings.warn(text, stacklevel=3)
+            return
+
+
+def _link(link: Link) -> Iterator[str]:
+    if not (link.mass or any(link.com) or any(link.inertia)):
+        yield f"  <link name={quoteattr(link.name)}/>"
+        return
+    xx, xy, xz, _, yy, yz, _, _, zz = link.inertia
+    yield f"  <link name={quoteattr(link.name)}>"
+    yield f'    <inertial><origin xyz="{numbers(link.com)}"/><mass value="{link.mass!r}"/>'
+    yield f'      <inertia ixx="{xx!r}" ixy="{xy!r}" ixz="{xz!r}" iyy="{yy!r}" iyz="{yz!r}" izz="{zz!r}"/></inertial>'
+    yield "  </link>"
+
+
+def _joint(joint: RobotJoint) -> Iterator[str]:
+    X = np.reshape(joint.placement, (4, 4))
+    yield f'  <joint name={quoteattr(joint.name)} type="{joint.kind}">'
+    yield f'    <origin xyz="{numbers(X[:3, 3])}" rpy="{numbers(angles_of(X[:3, :3]))}"/>'
+    yield f"    <parent link={quoteattr(joint.parent)}/><child link={quoteattr(joint.child)}/>"
+    if joint.kind not in ("fixed", "floating"):
+        yield f'    <axis xyz="{numbers(joint.axis)}"/>'
+    limits = {"velocity": joint.velocity, "effort": joint.effort}
+    written = [f'{name}="{x!r}"' for name, x in limits.items() if math.isfinite(x)]
+    if joint.kind in ("revolute", "prismatic") and (written or math.isfinite(joint.lower + joint.upper)
+                                                     or joint.lower > -math.inf or joint.upper < math.inf):  # fmt: skip
+        written = [f'lower="{joint.lower!r}" upper="{joint.upper!r}"', *written]
+    if written:
+        yield f"    <limit {' '.join(written)}/>"
+    if joint.damping or joint.friction:
+        yield f'    <dynamics damping="{joint.damping!r}" friction="{joint.friction!r}"/>'
+    if joint.mimic is not None:
+        m = joint.mimic
+        line = f'multiplier="{m.multiplier!r}" offset="{m.offset!r}"'
+        yield f"    <mimic joint={quoteattr(m.leader)} {line}/>"
+    yield "  </joint>"
+
+
+def numbers(x: object) -> str:
+    """Numbers with all of their digits, so that they are read to the same bits."""
+    return " ".join(repr(float(y) + 0.0) for y in np.ravel(np.asarray(x, float)))
+
+
+def angles_of(R: Array) -> tuple[float, ...]:
+    """Roll, pitch, yaw whose rotation has the bits of R, with few digits if there are such; else the nearest."""
+    near = rpy_of(R)
+    short = [sorted({round(x, d) for d in range(1, 17)} | {x}, key=lambda y: (len(repr(y)), abs(y))) for x in near]
+    tried: Iterator[tuple[float, ...]] = itertools.chain(
+        (tuple(round(x, d) for x in near) for d in range(1, 17)),
+        itertools.product(*(_neighbours(x) for x in near)),
+        itertools.product(*short),
+    )
+    wanted = R + 0.0
+    return next((x for x in tried if (rpy_matrix(*x) + 0.0 == wanted).all()), tuple(near))
+
+
+def _neighbours(x: float) -> list[float]:
+    """An angle and those a few units of its last place away; a zero alone."""
+    return [x + k * math.ulp(x) for k in STEPS] if x else [0.0]

@@ -1,0 +1,43 @@
+"""xacro: ROS' macro language for URDF, expanded by the package xacrodoc. It evaluates Python expressions."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from typing import Any
+
+from ..errors import SpatialDynError, pip_install
+
+
+def is_xacro(path: str) -> bool:
+    """Whether a file is xacro by its suffix; nothing else makes one, for expressions in it are evaluated."""
+    return path.lower().endswith(".xacro")
+
+
+def urdf_of_xacro(data: bytes | None, path: str, arguments: Mapping[str, Any]) -> str:
+    """The URDF of a xacro file, or of text without includes beside it.
+
+    arguments  {name: value} of its ``<xacro:arg>``; True and False become the words of XML
+
+    Raises SpatialDynError with the message of xacro, for a package it does not find say, or without xacrodoc.
+    """
+    try:
+        from xacrodoc import XacroDoc
+    except ImportError as error:
+        raise SpatialDynError(f"xacro needs xacrodoc: {pip_install('ros')}") from error
+    given = {str(name): _word(value) for name, value in arguments.items()}
+    try:
+        if path:
+            document = XacroDoc.from_file(os.path.abspath(path), subargs=given)
+        else:
+            document = XacroDoc((data or b"").decode("utf-8"), subargs=given)
+        return str(document.to_urdf_string())
+    except (KeyboardInterrupt, SystemExit, MemoryError):
+        raise
+    except Exception as error:  # xacro raises what its expressions raise
+        said = " ".join(str(error).split()) or type(error).__name__
+        raise SpatialDynError(f"{path or '<text>'}: xacro refuses it: {said}") from error
+
+
+def _word(value: Any) -> str:
+    return str(value).lower() if isinstance(value, bool) else str(value)
