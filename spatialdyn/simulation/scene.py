@@ -136,7 +136,7 @@ class Scene:
         >>> sd.Scene.of(builder.build()).friction
         <Friction of each freedom: coulomb [0.], viscous [0.1], static [0.]>
         """
-        model = scene_of(model).model
+        model = model.model if isinstance(model, Scene) else check_model(model)  # itself, not an equal one
         rubs = bool(model.damping.any() or model.friction.any())
         stops = bool(np.isfinite(model.lower).any() or np.isfinite(model.upper).any())
         more = scene_toml.options_of(model, declared_of(model))

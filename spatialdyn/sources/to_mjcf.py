@@ -15,13 +15,15 @@ from ..calls.arguments import check_model
 from ..errors import SpatialDynError
 from ..model.assembly import IDENTITY, ROOT_JOINT
 from ..model.model import Model
-from ..model.robot import Link, RobotJoint
+from ..model.physical_inertia import parallel_axis
+from ..model.robot import Link, Robot, RobotJoint
 from ..model.robot_checks import quoted
 from .to_urdf import NO_TEXT, numbers
 
 Array = NDArray[np.float64]
 TYPES = {"revolute": "hinge", "continuous": "hinge", "prismatic": "slide", "spherical": "ball", "floating": "free"}
 WORLD = "world"
+LEAST = 1e-15  # mjMINVAL, below which MuJoCo takes a mass or moment for none
 
 
 class Placed(NamedTuple):
@@ -37,7 +39,9 @@ def to_mjcf(model: Model) -> str:
     model  Model, of a fixed or a floating root
 
     MuJoCo compiles it to the same M, bias and forward dynamics, to rounding, with qpos and qvel in the order of q and v:
-    ``to_mujoco`` converts states. Damping, friction, ranges and efforts (``actuatorfrcrange``) are the joints', armatures
+    ``to_mujoco`` converts states. Links that are fixed together keep their own inertias, or, where MuJoCo would refuse
+    one (a point mass, say, or a moving link without mass), the sum of them is the moving link's; what is no inertia even
+    so, such as a point mass that moves, MuJoCo refuses by name when it compiles the text. Damping, friction, ranges and efforts (``actuatorfrcrange``) are the joints', armatures
     too; a link without mass between two joints becomes a second joint of the next body. There are no shapes, so nothing
     touches, and no actuators. Velocity limits, which MJCF has not, are left out with a UserWarning.
 
@@ -57,6 +61,7 @@ def to_mjcf(model: Model) -> str:
         if NO_TEXT.search(what):
             raise SpatialDynError(f"{what!r} has a character that XML cannot hold, expected a name without it")
     links, children = {x.name: x for x in robot.links}, robot.children
+    solid = _solid(robot)
     if WORLD in links and (robot.root != WORLD or floats or links[WORLD].mass):
         raise SpatialDynError('link "world" is not a fixed root without mass, expected one, or another name: MJCF has it')
     fast = [j.name for j in robot.joints if math.isfinite(j.velocity) and j.kind != "fixed"]
@@ -87,13 +92,14 @@ def to_mjcf(model: Model) -> str:
         pad = "    "
         if name != WORLD:
             lines.append(f'{pad}<body name={quoteattr(name)} pos="{numbers(X[:3, 3])}" quat="{numbers(_quaternion(X))}">')
-            lines += [pad + "  " + x for x in (*_inertial(links[name]), *map(_joint, joints))]
+            lines += [pad + "  " + x for x in (*_inertial(solid[name]), *map(_joint, joints))]
             stack.append(f"{pad}</body>")
         for joint in reversed(children[name]):
             made = [] if joint.kind == "fixed" else [Placed(joint, np.eye(4))]
             stack.append((joint.child, np.reshape(joint.placement, (4, 4)), made))
     lines.append("  </worldbody>")
-    followers = [j for j in robot.joints if j.mimic is not None and j.kind != "fixed"]
+    moves = {j.name for j in robot.joints if j.kind != "fixed"}
+    followers = [j for j in robot.joints if j.mimic is not None and {j.name, j.mimic.leader} <= moves]
     if followers:
         lines += ["  <equality>", *map(_equality, followers), "  </equality>"]
     return "\n".join([*lines, "</mujoco>", ""])
@@ -122,13 +128,51 @@ def _refuse(joint: RobotJoint, root: str) -> None:
 
 def _goes_on(link: Link, joints: list[Placed], children: list[RobotJoint]) -> RobotJoint | None:
     """The only joint behind a link without inertia, which makes one body of both; None for another link."""
-    bare = not link.mass and not any(link.inertia)
+    bare = not _has_inertia(link)
     plain = len(children) == 1 and children[0].kind not in ("fixed", "floating")
     return children[0] if bare and plain and joints[0].joint.kind != "floating" else None
 
 
+def _solid(robot: Robot) -> dict[str, Link]:
+    """The links by name, those of a rigid body summed up in its moving link where MuJoCo would refuse one of them."""
+    links, children, made = {x.name: x for x in robot.links}, robot.children, {}
+    for moving in [robot.root, *(j.child for j in robot.joints if j.kind != "fixed")]:
+        body = [(moving, np.eye(4))]
+        for name, X in body:  # grows during the loop
+            body += [(j.child, X @ np.reshape(j.placement, (4, 4))) for j in children[name] if j.kind == "fixed"]
+        parts = [(links[name], X) for name, X in body]
+        heavy = any(_has_inertia(x) for x, _ in parts)
+        if heavy and not (_has_inertia(links[moving]) and all(_accepted(x) for x, _ in parts if _has_inertia(x))):
+            made.update({x.name: Link(x.name) for x, _ in parts})
+            made[moving] = _sum(moving, parts)
+        else:
+            made.update({x.name: x for x, _ in parts})
+    return made
+
+
+def _has_inertia(link: Link) -> bool:
+    return bool(link.mass or any(link.inertia))
+
+
+def _accepted(link: Link) -> bool:
+    """Whether MuJoCo takes an inertia: a mass, positive moments, none above the sum of the others."""
+    a, b, c = np.linalg.eigvalsh(np.reshape(link.inertia, (3, 3))).tolist()
+    return link.mass > LEAST and a > LEAST and a + b >= c
+
+
+def _sum(name: str, parts: list[tuple[Link, Array]]) -> Link:
+    """Links at poses in the frame of a link as one link."""
+    mass = sum(x.mass for x, _ in parts)
+    places = [X[:3, :3] @ np.array(x.com) + X[:3, 3] for x, X in parts]
+    com = sum((x.mass * c for (x, _), c in zip(parts, places, strict=True)), np.zeros(3)) / (mass or 1.0)
+    I = np.zeros((3, 3))
+    for (x, X), c in zip(parts, places, strict=True):
+        I += parallel_axis(X[:3, :3] @ np.reshape(x.inertia, (3, 3)) @ X[:3, :3].T, x.mass, c - com)
+    return Link(name, mass, tuple(com.tolist()), tuple((0.5 * (I + I.T)).ravel().tolist()))
+
+
 def _inertial(link: Link) -> Iterator[str]:
-    if link.mass or any(link.inertia):
+    if _has_inertia(link):
         xx, xy, xz, _, yy, yz, _, _, zz = link.inertia
         full = numbers((xx, yy, zz, xy, xz, yz))
         yield f'<inertial pos="{numbers(link.com)}" mass="{link.mass!r}" fullinertia="{full}"/>'

@@ -22,6 +22,10 @@ Array = NDArray[np.float64]
 KINDS = ("fixed", "revolute", "continuous", "prismatic", "floating", "planar")
 NO_TEXT = re.compile("[\\x00-\\x08\\x0b\\x0c\\x0e-\\x1f\\ud800-\\udfff\\ufffe\\uffff]")  # what XML cannot hold
 STEPS = (0, 1, -1, 2, -2)  # neighbours of an angle, in units of its last place
+UNWRITTEN = (1.0, 0.0, 0.0)  # the axis of a joint without <axis>
+RIGHT = 0.5 * math.pi
+LOCKED = 1e-8  # rad: a pitch this near a right angle makes one rotation of roll and yaw
+TINY = 1e-14  # what a pitch of rounding moves in a rotation
 
 
 def to_urdf(model: Model) -> str:
@@ -101,7 +105,7 @@ def _joint(joint: RobotJoint) -> Iterator[str]:
     yield f'  <joint name={quoteattr(joint.name)} type="{joint.kind}">'
     yield f'    <origin xyz="{numbers(X[:3, 3])}" rpy="{numbers(angles_of(X[:3, :3]))}"/>'
     yield f"    <parent link={quoteattr(joint.parent)}/><child link={quoteattr(joint.child)}/>"
-    if joint.kind not in ("fixed", "floating"):
+    if joint.kind not in ("fixed", "floating") or joint.axis != UNWRITTEN:
         yield f'    <axis xyz="{numbers(joint.axis)}"/>'
     limits = {"velocity": joint.velocity, "effort": joint.effort}
     written = [f'{name}="{x!r}"' for name, x in limits.items() if math.isfinite(x)]
@@ -125,18 +129,59 @@ def numbers(x: object) -> str:
 
 
 def angles_of(R: Array) -> tuple[float, ...]:
-    """Roll, pitch, yaw whose rotation has the bits of R, with few digits if there are such; else the nearest."""
+    """Roll, pitch, yaw whose rotation has the bits of R, with few digits if there are such; else the nearest.
+
+    Files write angles beyond half a turn, pitches beyond a quarter, both angles where roll and yaw are one rotation, and
+    pitches of 1e-16: a rotation has the bits of all of them.
+    """
     near = rpy_of(R)
-    short = [sorted({round(x, d) for d in range(1, 17)} | {x}, key=lambda y: (len(repr(y)), abs(y))) for x in near]
-    tried: Iterator[tuple[float, ...]] = itertools.chain(
+    wanted = R + 0.0
+    tried = itertools.chain(
         (tuple(round(x, d) for x in near) for d in range(1, 17)),
         itertools.product(*(_neighbours(x) for x in near)),
-        itertools.product(*short),
+        _written(near),
+        _locked(near) if abs(abs(near[1]) - RIGHT) < LOCKED else (),
+        _pitched(near, R),
     )
-    wanted = R + 0.0
     return next((x for x in tried if (rpy_matrix(*x) + 0.0 == wanted).all()), tuple(near))
 
 
 def _neighbours(x: float) -> list[float]:
     """An angle and those a few units of its last place away; a zero alone."""
     return [x + k * math.ulp(x) for k in STEPS] if x else [0.0]
+
+
+def _short(x: float, turns: bool = True) -> list[float]:
+    """An angle, and that a turn away, rounded to any number of decimals, shortest first."""
+    near = [x, x - math.copysign(2.0 * math.pi, x)] if turns else [x]
+    return sorted({round(y, d) + 0.0 for y in near for d in range(1, 17)}, key=lambda y: (len(repr(y)), abs(y)))
+
+
+def _written(near: list[float]) -> Iterator[tuple[float, ...]]:
+    """Ways to write a rotation in few digits, with a pitch beyond a quarter of a turn too."""
+    roll, pitch, yaw = near
+    other = [roll + math.pi, math.copysign(math.pi, pitch) - pitch, yaw + math.pi]
+    for given in (near, other, [roll - math.pi, -math.copysign(math.pi, pitch) - pitch, yaw - math.pi]):
+        yield from itertools.product(*map(_short, given))
+
+
+def _locked(near: list[float]) -> Iterator[tuple[float, ...]]:
+    """Ways to write a rotation whose pitch is a quarter of a turn: any roll goes with a yaw."""
+    _, pitch, yaw = near
+    sign = math.copysign(1.0, pitch)
+    for size, digits in itertools.product((RIGHT, math.pi), range(2, 17)):
+        for roll in (round(size, digits), -round(size, digits)):
+            for turned in _short(yaw + sign * roll):
+                yield from ((roll, x, turned) for x in _short(pitch, turns=False))
+
+
+def _pitched(near: list[float], R: Array) -> Iterator[tuple[float, ...]]:
+    """Ways to write a rotation with a tiny pitch, which shows in an entry that is small itself."""
+    for roll, yaw in itertools.product(_short(near[0]), _short(near[2])):
+        level = rpy_matrix(roll, 0.0, yaw)
+        off = R - level
+        slope = (rpy_matrix(roll, 1e-3, yaw) - level) / math.sin(1e-3)
+        i, j = np.unravel_index(int(np.argmax(abs(off))), (3, 3))
+        if off[i, j] and abs(slope[i, j]) > 1e-9 and abs(off).max() < TINY:
+            pitch = float(off[i, j] / slope[i, j])
+            yield from ((roll, float(f"{pitch:.{d}e}"), yaw) for d in range(17))
