@@ -28,9 +28,11 @@ def description_file(name: str) -> str:
     Raises SpatialDynError if it cannot be cloned.
     """
     from robot_descriptions import DESCRIPTIONS
+    from robot_descriptions._repositories import REPOSITORIES
 
-    cache, url = cache_folder(), DESCRIPTIONS[name].repository
-    if not (cache / _folder(name)).is_dir():
+    cache, repository = cache_folder(), REPOSITORIES[DESCRIPTIONS[name].repository]
+    url = repository.url
+    if not (cache / repository.cache_path).is_dir():
         warnings.warn(f'"{name}" is of robot_descriptions, which clones {url} into {cache}', stacklevel=4)
     try:
         module: Any = import_module(f"robot_descriptions.{name}")
@@ -48,14 +50,3 @@ def description_file(name: str) -> str:
 def cache_folder() -> Path:
     """The folder in which robot_descriptions keeps its clones."""
     return Path(os.path.expanduser(os.environ.get("ROBOT_DESCRIPTIONS_CACHE", "~/.cache/robot_descriptions")))
-
-
-def _folder(name: str) -> str:
-    """The folder of a description's repository in the cache, empty if it is not known."""
-    import importlib.util
-
-    from robot_descriptions._repositories import REPOSITORIES
-
-    found = importlib.util.find_spec(f"robot_descriptions.{name}")
-    text = Path(found.origin).read_text(encoding="utf-8") if found and found.origin else ""
-    return next((x.cache_path for key, x in REPOSITORIES.items() if f'"{key}"' in text), "?")

@@ -25,6 +25,7 @@ STEPS = (0, 1, -1, 2, -2)  # neighbours of an angle, in units of its last place
 UNWRITTEN = (1.0, 0.0, 0.0)  # the axis of a joint without <axis>
 RIGHT = 0.5 * math.pi
 LOCKED = 1e-8  # rad: a pitch this near a right angle makes one rotation of roll and yaw
+ROUNDED = 1e-13  # rad: what is left of an angle's digits after a rotation and back, with some to spare
 TINY = 1e-14  # what a pitch of rounding moves in a rotation
 
 
@@ -152,9 +153,14 @@ def _neighbours(x: float) -> list[float]:
 
 
 def _short(x: float, turns: bool = True) -> list[float]:
-    """An angle, and that a turn away, rounded to any number of decimals, shortest first."""
-    near = [x, x - math.copysign(2.0 * math.pi, x)] if turns else [x]
-    return sorted({round(y, d) + 0.0 for y in near for d in range(1, 17)}, key=lambda y: (len(repr(y)), abs(y)))
+    """An angle, and that a turn away, as the fewest decimals that it is to rounding, and as it is."""
+    if abs(x) < TINY:
+        return sorted({float(f"{x:.{d}e}") + 0.0 for d in range(17)}, key=lambda y: len(repr(y)))
+    found: dict[float, None] = {}
+    for y in [x, x - math.copysign(2.0 * math.pi, x)] if turns else [x]:
+        digits = next((d for d in range(1, 16) if abs(round(y, d) - y) < ROUNDED), 16)
+        found |= dict.fromkeys(round(y, d) + 0.0 for d in (digits, digits + 1, 17))
+    return [*found]
 
 
 def _written(near: list[float]) -> Iterator[tuple[float, ...]]:

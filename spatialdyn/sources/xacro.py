@@ -28,10 +28,8 @@ def urdf_of_xacro(data: bytes | None, path: str, arguments: Mapping[str, Any]) -
     given = {str(name): _word(value) for name, value in arguments.items()}
     try:
         if path:
-            document = XacroDoc.from_file(os.path.abspath(path), subargs=given)
-        else:
-            document = XacroDoc((data or b"").decode("utf-8"), subargs=given)
-        return str(document.to_urdf_string())
+            return str(XacroDoc.from_file(os.path.abspath(path), subargs=given).to_urdf_string())
+        return str(XacroDoc.from_string((data or b"").decode("utf-8"), subargs=given).to_urdf_string())
     except (KeyboardInterrupt, SystemExit, MemoryError):
         raise
     except Exception as error:  # xacro raises what its expressions raise
