@@ -133,11 +133,14 @@ __all__ = [
     "compare_with_pinocchio", "compile", "conserved_quantities", "constrained_dynamics",
     "constrained_dynamics_derivatives", "constraint_drift", "constraint_error", "constraint_jacobian", "contact_gaps",
     "contact_step", "delassus", "diagnose", "energy_ledger", "exact", "forward_dynamics", "friction_regressor",
-    "friction_torque", "from_drake", "from_mjmodel", "from_mujoco", "from_pinocchio", "hamilton_equations", "hamilton_simulation",
-    "impact", "independent_joints", "integrators", "kernels", "linearize", "load", "load_urdf", "mobility", "plot",
+    "friction_torque", "from_drake", "from_mjmodel", "from_mujoco",
+    "from_pinocchio", "hamilton_equations", "hamilton_simulation",
+    "impact", "independent_joints", "integrators", "kernels", "linearize", "load", "load_urdf",
+    "mobility", "plot",
     "poisson_bracket", "project_configuration", "project_velocity", "random_configuration", "read_transmissions",
     "recommend", "rollout", "simplify", "simulate", "specialize", "spring_energy", "spring_torque", "step",
-    "step_derivatives", "to_actuators", "to_drake", "to_joints", "to_mjcf", "to_mujoco", "to_urdf", "torque_limits", "trade",
+    "step_derivatives", "to_actuators", "to_drake", "to_joints", "to_mjcf", "to_mujoco", "to_urdf",
+    "torque_limits", "trade",
     "verify_skew_symmetry", "view", "wrench_at",
 ]  # fmt: skip
 
@@ -178,7 +181,17 @@ _LATE = {  # {module: public names}, imported when one is asked for: half the ti
     "sources.to_urdf": "to_urdf", "validate.comparison": "compare_with_pinocchio",
 }  # fmt: skip
 _MODULE_OF = {name: module for module, names in _LATE.items() for name in names.split()}
-_ROOMS = ("accuracy", "actuation", "constraints", "interop", "lagrangian", "pictures", "simulation", "sources", "validate")
+_ROOMS = (
+    "accuracy",
+    "actuation",
+    "constraints",
+    "interop",
+    "lagrangian",
+    "pictures",
+    "simulation",
+    "sources",
+    "validate",
+)
 
 
 def __dir__() -> list[str]:

@@ -36,11 +36,12 @@ BELOW: dict[str, tuple[str, ...]] = {
     "lagrangian": ("calls", "urdf"),
     "interop": ("calls",),
     "simulation": ("lagrangian", "constraints", "actuation"),
+    "sources": ("calls", "urdf"),
     "accuracy": ("simulation",),
     "validate": ("interop", "urdf"),
     "pictures": ("validate", "accuracy"),
-    "compat": ("pictures", "accuracy", "interop", "urdf"),
-    "__init__": ("accuracy", "validate", "pictures"),
+    "compat": ("pictures", "accuracy", "interop", "urdf", "sources"),
+    "__init__": ("accuracy", "validate", "pictures", "sources"),
     "examples": ("__init__", "compat"),
     "commands": ("examples",),
     "__main__": ("commands",),
@@ -87,7 +88,7 @@ SHARED = {
     "constraint_rows", "dense", "rotors", "constrained", "coulomb_cone", "friction", "configuration", "contact_rows",
     "tableau",
 }  # fmt: skip
-TOUCH_FILES = {"urdf", "engines", "pictures"}  # the last reads meshes and writes pages
+TOUCH_FILES = {"urdf", "sources", "engines", "pictures"}  # the last reads meshes and writes pages
 # themselves, a script, and loops in TOML; one reads an environment variable
 SAVE = {
     "simulation.trajectory", "compat.pinocchio.model.serialization_format", "commands.port", "commands.simulate",
@@ -104,7 +105,7 @@ FILE_CALLS = {
 }  # fmt: skip
 LATE = {
     "yourdfpy", "lxml", "trimesh", "pinocchio", "rich", "scipy", "mpmath", "matplotlib", "sympy", "pandas", "viser",
-    "IPython", "casadi", "jax", "torch",
+    "IPython", "casadi", "jax", "torch", "mujoco", "xacrodoc", "robot_descriptions",
 }  # fmt: skip
 HEAVY = {"numba", "llvmlite", "concurrent.futures"}  # no import of the package needs them
 MUTATORS = {"append", "extend", "insert", "add", "update", "setdefault", "pop", "popitem", "clear", "remove", "discard"}

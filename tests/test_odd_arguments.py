@@ -72,7 +72,8 @@ ODD: dict[str, Any] = {
 
 TAKES_LONG = {("compile", "calls"): ("None",)}  # all calls
 PACKAGES = {  # by the beginning of a name
-    "from_pinocchio": "pinocchio", "compare_with_pinocchio": "pinocchio", "Symbolic": "sympy", "view": "viser",
+    "from_mjmodel": "mujoco", "from_pinocchio": "pinocchio", "compare_with_pinocchio": "pinocchio",
+    "Symbolic": "sympy", "view": "viser",
     "plot": "matplotlib", "Tradeoff": "matplotlib", "Trajectory": "matplotlib", "Rollout": "matplotlib",
     "EnergyLedger": "matplotlib", "Diagnosis": "matplotlib", "Specialized": "casadi", "Exact": "mpmath",
     "exact": "mpmath", "trade": "mpmath", "recommend": "mpmath", "Recommendation": "mpmath",

@@ -143,11 +143,16 @@ CASES: dict[Callable[..., Any], tuple[dict[str, Any], dict[str, Any]]] = {
             "gravity": (0, 0, -1), "armature": {"a_joint": 0.1}, "payload": {"tip": BOX},
             "rotors": {"a_joint": sd.Rotor(0.1, 2.0)},
             "transmissions": [sd.Transmission("b_joint", 2.0, rotor_inertia=[0.1])],
+            "inertial_parameters": (2.0 * sd.inertial_parameters(arm())).tolist(),
         },
     ),
 }  # fmt: skip
 TAKEN = {body: sd.ModelBuilder.add_body, with_: sd.Model.with_}  # by a Model's: whose parameters are all there
-APART = {body: {"self", "pitch"}, with_: {"self"}, sd.Robot: {"notes", "source"}}  # a pitch is of a helical joint
+APART = {
+    body: {"self", "pitch"},
+    with_: {"self"},
+    sd.Robot: {"notes", "source", "declared"},
+}  # a pitch is of a helical joint
 RESULTS = {sd.Option: {"run"}, sd.Tradeoff: {"further", "subject"}, sd.Recommendation: set()}  # made by calls
 FIELDS = [(make, field) for make, (_, others) in CASES.items() for field in others]
 

@@ -288,6 +288,7 @@ ROWS: dict[str, Callable[[], dict[str, Any]]] = {
     "friction_regressor": lambda: {"model": model(), "v": v()},
     "friction_torque": lambda: {"model": model(), "v": v(), "friction": friction()},
     "from_drake": lambda: _state(joints=["joint1", "joint2"]),
+    "from_mjmodel": lambda: {"mjmodel": mjmodel(), "root": "fixed", "inertia": "warn"},
     "from_mujoco": lambda: {"model": model(), "qpos": q(), "qvel": v(), "joints": ["joint1", "joint2"]},
     "from_pinocchio": lambda: {"pin_model": _pinocchio()},
     "hamilton_equations": lambda: {"model": model(), "q": q(), "p": v()},
@@ -296,6 +297,7 @@ ROWS: dict[str, Callable[[], dict[str, Any]]] = {
     "impact of J": lambda: {**_state(), **_jacobian(), "restitution": 0.5, "damping": 0.1},
     "independent_joints": lambda: _held("q"),
     "linearize": lambda: _in_scene(_state(tau=tau(), dt=0.01, method="rk4")),
+    "load": lambda: {"source": "two_link"},
     "load_urdf": lambda: {"source": "two_link"},
     "mobility": lambda: _held("q"),
     "plot": lambda: {"runs": [run(), run()], "what": "q"},
@@ -317,7 +319,9 @@ ROWS: dict[str, Callable[[], dict[str, Any]]] = {
     "to_actuators": lambda: _state(tau=tau(), transmissions=sd.Transmission(("joint1",), 2.0)),
     "to_drake": lambda: _state(joints=["joint1", "joint2"]),
     "to_joints": lambda: _state(tau=tau(), transmissions=[sd.Transmission(("joint1",), 2.0)]),
+    "to_mjcf": lambda: {"model": model()},
     "to_mujoco": lambda: _state(joints=["joint1", "joint2"]),
+    "to_urdf": lambda: {"model": model()},
     "torque_limits": lambda: {"model": model(), "v": v(), "motor": motor()},
     "total_mass": lambda: {"model": model()},
     "trade": lambda: {"model": model(), "batch": 8, "states": 2},
@@ -352,6 +356,14 @@ INSTANCES: dict[str, Callable[[], Any]] = {
 def _of_exact() -> dict[str, Any]:
     made = sd.exact(model(), sd.crba)
     return {"spec": SPECS["crba"], "arithmetic": made._arithmetic, "static": {}, "bits": 240}
+
+
+def mjmodel() -> Any:
+    import mujoco
+
+    return mujoco.MjModel.from_xml_string(
+        "<mujoco><worldbody><body><joint/><geom size='1'/></body></worldbody></mujoco>"
+    )
 
 
 def _pinocchio() -> Any:

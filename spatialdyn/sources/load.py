@@ -23,8 +23,8 @@ from .xacro import is_xacro, urdf_of_xacro
 EARTH = (0.0, 0.0, -9.81)
 BEFORE_ROOT = re.compile(rb"(?:\xef\xbb\xbf)?(?:\s+|<\?.*?\?>|<!--.*?-->|<!DOCTYPE[^>]*>)*<([^\s/>!?]+)", re.DOTALL)
 SDF = (
-    "is SDF, which no reader here takes, expected URDF or MJCF: the package sdformat-mjcf makes MJCF of SDF, which sd.load "
-    "reads"
+    "is SDF, which no reader here takes, expected URDF or MJCF: the package sdformat-mjcf makes MJCF of SDF, which "
+    "sd.load reads"
 )
 
 
@@ -63,7 +63,7 @@ def load(
     >>> load("pendulum") == load_urdf("pendulum")
     True
     """
-    options = {"root": root, "continuous": continuous, "mimic": mimic, "inertia": inertia}
+    options: dict[str, Any] = {"root": root, "continuous": continuous, "mimic": mimic, "inertia": inertia}
     urdf = {**options, "gravity": EARTH if gravity is None else gravity, "snap": snap}
     mjcf = {**options, "gravity": gravity}
     if xacro is not None and not isinstance(xacro, Mapping):
@@ -130,6 +130,11 @@ def _file(name: str) -> str:
         near = difflib.get_close_matches(name, [*description_names(), *robot_names()], 3, 0.6)
         more = [x for x in near if x in description_names()]
         raise UrdfError(f"{error}" + (f"; of robot_descriptions: {', '.join(more)}" if more else "")) from None
+
+
+def compiled_file(path: str) -> Any:
+    """The MjModel of an MJCF file. Raises SpatialDynError with MuJoCo's message."""
+    return _compiled(None, path)
 
 
 def _compiled(data: bytes | None, path: str) -> Any:

@@ -63,7 +63,7 @@ def from_mjmodel(
     ('universe', 'pin')
     """
     robot = robot_of(compiled(mjmodel))
-    if root == "floating" and (free := [j.name for j in robot.joints if j.kind == "floating"]):
+    if isinstance(root, str) and root == "floating" and (free := [j.name for j in robot.joints if j.kind == "floating"]):
         raise ModelError(f'root is "floating" and the file has the free joint "{free[0]}", expected "fixed"')
     own = mjmodel_gravity(compiled(mjmodel)) if gravity is None else gravity
     return assemble(check_inertias(robot, inertia), root, own, continuous, mimic)
@@ -103,7 +103,7 @@ class Tree:
     """Links and joints of an MjModel as they are made, and the names that are taken.
 
     link_of   name of the link on the frame of each body
-    joint_of  names of its joints, by their numbers
+    joint_of, site_of  names of its joints, and of the links on its sites, by their numbers
     """
 
     links: list[Link] = field(default_factory=list)
@@ -112,6 +112,7 @@ class Tree:
     joint_names: set[str] = field(default_factory=set)
     link_of: dict[int, str] = field(default_factory=dict)
     joint_of: dict[int, str] = field(default_factory=dict)
+    site_of: dict[int, str] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
 
     def fresh(self, name: str, taken: set[str]) -> str:
@@ -144,8 +145,8 @@ def flat(X: Array) -> tuple[float, ...]:
     return tuple((made + 0.0).ravel().tolist())
 
 
-def robot_of(m: Any) -> Robot:
-    """The robot of an MjModel, with what its file declares and notes on what has no counterpart."""
+def tree_of(m: Any) -> Tree:
+    """Links and joints of the bodies and sites of an MjModel; a body's sites come before what hangs on it."""
     mujoco = need_mujoco()
     tree = Tree()
     tree.links.append(Link(WORLD))
@@ -153,21 +154,29 @@ def robot_of(m: Any) -> Robot:
     tree.joint_names |= {*names_of(m, mujoco.mjtObj.mjOBJ_JOINT, m.njnt)} - {""}
     tree.link_of[0] = WORLD
     followers = {k: (leader, ratio, offset) for k, leader, ratio, offset in active_couplers(m)}
-    for body in range(1, m.nbody):
-        _add_body(m, tree, body, followers)
-    for site in range(m.nsite):
-        body = int(m.site_bodyid[site])
-        name = name_of(m, mujoco.mjtObj.mjOBJ_SITE, site) or f"{tree.link_of[body]}Site_{_index(m, site, body)}"
-        tree.fix(name, tree.link_of[body], pose_of(m.site_pos[site], m.site_quat[site]))
+    sites = np.asarray(m.site_bodyid)
+    for body in range(m.nbody):
+        if body:
+            _add_body(m, tree, body, followers)
+        for count, site in enumerate(np.flatnonzero(sites == body).tolist()):
+            name = name_of(m, mujoco.mjtObj.mjOBJ_SITE, site) or f"{tree.link_of[body]}Site_{count}"
+            X = pose_of(m.site_pos[site], m.site_quat[site])
+            tree.site_of[site] = tree.fix(name, tree.link_of[body], X)
+    return tree
+
+
+def robot_of(m: Any) -> Robot:
+    """The robot of an MjModel, with what its file declares and notes on what has no counterpart."""
+    tree = tree_of(m)
     text = declared(m, tree)
-    name = bytes(m.names).partition(b"\0")[0].decode(errors="replace") or "robot"
+    name = model_name(m) or "robot"
     checked = check_tree(name, tree.links, tree.joints, tree.notes)
     return replace(checked, ordered=True, declared=text)
 
 
-def _index(m: Any, site: int, body: int) -> int:
-    """The number of a site among those of its body."""
-    return int((np.asarray(m.site_bodyid)[:site] == body).sum())
+def model_name(m: Any) -> str:
+    """The name of an MjModel; empty if it has none."""
+    return bytes(m.names).partition(b"\0")[0].decode(errors="replace").translate(XML_NAMES)
 
 
 def _add_body(m: Any, tree: Tree, body: int, followers: dict[int, tuple[int, float, float]]) -> None:
@@ -178,7 +187,7 @@ def _add_body(m: Any, tree: Tree, body: int, followers: dict[int, tuple[int, flo
     parent = tree.link_of[int(m.body_parentid[body])]
     tree.link_of[body] = link
     back = pose_of(m.body_pos[body], m.body_quat[body])  # the body's frame at qpos0, in the link before
-    inertia = _inertia(m, body)
+    inertia = inertia_of(m, body)
     joints = range(m.body_jntadr[body], m.body_jntadr[body] + m.body_jntnum[body]) if m.body_jntnum[body] else ()
     if not joints:
         joint = RobotJoint(tree.fresh(f"{link}_fixed", tree.joint_names), "fixed", parent, link, flat(back))
@@ -197,7 +206,7 @@ def _add_body(m: Any, tree: Tree, body: int, followers: dict[int, tuple[int, flo
         centred = bool((anchor == np.eye(4)).all())
         moved = link if last and centred else tree.fresh(f"{name}_link", tree.link_names)
         tree.add(moved, RobotJoint(name, kind, parent, moved, flat(X), **values), inertia if moved == link else None)
-        back, parent = np.linalg.inv(anchor), moved
+        back, parent = np.asarray(np.linalg.inv(anchor), np.float64), moved
         if last and moved != link:
             fixed = RobotJoint(tree.fresh(f"{link}_fixed", tree.joint_names), "fixed", parent, link, flat(back))
             tree.add(link, fixed, inertia)
@@ -214,7 +223,7 @@ def _joint_name(m: Any, tree: Tree, j: int, link: str, count: int) -> str:
     return name
 
 
-def _inertia(m: Any, body: int) -> tuple[float, Array, Array] | None:
+def inertia_of(m: Any, body: int) -> tuple[float, Array, Array] | None:
     """(mass, com, inertia (3, 3) about it) in the body's frame; None for nothing."""
     if not m.body_mass[body] and not m.body_inertia[body].any():
         return None
@@ -262,7 +271,9 @@ def _effort(m: Any, tree: Tree, j: int, name: str) -> float:
         low, high = floats_of(m.jnt_actfrcrange[j])
         most = max(abs(low), abs(high))
         if low != -high:
-            tree.notes.append(f'joint "{name}" has actuatorfrcrange {low:g} to {high:g}; effort is the larger, {most:g}')
+            tree.notes.append(
+                f'joint "{name}" has actuatorfrcrange {low:g} to {high:g}; effort is the larger, {most:g}'
+            )
     given = [x for a in on_joint(m, j) if (x := _most_of(m, a)) is not None]
     return min(most, sum(given)) if given and len(given) == len([*on_joint(m, j)]) else most
 
@@ -300,5 +311,3 @@ def reflected(m: Any) -> Array:
             if KINDS[int(m.jnt_type[j])] in ("revolute", "prismatic"):
                 made[m.jnt_dofadr[j]] = sum(float(m.actuator_gear[a][0]) ** 2 * float(own[a]) for a in on_joint(m, j))
     return made
-
-

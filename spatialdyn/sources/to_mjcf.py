@@ -38,12 +38,14 @@ def to_mjcf(model: Model) -> str:
 
     model  Model, of a fixed or a floating root
 
-    MuJoCo compiles it to the same M, bias and forward dynamics, to rounding, with qpos and qvel in the order of q and v:
-    ``to_mujoco`` converts states. Links that are fixed together keep their own inertias, or, where MuJoCo would refuse
-    one (a point mass, say, or a moving link without mass), the sum of them is the moving link's; what is no inertia even
-    so, such as a point mass that moves, MuJoCo refuses by name when it compiles the text. Damping, friction, ranges and efforts (``actuatorfrcrange``) are the joints', armatures
-    too; a link without mass between two joints becomes a second joint of the next body. There are no shapes, so nothing
-    touches, and no actuators. Velocity limits, which MJCF has not, are left out with a UserWarning.
+    MuJoCo compiles it to the same M, bias and forward dynamics, to rounding, with qpos and qvel in the order of q and
+    v: ``to_mujoco`` converts states. Damping, friction, ranges and efforts (``actuatorfrcrange``) are the joints',
+    armatures too; a link without mass between two joints becomes a second joint of the next body. There are no shapes,
+    so nothing touches, and no actuators. Velocity limits, which MJCF has not, are left out with a UserWarning.
+
+    Links that are fixed together keep their own inertias, or, where MuJoCo would refuse one (a point mass, or a moving
+    link without mass), the moving link has the sum. What is no inertia even so, such as a point mass that moves, MuJoCo
+    refuses by name when it compiles the text.
 
     Raises  SpatialDynError naming the joint for what MJCF cannot hold: planar and helical joints, rotors, motors that
             joints share, springs, a floating joint elsewhere than in the world at the identity, an armature on one, or
@@ -63,7 +65,9 @@ def to_mjcf(model: Model) -> str:
     links, children = {x.name: x for x in robot.links}, robot.children
     solid = _solid(robot)
     if WORLD in links and (robot.root != WORLD or floats or links[WORLD].mass):
-        raise SpatialDynError('link "world" is not a fixed root without mass, expected one, or another name: MJCF has it')
+        raise SpatialDynError(
+            'link "world" is not a fixed root without mass, expected one, or another name: MJCF has it'
+        )
     fast = [j.name for j in robot.joints if math.isfinite(j.velocity) and j.kind != "fixed"]
     if fast:
         warnings.warn(f"velocity limits of joints {quoted(fast, 4)} are left out: MJCF has none", stacklevel=2)
@@ -91,7 +95,9 @@ def to_mjcf(model: Model) -> str:
             continue
         pad = "    "
         if name != WORLD:
-            lines.append(f'{pad}<body name={quoteattr(name)} pos="{numbers(X[:3, 3])}" quat="{numbers(_quaternion(X))}">')
+            lines.append(
+                f'{pad}<body name={quoteattr(name)} pos="{numbers(X[:3, 3])}" quat="{numbers(_quaternion(X))}">'
+            )
             lines += [pad + "  " + x for x in (*_inertial(solid[name]), *map(_joint, joints))]
             stack.append(f"{pad}</body>")
         for joint in reversed(children[name]):

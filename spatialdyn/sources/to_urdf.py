@@ -132,8 +132,8 @@ def numbers(x: object) -> str:
 def angles_of(R: Array) -> tuple[float, ...]:
     """Roll, pitch, yaw whose rotation has the bits of R, with few digits if there are such; else the nearest.
 
-    Files write angles beyond half a turn, pitches beyond a quarter, both angles where roll and yaw are one rotation, and
-    pitches of 1e-16: a rotation has the bits of all of them.
+    Files write angles beyond half a turn, pitches beyond a quarter, both angles where roll and yaw are one rotation,
+    and pitches of 1e-16: a rotation has the bits of all of them.
     """
     near = rpy_of(R)
     wanted = R + 0.0

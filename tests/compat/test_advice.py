@@ -74,7 +74,7 @@ def building() -> None:
 
 TAKEN: dict[str, Callable[[], Any]] = {  # the beginning of a piece of advice, and how it is taken
     "other constraints": constrained,
-    "MJCF and SDF": states_of_mujoco,
+    "several models": states_of_mujoco,
     "a joint that URDF": composite,
     "geometry and collisions": placed,
     "second derivatives": jacobians,
@@ -123,9 +123,3 @@ def test_names_of_this_package_in_advice_are_there() -> None:
     }
     assert missing == set()
     assert {"constraintDynamics", "getJointJacobian", "Model.addJoint", "BuildFromURDF"} <= words
-
-
-def test_an_mjcf_file_is_no_model_of_mujoco() -> None:
-    with pytest.raises(NotImplementedError, match=r"buildModelFromMJCF is not supported: .*buildModelFromUrdf"):
-        pin.buildModelFromMJCF("robot.xml")
-    assert "of a mujoco.MjModel" not in coverage.instead("buildModelFromMJCF")

@@ -49,7 +49,7 @@ def test_a_star_import_brings_every_supported_name() -> None:
 
 
 def test_a_name_out_of_scope_says_what_to_use_instead() -> None:
-    for name in ("computeCollisions", "MeshLoader", "lcaba", "buildModelFromMJCF"):
+    for name in ("computeCollisions", "MeshLoader", "lcaba", "buildModelsFromMJCF"):
         with pytest.raises(NotImplementedError, match=rf"pinocchio\.{name} is not supported: .*: "):
             getattr(face, name)
 

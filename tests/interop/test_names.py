@@ -53,7 +53,7 @@ def test_names_of_other_libraries_lead_to_ours(name: str, ours: str) -> None:
         ("identify", "see `spatialdyn example payload_identification`"),
         ("collision", "no shapes are here to collide; Pinocchio with coal, or MuJoCo, finds collisions"),
         ("trajectory", "did you mean Trajectory"),
-        ("load_mjcf", "MJCF is read by Pinocchio: from_pinocchio(pinocchio.buildModelFromMJCF(path))"),
+        ("load_mjcf", "sd.load reads MJCF, xacro and URDF, from_mjmodel a mujoco.MjModel"),
         ("SE3", "poses are arrays (4, 4); spatialdyn.compat.pinocchio.SE3 is a class of them"),
     ],
 )
@@ -65,15 +65,10 @@ def test_what_no_call_does_leads_to_an_example_or_to_what_has_it(name: str, hint
 
 def test_hints_name_what_exists() -> None:
     assert set(EXAMPLES) <= set(gallery.names())
-    assert {name for hint in ABSENT for name in re.findall(r"\b(load_urdf|from_\w+)\b", hint)} <= set(sd.__all__)
+    assert {name for hint in ABSENT for name in re.findall(r"\b(load|load_urdf|from_\w+)\b", hint)} <= set(sd.__all__)
     named = [name for hint in ABSENT for name in re.findall(r"spatialdyn\.compat\.pinocchio\.(\w+)", hint)]
     assert named
     assert [name for name in named if not hasattr(face, name)] == []
-
-
-def test_the_face_keeps_mjcf_to_pinocchio() -> None:
-    pin = pytest.importorskip("pinocchio")
-    assert hasattr(pin, "buildModelFromMJCF")
 
 
 def test_names_like_none_get_no_suggestion() -> None:

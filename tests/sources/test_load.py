@@ -34,7 +34,14 @@ def files(tmp_path: Path) -> Path:
 @pytest.mark.parametrize("given", ["r.urdf", "u.xml"])
 def test_urdf_goes_to_load_urdf(files: Path, given: str) -> None:
     wanted = sd.load_urdf(URDF, root="floating", gravity=(0, 0, -1))
-    for source in (URDF, URDF.encode(), io.StringIO(URDF), io.BytesIO(URDF.encode()), files / given, str(files / given)):
+    for source in (
+        URDF,
+        URDF.encode(),
+        io.StringIO(URDF),
+        io.BytesIO(URDF.encode()),
+        files / given,
+        str(files / given),
+    ):
         if hasattr(source, "seek"):
             source.seek(0)
         assert sd.load(source, root="floating", gravity=(0, 0, -1)) == wanted
@@ -120,7 +127,7 @@ def test_descriptions_are_cloned_at_first_use_and_said_to_be(
         assert sd.load(name) == sd.load_urdf(URDF)
     (tmp_path / "cache" / "edo_sim").mkdir(parents=True)
     assert sd.load(name) == sd.load_urdf(URDF)  # a warning would be an error
-    with pytest.raises(sd.UrdfError, match="of robot_descriptions: .*edo_description"):
+    with pytest.raises(sd.UrdfError, match=r"of robot_descriptions: .*edo_description"):
         sd.load("edo_descriptions")
 
 
@@ -134,7 +141,7 @@ def test_a_description_that_cannot_be_cloned_is_an_error(tmp_path: Path, monkeyp
     monkeypatch.setattr(descriptions, "import_module", refuse)
     with (
         pytest.warns(UserWarning, match="clones"),
-        pytest.raises(sd.SpatialDynError, match="robot_descriptions cannot clone https://.*: no network"),
+        pytest.raises(sd.SpatialDynError, match=r"robot_descriptions cannot clone https://.*: no network"),
     ):
         sd.load("edo_description")
 

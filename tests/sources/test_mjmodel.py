@@ -40,7 +40,8 @@ CHAIN = f"""<mujoco model="chain"><option gravity="0.5 1 -3"/><worldbody>
 </actuator>
 <keyframe><key name="home"/></keyframe></mujoco>"""
 BASE = """<mujoco model="base"><worldbody><body name="base_link">
-  <joint name="joint_x" type="slide" axis="1 0 0"/><joint name="joint_y" type="slide" axis="0 1 0"/><joint name="joint_th"/>
+  <joint name="joint_x" type="slide" axis="1 0 0"/><joint name="joint_y" type="slide" axis="0 1 0"/>
+  <joint name="joint_th"/>
   <geom type="box" size=".25 .2 .1" pos=".02 .01 .2" mass="60"/></body></worldbody></mujoco>"""
 WALKER = """<mujoco model="walker"><worldbody>{ground}
   <body name="trunk" pos="0 0 .6"><freejoint/><geom type="box" size=".2 .1 .05" mass="5"/>
@@ -79,7 +80,7 @@ def test_mass_matrix_bias_and_accelerations_are_mujocos(text: str) -> None:
 
 
 def test_the_bias_of_tidybots_base_is_the_rounding_of_its_weight() -> None:
-    """At rest no joint bears any of 590 N: where either says more than 0 it is rounding, which has no relative error."""
+    """At rest no joint bears any of 590 N: what is not 0 is rounding, which has no relative error."""
     m = compiled(BASE)
     model = sd.from_mjmodel(m)
     for q in np.random.default_rng(1).normal(size=(20, 3)):

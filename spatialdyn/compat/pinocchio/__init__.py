@@ -46,6 +46,7 @@ from .linalg import isOrthonormal as isOrthonormal
 from .linalg import orthogonalization as orthogonalization
 from .linalg import orthonormalization as orthonormalization
 from .model.constraints import *
+from .model.from_mjcf import *
 from .model.from_urdf import *
 from .model.geometry import *
 from .model.joint import *

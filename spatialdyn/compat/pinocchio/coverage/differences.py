@@ -183,6 +183,9 @@ np.asarray(x)[0] = 1, memoryview, np.nditer and out= of random generators, where
     write
 references to Model.armature after addJoint, or to a frame or joint after its replacement | freed memory, or the new
     object | the old object, no longer the model's; read it from the model again
+buildModelFromMJCF: gravity, the place of a joint in its body (pos), bodies beside the first of the world, those
+    without a name, the place and sites of a fixed first body, limits of a free joint's position | left out, or 1.01 |
+    MuJoCo's own, of the model that it compiles
 Random, setRandom, sample models | Eigen's random numbers | NumPy's; pin.seed starts them
 """
 

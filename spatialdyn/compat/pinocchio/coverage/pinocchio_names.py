@@ -19,9 +19,9 @@ Jacobian, spatialdyn.Constraints
     lcaba computeImpulseDynamicsDerivatives contactInverseDynamics computeInverseDynamicsConstraintForces
     computeDampedDelassusMatrixInverse computeJointMinimalOrdering convertToRigidConstraintModel AUTOMATIC MANUAL
     CONSTANT LINEAR OSQP SPECTRAL
-MJCF and SDF: buildModelFromUrdf of a URDF; spatialdyn.from_mujoco and to_mujoco convert states of its model
-    buildModel*MJCF* buildModels*MJCF* buildModels*Sdf buildModelsAndConstraints* buildModelAnd*
-    buildModelAnd{,Legacy}ConstraintsFromMJCF buildModel{,s}FromMJCF buildModelFromMJCFAndRootJoint
+several models of a file, SDF: buildModelFromMJCF and buildModelFromUrdf; spatialdyn.from_mujoco converts states
+    buildModels*MJCF* buildModels*Sdf buildModelsAndConstraints* buildModelAnd*
+    buildModelAnd{,Legacy}ConstraintsFromMJCF buildModelsFromMJCF buildModelFromMJCFAndRootJoint
     buildModelsAndConstraintsFrom{MJCF,Sdf} buildModelsFromSdf
 a joint that URDF does not have: JointModelComposite of those there are
     Joint{Data,Model}Ellipsoid

@@ -133,14 +133,19 @@ def _inertia(link: Link) -> Inertia:
     return Inertia.over(np.array([link.mass, *link.com, xx, xy, yy, xz, yz, zz]))
 
 
+def one_axis(kind: str, axis: tuple[float, ...]) -> Any:
+    """The joint model of a kind along or about an axis."""
+    *aligned, unaligned = BY_AXIS[kind]
+    for along, made in zip((X, Y, Z), aligned, strict=True):
+        if math.dist(along, axis) <= ALONG:
+            return made()
+    return unaligned(*axis)
+
+
 def joint_model(joint: RobotJoint) -> Any:
     """The joint model of a robot's joint. A planar joint ignores its axis, with a warning if that is not z."""
     if joint.kind in ("revolute", "continuous", "prismatic"):
-        *aligned, unaligned = BY_AXIS[joint.kind]
-        for axis, kind in zip((X, Y, Z), aligned, strict=True):
-            if math.dist(axis, joint.axis) <= ALONG:
-                return kind()
-        return unaligned(*joint.axis)
+        return one_axis(joint.kind, joint.axis)
     if joint.kind == "floating":
         return JointModelFreeFlyer()
     if joint.kind == "planar":
