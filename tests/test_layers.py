@@ -532,5 +532,5 @@ def test_tests_lie_in_folders_named_as_the_rooms() -> None:
     assert loose == {
         "test_layers", "test_readme", "test_benchmarks", "test_seed", "test_dense", "test_words", "test_slow",
         "test_skips", "test_tolerances", "test_values",
-        "test_errors", "test_odd_arguments",
+        "test_errors", "test_odd_arguments", "test_public_names", "test_project",
     }  # fmt: skip

@@ -63,7 +63,11 @@ def from_mjmodel(
     ('universe', 'pin')
     """
     robot = robot_of(compiled(mjmodel))
-    if isinstance(root, str) and root == "floating" and (free := [j.name for j in robot.joints if j.kind == "floating"]):
+    if (
+        isinstance(root, str)
+        and root == "floating"
+        and (free := [j.name for j in robot.joints if j.kind == "floating"])
+    ):
         raise ModelError(f'root is "floating" and the file has the free joint "{free[0]}", expected "fixed"')
     own = mjmodel_gravity(compiled(mjmodel)) if gravity is None else gravity
     return assemble(check_inertias(robot, inertia), root, own, continuous, mimic)

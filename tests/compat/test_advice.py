@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pytest
 
 import spatialdyn as sd
 import spatialdyn.compat.pinocchio as pin

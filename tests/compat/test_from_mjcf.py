@@ -23,9 +23,11 @@ CENTRED = f"""<mujoco model="centred"><compiler angle="radian"/><worldbody><body
 </body></worldbody><keyframe><key name="home" qpos="1 .5 .5 .5 .5 .1 .2 .3"/></keyframe></mujoco>"""
 FREE = f"""<mujoco model="free"><worldbody><body name="base" pos="0 0 1"><freejoint/>{GEOM}
   <body name="leg" pos="0 0 -.3"><joint name="hip" axis="0 -1 0"/>{GEOM}</body></body></worldbody></mujoco>"""
-PLACED = CENTRED.replace('name="ball" type="ball"', 'name="ball" type="ball" pos=".1 .2 .3"').replace(
-    'axis="1 1 0"', 'axis="1 1 0" pos="0 .2 0"'
-).replace('<body name="base">', '<body name="base" pos="0 0 1" euler="0 .3 0">')
+PLACED = (
+    CENTRED.replace('name="ball" type="ball"', 'name="ball" type="ball" pos=".1 .2 .3"')
+    .replace('axis="1 1 0"', 'axis="1 1 0" pos="0 .2 0"')
+    .replace('<body name="base">', '<body name="base" pos="0 0 1" euler="0 .3 0">')
+)
 
 
 @pytest.fixture

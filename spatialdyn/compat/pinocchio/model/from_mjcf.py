@@ -7,7 +7,6 @@ leaves out the places of joints in their bodies, gravity, bodies beside the firs
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
@@ -18,7 +17,7 @@ from ....model.joint_rows import joint_transform
 from ....sources.load import compiled_file
 from ....sources.mjmodel import Tree, inertia_of, mjmodel_gravity, model_name, reflected, tree_of
 from ....sources.mjmodel_values import FREE, HINGE, KINDS, SLIDE, floats_of, name_of, pose_of
-from ..types.arguments import Array, ArgumentError, described
+from ..types.arguments import ArgumentError, Array, described
 from ..types.frame import BODY, FIXED_JOINT, OP_FRAME, Frame
 from ..types.inertia import Inertia
 from ..types.motion import Motion
@@ -52,11 +51,11 @@ def buildModelFromMJCF(mjcf_filename: Any, root_joint: JointModel | None = None)
     Joints of one body are one JointModelComposite, ``Composite_`` and the name of the first. Keyframes, and ``qpos0``,
     are ``referenceConfigurations``. Raises SpatialDynError with MuJoCo's message for what is no MJCF.
     """
-    if not isinstance(mjcf_filename, (str, os.PathLike)):
+    if not isinstance(mjcf_filename, str) and not hasattr(mjcf_filename, "__fspath__"):
         raise ArgumentError(f"mjcf_filename is {described(mjcf_filename)}, expected a str or Path")
     if root_joint is not None and not isinstance(root_joint, JointModel):
         raise ArgumentError(f"root_joint is {described(root_joint)}, expected a joint model")
-    m = compiled_file(os.fspath(mjcf_filename))
+    m = compiled_file(str(mjcf_filename))
     tree, model = tree_of(m), Model()
     model.name = model_name(m)
     model.gravity = Motion(np.array([*mjmodel_gravity(m), 0.0, 0.0, 0.0]))
