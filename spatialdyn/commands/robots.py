@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from ..errors import SpatialDynError
 from ..model.model import Model
-from ..urdf.load import load_urdf
+from ..sources.load import load as load_robot
 
-ROBOT = "path of a URDF, or one of the names that `spatialdyn info` lists"
+ROBOT = "path of a URDF, MJCF or xacro file, or one of the names that `spatialdyn info` lists"
 Array = NDArray[np.float64]
 ROOTS = ("fixed", "floating")
 
@@ -43,13 +43,16 @@ def add_package_dirs(parser: argparse.ArgumentParser) -> None:
 
 
 def load(arguments: argparse.Namespace, mimic: bool = False) -> Model:
-    """The model, without warnings, as ``info`` shows oddities of the file. Raises UrdfError as ``load_urdf``.
+    """The model, without warnings but those of what is downloaded, as ``info`` shows oddities of the file.
+
+    Raises SpatialDynError as ``sources.load``.
 
     mimic  whether joints that mimic others follow them; commands that describe the file, and symbols, take them as free
     """
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        return load_urdf(arguments.robot, root=arguments.root, mimic=mimic)
+        warnings.filterwarnings("default", message=".*robot_descriptions, which clones")
+        return load_robot(arguments.robot, root=arguments.root, mimic=mimic)
 
 
 def parse_numbers(option: str, text: str | None, count: int) -> Array | None:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..model.robot_checks import quoted
-from .mjmodel_values import KINDS, active_couplers, couplers, floats_of, name_of, pose_of, turned
+from .mjmodel_values import FREE, KINDS, active_couplers, couplers, floats_of, name_of, pose_of, turned
 
 Array = NDArray[np.float64]
 Tree = Any  # of ``mjmodel``, which imports this module
@@ -216,12 +216,13 @@ def _feet(m: Any, tree: Tree) -> dict[str, Any]:
     up = np.array([0.0, 0.0, 1.0]) if ground is None else turned(m.geom_quat[ground])[:, 2]
     data = mujoco.MjData(m)
     mujoco.mj_kinematics(m, data)
+    last = _last_bodies(m)
     radii: dict[str, float] = {}
     friction: dict[str, float] = {}
     other: list[str] = []
     for g in range(m.ngeom):
         body = int(m.geom_bodyid[g])
-        if not _is_foot(m, body) or not _meets(m, g, ground):
+        if body not in last or not _meets(m, g, ground):
             continue
         name = name_of(m, mujoco.mjtObj.mjOBJ_GEOM, g) or f"{tree.link_of[body]}_geom{g}"
         points = [*_spheres(m, g, data.xmat[body].reshape(3, 3).T @ up)]
@@ -252,13 +253,11 @@ def _feet(m: Any, tree: Tree) -> dict[str, Any]:
     return {"points": radii, "friction": friction, "terrain": terrain}
 
 
-def _is_foot(m: Any, body: int) -> bool:
-    """Whether a body hangs on a free joint and no joint moves what hangs on it."""
-    root = int(m.body_rootid[body])
-    free = m.body_jntnum[root] == 1 and int(m.jnt_type[m.body_jntadr[root]]) == 0
-    weld = int(m.body_weldid[body])
-    moved = {int(m.body_weldid[m.body_parentid[b]]) for b in range(1, m.nbody) if m.body_jntnum[b]}
-    return bool(body and free and weld not in moved)
+def _last_bodies(m: Any) -> set[int]:
+    """The bodies that hang on a free joint and carry no joint, alone or by what is fixed to them."""
+    carriers = {int(m.body_weldid[m.body_parentid[b]]) for b in range(1, m.nbody) if m.body_jntnum[b]}
+    roots = {b for b in range(1, m.nbody) if m.body_jntnum[b] and int(m.jnt_type[m.body_jntadr[b]]) == FREE}
+    return {b for b in range(1, m.nbody) if int(m.body_rootid[b]) in roots and int(m.body_weldid[b]) not in carriers}
 
 
 def _meets(m: Any, g: int, ground: int | None) -> bool:

@@ -26,6 +26,7 @@ FREE = f"""<mujoco model="free"><worldbody><body name="base" pos="0 0 1"><freejo
 PLACED = (
     CENTRED.replace('name="ball" type="ball"', 'name="ball" type="ball" pos=".1 .2 .3"')
     .replace('axis="1 1 0"', 'axis="1 1 0" pos="0 .2 0"')
+    .replace('type="slide" axis="1 0 0"', 'type="slide" axis="1 0 0" pos=".3 0 .1"')
     .replace('<body name="base">', '<body name="base" pos="0 0 1" euler="0 .3 0">')
 )
 

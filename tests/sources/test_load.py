@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import doctest
 import io
 import sys
 from pathlib import Path
@@ -11,7 +12,8 @@ from typing import Any
 import pytest
 
 import spatialdyn as sd
-from spatialdyn.sources import descriptions
+from spatialdyn.commands.cli import main
+from spatialdyn.sources import descriptions, load, mjmodel, to_mjcf, to_urdf
 from spatialdyn.urdf.load import find_robot
 
 ROD = '<link name="a"/><link name="b"/><joint name="{}" type="revolute"><parent link="a"/><child link="b"/></joint>'
@@ -149,3 +151,16 @@ def test_a_description_that_cannot_be_cloned_is_an_error(tmp_path: Path, monkeyp
 def test_names_of_robots_here_come_first(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("spatialdyn.sources.load.description_names", lambda: frozenset({"two_link"}))
     assert sd.load("two_link").robot.source == str(find_robot("two_link"))
+
+
+def test_commands_take_what_load_takes(files: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("mujoco")
+    assert main(["info", str(files / "m.xml")]) == 0
+    assert "1 freedoms (nq 1)" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("module", [load, mjmodel, to_mjcf, to_urdf])
+def test_examples_of_docstrings_hold(module: Any) -> None:
+    pytest.importorskip("mujoco")
+    tried = doctest.testmod(module)
+    assert (tried.failed, tried.attempted > 0) == (0, True)
