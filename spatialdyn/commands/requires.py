@@ -12,7 +12,7 @@ from ..accuracy.requires import SAMPLES, SPREAD, requires
 from ..accuracy.scene_parts import KINDS, PARTS
 from ..simulation.scene import Scene
 from .printing import Column, fold, print_table, shown
-from .robots import add_quiet, add_robot, load, parse_numbers, read_text
+from .robots import add_quiet, add_robot, load, parse_numbers, text_of
 from .simulate import start_of
 from .targets import check_plot
 
@@ -40,7 +40,7 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 def _run(arguments: argparse.Namespace) -> int:
     check_plot(arguments.plot)
-    text = None if arguments.scene is None else read_text("--scene", arguments.scene)
+    text = None if arguments.scene is None else text_of("--scene", arguments.scene)
     kinds = KINDS if arguments.kinds is None else arguments.kinds.split(",")
     with warnings.catch_warnings(), shown("measuring", "parts", arguments.quiet) as report:
         warnings.simplefilter("ignore")
