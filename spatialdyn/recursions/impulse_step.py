@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from ..algebra.regions import repeat, settled
 from ..algebra.scalars import EPS, Scalar, inline, select, sqrt
@@ -90,6 +90,13 @@ class ImpulseResult(NamedTuple):
     start: Vector
 
 
+class Held(NamedTuple):
+    """Constraints of a step, and 1/T of their stabilization, which may be None."""
+
+    constraints: Record
+    rate: Number
+
+
 class HeldScratch(NamedTuple):
     """Scratch of constraints in a step."""
 
@@ -108,15 +115,15 @@ class HeldScratch(NamedTuple):
 @inline
 def impulse_step(
     bodies: Bodies, work: Work, q: Config, v: Vector, z: Vector, tau: Vector, fext: Matrix, dt: Number,
-    contact: Contact, law: BristleLaw, start: Vector, constraints: Record, rate: Number, out: ImpulseResult,
-    pivots: Vector, s: Impulses, h: HeldScratch,
+    contact: Contact, law: BristleLaw, start: Vector, held: Held, out: ImpulseResult, pivots: Vector, s: Impulses,
+    h: HeldScratch,
 ) -> None:  # fmt: skip
     """Velocities after a step, impulses, gaps before it, what impulses leave of the laws, friction, reactions.
 
     z      of bristles, as ``bristle_step``; None: dry friction
     law    of dry friction if z is None; it may be None: no friction
     start  (rows) λ to begin with; None: 0
-    fext, constraints, rate  may be None; h is None without constraints
+    fext, held  may be None; h is None without constraints
     out.after, impulse, gap, stop, energy  written, as of ``contact_step``
     out.residual  (np + nl + nd), written: by how much each point and joint misses its law [m/s | rad/s]
     out.friction  (nv), written: dry friction torque [N m | N], 0 with bristles
@@ -129,15 +136,15 @@ def impulse_step(
     points, joints = contacts[0].np, contacts[0].nl + contacts[0].nd
     move_freely(bodies, work, q, v, z, tau, fext, dt, law, out, pivots, s)
     write_responses(bodies, work, contact, v, out.gap, s)
-    if constraints is not None:
-        hold(bodies, work, q, v, dt, constraints, rate, out, s, h)
+    if held is not None:
+        hold(bodies, work, q, v, dt, held.constraints, held.rate, out, s, h)
     rub(v, z, dt, contact, law, s)
     open_laws(dt, contact, out.gap, after, s)
     for k in range(len(s.force)):
         s.force[k] = 0.0 if start is None else start[k]
     solve_impulses(q, dt, contact, h, SWEEPS if law is None or z is not None else SWEEPS_DRY, after, s)
-    if constraints is not None and rate is None:
-        meet(bodies, work, q, v, dt, constraints, out, s, h)
+    if held is not None and held.rate is None:
+        meet(bodies, work, q, v, dt, held.constraints, out, s, h)
         settle(q, dt, contact, after, s)
     for k in range(len(s.force)):
         s.total[k] = s.first[k] + s.force[k]
@@ -145,7 +152,7 @@ def impulse_step(
     if start is not None:
         for k in range(len(s.force)):
             out.start[k] = s.total[k]
-    if constraints is not None:
+    if held is not None:
         for k in range(len(out.reaction)):
             for l in range(len(s.force)):
                 out.reaction[k] = out.reaction[k] + h.P[l, k] * s.total[l]
@@ -365,7 +372,7 @@ OVER, RUBS, BENDS, HOLDS, STEADIES, PUSHED, WARM = ALL
 def impulse_step_spec(has: frozenset[str]) -> Spec:
     """The Spec of a step with some of ALL; bristles beside friction, a rate beside constraints."""
 
-    def given(what: str, x: Record) -> Record:
+    def given(what: str, x: Any) -> Any:
         return x if what in has else None
 
     rubs = given(BENDS, BRISTLE_LAW) if BENDS in has else given(RUBS, LAW)
@@ -373,7 +380,7 @@ def impulse_step_spec(has: frozenset[str]) -> Spec:
     warm = WARM in has
     inputs = (
         Q, V, given(BENDS, BRISTLES), TAU, given(PUSHED, FEXT), DT, ground, rubs, START if warm else None,
-        given(HOLDS, CONSTRAINTS_ARGUMENT), given(STEADIES, replace(RATE, optional=False)),
+        given(HOLDS, Held(CONSTRAINTS_ARGUMENT, given(STEADIES, replace(RATE, optional=False)))),
     )  # fmt: skip
     parts = ImpulseResult(
         AFTER, IMPULSE, GAP, STOP, RESIDUAL, ENERGY, FRICTION,
