@@ -108,14 +108,13 @@ class HeldScratch(NamedTuple):
 @inline
 def impulse_step(
     bodies: Bodies, work: Work, q: Config, v: Vector, z: Vector, tau: Vector, fext: Matrix, dt: Number,
-    contact: Contact, law: BristleLaw, start: Vector, constraints: Record, rate: Number, out: ImpulseResult,
-    pivots: Vector, s: Impulses, h: HeldScratch,
+    contact: Contact, law: BristleLaw, constraints: Record, rate: Number, out: ImpulseResult, pivots: Vector,
+    s: Impulses, h: HeldScratch,
 ) -> None:  # fmt: skip
     """Velocities after a step, impulses, gaps before it, what impulses leave of the laws, friction, reactions.
 
     z      of bristles, as ``bristle_step``; None: dry friction
     law    of dry friction if z is None; it may be None: no friction
-    start  (rows) λ to begin with; None: 0
     fext, constraints, rate  may be None; h is None without constraints
     out.after, impulse, gap, stop, energy  written, as of ``contact_step``
     out.residual  (np + nl + nd), written: by how much each point and joint misses its law [m/s | rad/s]
@@ -133,8 +132,7 @@ def impulse_step(
         hold(bodies, work, q, v, dt, constraints, rate, out, s, h)
     rub(v, z, dt, contact, law, s)
     open_laws(dt, contact, out.gap, after, s)
-    for k in range(len(s.force)):
-        s.force[k] = 0.0 if start is None else start[k]
+    begin(contact.start, s.force)
     solve_impulses(q, dt, contact, h, SWEEPS if law is None or z is not None else SWEEPS_DRY, after, s)
     if constraints is not None and rate is None:
         meet(bodies, work, q, v, dt, constraints, out, s, h)
@@ -142,9 +140,7 @@ def impulse_step(
     for k in range(len(s.force)):
         s.total[k] = s.first[k] + s.force[k]
     write_laws(q, dt, contact, out, s)
-    if start is not None:
-        for k in range(len(s.force)):
-            out.start[k] = s.total[k]
+    keep(contact.start, s.total, out.start)
     if constraints is not None:
         for k in range(len(out.reaction)):
             for l in range(len(s.force)):
@@ -158,6 +154,21 @@ def impulse_step(
     if z is not None:
         for i in range(n):
             out.bristles[i] = (z[i] + dt * after[i]) * out.bristles[i]
+
+
+@inline
+def begin(start: Vector, force: Vector) -> None:
+    """Write λ to begin with; start may be None, for 0."""
+    for k in range(len(force)):
+        force[k] = 0.0 if start is None else start[k]
+
+
+@inline
+def keep(start: Vector, total: Vector, after: Vector) -> None:
+    """Write λ for the step that follows, if steps begin with some."""
+    if start is not None:
+        for k in range(len(total)):
+            after[k] = total[k]
 
 
 # --- before the sweeps ----------------------------------------------------------------------------------
@@ -369,10 +380,10 @@ def impulse_step_spec(has: frozenset[str]) -> Spec:
         return x if what in has else None
 
     rubs = given(BENDS, BRISTLE_LAW) if BENDS in has else given(RUBS, LAW)
-    ground = Contact(CONTACTS_ARGUMENT, given(OVER, HEIGHTS_ARGUMENT), MU, RESTITUTION)
+    ground = Contact(CONTACTS_ARGUMENT, given(OVER, HEIGHTS_ARGUMENT), MU, RESTITUTION, START if warm else None)
     warm = WARM in has
     inputs = (
-        Q, V, given(BENDS, BRISTLES), TAU, given(PUSHED, FEXT), DT, ground, rubs, START if warm else None,
+        Q, V, given(BENDS, BRISTLES), TAU, given(PUSHED, FEXT), DT, ground, rubs,
         given(HOLDS, CONSTRAINTS_ARGUMENT), given(STEADIES, replace(RATE, optional=False)),
     )  # fmt: skip
     parts = ImpulseResult(

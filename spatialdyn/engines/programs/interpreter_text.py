@@ -228,6 +228,20 @@ def one_text() -> str:
     return t.module("define i64 @interpret_one(ptr %context, ptr %inputs, ptr %outputs)")
 
 
+def _repeat_text(t: _Text, slots: list[str], source: str, label: str) -> None:
+    """The instruction that runs a region again if one of a tile's samples is above 0 in ``source``."""
+    t.jump(f"{label}.loop", then=f"{label}.loop")
+    t.do(f"%{label}.i = phi i64 [ 0, %{label} ], [ %{label}.i.next, %{label}.loop ]")
+    t.do(f"%{label}.some = phi {t.truth} [ {ZERO}, %{label} ], [ %{label}.more, %{label}.loop ]")
+    here = t.load(t.vector, t.number(source, f"%{label}.i"), 8 * t.lanes)
+    t.do(f"%{label}.more = or {t.truth} %{label}.some, {t.above_zero(here)}")
+    t.do(f"%{label}.i.next = add i64 %{label}.i, {t.lanes}")
+    more = t.put(f"icmp slt i64 %{label}.i.next, %wide")
+    t.branch(more, f"{label}.loop", f"{label}.end", then=f"{label}.end")
+    runs = t.put(f"bitcast {t.truth} %{label}.more to i{t.lanes}")
+    t.repeat(t.put(f"icmp ne i{t.lanes} {runs}, 0"), slots, f"{label}.end")
+
+
 def tiles_text(lanes: int) -> str:
     """``interpret_tiles(context, inputs, steps, outputs, bits, rows, wide, n)``, for tiles of ``wide`` samples.
 
@@ -313,16 +327,7 @@ def tiles_text(lanes: int) -> str:
             t.again(slots, label)
             return
         if code == REPEAT:
-            t.jump(f"{label}.loop", then=f"{label}.loop")
-            t.do(f"%{label}.i = phi i64 [ 0, %{label} ], [ %{label}.i.next, %{label}.loop ]")
-            t.do(f"%{label}.some = phi {t.truth} [ {ZERO}, %{label} ], [ %{label}.more, %{label}.loop ]")
-            here = t.load(t.vector, t.number(sources[0][0], f"%{label}.i"), vector)
-            t.do(f"%{label}.more = or {t.truth} %{label}.some, {t.above_zero(here)}")
-            t.do(f"%{label}.i.next = add i64 %{label}.i, {lanes}")
-            more = t.put(f"icmp slt i64 %{label}.i.next, %wide")
-            t.branch(more, f"{label}.loop", f"{label}.end", then=f"{label}.end")
-            runs = t.put(f"bitcast {t.truth} %{label}.more to i{lanes}")
-            t.repeat(t.put(f"icmp ne i{lanes} {runs}, 0"), slots, f"{label}.end")
+            _repeat_text(t, slots, sources[0][0], label)
             return
         used = sources[: arity(code)]
         t.jump(f"{label}.loop", then=f"{label}.loop")
