@@ -1,6 +1,6 @@
 """Errors and costs of forward dynamics by every option, of motions by every integrator; and a test of ``recommend``.
 
-    python benchmarks/tradeoff.py [--quick] [--only evaluations,motions,promise,samples] [--models '2R;panda']
+    python benchmarks/tradeoff.py [--quick] [--only evaluations,motions,promise,samples,requires] [--models '2R;panda']
                                   [--seconds 8] [--out DIRECTORY]
 
 evaluations  ``sd.trade`` of forward dynamics on 2R, panda, anymal, talos and four extreme models
@@ -14,6 +14,7 @@ promise      10 models, 3 tasks, 5 tolerances: whether the recommended option me
 
 samples      a million states of ur5 and panda, three calls, five tolerances: each answer of ``specialize(tolerance=)``
              against double-double, how many went which way, and what it costs beside float32 and float64 without bounds
+requires     ``sd.requires`` of a panda that lifts a payload: the scene of the example ``what_a_scene_requires``
 
 Writes tradeoff.json, tradeoff.png (for the README), tradeoff_evaluations.png, tradeoff_robots.png and
 tradeoff_extremes.png; parts that are not run keep their results in the file.
@@ -37,8 +38,11 @@ from measure import interleaved
 
 import spatialdyn as sd
 from spatialdyn.accuracy import call_errors, integrator_errors, references
+from spatialdyn.accuracy.requirement import Part
 from spatialdyn.accuracy.tradeoff import advice
+from spatialdyn.examples import what_a_scene_requires
 from spatialdyn.pictures import figures
+from spatialdyn.pictures.requirement_plots import draw_parts
 from spatialdyn.pictures.tradeoff_plots import draw_front, outermost_first, real_time, short
 from spatialdyn.simulation.reference_motion import exact_motion
 
@@ -335,6 +339,18 @@ def of_samples(quick: bool) -> dict[str, Any]:
     return {"rows": rows, "samples": count * len(rows)}
 
 
+def of_requirement(quick: bool) -> dict[str, Any]:
+    """Which parts of its scene a panda that lifts a payload needs."""
+    found = what_a_scene_requires.main(quick=quick)
+    return found.to_dict()
+
+
+def parts(rows: list[dict[str, Any]]) -> list[Part]:
+    """Rows of a kept Requirement, with infinite changes and costs that were not measured."""
+    absent = {"change": math.inf, "ns": math.nan, "saved": math.nan}
+    return [Part(**{name: absent.get(name) if x is None else x for name, x in row.items()}) for row in rows]
+
+
 def _beyond(model: sd.Model, task: str, way: sd.Option, tolerance: float) -> float:
     """The share of MANY fresh states in which the error of an option exceeds a tolerance."""
     first, bad, many = call_errors.TASK_CALLS[task][0], 0, 0
@@ -425,7 +441,8 @@ def draw(results: dict[str, Any], out: Path) -> list[Path]:
         if chosen:
             written.append(_saved(all_runs(chosen), out / f"tradeoff_{label}.png"))
     if ways and runs:
-        written.append(_saved(of_panda(ways["panda"], runs["panda"]["runs"]), out / "tradeoff.png"))
+        whole = of_panda(ways["panda"], runs["panda"]["runs"], results.get("requires"))
+        written.append(_saved(whole, out / "tradeoff.png"))
     return written
 
 
@@ -474,10 +491,22 @@ def all_runs(runs: dict[str, Any]) -> Any:
     return figure
 
 
-def of_panda(ways: dict[str, Any], runs: list[dict[str, Any]]) -> Any:
-    """Forward dynamics of a batch, and a second of motion, of one robot: the fronts, the steps, real time."""
-    figure = figures.new_figure(13.5, 6.0)
-    left, right = figure.subplots(1, 2)
+def of_panda(ways: dict[str, Any], runs: list[dict[str, Any]], required: dict[str, Any] | None = None) -> Any:
+    """Forward dynamics of a batch, and a second of motion, of one robot: the fronts, the steps, real time.
+
+    required  what a scene requires, drawn below both if it is given
+    """
+    figure = figures.new_figure(13.5, 6.0 if required is None else 11.5)
+    if required is None:
+        left, right = figure.subplots(1, 2)
+    else:
+        (left, right), (below, free) = figure.subplots(2, 2)
+        grid = below.get_gridspec()
+        free.remove()
+        below.remove()
+        below = figure.add_subplot(grid[1, :])
+        title = f"panda: what lifting 2 kg for {required['horizon']:g} s requires, within {required['tolerance']:g} rad"
+        draw_parts(below, parts(required["rows"]), parts(required["path"]), required["tolerance"], title)
     ways_panel(left, ways, "panda: forward dynamics of a batch\n")
     left.set(xlabel="ns a sample", ylabel="largest error / largest acceleration", ylim=(1e-16, 1e-3))
     left.set_xlim(right=12 * max(x["ns"] for x in ways["options"]))
@@ -521,7 +550,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--quick", action="store_true", help="fewer states, 1 and 10 s, 3 models of the promise")
     parser.add_argument(
-        "--only", default="evaluations,motions,promise,samples", help="parts, separated by commas; or figures"
+        "--only", default="evaluations,motions,promise,samples,requires", help="parts, separated by commas; or figures"
     )
     parser.add_argument("--models", default="", help="of motions, by name, separated by semicolons; by default all")
     parser.add_argument("--seconds", type=float, default=8.0, help="that a long run may take (default: 8)")
@@ -530,15 +559,16 @@ def main() -> None:
     path = arguments.out / "tradeoff.json"
     results: dict[str, Any] = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
     names = arguments.models.split(";") if arguments.models else [*ROBOTS, *EXTREMES]
-    parts: dict[str, Callable[[], Iterator[Any]]] = {
+    measured: dict[str, Callable[[], Iterator[Any]]] = {
         "evaluations": lambda: iter([of_evaluations(arguments.quick)]),
         "motions": lambda: of_motions(arguments.quick, arguments.seconds, names, results.get("motions", {})),
         "promise": lambda: iter([of_promises(arguments.quick)]),
         "samples": lambda: iter([of_samples(arguments.quick)]),
+        "requires": lambda: iter([of_requirement(arguments.quick)]),
     }
     sd.set_num_threads(1)
     for name in arguments.only.split(","):
-        for found in parts[name]() if name in parts else ():
+        for found in measured[name]() if name in measured else ():
             results[name] = found
             path.write_text(json.dumps(results, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
     for written in draw(results, arguments.out):

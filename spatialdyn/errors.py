@@ -15,6 +15,8 @@ EXTRAS: dict[str, tuple[str, ...]] = {  # the packages of each extra of pyprojec
     "jax": ("jax",),
     "torch": ("torch",),
     "view": ("viser", "pycollada"),
+    "collision": ("coal",),
+    "meshcat": ("meshcat",),
     "mujoco": ("mujoco",),
     "ros": ("xacrodoc",),
     "descriptions": ("robot_descriptions",),

@@ -69,6 +69,7 @@ DRAW: dict[str, set[str]] = {
     "simulation.rollout_result": {"plot", "_repr_html_"},
     "simulation.ledger": {"plot"},
     "calls.progress": {"bar"},
+    "accuracy.requirement": {"plot", "_repr_html_"},
     "accuracy.results": {"plot", "report", "_repr_html_"},
     "accuracy.findings": {"report", "_repr_html_"},
     "validate.rows": {"_repr_html_"},
@@ -86,12 +87,12 @@ SHARED = {
     "spec", "energy", "rnea", "crba", "aba", "coriolis", "hamilton", "kinematics", "centroidal", "ltdl", "derivatives",
     "square_root_rows", "square_root_inertia", "configuration_off_norm", "rnea_off_norm", "steps", "signatures",
     "constraint_rows", "dense", "rotors", "constrained", "coulomb_cone", "friction", "configuration", "contact_rows",
-    "tableau", "aba_motors",
+    "aba_motors", "impulses",
 }  # fmt: skip
 TOUCH_FILES = {"urdf", "sources", "engines", "pictures"}  # the last reads meshes and writes pages
 # themselves, a script, and loops in TOML; one reads an environment variable
 SAVE = {
-    "simulation.trajectory", "compat.pinocchio.model.serialization_format", "commands.port", "commands.simulate",
+    "simulation.trajectory", "compat.pinocchio.model.serialization_format", "commands.port", "commands.robots",
     "compat.pinocchio.coverage.strictness", "examples.c_export",
 }  # fmt: skip
 NAME_FILES = {"validate", "commands", "examples"}  # pass a file name to Pinocchio; width of the terminal; pictures

@@ -77,10 +77,11 @@ PACKAGES = {  # by the beginning of a name
     "plot": "matplotlib", "Tradeoff": "matplotlib", "Trajectory": "matplotlib", "Rollout": "matplotlib",
     "EnergyLedger": "matplotlib", "Diagnosis": "matplotlib", "Specialized": "casadi", "Exact": "mpmath",
     "exact": "mpmath", "trade": "mpmath", "recommend": "mpmath", "Recommendation": "mpmath",
+    "Requirement": "matplotlib",
 }  # fmt: skip
 
 
-COMPILED = ("Promise", "bounded", "hamilton_simulation", "simulate", "recommend")
+COMPILED = ("Promise", "bounded", "hamilton_simulation", "simulate", "recommend", "requires", "Requirement")
 
 
 def odd(name: str) -> Any:

@@ -134,6 +134,18 @@ def recommendation() -> sd.Recommendation:
 
 
 @cache
+def bounded_scene() -> sd.Scene:
+    """The two hinges with limits."""
+    return sd.Scene(model(), limits=True)
+
+
+@cache
+def requirement() -> sd.Requirement:
+    """Of a short motion: whether the limits matter."""
+    return sd.requires(bounded_scene(), q(), v(), 0.02, 0.1, samples=2, dt=0.01, kinds="limits")
+
+
+@cache
 def findings() -> sd.Diagnosis:
     """Of the two hinges."""
     return sd.diagnose(model())
@@ -307,6 +319,8 @@ ROWS: dict[str, Callable[[], dict[str, Any]]] = {
     "random_configuration": lambda: {"model": model(), "rng": 3, "shape": (2,)},
     "read_transmissions": lambda: {"source": "two_link"},
     "recommend": lambda: {"model": model(), "batch": 8, "tolerance": 1e-3, "states": 2},
+    "requires": lambda: {"scene": bounded_scene(), "q0": q(), "v0": v(), "duration": 0.02, "tolerance": 0.1,
+                         "samples": 2, "kinds": "limits", "dt": 0.01},
     "rollout": lambda: _run_of(tau=np.zeros((2, 2)), steps=2),
     "set_num_threads": lambda: {"n": 1},
     "simplify": lambda: {"model": model(), "lock": ["joint2"]},
@@ -344,6 +358,7 @@ INSTANCES: dict[str, Callable[[], Any]] = {
     "Motor": motor,
     "Promise": promise,
     "Recommendation": recommendation,
+    "Requirement": requirement,
     "Rollout": samples,
     "Specialized": program,
     "SymbolicManipulator": symbols,

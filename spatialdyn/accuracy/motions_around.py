@@ -25,11 +25,10 @@ from .lesser_scenes import Lesser
 Array = NDArray[Any]
 Observe = Callable[[Array, Array], Any]
 RECORDS = 20  # times at which motions are compared
-TIMED = 256  # samples of a timed run
+COUNT = 64  # steps of a timed run, at most
+FEW, TIMED, MOST = 8, 256, 8192  # samples of the first run, of one to see how many are timed, and timed at most
 ROUNDS = 5  # the median counts
-FEW = 8  # steps of a first run, to see how many are timed
 SPENT = 0.015  # seconds of a timed run, about
-LONGEST = 4096  # steps of a timed run
 
 
 @dataclass(frozen=True)
@@ -133,23 +132,23 @@ class Motion:
     def _timed(self, x: Timed) -> Callable[[], float]:
         """A function that runs some steps and returns CPU seconds of one."""
         q, v = x.made.embedding.to_reduced(*x.states, self.scene.model.nv)
-        q, v = (np.ascontiguousarray(np.resize(y, (TIMED, y.shape[1]))) for y in (q, v))
+        count = min(COUNT, x.steps)
+        tau, control = self.forces(x.made, x.steps, count)
 
-        def run(count: int) -> float:
-            tau, control = self.forces(x.made, x.steps, count)
+        def run(samples: int) -> float:
+            start = (np.ascontiguousarray(np.resize(y, (samples, y.shape[1]))) for y in (q, v))
             began = time.process_time()
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
                 rollout(
-                    x.made.scene, q, v, tau, dt=self.duration / x.steps, steps=count, method=x.method, dtype=x.dtype,
+                    x.made.scene, *start, tau, dt=self.duration / x.steps, steps=count, method=x.method, dtype=x.dtype,
                     record="last", control=control, check=False,
                 )  # fmt: skip
-            return (time.process_time() - began) / count / TIMED
+            return (time.process_time() - began) / count / samples
 
-        few = min(FEW, x.steps)
-        run(few)  # compiled
-        once = max(run(few), 1e-12)
-        return partial(run, int(max(few, min(SPENT / once / TIMED, LONGEST, x.steps))))
+        run(FEW)  # compiled
+        once = max(run(TIMED), 1e-12)
+        return partial(run, int(min(max(TIMED, SPENT / once / count), MOST)))
 
 
 class Timed(NamedTuple):

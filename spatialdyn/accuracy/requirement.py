@@ -96,10 +96,11 @@ class Requirement:
 
     @property
     def needed(self) -> tuple[str, ...]:
-        """Names of the parts that are needed in some form: that have rows, and none of them left out whole."""
-        out = {x.part for x in self.rows if x.verdict == "left out" and x.form in ("left out", "locked", "rigid")}
-        return tuple(dict.fromkeys(x.part for x in self.rows if x.verdict != "taken" and x.part not in out
-                                   and x.part not in ("method", "precision")))  # fmt: skip
+        """Names of the parts that cannot be left out, locked, merged or rigid, even alone."""
+        first: dict[str, str] = {}
+        for x in self.rows:
+            first.setdefault(x.part, x.verdict)
+        return tuple(part for part, verdict in first.items() if verdict in ("needed", "cannot"))
 
     @property
     def speedup(self) -> float:

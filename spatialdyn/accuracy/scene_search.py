@@ -25,6 +25,7 @@ Array = NDArray[Any]
 PART = 0.25  # of the tolerance: the most that the whole scene may differ by from itself at half the step
 FREE = 1e-3  # of the tolerance: parts that change less are left out together
 GAIN = 0.02  # share of the cost: less is not told from nothing
+WORSE = 1.1  # times the cost: a simpler scene that costs more is not taken
 FINEST = 1 << 17  # steps
 PATIENCE = 4.0  # CPU seconds of one run of the whole scene, beyond which its step is not halved
 DENSE = 64  # times between two records at which limits and gaps are looked at, at most
@@ -266,7 +267,7 @@ class Search:
             try:
                 made = self.stage(choice, label)
                 fine = self.judged(made.change)
-                gains = made.ns <= (1.0 + GAIN) * stages[-1].ns
+                gains = made.ns <= WORSE * stages[-1].ns
             except SpatialDynError:
                 fine = gains = False
             if fine and gains:

@@ -65,7 +65,7 @@ def parse_numbers(option: str, text: str | None, count: int) -> Array | None:
     return x
 
 
-def read_text(option: str, path: str) -> str:
+def text_of(option: str, path: str) -> str:
     """The text of a file. Raises SpatialDynError."""
     try:
         return Path(path).read_text(encoding="utf-8")

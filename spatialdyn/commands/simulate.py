@@ -30,7 +30,7 @@ from ..simulation.ledger import EnergyLedger, energy_ledger
 from ..simulation.scene import Scene, couplers_of
 from ..simulation.trajectory import ARRAY_FILES
 from .printing import shown
-from .robots import add_quiet, add_robot, load, parse_numbers, read_text
+from .robots import add_quiet, add_robot, load, parse_numbers, text_of
 from .targets import check_file, check_plot, check_report
 from .view import keep_open, notes
 
@@ -91,7 +91,7 @@ def _run(arguments: argparse.Namespace) -> int:
     page = _check_save(arguments.save)
     if page or arguments.view:
         viser_module()  # raises before the simulation where it is missing
-    text = None if arguments.scene is None else read_text("--scene", arguments.scene)
+    text = None if arguments.scene is None else text_of("--scene", arguments.scene)
     coupled = arguments.constraints is not None or (text is not None and "[[constraint]]" in text)
     with shown("reading", "robots", arguments.quiet):
         model = load(arguments, mimic=not coupled)
@@ -216,7 +216,7 @@ def _constraints(model: Model, path: str | None) -> Constraints | None:
     """The constraints of a TOML file, None for none. Raises SpatialDynError."""
     if path is None:
         return None
-    text = read_text("--constraints", path)
+    text = text_of("--constraints", path)
     found = Constraints.of_toml(model, text)
     couplers = couplers_of(model)
     return Constraints(model, [*found, *couplers]) if couplers else found

@@ -14,7 +14,7 @@ from ..pictures.stage import has_screen, viser_module
 from ..pictures.view import view
 from ..pictures.viewer import View
 from ..simulation.scene import Scene
-from .robots import add_package_dirs, add_robot, load, parse_numbers, read_text
+from .robots import add_package_dirs, add_robot, load, parse_numbers, text_of
 from .targets import check_file
 
 
@@ -33,7 +33,7 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 def _run(arguments: argparse.Namespace) -> int:
     check_page("--save", arguments.save)
-    text = "" if arguments.scene is None else read_text("--scene", arguments.scene)
+    text = "" if arguments.scene is None else text_of("--scene", arguments.scene)
     model = load(arguments, mimic="[[constraint]]" not in text)
     acts = Scene.from_toml(model, text) if text else model
     q = parse_numbers("--q", arguments.q, model.nq)

@@ -64,6 +64,28 @@ def find_mesh(name: str, home: Path | None, package_dirs: Sequence[Folder] = ())
     return None
 
 
+def mesh_path(name: str, home: Path | None, package_dirs: Sequence[Folder] = ()) -> str:
+    """The path of the file that ``find_mesh`` finds, "" for none."""
+    try:
+        found = find_mesh(name, home, package_dirs)
+    except NotDrawnError:
+        return ""
+    return "" if found is None else os.fspath(found)
+
+
+def triangles_of(contents: bytes, kind: str) -> tuple[Array, NDArray[np.int64]]:
+    """Vertices and faces in the contents of a mesh file, of a format by its ending. Raises NotDrawnError."""
+    import trimesh
+
+    try:
+        made: Any = trimesh.load(io.BytesIO(contents), file_type=kind, force="mesh", process=False)
+    except Exception as error:  # of any reader of any format
+        raise NotDrawnError(f"a mesh of format {kind} cannot be read: {said(error)}") from error
+    if not len(made.faces):
+        raise NotDrawnError(f"a mesh of format {kind} cannot be read: it holds no triangles")
+    return np.asarray(made.vertices), np.asarray(made.faces)
+
+
 def _listed_folders() -> Iterator[Path]:
     """Folders of the environment's variables, and ``share`` in each of them."""
     for variable in SEARCHED:

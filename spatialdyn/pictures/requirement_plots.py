@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from ..accuracy.requirement import Part, Requirement
@@ -43,25 +44,31 @@ def plot_requirement(found: Requirement, ax: Any, path: Any) -> Figure:
 
 def draw_requirement(axes: Axes, found: Requirement) -> None:
     """Draw into axes."""
+    title = f"{found.full.model.name}: what {found.horizon:g} s require within {found.tolerance:g}"
+    draw_parts(axes, found.rows, found.path, found.tolerance, title)
+
+
+def draw_parts(axes: Axes, rows: Sequence[Part], path: Sequence[Part], tolerance: float, title: str) -> None:
+    """Draw parts and the path of a search into axes."""
     tidy(axes)
     shades = dict(zip(KINDS, colours(len(KINDS)), strict=True))
-    least = LEAST * found.tolerance
+    least = LEAST * tolerance
     groups: dict[str, list[Part]] = {}
-    for x in found.rows:
+    for x in rows:
         if math.isfinite(x.change) and math.isfinite(x.ns):
             groups.setdefault(x.verdict if x.verdict in KINDS else "other", []).append(x)
     handles: list[Any] = []
     names: list[str] = []
-    for kind, rows in groups.items():
-        at = [(MS * x.cost, max(x.change, least)) for x in rows]
+    for kind, some in groups.items():
+        at = [(MS * x.cost, max(x.change, least)) for x in some]
         mark = axes.plot(
             *zip(*at, strict=True), MARKS[kind], color=shades[kind], markersize=11 if kind == "taken" else 7
         )
         handles, names = [*handles, *mark], [*names, KINDS[kind]]
-    way = [(MS * x.cost, max(x.change, least)) for x in found.path]
+    way = [(MS * x.cost, max(x.change, least)) for x in path]
     handles += axes.plot(*zip(*way, strict=True), ".-", color=shades["left out"], linewidth=1.2, alpha=0.7)
     names.append("from the whole scene\nto the one that is taken")
-    handles.append(axes.axhline(found.tolerance, color=FAINT, linestyle="--", linewidth=1.2))
+    handles.append(axes.axhline(tolerance, color=FAINT, linestyle="--", linewidth=1.2))
     names.append("tolerance")
     axes.set(xscale="log", yscale="log", xlabel="ms of computing for a second of motion")
     axes.set_ylabel("largest change of what is observed")
@@ -69,11 +76,10 @@ def draw_requirement(axes: Axes, found: Requirement) -> None:
     axes.autoscale_view()
     log_ticks(axes.xaxis)
     log_ticks(axes.yaxis)
-    axes.set_title(plain(f"{found.full.model.name}: what {found.horizon:g} s require within {found.tolerance:g}\n"),
-                   fontsize="medium")  # fmt: skip
+    axes.set_title(plain(f"{title}\n"), fontsize="medium")
     real_time(axes)
-    legend(axes, handles, names, f"points at {least:.0e}: no change" if way[0][1] == least else None)
-    words = [(MS * x.cost, max(x.change, least), label(x), shades[kind]) for kind, rows in groups.items() for x in rows]
+    legend(axes, handles, names, f"points at {least:.0e}: that or less")
+    words = [(MS * x.cost, max(x.change, least), label(x), shades[kind]) for kind, some in groups.items() for x in some]
     place_labels(axes, [(*way[0], "whole scene", shades["left out"]), *words], 7.5)
 
 

@@ -65,15 +65,7 @@ def urdf_shapes(source: Any, kind: str = "visual", package_dirs: Sequence[Folder
     yourdfpy = _yourdfpy()
     if kind not in KINDS:
         raise SpatialDynError(f"kind is {kind!r}, expected one of {', '.join(KINDS)}")
-    if isinstance(source, yourdfpy.URDF):
-        robot, home = source.robot, None
-    else:
-        path, data = read_source(source)
-        home = Path(path) if path else None
-        try:
-            robot = yourdfpy.URDF.load(io.BytesIO(data), build_scene_graph=False, load_meshes=False).robot
-        except Exception as error:  # whatever yourdfpy meets in an element that the strict pass does not read
-            raise UrdfError(f"geometry of {home or 'the text'} cannot be read: {said(error)}") from error
+    robot, home = (source.robot, None) if isinstance(source, yourdfpy.URDF) else urdf_elements(source)
     palette = {material.name: material.color for material in robot.materials}
     found: list[Shape] = []
     missing: dict[str, None] = {}
@@ -87,6 +79,18 @@ def urdf_shapes(source: Any, kind: str = "visual", package_dirs: Sequence[Folder
                 missing.setdefault(str(error))
         found += _joined(parts)
     return Geometry(found, list(missing), list(faulty))
+
+
+def urdf_elements(source: Any) -> tuple[Any, Path | None]:
+    """The elements of a URDF as yourdfpy reads them, and the file's path. Raises UrdfError if it cannot be read."""
+    import yourdfpy
+
+    path, data = read_source(source)
+    home = Path(path) if path else None
+    try:
+        return yourdfpy.URDF.load(io.BytesIO(data), build_scene_graph=False, load_meshes=False).robot, home
+    except Exception as error:  # whatever yourdfpy meets in an element that the strict pass does not read
+        raise UrdfError(f"geometry of {home or 'the text'} cannot be read: {said(error)}") from error
 
 
 def _yourdfpy() -> Any:

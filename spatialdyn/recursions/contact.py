@@ -41,15 +41,13 @@ from .contact_rows import (
     STOP,
     WORK,
     Contact,
-    product,
     work_of_row,
     write_gaps,
     write_point,
-    write_rows,
 )
 from .crba import crba
 from .friction import DT
-from .impulses import SWEEPS, Impulses, open_laws, residual, solve_impulses
+from .impulses import SWEEPS, Impulses, open_laws, residual, solve_impulses, write_responses
 from .ltdl import factor_tree, solve_inward, solve_outward
 from .rnea import rnea
 from .signatures import Array, Bodies, Config, Number, Record, Vector, Work
@@ -115,27 +113,6 @@ def contact_step(
     solve_outward(bodies, L, after)
     for i in range(n):
         after[i] = v[i] + after[i]
-
-
-@inline
-def write_responses(
-    bodies: Bodies, work: Work, contact: Contact, v: Vector, gap: Vector, s: Impulses
-) -> None:  # fmt: skip
-    """Gaps, and of the rows velocities without impulses, Y, Z and size; from the places that ``crba`` leaves."""
-    n = len(bodies) - 1
-    put_mat3(work[0].R, mat3_of(contact.contacts[0].axes))
-    carry_axes(bodies, work)
-    write_gaps(bodies, work, contact.contacts, contact.heights, gap, s.slopes)
-    write_rows(bodies, work, contact.contacts, contact.heights, s.slopes, s.Y)
-    for k in range(len(s.b)):
-        s.b[k] = 0.0
-        for i in range(n):
-            s.b[k] = s.b[k] + s.Y[k, i] * v[i]
-        s.before[k] = s.b[k]
-        solve_inward(bodies, s.L, s.Y[k])
-        for i in range(n):
-            s.Z[k, i] = s.Y[k, i] * (1.0 / s.L[i, i])
-        s.size[k] = product(s.Y, s.Z, k, k)
 
 
 @inline

@@ -32,7 +32,6 @@ from .constraint_rows import (
     write_error,
     write_jacobian,
 )
-from .contact import write_responses
 from .contact_rows import (
     CONTACTS_ARGUMENT,
     ENERGY,
@@ -63,6 +62,7 @@ from .impulses import (
     residual,
     solve_impulses,
     sweep,
+    write_responses,
 )
 from .ltdl import factor_tree, solve_inward, solve_outward
 from .rnea import rnea
@@ -366,7 +366,7 @@ FRICTION = Argument("friction", ("nv",), "N m | N", "dry friction torques")
 AFTER = Argument("v", ("nv",), "rad/s | m/s", "after the step")
 RESIDUAL = Argument("residual", ("np+nl+nd",), "m/s | rad/s", "by how much each point and joint misses its law")
 REACTION = Argument("reaction", ("nc",), "N s | N m s", "of each equation, on frame a, in b's axes")
-START = Argument("start", (ROWS,), "", "impulses of rows in the step before", start=0.0)
+START = Argument("impulses_before", (ROWS,), "", "impulses of rows in the step before", start=0.0)
 MISSED = Argument("missed", (2,), "1", "of equations that depend on others, and how many are independent")
 ALL = ("heights", "friction", "bristles", "constraints", "rate", "fext", "start")
 OVER, RUBS, BENDS, HOLDS, STEADIES, PUSHED, WARM = ALL

@@ -27,9 +27,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from ..algebra.euclidean import Vec, sub
+from ..algebra.records import mat3_of, put_mat3
 from ..algebra.regions import repeat, settled
 from ..algebra.scalars import EPS, Scalar, inline, select
 from .constrained import DEPENDENT
+from .constraint_rows import carry_axes
 from .contact_rows import (
     Contact,
     allowed,
@@ -41,6 +43,8 @@ from .contact_rows import (
     velocity,
     velocity_of_point,
     write_block,
+    write_gaps,
+    write_rows,
 )
 from .coulomb_cone import (
     factor_block,
@@ -49,7 +53,8 @@ from .coulomb_cone import (
     point_residual,
     point_slope,
 )
-from .signatures import Array, Config, Matrix, Number, Record, Vector
+from .ltdl import solve_inward
+from .signatures import Array, Bodies, Config, Matrix, Number, Record, Vector, Work
 
 ROWS = "np+np+np+nl+nd"
 SWEEPS, SWEEPS_DRY, SWEEPS_AGAIN = 5, 2, 8  # before Newton's steps: at first, at first beside dry joints, and later
@@ -102,6 +107,27 @@ class Impulses(NamedTuple):
     stepping: Vector = (1,)
     phase: Vector = (1,)  # above 0 before a phase
     disc: Vector = (5,)  # of ``disc_impulse``
+
+
+@inline
+def write_responses(
+    bodies: Bodies, work: Work, contact: Contact, v: Vector, gap: Vector, s: Impulses
+) -> None:  # fmt: skip
+    """Gaps, and of the rows velocities without impulses, Y, Z and size; from the places that ``crba`` leaves."""
+    n = len(bodies) - 1
+    put_mat3(work[0].R, mat3_of(contact.contacts[0].axes))
+    carry_axes(bodies, work)
+    write_gaps(bodies, work, contact.contacts, contact.heights, gap, s.slopes)
+    write_rows(bodies, work, contact.contacts, contact.heights, s.slopes, s.Y)
+    for k in range(len(s.b)):
+        s.b[k] = 0.0
+        for i in range(n):
+            s.b[k] = s.b[k] + s.Y[k, i] * v[i]
+        s.before[k] = s.b[k]
+        solve_inward(bodies, s.L, s.Y[k])
+        for i in range(n):
+            s.Z[k, i] = s.Y[k, i] * (1.0 / s.L[i, i])
+        s.size[k] = product(s.Y, s.Z, k, k)
 
 
 @inline

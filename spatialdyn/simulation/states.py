@@ -18,7 +18,7 @@ from ..recursions.spec import Argument
 from .effects.control import OWN_INPUT
 
 Array = NDArray[Any]
-HIDDEN = ("violation", "contact_residual", "contact_record")  # states that a caller does not see
+HIDDEN = ("violation", "contact_residual", "contact_record", "impulses_before")  # states that a caller does not see
 
 
 @dataclass(frozen=True)

@@ -49,7 +49,7 @@ def test_a_star_import_brings_every_supported_name() -> None:
 
 
 def test_a_name_out_of_scope_says_what_to_use_instead() -> None:
-    for name in ("computeCollisions", "MeshLoader", "lcaba", "buildModelsFromMJCF"):
+    for name in ("computeBodyRadius", "MeshLoader", "lcaba", "buildModelsFromMJCF"):
         with pytest.raises(NotImplementedError, match=rf"pinocchio\.{name} is not supported: .*: "):
             getattr(face, name)
 
@@ -64,7 +64,7 @@ def test_hasattr_of_a_name_out_of_scope_is_false() -> None:
 @pytest.mark.parametrize(
     ("line", "advice"),
     [
-        ("from spatialdyn.compat.pinocchio import computeCollisions", "computeCollisions is not supported: .*coal"),
+        ("from spatialdyn.compat.pinocchio import computeBodyRadius", "computeBodyRadius is not supported: .*coal"),
         (
             "from spatialdyn.compat.pinocchio import rnea, MeshLoader as G",
             "MeshLoader is not supported: .*coal",

@@ -76,8 +76,6 @@ def test_what_is_out_of_scope_says_so(name: str) -> None:
         getattr(ours.RobotWrapper(), name)
     with pytest.raises(NotImplementedError, match="only URDFs"):
         ours.RobotWrapper.BuildFromSDF("robot.sdf")
-    with pytest.raises(NotImplementedError, match="geometry"):
-        robot(ours).updateGeometryPlacements(np.zeros(19))
 
 
 def test_a_centre_of_mass_without_a_configuration_needs_one_before() -> None:

@@ -244,6 +244,39 @@ def test_rotor_on_a_leg_finds_the_diagonal_off_by_one_over_n() -> None:
 
 
 @compiled
+def verdicts(found: sd.Requirement) -> dict[tuple[str, str], str]:
+    return {(x.part, x.form): x.verdict for x in found.rows}
+
+
+@compiled
+def test_rotors_of_a_geared_arm_are_armatures_at_a_coarse_tolerance_alone() -> None:
+    coarse, fine = run("rotors_of_a_geared_arm").values()
+    assert verdicts(coarse)["rotors", "armatures"] != "needed"
+    assert verdicts(fine)["rotors", "armatures"] == verdicts(fine)["rotors", "left out"] == "needed"
+    assert fine.bound <= fine.tolerance
+
+
+@robots
+@compiled
+def test_what_a_scene_requires_are_three_parts_of_nine() -> None:
+    found = run("what_a_scene_requires")
+    assert found.needed == ("friction", "rotors", "gravity")
+    assert len({x.part for x in found.rows} - {"method"}) == 9
+    assert found.scene.acts == ("friction",)
+    assert found.bound <= found.tolerance
+
+
+@robots
+@compiled
+def test_standing_does_without_the_damping_that_trotting_needs() -> None:
+    standing, trotting = run("standing_or_trotting").values()
+    assert verdicts(standing)["friction", "left out"] == "left out"
+    assert verdicts(trotting)["friction", "left out"] == "needed"
+    for found in (standing, trotting):
+        assert verdicts(found)["contacts", "left out"] == verdicts(found)["gravity", "left out"] == "needed"
+    assert trotting.fine[1] < standing.fine[1]
+
+
 def test_price_of_a_digit_keeps_its_promises_in_new_states() -> None:
     pytest.importorskip("mpmath")
     found = run("price_of_a_digit", robot="two_link")

@@ -17,7 +17,7 @@ from .model.model import Model
 from .model.model_surgery import buildReducedModel
 from .types.arguments import ValueRuntimeError, of_pinocchio
 from .types.frame import LOCAL
-from .visualize import MeshcatVisualizer
+from .visualize.visualizers import MeshcatVisualizer
 
 __all__ = ["RobotWrapper"]
 
@@ -85,9 +85,8 @@ class RobotWrapper(Partial):
         given = [x for x in (self.collision_model, self.visual_model) if x is not None]
         model, shapes = buildReducedModel(self.model, given, joints, q)
         made = iter(shapes)
-        return RobotWrapper(
-            model, *(None if x is None else next(made) for x in (self.collision_model, self.visual_model))
-        )
+        collision = None if self.collision_model is None else next(made)
+        return RobotWrapper(model, collision, None if self.visual_model is None else next(made))
 
     def index(self, name: str) -> int:
         """Index of the joint of that name."""

@@ -18,7 +18,7 @@ from . import kinematics
 __all__ = [
     "computeCollision", "computeCollisions", "computeDistance", "computeDistances", "updateGeometryPlacements",
 ]  # fmt: skip
-MARGIN = 1e-6  # [m] beyond a request's security margin up to which coal bounds the distance, as Pinocchio asks for
+MARGIN = 1e-6  # [m] beyond a request's security margin up to which coal bounds the distance, as in Pinocchio
 
 
 def updateGeometryPlacements(
@@ -119,7 +119,7 @@ def _active(geometry_model: GeometryModel, geometry_data: GeometryData, call: st
     """Numbers of the pairs to compute. Raises ModelError where there is no geometry, warns where there is no pair."""
     objects, pairs = geometry_model.geometryObjects, geometry_model.collisionPairs
     if not objects:
-        raise ModelError(f"{call} of a geometry model without objects, expected some: nothing can be said of it")
+        raise ModelError(f"{call} of a geometry model without objects, expected some to compute")
     _check_pairs(geometry_model, geometry_data)
     if not pairs:
         warnings.warn(

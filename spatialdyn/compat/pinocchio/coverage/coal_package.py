@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+from importlib import import_module
 from importlib.util import find_spec
 from types import ModuleType
 from typing import Any
 
+from ....errors import pip_install
 from .coverage import OutOfScopeAttributeError, OutOfScopeError
-
-INSTALL = "pip install coal"
 
 
 def has_coal() -> bool:
@@ -22,9 +22,11 @@ def has_coal() -> bool:
 def coal_for(what: str) -> Any:
     """coal. Raises OutOfScopeError naming it, and what needs it."""
     try:
-        import coal as found
+        found = import_module("coal")
     except ImportError as error:
-        raise OutOfScopeError(f"{what} takes the package coal, which is not installed; {INSTALL}") from error
+        raise OutOfScopeError(
+            f"{what} takes the package coal, which is not installed; {pip_install('collision')}"
+        ) from error
     return found
 
 

@@ -33,7 +33,7 @@ RAISES: tuple[tuple[str, str], ...] = (  # names that are there and raise on arg
     ("RobotWrapper.BuildFromMJCF RobotWrapper.BuildFromSDF", "always: only URDFs are read, BuildFromURDF"),
     (
         "computeCollision computeCollisions computeDistance computeDistances GeometryObject.CreateCapsule",
-        "without the package coal: pip install coal",
+        "without the package coal",
     ),
     ("*Visualizer.create_video_ctx", "always: visualizers make no videos, spatialdyn.view(...).save writes a page"),
     ("*Visualizer.captureImage", "until a browser shows the page"),

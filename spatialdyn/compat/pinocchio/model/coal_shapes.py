@@ -7,7 +7,6 @@ records of the same names; meshes and collisions raise an error that names the p
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -49,13 +48,15 @@ class Described:
     kind   "box", "cylinder", "sphere" or "mesh"
     sizes  (3,) sides; radius and length; radius; scales (3,) of a mesh
     path   of a mesh's file, or its name in the URDF where no file is found
+    found  whether there is a file
     """
 
     kind: str
     sizes: tuple[float, ...]
     path: str = ""
+    found: bool = True
 
-    def made(self, name: str) -> Any:
+    def build(self, name: str) -> Any:
         """The shape, coal's where that is installed. Raises OutOfScopeError, MissingMeshError for a mesh."""
         if self.kind == "mesh":
             return self._mesh(name)
@@ -72,9 +73,20 @@ class Described:
 
     def _mesh(self, name: str) -> Any:
         package = coal_for(f"the mesh of {name}")
-        if not Path(self.path).is_file():
+        if not self.found:
             raise MissingMeshError(f"the mesh {self.path} of {name} is not found, expected package_dirs that hold it")
         try:
             return package.MeshLoader().load(self.path, np.array(self.sizes))
         except Exception as error:  # of coal's readers, of any kind
             raise MissingMeshError(f"the mesh {self.path} of {name} cannot be read: {error}") from error
+
+
+def triangles(shape: Any) -> tuple[Any, Any] | None:
+    """Vertices (n, 3) and faces (m, 3) of a mesh or convex shape of coal; None of another shape."""
+    if hasattr(shape, "num_tris"):
+        points, corners = shape.vertices(), [shape.tri_indices(k) for k in range(shape.num_tris)]
+    elif hasattr(shape, "polygons"):
+        points, corners = shape.points(), [shape.polygons(k) for k in range(shape.num_polygons)]
+    else:
+        return None
+    return np.array(points), np.array([[int(corner[i]) for i in range(3)] for corner in corners])

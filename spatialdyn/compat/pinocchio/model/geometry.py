@@ -100,7 +100,7 @@ class GeometryObject(_Bookkeeping):
     def geometry(self) -> Any:
         """The shape."""
         if self._geometry is None and self._described is not None:
-            self._geometry = self._described.made(f'geometry object "{self.name}"')
+            self._geometry = self._described.build(f'geometry object "{self.name}"')
         return self._geometry
 
     @geometry.setter

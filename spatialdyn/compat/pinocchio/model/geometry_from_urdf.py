@@ -6,16 +6,14 @@ mesh is read when its shape is first needed.
 
 from __future__ import annotations
 
-import io
-import os
 from collections.abc import Iterable, Iterator, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ....errors import ModelError, UrdfError
-from ....pictures.mesh_files import NotDrawnError, find_mesh
+from ....pictures.mesh_files import mesh_path
+from ....pictures.shapes import urdf_elements
 from ....urdf.sources import read_source
 from ....urdf.strict_xml import StrictReader
 from ..types.arguments import ArgumentError, by_name, described, expected
@@ -99,9 +97,8 @@ def _built(
 
 def _objects(model: Model, source: Any, kind: Any, folders: Sequence[str]) -> Iterator[GeometryObject]:
     """The objects of a kind, in order."""
-    path, data = read_source(source)
-    home = Path(path) if path else None
-    elements = _links(data, home)
+    StrictReader("geometry", None, skip_leftovers=True).read(read_source(source)[1])
+    elements, home = urdf_elements(source)
     palette = {x.name: x for x in elements.materials}
     of_link = {link.name: link for link in elements.links}
     for link in elements.links:  # the first material of a name that has a colour is that of all
@@ -130,18 +127,6 @@ def _objects(model: Model, source: Any, kind: Any, folders: Sequence[str]) -> It
             yield made
 
 
-def _links(data: bytes, home: Path | None) -> Any:
-    """The robot of yourdfpy. Raises UrdfError."""
-    import yourdfpy
-
-    label = home.name if home is not None else "<text>"
-    StrictReader(label, None).outermost(data)
-    try:
-        return yourdfpy.URDF.load(io.BytesIO(data), build_scene_graph=False, load_meshes=False).robot
-    except Exception as error:  # whatever yourdfpy meets in an element that the strict pass does not read
-        raise UrdfError(f"geometry of {label} cannot be read: {error}") from error
-
-
 def _depth_first(robot: Any) -> Iterator[str]:
     """Names of links, children in byte order of their joints' names."""
     children: dict[str, list[str]] = {}
@@ -155,7 +140,7 @@ def _depth_first(robot: Any) -> Iterator[str]:
         stack += reversed(children.get(link, []))
 
 
-def _shape(given: Any, home: Path | None, folders: Sequence[str]) -> Described:
+def _shape(given: Any, home: Any, folders: Sequence[str]) -> Described:
     """What a <geometry> says. Raises UrdfError for an empty one."""
     if given is not None and given.box is not None:
         return Described("box", tuple(np.asarray(given.box.size, float).tolist()))
@@ -167,21 +152,11 @@ def _shape(given: Any, home: Path | None, folders: Sequence[str]) -> Described:
         raise UrdfError("a <geometry> is empty, expected a box, cylinder, sphere or mesh")
     scale = np.ones(3) if given.mesh.scale is None else np.broadcast_to(given.mesh.scale, 3)
     name = given.mesh.filename or ""
-    return Described("mesh", tuple(np.asarray(scale, float).tolist()), _file(name, home, folders) or name)
+    found = mesh_path(name, home, folders)
+    return Described("mesh", tuple(np.asarray(scale, float).tolist()), found or name, bool(found))
 
 
-def _file(name: str, home: Path | None, folders: Sequence[str]) -> str:
-    """The path of the file that a name means, "" for none."""
-    try:
-        found = find_mesh(name, home, folders)
-    except NotDrawnError:
-        return ""
-    return "" if found is None else os.fspath(found)
-
-
-def _material(
-    element: Any, palette: dict[str, Any], home: Path | None, folders: Sequence[str]
-) -> tuple[Any, str, bool]:
+def _material(element: Any, palette: dict[str, Any], home: Any, folders: Sequence[str]) -> tuple[Any, str, bool]:
     """Colour, texture file and whether a <visual> has a material; grey for a <collision>, None."""
     own = None if element is None else element.material
     if own is None:
@@ -189,4 +164,4 @@ def _material(
     material = palette.get(own.name, own) if own.name else own
     color = np.zeros(4) if material.color is None else np.asarray(material.color.rgba, np.float32).astype(float)
     texture = getattr(material.texture, "filename", None) or ""
-    return color, _file(texture, home, folders) if texture else "", True
+    return color, mesh_path(texture, home, folders) if texture else "", True

@@ -46,7 +46,7 @@ def buildReducedModel(model: Model, *arguments: Any, **named: Any) -> Any:
 
 def _reduced_geometry(model: Model, made: Model, given: GeometryModel) -> GeometryModel:
     """The objects of a model on the joints of its reduced one, and their pairs."""
-    found = expected(given, GeometryModel, "geom_model").copy()
+    found: GeometryModel = expected(given, GeometryModel, "geom_model").copy()
     joints = {name: k for k, name in enumerate(made.names)}
     frames = {(frame.name, int(frame.type)): frame for frame in made.frames}
     for x in found.geometryObjects:

@@ -1,7 +1,7 @@
 """``pinocchio.visualize``: ViserVisualizer and MeshcatVisualizer draw in viser; the other classes show nothing.
 
-They read geometry by ``spatialdyn.pictures`` from the file given to ``buildModelsFromUrdf``, and objects added to a
-GeometryModel that are mesh files, boxes, cylinders or spheres; without any they draw boxes of the inertias.
+They draw the objects of GeometryModels that are mesh files, boxes, cylinders or spheres; without any they draw boxes of
+the inertias. ``MeshcatVisualizer.viewer[path]`` draws what else is given to it, see ``meshcat_tree``.
 Where nothing can be drawn the classes construct, their methods do nothing, and the first one warns.
 """
 
@@ -11,25 +11,27 @@ import time
 import warnings
 from collections.abc import Callable
 from functools import cache
-from importlib import import_module
 from importlib.util import find_spec
 from typing import Any, ClassVar
 
 import numpy as np
 
-from ...errors import pip_install
-from ...model.robot import Link
-from ...pictures.inertia_shapes import inertia_boxes
-from ...pictures.shapes import Shape, mesh_shapes, primitive_shape, urdf_shapes
-from ...pictures.stage import HOST, Stage, has_screen, page_frame, warn_of
-from .algorithms import configuration, kinematics
-from .coverage.coverage import OutOfScopeAttributeError, OutOfScopeError, refused
-from .data.data import Data
-from .model.geometry import GeometryData, GeometryModel, GeometryObject, createDatas
-from .model.model import Model
-from .types.arguments import ValueRuntimeError
-from .types.frame import BODY
+from ....errors import pip_install
+from ....model.robot import Link
+from ....pictures.inertia_shapes import inertia_boxes
+from ....pictures.shapes import Shape, mesh_shapes, primitive_shape
+from ....pictures.stage import HOST, Stage, has_screen, warn_of
+from ..algorithms import configuration, kinematics
+from ..coverage.coverage import OutOfScopeAttributeError, OutOfScopeError, refused
+from ..data.data import Data
+from ..model.coal_shapes import triangles
+from ..model.geometry import VISUAL, GeometryData, GeometryModel, GeometryObject, createDatas
+from ..model.model import Model
+from ..types.arguments import ValueRuntimeError
+from .meshcat_tree import parts_of
+from .window import MeshcatWindow
 
+PRIMITIVES = ("BOX", "CYLINDER", "SPHERE", "CAPSULE")  # meshPath of shapes that are no mesh
 _ADVICE = f"ViserVisualizer and MeshcatVisualizer draw where viser is installed: {pip_install('view')}"
 
 
@@ -143,6 +145,7 @@ class ViserVisualizer(BaseVisualizer):
     def __init__(self, *arguments: Any, **named: Any) -> None:
         super().__init__(*arguments, **named)
         self._shown: dict[str, list[Any]] = {}  # what was drawn, by layer
+        self._named: dict[str, dict[str, list[Any]]] = {}  # of the layers of geometry, by object
 
     @classmethod
     def _draws(cls) -> bool:
@@ -200,7 +203,7 @@ class ViserVisualizer(BaseVisualizer):
         self.viewerRootNodeName = rootNodeName
         kinematics.forwardKinematics(self.model, self.data, configuration.neutral(self.model))
         with stage.at_once():
-            self._shown = {"visuals": self._geometry(self.visual_model, "visual") or self._inertias()}
+            self._shown = {"visuals": self._geometry(self.visual_model, "visuals") or self._inertias()}
             self.display()
             stage.look_at(stage.bounds(stage.shown), 0.0)
 
@@ -208,19 +211,51 @@ class ViserVisualizer(BaseVisualizer):
         """Draw a shape at a frame or geometry object."""
         return self._scene().add_shape(at.parentJoint, at.placement.homogeneous, shape)
 
-    def _geometry(self, given: GeometryModel | None, kind: str) -> list[Any]:
-        """Draw the shapes of a GeometryModel: those of its file, and the objects added to it."""
-        made, missing, faulty = [], [], []
-        if given is not None and given._file is not None:
-            geometry = urdf_shapes(given._file[0], kind, given._file[1])
-            missing += geometry.missing
-            faulty += geometry.faulty
-            bodies = {frame.name: frame for frame in self.model.frames if frame.type == BODY}
-            made += [self._add(bodies[shape.link], shape) for shape in geometry.shapes if shape.link in bodies]
-        for added in given.geometryObjects if given is not None else ():
-            made += [self._add(added, shape) for shape in _shapes_of(added, missing, faulty)]
+    def _geometry(self, given: GeometryModel | None, layer: str) -> list[Any]:
+        """Draw the objects of a GeometryModel."""
+        missing: list[str] = []
+        faulty: list[str] = []
+        self._named[layer] = {
+            added.name: [self._add(added, shape) for shape in _shapes_of(added, missing, faulty)]
+            for added in (given.geometryObjects if given is not None else ())
+        }
+        warn_of(self.model.name, list(dict.fromkeys(missing)), list(dict.fromkeys(faulty)))
+        return [handle for handles in self._named[layer].values() for handle in handles]
+
+    def loadViewerGeometryObject(self, geometry_object: Any, geometry_type: Any = VISUAL, color: Any = None) -> None:
+        """Draw an object, in place of one of its name; color (4,) in place of its own."""
+        layer = "visuals" if geometry_type == VISUAL else "collisions"
+        self.delete(geometry_object, geometry_type)
+        one = geometry_object.copy()
+        if color is not None:
+            one.meshColor, one.overrideMaterial = np.asarray(color, float), True
+        missing: list[str] = []
+        faulty: list[str] = []
+        made = [self._add(one, shape) for shape in _shapes_of(one, missing, faulty)]
         warn_of(self.model.name, missing, faulty)
-        return made
+        self._named.setdefault(layer, {})[one.name] = made
+        self._shown.setdefault(layer, []).extend(made)
+
+    def addGeometryObject(self, obj: Any, color: Any = None) -> None:
+        """Add an object to the visual model and draw it."""
+        if self.visual_model is not None:
+            self.visual_model.addGeometryObject(obj)
+        self.loadViewerGeometryObject(obj, VISUAL, color)
+
+    def reload(self, new_geometry_object: Any, geometry_type: Any = VISUAL) -> None:
+        """Draw the object of a name again, and put it in place of the old one in its model."""
+        given = self.visual_model if geometry_type == VISUAL else self.collision_model
+        if given is not None and given.existGeometryName(new_geometry_object.name):
+            given.geometryObjects[given.getGeometryId(new_geometry_object.name)] = new_geometry_object
+        self.loadViewerGeometryObject(new_geometry_object, geometry_type)
+
+    def delete(self, geometry_object: Any, geometry_type: Any = VISUAL) -> None:
+        """Remove an object from the picture."""
+        layer = "visuals" if geometry_type == VISUAL else "collisions"
+        gone = self._named.get(layer, {}).pop(geometry_object.name, [])
+        self._shown[layer] = without(self._shown.get(layer, []), gone)
+        for handle in gone:
+            handle.remove()
 
     def _inertias(self) -> list[Any]:
         """Boxes of the joints' inertias."""
@@ -257,7 +292,7 @@ class ViserVisualizer(BaseVisualizer):
 
     def displayCollisions(self, visibility: bool) -> None:
         """Show or hide the collision geometry, which is read when it is first shown."""
-        self._switch("collisions", visibility, lambda stage: self._geometry(self.collision_model, "collision"))
+        self._switch("collisions", visibility, lambda stage: self._geometry(self.collision_model, "collisions"))
 
     def displayFrames(self, visibility: bool, *arguments: Any, **named: Any) -> None:
         """Show or hide the axes of all frames."""
@@ -272,7 +307,7 @@ class ViserVisualizer(BaseVisualizer):
         """Remove what was drawn."""
         for handle in [handle for layer in self._shown.values() for handle in layer]:
             handle.remove()
-        self._shown = {}
+        self._shown, self._named = {}, {}
 
     def setCameraTarget(self, target: Any) -> None:
         """Point the camera at a position (3,)."""
@@ -306,6 +341,11 @@ class ViserVisualizer(BaseVisualizer):
         return client.get_render(height=height, width=width, transport_format=transport_format)
 
 
+def without(handles: list[Any], gone: list[Any]) -> list[Any]:
+    """The handles but for some, which are compared by identity: viser's have arrays."""
+    return [x for x in handles if all(x is not y for y in gone)]
+
+
 def _installed() -> bool:
     """Whether viser is installed, without importing it."""
     try:
@@ -317,57 +357,45 @@ def _installed() -> bool:
 def _shapes_of(added: GeometryObject, missing: list[str], faulty: list[str]) -> list[Shape]:
     """The shapes of a GeometryObject: its mesh file, or a box, cylinder or sphere of coal."""
     color = tuple(np.asarray(added.meshColor, float).tolist())
-    if added.meshPath:
+    if added.meshPath and added.meshPath not in PRIMITIVES:
         found, lost, broken = mesh_shapes(added.name, added.meshPath, added.meshScale)
         missing += lost
         faulty += broken
         return [shape._replace(color=color) if added.overrideMaterial else shape for shape in found]
     shape = primitive_shape(added.name, added.geometry, color)
-    if shape is None:
-        missing.append(
-            f"{added.name} is a {type(added.geometry).__name__}, expected a mesh file, box, cylinder, sphere"
-        )
-        return []
-    return [shape]
-
-
-class MeshcatWindow:
-    """What ``MeshcatVisualizer.viewer`` is: viser's ``server``, which shows a stage, under MeshCat's names."""
-
-    def __init__(self, server: Any, stage: Stage) -> None:
-        self.server, self._stage = server, stage
-
-    def url(self) -> str:
-        """The address of the page."""
-        return self._stage.url
-
-    def open(self) -> MeshcatWindow:
-        """Open a tab of the browser; returns the window."""
-        self._stage.open_tab()
-        return self
-
-    def jupyter_cell(self, height: Any = 480) -> Any:
-        """The page inside a notebook."""
-        return import_module("IPython.display").HTML(page_frame(self.url(), height))
-
-    def static_html(self) -> str:
-        """What is shown as one page without links."""
-        return self._stage.html()
-
-    def _repr_html_(self) -> str:
-        return page_frame(self.url())
-
-    def __getitem__(self, path: Any) -> Any:
-        raise OutOfScopeError(
-            f"viewer[{path!r}] is MeshCat's own tree, expected viewer.server.scene, viser's: add_box, ..."
-        )
+    if shape is not None:
+        return [shape]
+    corners = triangles(added.geometry)
+    if corners is not None:
+        return [Shape(added.name, *corners, color)]
+    missing.append(f"{added.name} is a {type(added.geometry).__name__}, expected a mesh file, box, cylinder, sphere")
+    return []
 
 
 class MeshcatVisualizer(ViserVisualizer):
     """A visualizer that draws in viser, its window under MeshCat's names; without viser it shows nothing."""
 
+    viewerRootNodeName = "pinocchio"
+
     def _window(self, server: Any) -> Any:
-        return MeshcatWindow(server, self._scene())
+        return MeshcatWindow(server, self._scene(), self)
+
+    def getViewerNodeName(self, geometry_object: Any, geometry_type: Any) -> str:
+        """The path of a geometry object in ``viewer``."""
+        layer = "visuals" if geometry_type == VISUAL else "collisions"
+        return f"{self.viewerRootNodeName}/{layer}/{geometry_object.name}"
+
+    def named_shapes(self) -> dict[str, dict[str, list[Any]]]:
+        """viser's handles of the geometry that is drawn, by layer and object."""
+        return self._named
+
+    def forget(self, path: tuple[str, ...]) -> None:
+        """Drop what is at a path of ``viewer`` and below from what is drawn: it was removed."""
+        for layer, shapes in self._named.items():
+            for name in list(shapes):
+                if parts_of(f"{self.viewerRootNodeName}/{layer}/{name}")[: len(path)] == path:
+                    gone = shapes.pop(name)
+                    self._shown[layer] = without(self._shown.get(layer, []), gone)
 
 
 def _idle(name: str) -> type[BaseVisualizer]:
@@ -377,8 +405,3 @@ def _idle(name: str) -> type[BaseVisualizer]:
 GepettoVisualizer, RVizVisualizer, Panda3dVisualizer = map(
     _idle, ("GepettoVisualizer", "RVizVisualizer", "Panda3dVisualizer")
 )
-
-__all__ = [
-    "BaseVisualizer", "GepettoVisualizer", "MeshcatVisualizer", "Panda3dVisualizer", "RVizVisualizer",
-    "ViserVisualizer",
-]  # fmt: skip
