@@ -379,9 +379,9 @@ def impulse_step_spec(has: frozenset[str]) -> Spec:
     def given(what: str, x: Record) -> Record:
         return x if what in has else None
 
+    warm = WARM in has
     rubs = given(BENDS, BRISTLE_LAW) if BENDS in has else given(RUBS, LAW)
     ground = Contact(CONTACTS_ARGUMENT, given(OVER, HEIGHTS_ARGUMENT), MU, RESTITUTION, START if warm else None)
-    warm = WARM in has
     inputs = (
         Q, V, given(BENDS, BRISTLES), TAU, given(PUSHED, FEXT), DT, ground, rubs,
         given(HOLDS, CONSTRAINTS_ARGUMENT), given(STEADIES, replace(RATE, optional=False)),
