@@ -37,6 +37,7 @@ class Contact(NamedTuple):
     heights: Record  # of the ground; None: a plane
     mu: Vector  # (np)
     restitution: Vector  # (np)
+    start: Vector = None  # (rows) λ to begin with; None: 0
 
 
 RISE = 0.2  # of its depth that a point in the ground comes out in a step

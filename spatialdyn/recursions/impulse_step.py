@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from ..algebra.regions import repeat, settled
 from ..algebra.scalars import EPS, Scalar, inline, select, sqrt
@@ -90,13 +90,6 @@ class ImpulseResult(NamedTuple):
     start: Vector
 
 
-class Held(NamedTuple):
-    """Constraints of a step, and 1/T of their stabilization, which may be None."""
-
-    constraints: Record
-    rate: Number
-
-
 class HeldScratch(NamedTuple):
     """Scratch of constraints in a step."""
 
@@ -115,15 +108,14 @@ class HeldScratch(NamedTuple):
 @inline
 def impulse_step(
     bodies: Bodies, work: Work, q: Config, v: Vector, z: Vector, tau: Vector, fext: Matrix, dt: Number,
-    contact: Contact, law: BristleLaw, start: Vector, held: Held, out: ImpulseResult, pivots: Vector, s: Impulses,
-    h: HeldScratch,
+    contact: Contact, law: BristleLaw, constraints: Record, rate: Number, out: ImpulseResult, pivots: Vector,
+    s: Impulses, h: HeldScratch,
 ) -> None:  # fmt: skip
     """Velocities after a step, impulses, gaps before it, what impulses leave of the laws, friction, reactions.
 
     z      of bristles, as ``bristle_step``; None: dry friction
     law    of dry friction if z is None; it may be None: no friction
-    start  (rows) λ to begin with; None: 0
-    fext, held  may be None; h is None without constraints
+    fext, constraints, rate  may be None; h is None without constraints
     out.after, impulse, gap, stop, energy  written, as of ``contact_step``
     out.residual  (np + nl + nd), written: by how much each point and joint misses its law [m/s | rad/s]
     out.friction  (nv), written: dry friction torque [N m | N], 0 with bristles
@@ -136,23 +128,20 @@ def impulse_step(
     points, joints = contacts[0].np, contacts[0].nl + contacts[0].nd
     move_freely(bodies, work, q, v, z, tau, fext, dt, law, out, pivots, s)
     write_responses(bodies, work, contact, v, out.gap, s)
-    if held is not None:
-        hold(bodies, work, q, v, dt, held.constraints, held.rate, out, s, h)
+    if constraints is not None:
+        hold(bodies, work, q, v, dt, constraints, rate, out, s, h)
     rub(v, z, dt, contact, law, s)
     open_laws(dt, contact, out.gap, after, s)
-    for k in range(len(s.force)):
-        s.force[k] = 0.0 if start is None else start[k]
+    begin(contact.start, s.force)
     solve_impulses(q, dt, contact, h, SWEEPS if law is None or z is not None else SWEEPS_DRY, after, s)
-    if held is not None and held.rate is None:
-        meet(bodies, work, q, v, dt, held.constraints, out, s, h)
+    if constraints is not None and rate is None:
+        meet(bodies, work, q, v, dt, constraints, out, s, h)
         settle(q, dt, contact, after, s)
     for k in range(len(s.force)):
         s.total[k] = s.first[k] + s.force[k]
     write_laws(q, dt, contact, out, s)
-    if start is not None:
-        for k in range(len(s.force)):
-            out.start[k] = s.total[k]
-    if held is not None:
+    keep(contact.start, s.total, out.start)
+    if constraints is not None:
         for k in range(len(out.reaction)):
             for l in range(len(s.force)):
                 out.reaction[k] = out.reaction[k] + h.P[l, k] * s.total[l]
@@ -165,6 +154,21 @@ def impulse_step(
     if z is not None:
         for i in range(n):
             out.bristles[i] = (z[i] + dt * after[i]) * out.bristles[i]
+
+
+@inline
+def begin(start: Vector, force: Vector) -> None:
+    """Write λ to begin with; start may be None, for 0."""
+    for k in range(len(force)):
+        force[k] = 0.0 if start is None else start[k]
+
+
+@inline
+def keep(start: Vector, total: Vector, after: Vector) -> None:
+    """Write λ for the step that follows, if steps begin with some."""
+    if start is not None:
+        for k in range(len(total)):
+            after[k] = total[k]
 
 
 # --- before the sweeps ----------------------------------------------------------------------------------
@@ -372,15 +376,15 @@ OVER, RUBS, BENDS, HOLDS, STEADIES, PUSHED, WARM = ALL
 def impulse_step_spec(has: frozenset[str]) -> Spec:
     """The Spec of a step with some of ALL; bristles beside friction, a rate beside constraints."""
 
-    def given(what: str, x: Any) -> Any:
+    def given(what: str, x: Record) -> Record:
         return x if what in has else None
 
-    rubs = given(BENDS, BRISTLE_LAW) if BENDS in has else given(RUBS, LAW)
-    ground = Contact(CONTACTS_ARGUMENT, given(OVER, HEIGHTS_ARGUMENT), MU, RESTITUTION)
     warm = WARM in has
+    rubs = given(BENDS, BRISTLE_LAW) if BENDS in has else given(RUBS, LAW)
+    ground = Contact(CONTACTS_ARGUMENT, given(OVER, HEIGHTS_ARGUMENT), MU, RESTITUTION, START if warm else None)
     inputs = (
-        Q, V, given(BENDS, BRISTLES), TAU, given(PUSHED, FEXT), DT, ground, rubs, START if warm else None,
-        given(HOLDS, Held(CONSTRAINTS_ARGUMENT, given(STEADIES, replace(RATE, optional=False)))),
+        Q, V, given(BENDS, BRISTLES), TAU, given(PUSHED, FEXT), DT, ground, rubs,
+        given(HOLDS, CONSTRAINTS_ARGUMENT), given(STEADIES, replace(RATE, optional=False)),
     )  # fmt: skip
     parts = ImpulseResult(
         AFTER, IMPULSE, GAP, STOP, RESIDUAL, ENERGY, FRICTION,

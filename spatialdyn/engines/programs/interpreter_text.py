@@ -228,6 +228,37 @@ def one_text() -> str:
     return t.module("define i64 @interpret_one(ptr %context, ptr %inputs, ptr %outputs)")
 
 
+def _samples(t: _Text, last: str, data: str, step: str, group: str) -> Values:
+    """The addresses of a group's samples, ``lanes`` from sample ``group`` of the tile on, ``last`` the last of all."""
+    base = t.add("%first", group)
+    return [t.byte(data, t.times(t.least(t.add(base, r), last), step)) for r in range(t.lanes)]
+
+
+def _blocks(t: _Text, name: str, columns: str, whole: Callable[[str], None], single: Callable[[str], None]) -> None:
+    """Run ``whole`` for the first of ``lanes`` columns, the last overlapping, or ``single`` for a few columns."""
+    few = t.put(f"icmp slt i64 {columns}, {t.lanes}")
+    end = t.put(f"sub i64 {columns}, {t.lanes}")
+    t.branch(few, f"{name}.few", f"{name}.many", then=f"{name}.few")
+    t.loop(f"{name}.one", columns, single)
+    t.jump(f"{name}.end", then=f"{name}.many")
+    t.loop(f"{name}.block", columns, lambda c: whole(t.least(c, end)), t.lanes)
+    t.jump(f"{name}.end", then=f"{name}.end")
+
+
+def _repeat_text(t: _Text, slots: list[str], source: str, label: str) -> None:
+    """The instruction that runs a region again if one of a tile's samples is above 0 in ``source``."""
+    t.jump(f"{label}.loop", then=f"{label}.loop")
+    t.do(f"%{label}.i = phi i64 [ 0, %{label} ], [ %{label}.i.next, %{label}.loop ]")
+    t.do(f"%{label}.some = phi {t.truth} [ {ZERO}, %{label} ], [ %{label}.more, %{label}.loop ]")
+    here = t.load(t.vector, t.number(source, f"%{label}.i"), 8 * t.lanes)
+    t.do(f"%{label}.more = or {t.truth} %{label}.some, {t.above_zero(here)}")
+    t.do(f"%{label}.i.next = add i64 %{label}.i, {t.lanes}")
+    more = t.put(f"icmp slt i64 %{label}.i.next, %wide")
+    t.branch(more, f"{label}.loop", f"{label}.end", then=f"{label}.end")
+    runs = t.put(f"bitcast {t.truth} %{label}.more to i{t.lanes}")
+    t.repeat(t.put(f"icmp ne i{t.lanes} {runs}, 0"), slots, f"{label}.end")
+
+
 def tiles_text(lanes: int) -> str:
     """``interpret_tiles(context, inputs, steps, outputs, bits, rows, wide, n)``, for tiles of ``wide`` samples.
 
@@ -258,21 +289,6 @@ def tiles_text(lanes: int) -> str:
         step = t.put(f"select i1 {constant}, i64 0, i64 {vector}")
         return t.put(f"select i1 {constant}, ptr {here}, ptr {there}"), step
 
-    def samples(data: str, step: str, group: str) -> Values:
-        """The addresses of a group's samples, ``lanes`` from sample ``group`` of the tile."""
-        base = t.add("%first", group)
-        return [t.byte(data, t.times(t.least(t.add(base, r), last), step)) for r in range(lanes)]
-
-    def blocks(name: str, columns: str, whole: Callable[[str], None], single: Callable[[str], None]) -> None:
-        """Run ``whole`` for the first of ``lanes`` columns, the last overlapping, or ``single`` for a few columns."""
-        few = t.put(f"icmp slt i64 {columns}, {lanes}")
-        end = t.put(f"sub i64 {columns}, {lanes}")
-        t.branch(few, f"{name}.few", f"{name}.many", then=f"{name}.few")
-        t.loop(f"{name}.one", columns, single)
-        t.jump(f"{name}.end", then=f"{name}.many")
-        t.loop(f"{name}.block", columns, lambda c: whole(t.least(c, end)), lanes)
-        t.jump(f"{name}.end", then=f"{name}.end")
-
     t.jump("tiles", then="tiles")
     t.do("%first = phi i64 [ 0, %entry ], [ %first.next, %tile.end ]")
     t.branch(t.put("icmp slt i64 %first, %n"), "tile", "done", then="tile")
@@ -285,7 +301,7 @@ def tiles_text(lanes: int) -> str:
         target = t.byte(first_row, t.times(t.put(f"sub i64 {first}, {count}"), row))
 
         def group(g: str) -> None:
-            starts = samples(data, step, g)
+            starts = _samples(t, last, data, step, g)
 
             def whole(c: str) -> None:
                 loaded = [t.load(t.vector, t.number(x, c), 8) for x in starts]
@@ -298,7 +314,7 @@ def tiles_text(lanes: int) -> str:
                 for r, x in enumerate(starts):
                     t.store("double", t.load("double", t.number(x, c), 8), t.number(to, r), 8)
 
-            blocks("read", columns, whole, single)
+            _blocks(t, "read", columns, whole, single)
 
         t.loop("read.group", "%wide", group, lanes)
 
@@ -313,16 +329,7 @@ def tiles_text(lanes: int) -> str:
             t.again(slots, label)
             return
         if code == REPEAT:
-            t.jump(f"{label}.loop", then=f"{label}.loop")
-            t.do(f"%{label}.i = phi i64 [ 0, %{label} ], [ %{label}.i.next, %{label}.loop ]")
-            t.do(f"%{label}.some = phi {t.truth} [ {ZERO}, %{label} ], [ %{label}.more, %{label}.loop ]")
-            here = t.load(t.vector, t.number(sources[0][0], f"%{label}.i"), vector)
-            t.do(f"%{label}.more = or {t.truth} %{label}.some, {t.above_zero(here)}")
-            t.do(f"%{label}.i.next = add i64 %{label}.i, {lanes}")
-            more = t.put(f"icmp slt i64 %{label}.i.next, %wide")
-            t.branch(more, f"{label}.loop", f"{label}.end", then=f"{label}.end")
-            runs = t.put(f"bitcast {t.truth} %{label}.more to i{lanes}")
-            t.repeat(t.put(f"icmp ne i{lanes} {runs}, 0"), slots, f"{label}.end")
+            _repeat_text(t, slots, sources[0][0], label)
             return
         used = sources[: arity(code)]
         t.jump(f"{label}.loop", then=f"{label}.loop")
@@ -359,7 +366,7 @@ def tiles_text(lanes: int) -> str:
         width = t.times(columns, 8)
 
         def group(g: str) -> None:
-            starts = samples(data, width, g)
+            starts = _samples(t, last, data, width, g)
 
             def result(c: str) -> str:
                 entry = t.load("i64", t.at("i64", entries, c))
@@ -381,7 +388,7 @@ def tiles_text(lanes: int) -> str:
                 for r, start in enumerate(starts):
                     t.store("double", t.put(f"extractelement {t.vector} {made}, i64 {r}"), t.number(start, c), 8)
 
-            blocks("give", columns, whole, single)
+            _blocks(t, "give", columns, whole, single)
 
         t.loop("give.group", "%wide", group, lanes)
 
