@@ -308,9 +308,15 @@ def step_specs(
     given = tuple(replace(x, optional=False) for x in given)
     names = [x.name for x in given]
 
+    last: list[Any] = [None]  # rows, inputs and results: the Specs are recorded one after another, and a loop only once
+
     def state_after(k: int) -> Callable[..., None]:
         def recursion(rows: Any, *arrays: Any) -> None:
-            arrays[-1][:] = after(rows, dict(zip(names, arrays, strict=False)))[k]
+            known = last[0]
+            if known is None or known[0] is not rows or any(x is not y for x, y in zip(known[1], arrays, strict=False)):
+                known = rows, arrays[:-1], after(rows, dict(zip(names, arrays, strict=False)))
+            last[0] = None if k == 1 + len(own) else known
+            arrays[-1][:] = known[2][k]
 
         return recursion
 
