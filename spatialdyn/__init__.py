@@ -87,11 +87,27 @@ if TYPE_CHECKING:
         project_velocity,
     )
     from .constraints.table import Constraints
-    from .control.gains import ClosedStep, Gains, LQR, closed_step, critical_gains, gravity_stiffness_bound, largest_step, lqr
+    from .control.gains import (
+        ClosedStep,
+        Gains,
+        LQR,
+        closed_step,
+        critical_gains,
+        gravity_stiffness_bound,
+        largest_step,
+        lqr,
+    )
     from .control.inverse_kinematics import IKResult, solve_ik
     from .control.laws import ComputedTorque, EnergyShaping, Gravity, PD, PDGravity, PDPlus, Passivity, StateFeedback
     from .control.monitors import LyapunovRecord, PassivityRecord, lyapunov, passivity
-    from .control.observers import ContactWrench, MomentumObserver, base_velocity, contact_wrench, detection_thresholds, momentum_observer_step
+    from .control.observers import (
+        ContactWrench,
+        MomentumObserver,
+        base_velocity,
+        contact_wrench,
+        detection_thresholds,
+        momentum_observer_step,
+    )
     from .control.paths import Path, PathPeaks, PathPoint, fourier, quintic, spline, trapezoid
     from .interop.pinocchio import from_pinocchio
     from .interop.states import from_drake, from_mujoco, to_drake, to_mujoco
@@ -187,7 +203,17 @@ _LATE = {  # {module: public names}, imported when one is asked for: half the ti
     "validate.comparison": "compare_with_pinocchio",
 }  # fmt: skip
 _MODULE_OF = {name: module for module, names in _LATE.items() for name in names.split()}
-_ROOMS = ("accuracy", "actuation", "constraints", "control", "interop", "lagrangian", "pictures", "simulation", "validate")
+_ROOMS = (
+    "accuracy",
+    "actuation",
+    "constraints",
+    "control",
+    "interop",
+    "lagrangian",
+    "pictures",
+    "simulation",
+    "validate",
+)
 
 
 def __dir__() -> list[str]:

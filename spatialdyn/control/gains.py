@@ -136,7 +136,9 @@ def lqr(A: ArrayLike, B: ArrayLike, Q: ArrayLike, R: ArrayLike, *, discrete: boo
             raise SpatialDynError(f"{name} is {x.tolist()}, expected a symmetric matrix")
         least = float(np.linalg.eigvalsh(x).min())
         if least <= 0.0 if strict else least < -1e-12 * abs(x).max():
-            raise SpatialDynError(f"{name} has the eigenvalue {least:.6g}, expected {'above 0' if strict else '0 or more'}")
+            raise SpatialDynError(
+                f"{name} has the eigenvalue {least:.6g}, expected {'above 0' if strict else '0 or more'}"
+            )
         weights.append(x)
     if not (np.isfinite(a).all() and np.isfinite(b).all()):
         raise NonFiniteError("A or B has numbers that are not finite, expected finite ones")

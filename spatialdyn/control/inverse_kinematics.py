@@ -137,7 +137,9 @@ def _targets(model: Model, targets: Any) -> tuple[tuple[Any, ...], Array, tuple[
             R = x[..., :3, :3]
             off = abs(R @ np.swapaxes(R, -1, -2) - np.eye(3)).max(initial=0.0)
             if off > RIGID or (np.linalg.det(R) < 0.0).any():
-                raise SpatialDynError(f"target of {name} has a rotation whose rows are off by {off:.2g}, expected a pose")
+                raise SpatialDynError(
+                    f"target of {name} has a rotation whose rows are off by {off:.2g}, expected a pose"
+                )
             poses.append(x)
         elif x.shape[-1:] == (3,):
             pose = np.zeros((*x.shape[:-1], 4, 4))
@@ -184,7 +186,9 @@ def _spec(sizes: tuple[int, ...]) -> Spec:
             J[ends[k] : ends[k + 1]] = evaluate(jacobian, rows, (6, n), given, None)[:size]
             distance, angle = (p, w) if k == 0 else (larger(distance, p), larger(angle, w))
         out[-2], out[-1] = distance, angle
-        damped_step(rows, q, lower, upper, J, e, np.zeros((m, m), object), np.zeros(m, object), np.zeros(n, object), out[:-2])
+        damped_step(
+            rows, q, lower, upper, J, e, np.zeros((m, m), object), np.zeros(m, object), np.zeros(n, object), out[:-2]
+        )
 
     named = zip(range(len(sizes)), sizes, strict=True)
     static = [

@@ -87,7 +87,9 @@ def gain_of(name: str, value: ArrayLike, size: int, least: float | None = 0.0) -
         found = np.linalg.eigvalsh(K)
     low = float(found.min(initial=np.inf))
     if low < 0.0 or (least is not None and low <= least):
-        raise SimulationError(f"{name} has the eigenvalue {low:.6g}, expected {'0 or more' if least is None else 'above 0'}")
+        raise SimulationError(
+            f"{name} has the eigenvalue {low:.6g}, expected {'0 or more' if least is None else 'above 0'}"
+        )
     return K
 
 
@@ -104,11 +106,15 @@ def _reference(path: Any, name: str = "path") -> tuple[Any, int]:
     if not np.isfinite(q).all():
         raise NonFiniteError(f"{name} is {q.tolist()}, expected finite numbers")
     if not q.ndim:
-        raise ShapeError(f"{name} has shape (), expected a Path, or positions (nq,), (steps, nq) or (samples, steps, nq)")
+        raise ShapeError(
+            f"{name} has shape (), expected a Path, or positions (nq,), (steps, nq) or (samples, steps, nq)"
+        )
     return {"q_ref": q}, q.shape[-1]
 
 
-def _two_gains(law: str, first: tuple[str, ArrayLike], second: tuple[str, ArrayLike], size: int) -> tuple[Spec, Array, Array]:
+def _two_gains(
+    law: str, first: tuple[str, ArrayLike], second: tuple[str, ArrayLike], size: int
+) -> tuple[Spec, Array, Array]:
     """The Spec of a law of two gains, and those."""
     one, two = gain_of(*first, size), gain_of(*second, size)
     return law_spec(law, _is_matrix(one), _is_matrix(two)), one, two

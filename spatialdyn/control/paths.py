@@ -153,7 +153,7 @@ class Path:
             return
         if len(self.values["centre"]) != model.nq or any(x.kind not in R1 for x in _own_rows(model)):
             raise SpatialDynError(
-                f'path has {len(self.values["centre"])} coordinates that are numbers, expected the {model.nq} of robot '
+                f"path has {len(self.values['centre'])} coordinates that are numbers, expected the {model.nq} of robot "
                 f'"{model.name}": make it with model=model'
             )
 

@@ -69,7 +69,9 @@ def test_two_frames_of_a_floating_robot_are_reached_together() -> None:
 def test_joints_that_mimic_others_move_with_them() -> None:
     solid = (1.0, (0.2, 0.0, 0.0), 0.01 * np.eye(3))
     builder = sd.ModelBuilder("finger").add_body("a", None, "revolute", (0, 1, 0), inertia=solid)
-    builder.add_body("b", "a", "revolute", (0, 1, 0), (0.4, 0, 0), solid, mimic={"leader": "a_joint", "multiplier": 0.5})
+    builder.add_body(
+        "b", "a", "revolute", (0, 1, 0), (0.4, 0, 0), solid, mimic={"leader": "a_joint", "multiplier": 0.5}
+    )
     model = builder.add_body("c", "b", "revolute", (0, 1, 0), (0.4, 0, 0), solid).build(mimic=True)
     goal = sd.frame_placement(model, [0.4, -0.2], "c")
     found = sd.solve_ik(model, {"c": goal})

@@ -10,7 +10,11 @@ import spatialdyn as sd
 
 def motion(dt: float, record: str | None = "work") -> sd.Trajectory:
     """An arm under a torque of time, with viscous friction."""
-    scene = sd.Scene(sd.load_urdf("two_link"), friction=sd.Friction(viscous=[0.5, 0.5], smoothing=[0.1, 0.1]), friction_method="smooth")
+    scene = sd.Scene(
+        sd.load_urdf("two_link"),
+        friction=sd.Friction(viscous=[0.5, 0.5], smoothing=[0.1, 0.1]),
+        friction_method="smooth",
+    )
     return sd.simulate(scene, [0.5, -0.3], [0.0, 0.0], 2.0, dt, "rk4", torque=[1.0, 0.5], record=record)
 
 

@@ -13,13 +13,17 @@ GAIN = 25.0  # 1/s
 def satellite(rotor: float | None = None) -> sd.Model:
     """A floating body with an arm of two joints."""
     solid = (1.0, (0.1, 0.2, 0.0), np.diag([0.1, 0.2, 0.15]))
-    builder = sd.ModelBuilder("satellite", "world").add_body("bus", None, "floating", inertia=(5.0, (0.1, 0, 0), np.eye(3)))
+    builder = sd.ModelBuilder("satellite", "world").add_body(
+        "bus", None, "floating", inertia=(5.0, (0.1, 0, 0), np.eye(3))
+    )
     geared = None if rotor is None else sd.Rotor(rotor, 50.0, (0.0, 0.6, 0.8))
     builder.add_body("upper", "bus", axis=(0, 1, 0), placement=(0.5, 0, 0), inertia=solid, rotor=geared)
     return builder.add_body("fore", "upper", axis=(1, 0, 1), placement=(0, 0.4, 0), inertia=solid).build()
 
 
-def pushed(model: sd.Model, q0: np.ndarray, h: float, push: np.ndarray, duration: float = 0.4) -> tuple[np.ndarray, np.ndarray]:
+def pushed(
+    model: sd.Model, q0: np.ndarray, h: float, push: np.ndarray, duration: float = 0.4
+) -> tuple[np.ndarray, np.ndarray]:
     """Residuals of a motion under a constant torque that the observer is not told of, and their times."""
     tau = 0.3 * np.ones(model.nv)
     run = sd.simulate(model, q0, np.zeros(model.nv), duration, h, "rk4", torque=tau + push)

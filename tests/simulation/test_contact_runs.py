@@ -115,7 +115,13 @@ def test_a_box_on_four_corners_creeps_below_32_micrometres_a_second() -> None:
 def test_a_quadruped_stands_on_its_weight_and_its_feet_do_not_creep(robot: Any) -> None:
     model, contacts, q0 = robot
     run = sd.rollout(
-        sd.Scene(model, contacts=contacts), q0, np.zeros(18), dt=DT, steps=2000, control=hold(model, q0), record="contacts"
+        sd.Scene(model, contacts=contacts),
+        q0,
+        np.zeros(18),
+        dt=DT,
+        steps=2000,
+        control=hold(model, q0),
+        record="contacts",
     )
     record = run.contacts
     weight = record.impulse[-500:, :, 2].sum(axis=1).mean() / DT

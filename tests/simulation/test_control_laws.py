@@ -473,7 +473,9 @@ def test_two_states_of_one_name_are_refused(arm: sd.Model) -> None:
             control=sd.Control(spec),
         )
     hold: dict[str, Any] = {"pd": sd.PD([0.0] * 3, [0.0] * 3, [0.0] * 3)}
-    with pytest.raises(sd.SimulationError, match=r"pd is given, expected sd\.rollout\(..., control=sd\.PD\(kp, kd, q_ref"):
+    with pytest.raises(
+        sd.SimulationError, match=r"pd is given, expected sd\.rollout\(..., control=sd\.PD\(kp, kd, q_ref"
+    ):
         sd.rollout(arm, [0.0] * 3, [0.0] * 3, dt=1e-3, steps=2, **hold)
 
 

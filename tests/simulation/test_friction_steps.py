@@ -322,7 +322,9 @@ COUNTS = {  # mul, add, div of a step without friction, as before there was any
 
 @pytest.mark.parametrize(("method", "law"), COUNTS)
 def test_friction_that_is_not_asked_for_costs_no_operation(arm: sd.Model, method: str, law: bool) -> None:
-    counts = recording.record(step_specs(method, (Feedback(law_spec("pd"), True),) if law else ()), arm.bodies).program.operations
+    counts = recording.record(
+        step_specs(method, (Feedback(law_spec("pd"), True),) if law else ()), arm.bodies
+    ).program.operations
     assert tuple(counts[x] for x in ("mul", "add", "div")) <= COUNTS[method, law]
     assert counts["exp"] == counts["select"] == 0
 

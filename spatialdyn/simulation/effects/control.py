@@ -147,12 +147,22 @@ class Control:
         """
         n = check_model(model).nv
         if self.axes(model):
-            raise SimulationError(f"values of {', '.join(self.axes(model))} have axes of steps, expected none in a call")
+            raise SimulationError(
+                f"values of {', '.join(self.axes(model))} have axes of steps, expected none in a call"
+            )
         when, zero = as_array("t", t), np.zeros(n)
-        given = {Q.name: as_array("q", q), V.name: as_array("v", v), TAU.name: as_array("tau", zero if tau is None else tau)}
+        given = {
+            Q.name: as_array("q", q),
+            V.name: as_array("v", v),
+            TAU.name: as_array("tau", zero if tau is None else tau),
+        }
         given[DT.name] = np.ones(1)
         for x in self.spec.states:
-            start = when[..., None] if x.name == CLOCK.name else np.full(core_shape(model, x, self.static), float(x.start or 0))
+            start = (
+                when[..., None]
+                if x.name == CLOCK.name
+                else np.full(core_shape(model, x, self.static), float(x.start or 0))
+            )
             given[x.name] = as_array(x.name, (states or {}).get(x.name, start))
         cores = {x.name: core_shape(model, x, self.static) for x in self.spec.present if x.name in given}
         cores |= {Q.name: (model.nq,), V.name: (n,), TAU.name: (n,), DT.name: (1,)}
@@ -222,7 +232,11 @@ def check_law(control: Control | None, method: str) -> None:
         return
     ends = len(control.spec.states) - len(moved_states(control.spec))
     if control.held or ends or begun_of(control.spec):
-        which = "is held over a step" if control.held or begun_of(control.spec) else "has states that change at the end of a step"
+        which = (
+            "is held over a step"
+            if control.held or begun_of(control.spec)
+            else "has states that change at the end of a step"
+        )
         raise SimulationError(
             f'control "{control.spec.name}" {which}, expected a fixed step for it: {", ".join(EXPLICIT_METHODS)}'
         )
@@ -368,7 +382,9 @@ def _torque(spec: Spec) -> Spec:
     early = begun_of(spec)
     inputs = tuple(replace(x, unit_norm=False, optional=False) for x in spec.present if x.name not in early)
     known = {x.name for x in inputs}
-    inputs += tuple(replace(x, unit_norm=False) for x in (Q, V, TAU) if x.name in early.values() and x.name not in known)
+    inputs += tuple(
+        replace(x, unit_norm=False) for x in (Q, V, TAU) if x.name in early.values() and x.name not in known
+    )
 
     def recursion(rows: Any, *arrays: Any) -> None:
         given = {(x.name if x.name in OF_STEP else OWN_INPUT + x.name): y for x, y in zip(inputs, arrays, strict=False)}
