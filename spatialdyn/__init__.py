@@ -88,9 +88,9 @@ if TYPE_CHECKING:
     )
     from .constraints.table import Constraints
     from .control.gains import (
+        LQR,
         ClosedStep,
         Gains,
-        LQR,
         closed_step,
         critical_gains,
         gravity_stiffness_bound,
@@ -98,7 +98,7 @@ if TYPE_CHECKING:
         lqr,
     )
     from .control.inverse_kinematics import IKResult, solve_ik
-    from .control.laws import ComputedTorque, EnergyShaping, Gravity, PD, PDGravity, PDPlus, Passivity, StateFeedback
+    from .control.laws import PD, ComputedTorque, EnergyShaping, Gravity, Passivity, PDGravity, PDPlus, StateFeedback
     from .control.monitors import LyapunovRecord, PassivityRecord, lyapunov, passivity
     from .control.observers import (
         ContactWrench,
@@ -182,7 +182,8 @@ _LATE = {  # {module: public names}, imported when one is asked for: half the ti
     "constraints.loops": "Mobility close_loops independent_joints mobility project_configuration project_velocity",
     "constraints.table": "Constraints",
     "control.inverse_kinematics": "IKResult solve_ik",
-    "control.observers": "ContactWrench MomentumObserver base_velocity contact_wrench detection_thresholds momentum_observer_step",
+    "control.observers": "ContactWrench MomentumObserver base_velocity contact_wrench detection_thresholds "
+    "momentum_observer_step",
     "control.laws": "ComputedTorque EnergyShaping Gravity PD PDGravity PDPlus Passivity StateFeedback",
     "control.gains": "ClosedStep Gains LQR closed_step critical_gains gravity_stiffness_bound largest_step lqr",
     "control.monitors": "LyapunovRecord PassivityRecord lyapunov passivity",

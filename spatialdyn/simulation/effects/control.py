@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Any
@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ...calls.arguments import as_array, as_flag, as_number, broadcast, check_model, core_shape
+from ...calls.arguments import as_array, as_number, broadcast, check_model, core_shape
 from ...engines.programs import batch_kernels, recording, structure
 from ...engines.programs.recording import Recording
 from ...errors import NonFiniteError, ShapeError, SimulationError
@@ -30,18 +30,32 @@ from .composed_laws import CLOCK, LIMITS, PERIOD, limited, sampled, total
 from .effect import Effect
 from .law_specs import (
     AFTER as AFTER,
+)
+from .law_specs import (
     OF_STEP as OF_STEP,
+)
+from .law_specs import (
     OWN_INPUT as OWN_INPUT,
+)
+from .law_specs import (
     Law,
     begun_of,
     check_parts,
-    check_recordable as check_recordable,
-    evaluated as evaluated,
     inputs_of,
-    law_on as law_on,
     moved_states,
-    static_rows,
     states_of,
+    static_rows,
+)
+from .law_specs import (
+    check_recordable as check_recordable,
+)
+from .law_specs import (
+    evaluated as evaluated,
+)
+from .law_specs import (
+    law_on as law_on,
+)
+from .law_specs import (
     with_values as with_values,
 )
 
@@ -166,17 +180,17 @@ class Control:
             given[x.name] = as_array(x.name, (states or {}).get(x.name, start))
         cores = {x.name: core_shape(model, x, self.static) for x in self.spec.present if x.name in given}
         cores |= {Q.name: (model.nq,), V.name: (n,), TAU.name: (n,), DT.name: (1,)}
-        for name, x in given.items():
-            if x.shape[x.ndim - len(cores[name]) :] != cores[name]:
-                raise ShapeError(f"{name} has shape {x.shape}, expected (..., {', '.join(map(str, cores[name]))})")
-            if not np.isfinite(x).all():
+        for name, y in given.items():
+            if y.shape[y.ndim - len(cores[name]) :] != cores[name]:
+                raise ShapeError(f"{name} has shape {y.shape}, expected (..., {', '.join(map(str, cores[name]))})")
+            if not np.isfinite(y).all():
                 raise NonFiniteError(f"{name} has numbers that are not finite, expected finite ones")
-        leads = {name: x.shape[: x.ndim - len(cores[name])] for name, x in given.items()}
+        leads = {name: y.shape[: y.ndim - len(cores[name])] for name, y in given.items()}
         batch = broadcast(["t", *leads], [when.shape, *leads.values()])
         size = math.prod(batch)
-        rows = {name: np.broadcast_to(x, batch + cores[name]).reshape(size, -1) for name, x in given.items()}
-        for name, x in self.rows(model, 1, 1).items():
-            rows[name.removeprefix(OWN_INPUT)] = np.broadcast_to(x[0], (size, x.shape[2]))
+        rows = {name: np.broadcast_to(y, batch + cores[name]).reshape(size, -1) for name, y in given.items()}
+        for name, y in self.rows(model, 1, 1).items():
+            rows[name.removeprefix(OWN_INPUT)] = np.broadcast_to(y[0], (size, y.shape[2]))
         return _torques_of(self, model, rows, size).reshape(*batch, n)
 
     def axes(self, model: Model) -> dict[str, tuple[int, ...]]:
