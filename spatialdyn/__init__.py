@@ -191,7 +191,8 @@ _LATE = {  # {module: public names}, imported when one is asked for: half the ti
     "constraints.loops": "Mobility close_loops independent_joints mobility project_configuration project_velocity",
     "constraints.table": "Constraints",
     "control.inverse_kinematics": "IKResult solve_ik",
-    "control.observers": "ContactWrench MomentumObserver base_velocity contact_wrench detection_thresholds momentum_observer_step",
+    "control.observers": "ContactWrench MomentumObserver base_velocity contact_wrench detection_thresholds "
+    "momentum_observer_step",
     "control.laws": "ComputedTorque EnergyShaping Gravity PD PDGravity PDPlus Passivity StateFeedback",
     "control.gains": "ClosedStep Gains LQR closed_step critical_gains gravity_stiffness_bound largest_step lqr",
     "control.monitors": "LyapunovRecord PassivityRecord lyapunov passivity",

@@ -37,11 +37,12 @@ BELOW: dict[str, tuple[str, ...]] = {
     "interop": ("calls",),
     "simulation": ("lagrangian", "constraints", "actuation"),
     "sources": ("calls", "urdf"),
+    "control": ("simulation",),
     "accuracy": ("simulation",),
     "validate": ("interop", "urdf"),
-    "pictures": ("validate", "accuracy"),
+    "pictures": ("validate", "accuracy", "control"),
     "compat": ("pictures", "accuracy", "interop", "urdf", "sources"),
-    "__init__": ("accuracy", "validate", "pictures", "sources"),
+    "__init__": ("accuracy", "control", "validate", "pictures", "sources"),
     "examples": ("__init__", "compat"),
     "commands": ("examples",),
     "__main__": ("commands",),
@@ -59,7 +60,7 @@ LOOSE = {"__init__", "__main__", "errors"}  # the only modules at the package's 
 # Imports that go up nonetheless, made by a function when it is called.
 UPWARD: dict[tuple[str, str], str] = {
     (room, "pictures"): "methods that draw"
-    for room in ("calls", "model", "lagrangian", "simulation", "accuracy", "validate")
+    for room in ("calls", "model", "lagrangian", "simulation", "control", "accuracy", "validate")
 } | {("calls", "interop"): "methods that hand a program to another framework"}
 # Functions below ``pictures`` that draw: each is a docstring, one import from there, and one call.
 DRAW: dict[str, set[str]] = {
@@ -69,6 +70,8 @@ DRAW: dict[str, set[str]] = {
     "simulation.rollout_result": {"plot", "_repr_html_"},
     "simulation.ledger": {"plot"},
     "calls.progress": {"bar"},
+    "control.paths": {"plot"},
+    "control.monitors": {"plot"},
     "accuracy.requirement": {"plot", "_repr_html_"},
     "accuracy.results": {"plot", "report", "_repr_html_"},
     "accuracy.findings": {"report", "_repr_html_"},
@@ -87,7 +90,7 @@ SHARED = {
     "spec", "energy", "rnea", "crba", "aba", "coriolis", "hamilton", "kinematics", "centroidal", "ltdl", "derivatives",
     "square_root_rows", "square_root_inertia", "configuration_off_norm", "rnea_off_norm", "steps", "signatures",
     "constraint_rows", "dense", "rotors", "constrained", "coulomb_cone", "friction", "configuration", "contact_rows",
-    "aba_motors", "impulses",
+    "aba_motors", "impulses", "paths",
 }  # fmt: skip
 TOUCH_FILES = {"urdf", "sources", "engines", "pictures"}  # the last reads meshes and writes pages
 # themselves, a script, and loops in TOML; one reads an environment variable

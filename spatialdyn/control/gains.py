@@ -168,8 +168,8 @@ class ClosedStep(NamedTuple):
         """Raise SimulationError naming the joint if errors grow."""
         if self.radius > 1.0 + 1e-6:
             raise SimulationError(
-                f'errors grow by {self.radius:.6g} in a step, most in joint "{self.joint}", expected at most 1: smaller '
-                "gains there, or a smaller dt"
+                f'errors grow by {self.radius:.6g} in a step, most in joint "{self.joint}", expected at most 1: '
+                "smaller gains there, or a smaller dt"
             )
 
 

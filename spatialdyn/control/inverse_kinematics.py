@@ -74,8 +74,8 @@ def solve_ik(
     all_solutions  whether every start is tried, and all distinct configurations that they find are returned
 
     Damped Gauss-Newton steps on the joints' group, the targets side by side on SIMD lanes; a start whose residual no
-    longer falls is given up. What a target gets does not depend on the others beside it. Redundant robots have infinitely
-    many solutions, of which a few are found. For whole tasks with priorities, velocity limits and collisions see pink
+    longer falls is given up. What a target gets does not depend on the others. Redundant robots have infinitely many
+    solutions, of which a few are found. For whole tasks with priorities, velocity limits and collisions see pink
     (pip install pin-pink) or mink.
 
     Returns IKResult.

@@ -79,12 +79,12 @@ def gain_of(name: str, value: ArrayLike, size: int, least: float | None = 0.0) -
         K = np.full(size, float(K))
     if K.ndim == 0 or K.ndim > 3:
         raise ShapeError(f"{name} has shape {K.shape}, expected (nv,) or (nv, nv)")
-    found = K
+    found: Array = K
     if K.ndim == 2 and K.shape[0] == K.shape[1] and K.shape[0] > 1:
         off = abs(K - K.T).max()
         if off > ROUNDING * abs(K).max():
             raise SimulationError(f"{name} is not symmetric, by up to {off:.3g}, expected a symmetric matrix")
-        found = np.linalg.eigvalsh(K)
+        found = np.asarray(np.linalg.eigvalsh(K), np.float64)
     low = float(found.min(initial=np.inf))
     if low < 0.0 or (least is not None and low <= least):
         raise SimulationError(
@@ -98,7 +98,7 @@ def _is_matrix(K: Array) -> bool:
 
 
 def _reference(path: Any, name: str = "path") -> tuple[Any, int]:
-    """A Path, or arrays by name; and nv, 0 if it cannot be told."""
+    """A Path, or arrays by name; and nv, 0 if it does not follow from them."""
     if isinstance(path, Path):
         table = path._table
         return path, table.nv

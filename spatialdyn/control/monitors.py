@@ -1,4 +1,4 @@
-"""Monitors: whether a motion kept what theory says of its energy or of a Lyapunov function, and by how much it missed."""
+"""Monitors: whether a motion kept what theory says of its energy or of a Lyapunov function, and by how much not."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class PassivityRecord:
     dt: float
 
     def __repr__(self) -> str:
-        return f"<PassivityRecord: largest excess {self.worst:.3g} J at t = {self.at:g} s, error of steps {self.error:.3g} J>"
+        return f"<PassivityRecord: largest excess {self.worst:.3g} J at t = {self.at:g} s, of steps {self.error:.3g} J>"
 
     @property
     def dissipated(self) -> Array:

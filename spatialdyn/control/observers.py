@@ -162,8 +162,8 @@ def detection_thresholds(residuals: ArrayLike, sigmas: float = 6.0) -> Array:
 class ContactWrench(NamedTuple):
     """A wrench on a frame.
 
-    wrench   (..., 6)  force and torque at the frame's origin, in its axes [N | N m]: of those that give the residual the
-             least, in the metric of lengths
+    wrench   (..., 6)  force and torque at the frame's origin, in its axes [N | N m]: the least of those that
+             give the residual, in the metric of lengths
     rank     (...)     how many of its six directions the joints can tell
     missing  (..., 6, 6)  rows: directions that they cannot, the others 0
     error    (..., nv) torques that no wrench on this frame explains [N m | N]
@@ -184,8 +184,8 @@ def contact_wrench(
     least     whether the least wrench is wanted where the joints cannot tell all six directions of it
     length    [m]  by which torques are compared with forces
 
-    Raises  ConstraintError where fewer than six directions can be told and ``least`` is not given, naming them;
-            ModelError, ShapeError
+    Raises  ConstraintError where the joints determine fewer than six directions and ``least`` is not given, with
+            their names; ModelError, ShapeError
 
     >>> import numpy as np, spatialdyn as sd
     >>> model, q = sd.load_urdf("ur5"), [0.1, -1.0, 1.2, 0.3, 0.5, 0.2]

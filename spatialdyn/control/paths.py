@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import lru_cache
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -107,7 +108,7 @@ class Path:
         plain = all(x.kind in R1 for x in self._table.bodies[1:])
         if "times" not in self.values or not plain:
             ends = self.values.get("times", np.array([0.0, self.duration]))
-            grid = np.concatenate([np.linspace(a, b, SAMPLES) for a, b in zip(ends[:-1], ends[1:], strict=True)])
+            grid = np.concatenate([np.linspace(a, b, SAMPLES) for a, b in pairwise(ends)])
             q, v, a = self(grid)
             return PathPeaks(abs(v).max(0), abs(a).max(0), q.min(0), q.max(0))
         centre, times = self.values["centre"], self.values["times"]
@@ -119,8 +120,8 @@ class Path:
         for i in range(len(centre)):
             for order in range(3):
                 segments = zip(c[:, i], np.diff(times), strict=True)
-                ends = [_range(x, h, order) for x, h in segments]
-                found[order, :, i] = min(x for x, _ in ends), max(x for _, x in ends)
+                spans = [_range(x, h, order) for x, h in segments]
+                found[order, :, i] = min(x for x, _ in spans), max(x for _, x in spans)
         widest = abs(found).max(1)
         return PathPeaks(widest[1], widest[2], centre + found[0, 0], centre + found[0, 1])
 

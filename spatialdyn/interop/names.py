@@ -108,6 +108,11 @@ NAMES: dict[str, Aliases] = {
         "ik inverse_kinematics compute_ik clik", "", "", "ikine ikine_LM ikine_GN ikine_NR",
         "InverseKinematics", "calculateInverseKinematics"
     ),
+    "PD": Aliases("pid pd pd_control pd_controller controller joint_control"),
+    "ComputedTorque": Aliases("computed_torque inverse_dynamics_control feedback_linearization"),
+    "Passivity": Aliases("slotine_li passivity_based"),
+    "lqr": Aliases("dlqr riccati care dare"),
+    "MomentumObserver": Aliases("momentum_observer disturbance_observer collision_detection contact_observer"),
     "spline": Aliases("splines trajectory cubic_spline waypoints trajectory_generation", "", "", "mstraj"),
     "quintic": Aliases("minimum_jerk min_jerk", "", "", "jtraj"),
     "trapezoid": Aliases("trapezoidal trapezoidal_profile velocity_profile", "", "", "mtraj"),
@@ -117,10 +122,9 @@ NAMES: dict[str, Aliases] = {
 }  # fmt: skip
 
 EXAMPLES: dict[str, str] = {  # of the gallery: words for what it shows that no call does
-    "cart_pole_lqr": "lqr dlqr riccati cart_pole",
+    "cart_pole_lqr": "cart_pole",
     "ilqr": "ilqr ddp trajopt trajectory_optimization optimal_control",
     "mppi_on_lanes": "mppi mpc",
-    "pd_with_gravity": "pid pd pd_control pd_controller computed_torque controller",
     "gravity_compensation": "gravity_compensation",
     "payload_identification": "identify identification parameter_identification system_identification sysid",
     "gradient_of_a_design": "grad gradient gradients autodiff autograd",

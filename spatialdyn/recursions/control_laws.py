@@ -8,17 +8,18 @@ computed torque   τ = M (a_d + Kp e + Kd (v_d - v)) + C v + g
 passivity-based   τ = M a_r + C(q, v) v_r + g - K s,   v_r = v_d + Λ e,  a_r = a_d + Λ (v_d - v),  s = v - v_r
 state feedback    τ = τ₀ - K (q ⊖ q_d, v - v_d)
 
-Each is one Newton-Euler recursion at most, of what its line needs: M, C and g are never formed. Gains are vectors, for a
-diagonal, or matrices. e is a twist in each joint's own body's frame, v_d is taken as one in the same frame: the errors'
+Each is one Newton-Euler recursion at most, of what its line needs: M, C and g are never formed. Gains are vectors, for
+a diagonal, or matrices. e is a twist in each joint's own body's frame, v_d is taken as one in the same frame: the errors'
 equations above are exact where coordinates are numbers, and to first order in e on groups.
 
-Sources: Paden and Panja, Globally asymptotically stable PD+ controller (1988); Slotine and Li, On the adaptive control of
-robot manipulators (1987), without adaptation; Spong, Hutchinson and Vidyasagar, Robot Modeling and Control (2006), ch. 8.
+Sources: Paden and Panja, Globally asymptotically stable PD+ controller (1988); Slotine and Li, On the adaptive control
+of robot manipulators (1987), without adaptation; Spong, Hutchinson, Vidyasagar, Robot Modeling and Control (2006).
 """
 
 from __future__ import annotations
 
 from functools import cache
+from typing import Any
 
 from ..algebra.scalars import Scalar, inline, sin
 from .configuration import difference
@@ -167,7 +168,7 @@ def law_spec(name: str, position: bool = False, velocity: bool = False) -> Spec:
     first = Argument("kp", MATRIX if position else DIAGONAL, unit[0], "gains of position")
     second = Argument("kd", MATRIX if velocity else DIAGONAL, unit[1], "gains of velocity")
     rows = (("nv",),) * 5
-    kinds = {
+    kinds: dict[str, tuple[Any, ...]] = {
         "pd": (pd, None, (first, second, Q_REF, V_REF), 2, "PD."),
         "pd_gravity": (pd_gravity, WORK, (first, second, Q_REF), 2, "PD with gravity."),
         "cosine_shaping": (cosine_shaping, WORK, (first, second, Q_REF), 2, "Energy shaping by cosines."),

@@ -1,8 +1,8 @@
 """The momentum observer: the torque of what is not modelled, from positions, velocities and motor torques alone.
 
 r = K (p - p₀ - ∫ (β + r) dt) with p = M v and β = τ + Cᵀ v - g, the rate that p has without it, so ṙ = K (τ_ext - r):
-the torque of contacts, filtered, without accelerations and without M⁻¹. Discretized by the trapezoidal rule, implicit in
-r, with z = p₀ + ∫ (β + r) dt:
+the torque of contacts, filtered, without accelerations and without M⁻¹. Discretized by the trapezoidal rule, implicit
+in r, with z = p₀ + ∫ (β + r) dt:
 
     s = z + ½h (β + β⁺),    r⁺ = K (p⁺ - s - ½h r) / (1 + ½h K),    z⁺ = s + ½h (r + r⁺).
 

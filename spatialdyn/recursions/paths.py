@@ -48,7 +48,7 @@ def timed_path(
     bodies: Bodies, clock: Vector, centre: Config, way: Vector, times: Vector, scale: Matrix, q: Config, v: Vector,
     a: Vector, rows: Matrix,
 ) -> None:  # fmt: skip
-    """u = s(t) way, with s of piecewise polynomials of ``scale`` (segments, powers): one direction, all joints in step."""
+    """u = s(t) way, with s of piecewise polynomials of ``scale`` (segments, powers): one direction for all joints."""
     t, s, live = in_segment(clock[0], times)
     x, dx, ddx = polynomial(scale, times, t, s)
     dx, ddx = live * dx, live * ddx

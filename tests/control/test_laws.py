@@ -201,7 +201,7 @@ def test_limits_clip_the_sum(arm: sd.Model) -> None:
     run = sd.rollout(arm, q, v, dt=1e-3, steps=5, control=law.limited_by(most))
     first = sd.step(arm, q, v, np.clip(whole, -most, most), 1e-3)
     assert abs(run.q[0] - first[0]).max() < ROUNDING
-    with pytest.raises(sd.SimulationError, match="limits is .* expected"):
+    with pytest.raises(sd.SimulationError, match=r"limits is .* expected"):
         law.limited_by([0.0, 1.0, 1.0])
 
 
@@ -233,7 +233,7 @@ def test_references_may_vary_by_sample_and_step(arm: sd.Model) -> None:
 def test_gains_that_are_none_are_refused_by_their_eigenvalue(arm: sd.Model) -> None:
     path = sd.quintic([0.0] * N, [1.0] * N, 1.0)
     bad = np.diag([1.0, 2.0, -0.5])
-    with pytest.raises(sd.SimulationError, match="Kp has the eigenvalue -0.5, expected above 0"):
+    with pytest.raises(sd.SimulationError, match=r"Kp has the eigenvalue -0.5, expected above 0"):
         sd.ComputedTorque(bad, 1.0, path)
     with pytest.raises(sd.SimulationError, match="Kd is not symmetric, by up to 1, expected"):
         sd.PDPlus(1.0, np.eye(N) + np.eye(N, k=1), path)

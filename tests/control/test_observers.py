@@ -103,7 +103,7 @@ def test_what_joints_cannot_tell_is_named() -> None:
 
 def test_observers_refuse_what_is_none() -> None:
     model = sd.load_urdf("two_link")
-    with pytest.raises(sd.SpatialDynError, match="gain is .* expected finite numbers above 0"):
+    with pytest.raises(sd.SpatialDynError, match=r"gain is .* expected finite numbers above 0"):
         sd.MomentumObserver(model, [1.0, 0.0], 1e-3)
     with pytest.raises(sd.SpatialDynError, match="dt is -1"):
         sd.MomentumObserver(model, 1.0, -1)

@@ -118,9 +118,9 @@ def test_a_path_beyond_limits_is_refused_by_joint() -> None:
         "rod", None, limits=(-1.0, 1.0), velocity=2.0, inertia=(1.0, (0, 0, 1), np.eye(3))
     )
     model = builder.build()
-    with pytest.raises(sd.SpatialDynError, match='joint "rod.*" to 1.5, expected its limits, -1 to 1'):
+    with pytest.raises(sd.SpatialDynError, match=r'joint "rod.*" to 1.5, expected its limits, -1 to 1'):
         sd.quintic([0.0], [1.5], 1.0, model)
-    with pytest.raises(sd.SpatialDynError, match="at 3.75, expected at most 2"):
+    with pytest.raises(sd.SpatialDynError, match=r"at 3.75, expected at most 2"):
         sd.quintic([0.0], [1.0], 0.5, model)
     assert sd.quintic([0.0], [1.0], 0.5, model, limits=False).duration == 0.5
     sd.quintic([0.0], [1.0], 2.0, model)  # touches its limit
@@ -128,7 +128,7 @@ def test_a_path_beyond_limits_is_refused_by_joint() -> None:
 
 def test_paths_refuse_what_is_none() -> None:
     model = body()
-    with pytest.raises(sd.SpatialDynError, match="times is .* expected increasing"):
+    with pytest.raises(sd.SpatialDynError, match=r"times is .* expected increasing"):
         sd.spline([0.0, 0.0], [[1.0], [2.0]])
     with pytest.raises(sd.ShapeError, match=r"points has shape \(3, 1\)"):
         sd.spline([0.0, 1.0], [[1.0], [2.0], [3.0]])
@@ -141,9 +141,9 @@ def test_paths_refuse_what_is_none() -> None:
     with pytest.raises(sd.SpatialDynError, match="q1 is q0"):
         sd.trapezoid([0.0], [0.0], 1.0, 1.0)
     far = sd.integrate(model, sd.neutral(model), np.r_[np.zeros(3), 3.1, np.zeros(model.nv - 4)])
-    with pytest.raises(sd.SpatialDynError, match="turns joint .* by 3.1 rad"):
+    with pytest.raises(sd.SpatialDynError, match=r"turns joint .* by 3.1 rad"):
         sd.quintic(sd.neutral(model), far, 1.0, model)
-    with pytest.raises(sd.SpatialDynError, match='2 coordinates that are numbers, expected the .* "body"'):
+    with pytest.raises(sd.SpatialDynError, match=r'2 coordinates that are numbers, expected the .* "body"'):
         sd.quintic([0.0, 0.0], [1.0, 1.0], 1.0).check_model(model)
     with pytest.raises(sd.SpatialDynError, match='path is of robot "body", expected one of "two_link"'):
         sd.quintic(sd.neutral(model), sd.neutral(model), 1.0, model).check_model(sd.load_urdf("two_link"))

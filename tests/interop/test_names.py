@@ -36,6 +36,8 @@ def test_suggested_names_exist_and_no_name_leads_two_ways() -> None:
         ("jacob0", "frame_jacobian"),
         ("inverse_dynamics", "rnea"),
         ("ik", "solve_ik"),
+        ("dlqr", "lqr"),
+        ("pid", "PD"),
         ("inverse_kinematics", "solve_ik"),
         ("trajectory", "spline"),
         ("jtraj", "quintic"),
@@ -50,8 +52,6 @@ def test_names_of_other_libraries_lead_to_ours(name: str, ours: str) -> None:
 @pytest.mark.parametrize(
     ("name", "hint"),
     [
-        ("lqr", "see `spatialdyn example cart_pole_lqr`"),
-        ("pid", "see `spatialdyn example pd_with_gravity`"),
         ("identify", "see `spatialdyn example payload_identification`"),
         ("collision", "no shapes are here to collide; Pinocchio with coal, or MuJoCo, finds collisions"),
         ("planner", "paths are not planned here; OMPL finds them, and spline joins their points"),

@@ -210,7 +210,7 @@ def test_a_state_that_blows_up_is_named_or_nan(arm: sd.Model) -> None:
         ({"dt": True}, sd.SimulationError, "dt is True"),
         ({"method": ["rk4"]}, sd.SpatialDynError, r"method is \['rk4'\]"),
         ({"dtype": "double precision"}, sd.SimulationError, "dtype is 'double precision'"),
-        ({"pd": (1.0, 1.0, 0.0)}, sd.SimulationError, "pd is a tuple"),
+        ({"control": (1.0, 2.0)}, sd.SimulationError, "control is \\(1.0, 2.0\\), expected a Control"),
         ({"record": 0}, sd.SimulationError, "record is 0"),
         ({"tau": np.zeros((7, 3))}, sd.ShapeError, "numbers of steps differ: tau 7, argument steps 5, expected one"),
         ({"tau": np.zeros((4, 5, 3))}, sd.ShapeError, r"q0 \(3,\), v0 \(3,\), tau \(4,\)"),

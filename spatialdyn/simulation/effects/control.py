@@ -180,17 +180,17 @@ class Control:
             given[x.name] = as_array(x.name, (states or {}).get(x.name, start))
         cores = {x.name: core_shape(model, x, self.static) for x in self.spec.present if x.name in given}
         cores |= {Q.name: (model.nq,), V.name: (n,), TAU.name: (n,), DT.name: (1,)}
-        for name, x in given.items():
-            if x.shape[x.ndim - len(cores[name]) :] != cores[name]:
-                raise ShapeError(f"{name} has shape {x.shape}, expected (..., {', '.join(map(str, cores[name]))})")
-            if not np.isfinite(x).all():
+        for name, y in given.items():
+            if y.shape[y.ndim - len(cores[name]) :] != cores[name]:
+                raise ShapeError(f"{name} has shape {y.shape}, expected (..., {', '.join(map(str, cores[name]))})")
+            if not np.isfinite(y).all():
                 raise NonFiniteError(f"{name} has numbers that are not finite, expected finite ones")
-        leads = {name: x.shape[: x.ndim - len(cores[name])] for name, x in given.items()}
+        leads = {name: y.shape[: y.ndim - len(cores[name])] for name, y in given.items()}
         batch = broadcast(["t", *leads], [when.shape, *leads.values()])
         size = math.prod(batch)
-        rows = {name: np.broadcast_to(x, batch + cores[name]).reshape(size, -1) for name, x in given.items()}
-        for name, x in self.rows(model, 1, 1).items():
-            rows[name.removeprefix(OWN_INPUT)] = np.broadcast_to(x[0], (size, x.shape[2]))
+        rows = {name: np.broadcast_to(y, batch + cores[name]).reshape(size, -1) for name, y in given.items()}
+        for name, y in self.rows(model, 1, 1).items():
+            rows[name.removeprefix(OWN_INPUT)] = np.broadcast_to(y[0], (size, y.shape[2]))
         return _torques_of(self, model, rows, size).reshape(*batch, n)
 
     def axes(self, model: Model) -> dict[str, tuple[int, ...]]:
