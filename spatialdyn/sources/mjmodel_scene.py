@@ -18,6 +18,7 @@ from .mjmodel_values import FREE, KINDS, active_couplers, couplers, floats_of, n
 Array = NDArray[np.float64]
 Tree = Any  # of ``mjmodel``, which imports this module
 SOFT = "solref and solimp of equalities and contacts, which make them soft, are left out: here they are rigid"
+SHAPES = {2: 0, 3: 1, 6: 2}  # mjtGeom of a sphere, a capsule, a box: which of a body's shapes come first
 MOST = 6  # names that a note lists
 
 
@@ -207,11 +208,13 @@ def _motor(m: Any, tree: Tree) -> dict[str, Any]:
 def _feet(m: Any, tree: Tree) -> dict[str, Any]:
     """Contacts of the last bodies of robots that float with a plane of the world; a note where the file has no plane.
 
-    A sphere is its own contact, a capsule has one at each end, a box the four corners that are lowest at qpos0.
+    A sphere is its own contact, a capsule has one at each end, a box the four corners that are lowest at qpos0. Of a
+    body with several kinds the first of these counts: a ball foot, not the shank above it.
     """
     import mujoco
 
-    planes = [g for g in range(m.ngeom) if m.geom_bodyid[g] == 0 and int(m.geom_type[g]) == mujoco.mjtGeom.mjGEOM_PLANE]
+    fixed = [g for g in range(m.ngeom) if m.geom_bodyid[g] == 0]
+    planes = [g for g in fixed if int(m.geom_type[g]) == int(mujoco.mjtGeom.mjGEOM_PLANE)]
     ground = planes[0] if planes else None
     up = np.array([0.0, 0.0, 1.0]) if ground is None else turned(m.geom_quat[ground])[:, 2]
     data = mujoco.MjData(m)
@@ -220,12 +223,16 @@ def _feet(m: Any, tree: Tree) -> dict[str, Any]:
     radii: dict[str, float] = {}
     friction: dict[str, float] = {}
     other: list[str] = []
-    for g in range(m.ngeom):
+    geoms = [g for g in range(m.ngeom) if int(m.geom_bodyid[g]) in last and _meets(m, g, ground)]
+    kinds = [SHAPES.get(int(m.geom_type[g]), len(SHAPES)) for g in geoms]
+    first: dict[int, int] = {}
+    for g, kind in zip(geoms, kinds, strict=True):
         body = int(m.geom_bodyid[g])
-        if body not in last or not _meets(m, g, ground):
-            continue
+        first[body] = min(kind, first.get(body, kind))
+    for g, kind in zip(geoms, kinds, strict=True):
+        body = int(m.geom_bodyid[g])
         name = name_of(m, mujoco.mjtObj.mjOBJ_GEOM, g) or f"{tree.link_of[body]}_geom{g}"
-        points = [*_spheres(m, g, data.xmat[body].reshape(3, 3).T @ up)]
+        points = [*_spheres(m, g, data.xmat[body].reshape(3, 3).T @ up)] if kind == first[body] else []
         if not points:
             other.append(name)
         for k, (p, radius) in enumerate(points):
@@ -236,7 +243,8 @@ def _feet(m: Any, tree: Tree) -> dict[str, Any]:
             slide = float(m.geom_friction[g][0])
             friction[f"link:{frame}"] = slide if ground is None else max(slide, float(m.geom_friction[ground][0]))
     if other:
-        tree.notes.append(f"shapes of feet {quoted(other, MOST)} are no spheres, capsules or boxes, and touch nothing")
+        listed = quoted(other, MOST)
+        tree.notes.append(f"shapes {listed} of last bodies touch nothing: others stand for those bodies")
     if len(planes) > 1:
         tree.notes.append(f"the world has {len(planes)} planes, of which the first is the ground")
     if not radii:

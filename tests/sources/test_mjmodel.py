@@ -231,12 +231,21 @@ def test_feet_touch_the_ground_of_the_file() -> None:
 BALL = f"""<mujoco><worldbody>{GROUND}<body><freejoint/><geom type="sphere" size=".1"/></body></worldbody></mujoco>"""
 
 
+def test_a_ball_foot_stands_for_its_leg() -> None:
+    """A shank or a box beside a sphere would be points that seldom touch, at the cost of those that do."""
+    shank = '<geom name="shank" type="capsule" size=".02" fromto="0 0 0 0 0 -.2" mass=".1"/><geom name="foot"'
+    model = sd.from_mjmodel(compiled(WALKER.format(ground=GROUND).replace('<geom name="foot"', shank)))
+    assert sd.Scene.of(model).contacts.names[0] == "link:foot_contact"
+    assert len(sd.Scene.of(model).contacts) == 5
+    assert 'shapes "shank" of last bodies touch nothing: others stand for those bodies' in model.notes
+
+
 def test_feet_without_a_ground_are_a_note() -> None:
     model = sd.from_mjmodel(compiled(WALKER.format(ground="")))
     assert sd.Scene.of(model).contacts is None
     (note,) = [x for x in model.notes if "has no ground" in x]
     points = re.search(r"sd\.Contacts\(model, (\{.*?)(, \.\.\.)?\}\)", note)[1] + "}"
-    assert len(sd.Contacts(model, eval(points))) == 4  # the note is a line to write
+    assert len(sd.Contacts(model, eval(points))) == 3  # the note is a line to write; where nothing is, all may touch
 
 
 def test_dc_motors_of_every_joint_act_in_the_scene() -> None:
