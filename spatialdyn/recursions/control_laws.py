@@ -9,7 +9,7 @@ passivity-based   τ = M a_r + C(q, v) v_r + g - K s,   v_r = v_d + Λ e,  a_r =
 state feedback    τ = τ₀ - K (q ⊖ q_d, v - v_d)
 
 Each is one Newton-Euler recursion at most, of what its line needs: M, C and g are never formed. Gains are vectors, for
-a diagonal, or matrices. e is a twist in each joint's own body's frame, v_d is taken as one in the same frame: the errors'
+a diagonal, or matrices. e is a twist in each joint's own body's frame, v_d is taken as one there: the errors'
 equations above are exact where coordinates are numbers, and to first order in e on groups.
 
 Sources: Paden and Panja, Globally asymptotically stable PD+ controller (1988); Slotine and Li, On the adaptive control

@@ -49,8 +49,7 @@ def called(spec: Spec, rows: Any, given: Mapping[str, Any], names: Mapping[str, 
         if x.name in names:
             inputs[OWN_INPUT + x.name] = at(names[x.name]) if x.name in states else given[names[x.name]]
     inputs |= {name: given[names.get(of, of) + BEGUN] for name, of in begun_of(spec).items()}
-    q, v, tau = (at(x.name) for x in STEP)
-    tau, made = law_on(spec, rows, inputs)(q, v, tau, {})
+    tau, made = law_on(spec, rows, inputs)(at(Q.name), at(V.name), at(TAU.name), {})
     return tau, {name.removeprefix(OWN_INPUT): x for name, x in made.items()}
 
 
