@@ -154,7 +154,9 @@ APART = {
     with_: {"self"},
     sd.Robot: {"notes", "source", "declared"},
 }  # a pitch is of a helical joint
-RESULTS = {sd.Option: {"run"}, sd.Tradeoff: {"further", "subject"}, sd.Recommendation: set()}  # made by calls
+RESULTS = {  # made by calls
+    sd.Option: {"run"}, sd.Tradeoff: {"further", "subject"}, sd.Recommendation: set(), sd.Requirement: {"embedding"},
+}  # fmt: skip
 FIELDS = [(make, field) for make, (_, others) in CASES.items() for field in others]
 
 

@@ -76,7 +76,7 @@ def solve_ik(
     Damped Gauss-Newton steps on the joints' group, the targets side by side on SIMD lanes; a start whose residual no
     longer falls is given up. What a target gets does not depend on the others. Redundant robots have infinitely many
     solutions, of which a few are found. For whole tasks with priorities, velocity limits and collisions see pink
-    (pip install pin-pink) or mink.
+    or mink.
 
     Returns IKResult.
     Raises  ModelError for an unknown frame; ShapeError, NonFiniteError; SpatialDynError for a target whose rotation is
