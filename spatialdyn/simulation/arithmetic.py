@@ -18,6 +18,8 @@ from ..engines.compiled import numba_kernels
 from ..engines.programs import tracer
 from ..engines.programs.mimic_rows import evaluate, rows_of
 from ..model.model import Model
+from ..recursions import SPECS
+from ..recursions.contact_rows import CONTACTS_ARGUMENT
 from ..recursions.spec import Spec, shape_in, sizes_of
 from .system import System, set_status
 
@@ -99,19 +101,42 @@ class Computed:
             finite = all(np.isfinite(x).all() for x in found.values())
             set_status(self.system, numba_kernels.OK if finite else numba_kernels.NONFINITE, self.t)
             return found
+        if spec is SPECS["crba"] or any(x.name == CONTACTS_ARGUMENT.name for x in spec.present):
+            return self._by_program(spec, known)
         own, kernel = self._kernel(spec, known)
-        tables = [(x, known[x.name].rows) for x in own.present if x.table is not None]
-        sizes = {"nv": self.model.nv, "nq": self.model.nq, "njoints": self.model.njoints}
-        for x, rows in tables:
-            sizes |= {name: int(rows[0][name]) for name in x.sizes}
-        out = np.empty(shape_in(own.output.shape, sizes))
+        sizes, out = self._sized(own, known)
         given = (self._passed(known[x.name]) for x in own.present)
         set_status(self.system, kernel(self.system.table, *given, out), self.t)
         return dict(zip(_names(own), own.split(out, sizes), strict=True))
 
+    def _by_program(self, spec: Spec, known: Mapping[str, Any]) -> dict[str, Any]:
+        """The same as calls answer: contacts as a table kernel take a minute to compile, as a program milliseconds."""
+        # crba too, which only steps of floating and planar joints with impulses take
+        own = numba_kernels.variant(spec, self._optional(spec, known))
+        sizes, out = self._sized(own, known)
+        given = [x for x in own.present if not x.static]
+        inputs = [np.asarray(known[x.name], np.float64)[None] for x in given]
+        static = tuple(known[x.name] for x in own.present if x.static)
+        failed = run.batch(own, self.model, inputs, static, out[None], seen=False)
+        set_status(self.system, int(failed.status[0]) if len(failed.samples) else numba_kernels.OK, self.t)
+        return dict(zip(_names(own), own.split(out, sizes), strict=True))
+
+    def _sized(self, own: Spec, known: Mapping[str, Any]) -> tuple[dict[str, int], Array]:
+        """The sizes of a call, and space for what it gives."""
+        sizes = {"nv": self.model.nv, "nq": self.model.nq, "njoints": self.model.njoints}
+        for x in own.present:
+            if x.table is not None:
+                sizes |= {name: int(known[x.name].rows[0][name]) for name in x.sizes}
+        return sizes, np.empty(shape_in(own.output.shape, sizes))
+
+    @staticmethod
+    def _optional(spec: Spec, known: Mapping[str, Any]) -> frozenset[str]:
+        """The optional inputs that are there."""
+        return frozenset(x.name for x in spec.present if x.optional and known.get(x.name) is not None)
+
     def _kernel(self, spec: Spec, known: Mapping[str, Any]) -> tuple[Spec, Callable[..., int]]:
         """The Spec with the optional inputs that are there, and its kernel."""
-        present = frozenset(x.name for x in spec.present if x.optional and known.get(x.name) is not None)
+        present = self._optional(spec, known)
         if (spec, present) not in self._kernels:
             own = numba_kernels.variant(spec, present)
             self._kernels[spec, present] = own, numba_kernels.sample_kernel(own)

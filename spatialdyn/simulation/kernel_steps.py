@@ -55,7 +55,7 @@ class KernelSteps:
         self.held = [x for x in plan.effects if type(x).held_torque is not Effect.held_torque]
         self.names = [x.name for x in recorder.states.arguments]
         loaded = forces if len(forces) else None
-        if family is EXPLICIT and plan.constrained is not None:
+        if family is EXPLICIT and (plan.constrained is not None or any(x.solves for x in plan.effects)):  # no aba
             self.kernels: Any = explicit.kernels_of(None)
         elif model.mimic_matrix is not None:
             self.kernels = mimic_kernels(model, family, loaded)

@@ -15,6 +15,7 @@ from slow import slow_but
 import spatialdyn as sd
 from spatialdyn.engines.compiled import numba_kernels
 from spatialdyn.engines.programs import recording
+from spatialdyn.recursions.contact import CONTACT_STEP
 from spatialdyn.recursions.control_laws import law_spec
 from spatialdyn.simulation import fixed_steps
 from spatialdyn.simulation.effects import contacts as contact_effect
@@ -317,6 +318,26 @@ def test_a_step_without_a_program_runs_all_the_same(robot: Any, monkeypatch: pyt
         found = scenes.simulate(*args, **kept)
     np.testing.assert_allclose(found.v, wanted.v, rtol=0.0, atol=1e-10)
     np.testing.assert_allclose(found.contacts.impulse, wanted.contacts.impulse, rtol=0.0, atol=1e-10)
+
+
+@compiled
+def test_a_torque_of_python_compiles_no_kernel_of_contacts(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It takes a minute; a program that is interpreted at first answers in milliseconds, with the same bits."""
+    model, names = box()
+    scene = sd.Scene(model, contacts=sd.Contacts(model, dict.fromkeys(names, 0.0)))
+    start = np.array([0, 0, 0.11, 0, 0, 0, 1.0]), np.array([0.3, 0, 0, 0.1, 0.2, 0])
+    right, asked_for = numba_kernels.sample_kernel, []
+
+    def noted(spec: Any) -> Any:
+        asked_for.append(spec.name)
+        return right(spec)
+
+    monkeypatch.setattr(numba_kernels, "sample_kernel", noted)
+    free = sd.simulate(scene, *start, 0.05, 1e-3)
+    asked = sd.simulate(scene, *start, 0.05, 1e-3, torque=lambda t, q, v: np.zeros(6))
+    assert "integrate" in asked_for
+    assert not {CONTACT_STEP.name, "crba", "aba"} & {*asked_for}
+    np.testing.assert_allclose(asked.q, free.q, rtol=0.0, atol=1e-12)
 
 
 def test_float32_follows_float64(robot: Any) -> None:
