@@ -117,7 +117,7 @@ class Computed:
         given = [x for x in own.present if not x.static]
         inputs = [np.asarray(known[x.name], np.float64)[None] for x in given]
         static = tuple(known[x.name] for x in own.present if x.static)
-        failed = run.batch(own, self.model, inputs, static, out[None], seen=False)
+        failed = run.batch(own, self.model, inputs, static, out.reshape((1, -1)), seen=False)
         set_status(self.system, int(failed.status[0]) if len(failed.samples) else numba_kernels.OK, self.t)
         return dict(zip(_names(own), own.split(out, sizes), strict=True))
 
