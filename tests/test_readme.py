@@ -9,6 +9,7 @@ import re
 import shutil
 import subprocess
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -30,6 +31,14 @@ def test_the_first_answer_is_the_one_that_is_printed() -> None:
     with contextlib.redirect_stdout(printed):
         exec(blocks("python")[0], {})
     assert printed.getvalue() == blocks("text")[0]
+
+
+def test_what_the_scene_requires_is_gravity_alone() -> None:
+    names: dict[str, Any] = {"sd": sd}
+    with contextlib.redirect_stdout(io.StringIO()) as printed:
+        exec(blocks("python")[1], names)
+    assert names["found"].scene.acts == ()
+    assert re.search(r"^gravity .* needed", printed.getvalue(), re.MULTILINE)
 
 
 def test_names_of_the_table_lead_where_it_says() -> None:
