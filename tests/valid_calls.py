@@ -361,7 +361,7 @@ ROWS: dict[str, Callable[[], dict[str, Any]]] = {
     "energy_ledger": lambda: {"trajectory": run()},
     "exact": lambda: {"model": model(), "call": sd.crba},
     "forward_dynamics": lambda: _state(tau=tau()),
-    "fourier": lambda: {"cosines": np.ones((2, 3)), "sines": np.ones((2, 3)), "frequency": 1.0, "centre": q()},
+    "fourier": lambda: {"cosines": np.ones((3, 2)), "sines": np.ones((3, 2)), "frequency": 1.0, "centre": q()},
     "friction_regressor": lambda: {"model": model(), "v": v()},
     "friction_torque": lambda: {"model": model(), "v": v(), "friction": friction()},
     "from_drake": lambda: _state(joints=["joint1", "joint2"]),

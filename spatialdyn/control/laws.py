@@ -335,6 +335,7 @@ class StateFeedback(Law):
             raise ShapeError(f"K has shape {gain.shape}, expected (nv, 2 nv)")
         n = gain.shape[1] // 2
         if joints is not None:
+            as_array("joints", joints)
             at = np.asarray(joints)
             if at.shape != (len(gain),) or at.dtype.kind not in "iu" or not ((at >= 0) & (at < n)).all():
                 raise ShapeError(f"joints are {joints!r}, expected {len(gain)} whole numbers from 0 to {n - 1}")
