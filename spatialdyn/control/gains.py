@@ -84,8 +84,8 @@ def gravity_stiffness_bound(model: Model, samples: int = 1000, seed: int = 0) ->
     Raises SpatialDynError
 
     >>> import spatialdyn as sd
-    >>> round(sd.gravity_stiffness_bound(sd.load_urdf("pendulum")), 2)
-    9.81
+    >>> round(sd.gravity_stiffness_bound(sd.load_urdf("pendulum")), 3)
+    4.905
     """
     check_model(model)
     if not (n := as_count(samples, 10**7)):

@@ -133,9 +133,9 @@ class PD(Law):
 
     >>> import numpy as np, spatialdyn as sd
     >>> model = sd.load_urdf("two_link")
-    >>> hold = sd.PD([40.0, 40.0], [8.0, 8.0], [0.5, 0.0])
+    >>> hold = sd.PD([40.0, 40.0], [8.0, 8.0], [0.5, 0.2])
     >>> hold(model, 0.0, [0.0, 0.0], [0.0, 0.0])
-    array([20.,  0.])
+    array([20.,  8.])
     """
 
     def __init__(
@@ -182,7 +182,7 @@ class PDGravity(Law):
     >>> import spatialdyn as sd
     >>> model = sd.load_urdf("two_link")
     >>> law = sd.PDGravity(30.0, 8.0, [0.5, 0.2])
-    >>> run = sd.simulate(model, [0.0, 0.0], [0.0, 0.0], 10.0, 0.01, control=law)
+    >>> run = sd.simulate(model, [0.0, 0.0], [0.0, 0.0], 20.0, 0.01, control=law)
     >>> bool(abs(run.q[-1] - [0.5, 0.2]).max() < 1e-6)
     True
     """
