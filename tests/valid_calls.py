@@ -151,6 +151,36 @@ def findings() -> sd.Diagnosis:
     return sd.diagnose(model())
 
 
+@cache
+def floating() -> sd.Model:
+    """A base that floats, and an arm on it."""
+    builder = sd.ModelBuilder("satellite", "world").add_body("bus", None, "floating", inertia=SOLID)
+    return builder.add_body("arm", "bus", axis=(0, 0, 1), placement=(0.5, 0, 0), inertia=SOLID).build()
+
+
+@cache
+def path() -> sd.Path:
+    """Of two coordinates."""
+    return sd.quintic([0.0, 0.0], [1.0, 0.5], 2.0)
+
+
+@cache
+def passive() -> sd.PassivityRecord:
+    """Of four steps."""
+    return sd.passivity(run())
+
+
+def observer() -> sd.MomentumObserver:
+    """That has seen a state."""
+    made = sd.MomentumObserver(model(), 50.0, 1e-3)
+    made.update(q(), v(), tau())
+    return made
+
+
+def _reached() -> Any:
+    return sd.frame_placement(model(), q(), "tip")
+
+
 def q() -> Any:
     """Joint positions."""
     return np.array([0.5, -0.3])
@@ -202,6 +232,7 @@ ROWS: dict[str, Callable[[], dict[str, Any]]] = {
         for name in ("__call__", "by_rnea_columns", "from_derivatives", "not_christoffel", "recursive")
     },
     "ChristoffelC.by_finite_differences": lambda: {"q": q(), "v": v()},
+    "ComputedTorque": lambda: {"Kp": 9.0, "Kd": [6.0, 6.0], "path": path()},
     "Constraints": lambda: {"model": model(), "items": [sd.PointConstraint("tip")]},
     "Constraints.of_entries": lambda: {"model": model(), "entries": [{"kind": "point", "frame_a": "tip"}]},
     "Constraints.of_mjcf": lambda: {"model": model(), "text": MJCF, "q": q()},
@@ -209,7 +240,10 @@ ROWS: dict[str, Callable[[], dict[str, Any]]] = {
     "Contacts": lambda: {"model": model(), "points": {"tip": 0.1}},
     "Contacts.with_dry": lambda: {"dry": np.array([True, False])},
     "Control": lambda: {"spec": LAW, "values": {"reach": [0.1, 0.2]}},
+    "Control.__call__": lambda: {"model": model(), "t": 0.1, "q": q(), "v": v(), "tau": tau(), "states": {}},
     "Control.axes": lambda: {"model": model()},
+    "Control.limited_by": lambda: {"limits": np.array([1.0, 2.0])},
+    "Control.of": lambda: {"spec": LAW, "values": {"reach": np.array([0.1, 0.2])}},
     "Control.rows": lambda: {"model": model(), "samples": 1, "steps": 2},
     "Cost": lambda: {"spec": SQUARES},
     "CouplerConstraint": lambda: {"joint": "joint2", "to": "joint1", "name": "gear"},
@@ -217,17 +251,23 @@ ROWS: dict[str, Callable[[], dict[str, Any]]] = {
     "Diagnosis.report": lambda: {"path": "report.html"},
     "DistanceConstraint": lambda: {**CONSTRAINT, **PLACES, "length": 1.0},
     "EnergyLedger.plot": dict,
+    "EnergyShaping": lambda: {"Kp": np.array([20.0, 20.0]), "Kd": np.array([5.0, 5.0]), "q_d": q()},
+    "EnergyShaping.energy": lambda: {"model": model(), "q": q(), "v": v()},
     "Exact": lambda: {"model": model(), **_of_exact()},
     "Exact.__call__": lambda: {"values": q()},
     "Friction": lambda: {"coulomb": [0.1, 0.1], "viscous": [0.2, 0.2]},
     "Friction.check": lambda: {"model": model()},
     "Friction.of": lambda: {"model": model(), "coulomb": [0.1, 0.1]},
+    "Gravity": dict,
     "Heightfield": lambda: {"z": np.zeros((3, 4)), "spacing": 0.5},
     "HingeConstraint": lambda: {**CONSTRAINT, **PLACES},
+    "LQR.feedback": lambda: {"q": np.zeros(1), "v": np.zeros(1), "tau": np.zeros(1)},
+    "LyapunovRecord.plot": dict,
     "Model": lambda: {"robot": model().robot, "options": model().options},
     "Model.frame": lambda: {"name": "tip"},
     "Model.joint": lambda: {"name": "joint1"},
     "Model.reduced": lambda: {"lock": ["joint2"]},
+    "Model.rigid": dict,
     "Model.subtree": lambda: {"link": "link1"},
     "Model.with_": lambda: {"armature": {"joint1": 0.1}},
     "ModelBuilder": dict,
@@ -236,20 +276,35 @@ ROWS: dict[str, Callable[[], dict[str, Any]]] = {
     "ModelBuilder.build": lambda: {"gravity": (0.0, 0.0, -9.81), "root": "fixed"},
     "ModelBuilder.robot": dict,
     "ModelBuilder.set_inertia": lambda: {"link": "b", "inertia": SOLID},
+    "MomentumObserver": lambda: {"model": model(), "gain": np.array([50.0, 50.0]), "dt": 1e-3},
+    "MomentumObserver.update": lambda: {"q": q(), "v": v(), "tau": tau()},
     "Motor": lambda: {"torque_constant": [0.1, 0.1], "resistance": [1.0, 1.0], "voltage": [24.0, 24.0]},
     "Motor.check": lambda: {"model": model()},
+    "PD": lambda: {"kp": np.array([9.0, 9.0]), "kd": np.array([6.0, 6.0]), "q_ref": q(), "v_ref": v()},
+    "PDGravity": lambda: {"Kp": 9.0, "Kd": np.array([6.0, 6.0]), "q_d": q()},
+    "PDPlus": lambda: {"Kp": np.eye(2), "Kd": np.array([6.0, 6.0]), "path": path()},
+    "Passivity": lambda: {"rates": 9.0, "gain": np.array([6.0, 6.0]), "path": path()},
+    "PassivityRecord.order": lambda: {"other": passive()},
+    "PassivityRecord.plot": dict,
+    "Path": lambda: {"model": None, "spec": path().spec, "values": dict(path().values), "duration": 2.0},
+    "Path.__call__": lambda: {"t": np.array([0.0, 1.0])},
+    "Path.check_limits": lambda: {"model": model()},
+    "Path.check_model": lambda: {"model": model()},
+    "Path.plot": dict,
     "Plane": dict,
     "PointConstraint": lambda: {**CONSTRAINT, **PLACES},
     "Promise": lambda: {"request": program()._request, "tolerance": 1e-9, "maker": sd.specialize, "arguments": (),
                         "bounded": lambda dtype: sd.bounded(model(), sd.crba, dtype)},
     "Promise.__call__": lambda: {"arrays": q()},
     "Recommendation.__call__": lambda: {"arguments": (q(), v(), tau())},
+    "Requirement.plot": dict,
+    "Requirement.to_full": lambda: {"q": q(), "v": v()},
+    "Requirement.to_reduced": lambda: {"q": q(), "v": v()},
     "RollingConstraint": lambda: {"frame": "tip", "axis": (0.0, 1.0, 0.0), "radius": 0.1, "name": "wheel"},
     "Rollout.plot": dict,
     "Scene": lambda: {"model": model(), "friction": friction(), "contacts": touching(), "limits": True},
     "Scene.from_toml": lambda: {"model": model(), "text": "limits = true"},
     "Scene.of": lambda: {"model": model()},
-    "Scene.to_toml": dict,
     "Scene.unfit": lambda: {"method": "rk4"},
     "Scene.with_": lambda: {"friction": None},
     "Specialized": lambda: {"request": program()._request, "maker": sd.specialize, "arguments": ()},
@@ -257,6 +312,7 @@ ROWS: dict[str, Callable[[], dict[str, Any]]] = {
     "Specialized.c_code": dict,
     "Specialized.python_code": dict,
     "Specialized.to_casadi": dict,
+    "StateFeedback": lambda: {"K": np.ones((1, 4)), "q": q(), "v": v(), "tau": tau(), "joints": [0]},
     "SymbolicManipulator": lambda: {"model": model()},
     "SymbolicManipulator.C": dict,
     "SymbolicManipulator.christoffel": dict,
@@ -278,9 +334,13 @@ ROWS: dict[str, Callable[[], dict[str, Any]]] = {
     "VelocityConstraint": lambda: {"A": [1.0, 2.0]},
     "WeldConstraint": lambda: {**CONSTRAINT, **PLACES},
     "assemble": lambda: {"robot": model().robot},
+    "base_velocity": lambda: {"model": floating(), "q": sd.neutral(floating()), "v_joints": np.ones(1),
+                              "momentum": np.zeros(6)},
     "bounded": lambda: {"model": model(), "call": sd.crba},
     "check_conservation": lambda: {"trajectory": run()},
     "close_loops": lambda: _held("q"),
+    "closed_step": lambda: {"scene": model(), "law": sd.PD(9.0, 6.0, q()), "q": q(), "v": v(), "dt": 0.01,
+                            "method": "rk4"},
     "compare_with_pinocchio": lambda: {"source": "two_link", "root": "fixed", "samples": 2, "calls": ["rnea"]},
     "compile": lambda: {"model": model(), "calls": "rnea"},
     "conserved_quantities": lambda: {"model": model()},
@@ -292,30 +352,44 @@ ROWS: dict[str, Callable[[], dict[str, Any]]] = {
     "constraint_jacobian": lambda: _held("q"),
     "contact_gaps": lambda: {"model": model(), "contacts": touching(), "q": q()},
     "contact_step": lambda: {**_state(tau=tau(), dt=0.01), "contacts": touching()},
+    "contact_wrench": lambda: {"model": model(), "q": q(), "residual": tau(), "frame": "tip", "least": True,
+                               "length": 0.3},
+    "critical_gains": lambda: {"omega": np.array([1.0, 2.0]), "zeta": np.array([0.7, 1.0])},
     "delassus": lambda: _held("q"),
+    "detection_thresholds": lambda: {"residuals": np.ones((3, 2)), "sigmas": 6.0},
     "diagnose": lambda: {"model": model(), "q": q()},
     "energy_ledger": lambda: {"trajectory": run()},
     "exact": lambda: {"model": model(), "call": sd.crba},
     "forward_dynamics": lambda: _state(tau=tau()),
+    "fourier": lambda: {"cosines": np.ones((3, 2)), "sines": np.ones((3, 2)), "frequency": 1.0, "centre": q()},
     "friction_regressor": lambda: {"model": model(), "v": v()},
     "friction_torque": lambda: {"model": model(), "v": v(), "friction": friction()},
     "from_drake": lambda: _state(joints=["joint1", "joint2"]),
     "from_mjmodel": lambda: {"mjmodel": mjmodel(), "root": "fixed", "inertia": "warn"},
     "from_mujoco": lambda: {"model": model(), "qpos": q(), "qvel": v(), "joints": ["joint1", "joint2"]},
     "from_pinocchio": lambda: {"pin_model": _pinocchio()},
+    "gravity_stiffness_bound": lambda: {"model": model(), "samples": 10, "seed": 1},
     "hamilton_equations": lambda: {"model": model(), "q": q(), "p": v()},
     "hamilton_simulation": lambda: {"scene": model(), "q0": q(), "p": v(), "duration": 0.02, "dt": 0.01},
     "impact": lambda: _held("q", "v", restitution=0.5),
     "impact of J": lambda: {**_state(), **_jacobian(), "restitution": 0.5, "damping": 0.1},
     "independent_joints": lambda: _held("q"),
+    "largest_step": lambda: {"omega": np.array([1.0, 2.0]), "zeta": np.array([0.7, 1.0])},
     "linearize": lambda: _in_scene(_state(tau=tau(), dt=0.01, method="rk4")),
     "load": lambda: {"source": "two_link"},
     "load_urdf": lambda: {"source": "two_link"},
+    "lqr": lambda: {"A": np.array([[0.0, 1.0], [0.0, 0.0]]), "B": np.array([[0.0], [1.0]]), "Q": np.eye(2),
+                    "R": np.eye(1)},
+    "lyapunov": lambda: {"run": run(), "V": lambda t, q, v: t, "rounding": 1e-9},
     "mobility": lambda: _held("q"),
+    "momentum_observer_step": lambda: {"model": model(), "q": q(), "v": v(), "tau": tau(), "gain": np.ones(2),
+                                       "dt": 1e-3, "memory": np.zeros(6)},
+    "passivity": lambda: {"run": run(), "storage": lambda t, q, v: t},
     "plot": lambda: {"runs": [run(), run()], "what": "q"},
     "poisson_bracket": lambda: {"model": model(), "F": lambda q, p: q[0], "G": lambda q, p: p[0], "q": q(), "p": v()},
     "project_configuration": lambda: _held("q"),
     "project_velocity": lambda: _held("q", "v"),
+    "quintic": lambda: {"q0": q(), "q1": v(), "T": 2.0},
     "random_configuration": lambda: {"model": model(), "rng": 3, "shape": (2,)},
     "read_transmissions": lambda: {"source": "two_link"},
     "recommend": lambda: {"model": model(), "batch": 8, "tolerance": 1e-3, "states": 2},
@@ -325,7 +399,9 @@ ROWS: dict[str, Callable[[], dict[str, Any]]] = {
     "set_num_threads": lambda: {"n": 1},
     "simplify": lambda: {"model": model(), "lock": ["joint2"]},
     "simulate": lambda: _run_of(duration=0.02),
+    "solve_ik": lambda: {"model": model(), "targets": {"tip": _reached()}, "q0": q(), "restarts": 2},
     "specialize": lambda: {"model": model(), "calls": sd.crba},
+    "spline": lambda: {"times": np.array([0.0, 1.0, 3.0]), "points": np.zeros((3, 2)), "ends": "rest"},
     "spring_energy": lambda: {"model": elastic(), "q": np.zeros(elastic().nq)},
     "spring_torque": lambda: {"model": elastic(), "q": np.zeros(elastic().nq), "v": np.zeros(elastic().nv)},
     "step": lambda: _in_scene(_state(tau=tau(), dt=0.01)),
@@ -339,6 +415,7 @@ ROWS: dict[str, Callable[[], dict[str, Any]]] = {
     "torque_limits": lambda: {"model": model(), "v": v(), "motor": motor()},
     "total_mass": lambda: {"model": model()},
     "trade": lambda: {"model": model(), "batch": 8, "states": 2},
+    "trapezoid": lambda: {"q0": q(), "q1": v(), "v_max": np.ones(2), "a_max": np.ones(2)},
     "verify_skew_symmetry": lambda: _state(),
     "view": lambda: {"robot": model(), "open": False, "port": 0},
     "wrench_at": lambda: {"model": model(), "q": q(), "frame": "tip", "force": np.zeros(6)},
@@ -351,11 +428,17 @@ INSTANCES: dict[str, Callable[[], Any]] = {
     "Scene": lambda: sd.Scene(model(), friction=friction(), limits=True),
     "Diagnosis": findings,
     "EnergyLedger": lambda: sd.energy_ledger(run()),
+    "EnergyShaping": lambda: sd.EnergyShaping([20.0, 20.0], [5.0, 5.0], q()),
     "Exact": lambda: sd.exact(model(), sd.crba),
     "Friction": friction,
+    "LQR": lambda: sd.LQR(np.ones((1, 2)), np.eye(2), np.zeros(2)),
+    "LyapunovRecord": lambda: sd.lyapunov(run(), run().energy),
     "Model": model,
     "ModelBuilder": elastic_builder,
+    "MomentumObserver": observer,
     "Motor": motor,
+    "PassivityRecord": passive,
+    "Path": path,
     "Promise": promise,
     "Recommendation": recommendation,
     "Requirement": requirement,

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..calls.arguments import as_finite
 from ..simulation.scene import Scene
 from .embedding import Embedding
 from .results import figure
@@ -87,12 +88,12 @@ class Requirement:
     embedding: Embedding = field(repr=False, compare=False)
 
     def to_full(self, q: ArrayLike, v: ArrayLike) -> tuple[Array, Array]:
-        """States q (..., nq), v (..., nv) of the whole robot, of those of ``scene``. Raises ShapeError."""
-        return self.embedding.to_full(q, v, self.full.model.nv)
+        """States q (..., nq), v (..., nv) of the whole robot, of ``scene``'s. Raises ShapeError, NonFiniteError."""
+        return self.embedding.to_full(as_finite("q", q), as_finite("v", v), self.full.model.nv)
 
     def to_reduced(self, q: ArrayLike, v: ArrayLike) -> tuple[Array, Array]:
-        """States of ``scene``, of those of the whole robot. Raises ShapeError."""
-        return self.embedding.to_reduced(q, v, self.full.model.nv)
+        """States of ``scene``, of those of the whole robot. Raises ShapeError, NonFiniteError."""
+        return self.embedding.to_reduced(as_finite("q", q), as_finite("v", v), self.full.model.nv)
 
     @property
     def needed(self) -> tuple[str, ...]:

@@ -53,6 +53,14 @@ def as_array(name: str, value: ArrayLike) -> Array:
     return converted
 
 
+def as_finite(name: str, value: ArrayLike) -> Array:
+    """``as_array`` of finite numbers. Raises NonFiniteError."""
+    x = as_array(name, value)
+    if not np.isfinite(x).all():
+        raise NonFiniteError(f"{name} has numbers that are not finite, expected finite ones")
+    return x
+
+
 def as_flag(name: str, value: Any) -> bool:
     """True or False, Python's or NumPy's. Raises SpatialDynError naming the argument."""
     if not isinstance(value, (bool, np.bool_)):

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..calls.arguments import as_array, as_count, as_number, check_model
+from ..calls.arguments import as_array, as_count, as_flag, as_number, broadcast, check_model
 from ..calls.dynamics import calls
 from ..calls.states import random_configuration
 from ..errors import NonFiniteError, ShapeError, SimulationError, SpatialDynError, pip_install
@@ -37,13 +37,13 @@ def critical_gains(omega: ArrayLike, zeta: ArrayLike = 1.0) -> Gains:
 
     For ``PD`` and its kin multiply both by the diagonal of M where it is largest. With a torque held over steps of
     semi_implicit_euler such a mode is stable below ``largest_step``.
-    Raises SpatialDynError
+    Raises SpatialDynError, ShapeError
 
     >>> import spatialdyn as sd
     >>> [float(x) for x in sd.critical_gains(10.0, 0.7)]
     [100.0, 14.0]
     """
-    w, z = _positive("omega", omega), _positive("zeta", zeta)
+    w, z = _modes(omega, zeta)
     return Gains(w * w + 0.0 * z, 2.0 * z * w)
 
 
@@ -51,14 +51,21 @@ def largest_step(omega: ArrayLike, zeta: ArrayLike) -> Array:
     """The step [s] below which a mode of frequency ω and damping ζ is stable under a torque held over steps of
     semi_implicit_euler: (2 √(1 + ζ²) - 2 ζ) / ω.
 
-    Raises SpatialDynError
+    Raises SpatialDynError, ShapeError
 
     >>> import spatialdyn as sd
     >>> round(float(sd.largest_step(1.0, 0.7)), 3)
     1.041
     """
-    w, z = _positive("omega", omega), _positive("zeta", zeta)
+    w, z = _modes(omega, zeta)
     return np.asarray((2.0 * np.sqrt(1.0 + z * z) - 2.0 * z) / w)
+
+
+def _modes(omega: ArrayLike, zeta: ArrayLike) -> tuple[Array, Array]:
+    """Frequencies and dampings, which broadcast."""
+    w, z = _positive("omega", omega), _positive("zeta", zeta)
+    broadcast(["omega", "zeta"], [w.shape, z.shape])
+    return w, z
 
 
 def _positive(name: str, value: ArrayLike) -> Array:
@@ -77,8 +84,8 @@ def gravity_stiffness_bound(model: Model, samples: int = 1000, seed: int = 0) ->
     Raises SpatialDynError
 
     >>> import spatialdyn as sd
-    >>> round(sd.gravity_stiffness_bound(sd.load_urdf("pendulum")), 2)
-    9.81
+    >>> round(sd.gravity_stiffness_bound(sd.load_urdf("pendulum")), 3)
+    4.905
     """
     check_model(model)
     if not (n := as_count(samples, 10**7)):
@@ -122,6 +129,7 @@ def lqr(A: ArrayLike, B: ArrayLike, Q: ArrayLike, R: ArrayLike, *, discrete: boo
         from scipy import linalg
     except ImportError as error:
         raise ImportError(f"lqr needs SciPy: {pip_install('simulation')}") from error
+    discrete = as_flag("discrete", discrete)
     a, b = as_array("A", A), as_array("B", B)
     if a.ndim != 2 or a.shape[0] != a.shape[1]:
         raise ShapeError(f"A has shape {a.shape}, expected (n, n)")
@@ -149,7 +157,7 @@ def lqr(A: ArrayLike, B: ArrayLike, Q: ArrayLike, R: ArrayLike, *, discrete: boo
     except (np.linalg.LinAlgError, ValueError) as error:
         raise SpatialDynError(f"no feedback stabilizes A, B ({error}), expected a system that motors reach") from error
     K = np.linalg.solve(r + b.T @ P @ b, b.T @ P @ a) if discrete else np.linalg.solve(r, b.T @ P)
-    return LQR(K, P, np.linalg.eigvals(a - b @ K), bool(discrete))
+    return LQR(K, P, np.linalg.eigvals(a - b @ K), discrete)
 
 
 class ClosedStep(NamedTuple):

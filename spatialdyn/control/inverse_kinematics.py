@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..algebra.lie import larger
-from ..calls.arguments import as_array, as_count, as_flag, as_number, broadcast, check_model, frame_row_and_placement
+from ..calls.arguments import as_count, as_finite, as_flag, as_number, broadcast, check_model, frame_row_and_placement
 from ..calls.dynamics import calls
 from ..calls.states import random_configuration
 from ..engines.programs.mimic_rows import evaluate
-from ..errors import NonFiniteError, ShapeError, SpatialDynError
+from ..errors import ShapeError, SpatialDynError
 from ..model.model import Frame, Model
 from ..recursions import SPECS
 from ..recursions.inverse_kinematics import damped_step, put_error
@@ -91,20 +91,16 @@ def solve_ik(
     (True, True)
     """
     check_model(model)
+    limits, all_solutions = as_flag("limits", limits), as_flag("all_solutions", all_solutions)
     frames, poses, sizes = _targets(model, targets)
-    start = _first(model, limits := as_flag("limits", limits)) if q0 is None else as_array("q0", q0)
+    start = _first(model, limits) if q0 is None else as_finite("q0", q0)
     if start.shape[-1:] != (model.nq,):
         raise ShapeError(f"q0 has shape {start.shape}, expected (..., {model.nq})")
-    if not np.isfinite(start).all():
-        raise NonFiniteError("q0 has numbers that are not finite, expected finite ones")
-    all_solutions = as_flag("all_solutions", all_solutions)
     near = as_number(tolerance)
     if not 0.0 < near < 1.0:
         raise SpatialDynError(f"tolerance is {tolerance!r}, expected a number between 0 and 1")
-    more = 0 if isinstance(restarts, (int, np.integer)) and not isinstance(restarts, bool) and restarts == 0 else (
-        as_count(restarts, 10**6)
-    )  # fmt: skip
-    if not more and restarts != 0:
+    more = as_count(restarts, 10**6)
+    if not more and (as_number(restarts) != 0.0 or isinstance(restarts, (float, np.floating))):
         raise SpatialDynError(f"restarts is {restarts!r}, expected a whole number from 0 to 1000000")
     if not (steps := as_count(iterations, 10**6)):
         raise SpatialDynError(f"iterations is {iterations!r}, expected a whole number from 1 to 1000000")
@@ -130,9 +126,7 @@ def _targets(model: Model, targets: Any) -> tuple[tuple[Any, ...], Array, tuple[
     sizes: list[int] = []
     for name, value in targets.items():
         frames += frame_row_and_placement(model, name)
-        x = as_array(f"target of {name}", value)
-        if not np.isfinite(x).all():
-            raise NonFiniteError(f"target of {name} has numbers that are not finite, expected finite ones")
+        x = as_finite(f"target of {name}", value)
         if x.shape[-2:] == (4, 4):
             R = x[..., :3, :3]
             off = abs(R @ np.swapaxes(R, -1, -2) - np.eye(3)).max(initial=0.0)

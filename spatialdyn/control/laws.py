@@ -133,9 +133,9 @@ class PD(Law):
 
     >>> import numpy as np, spatialdyn as sd
     >>> model = sd.load_urdf("two_link")
-    >>> hold = sd.PD([40.0, 40.0], [8.0, 8.0], [0.5, 0.0])
+    >>> hold = sd.PD([40.0, 40.0], [8.0, 8.0], [0.5, 0.2])
     >>> hold(model, 0.0, [0.0, 0.0], [0.0, 0.0])
-    array([20.,  0.])
+    array([20.,  8.])
     """
 
     def __init__(
@@ -182,7 +182,7 @@ class PDGravity(Law):
     >>> import spatialdyn as sd
     >>> model = sd.load_urdf("two_link")
     >>> law = sd.PDGravity(30.0, 8.0, [0.5, 0.2])
-    >>> run = sd.simulate(model, [0.0, 0.0], [0.0, 0.0], 10.0, 0.01, control=law)
+    >>> run = sd.simulate(model, [0.0, 0.0], [0.0, 0.0], 20.0, 0.01, control=law)
     >>> bool(abs(run.q[-1] - [0.5, 0.2]).max() < 1e-6)
     True
     """
@@ -335,6 +335,7 @@ class StateFeedback(Law):
             raise ShapeError(f"K has shape {gain.shape}, expected (nv, 2 nv)")
         n = gain.shape[1] // 2
         if joints is not None:
+            as_array("joints", joints)
             at = np.asarray(joints)
             if at.shape != (len(gain),) or at.dtype.kind not in "iu" or not ((at >= 0) & (at < n)).all():
                 raise ShapeError(f"joints are {joints!r}, expected {len(gain)} whole numbers from 0 to {n - 1}")

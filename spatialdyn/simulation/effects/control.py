@@ -109,7 +109,9 @@ class Control:
         cls, spec: Spec, values: Mapping[str, Array], static: tuple[Any, ...] = (), held: bool | float = False,
         checks: tuple[Callable[[Model], None], ...] = (),
     ) -> Control:  # fmt: skip
-        """A law of a Spec that is made of others, with checks of a model."""
+        """A law of a Spec that is made of others, with checks of a model. Raises SimulationError."""
+        if not isinstance(spec, Spec) or not isinstance(values, Mapping):
+            raise SimulationError(f"a law is of {shown(spec)} and {values!r}, expected a Spec and a mapping of arrays")
         made: Control = Control.__new__(Control)
         made.spec, made.values, made.static, made.checks = spec, dict(values), static, checks
         made._hold(held)
@@ -188,7 +190,10 @@ class Control:
         leads = {name: y.shape[: y.ndim - len(cores[name])] for name, y in given.items()}
         batch = broadcast(["t", *leads], [when.shape, *leads.values()])
         size = math.prod(batch)
-        rows = {name: np.broadcast_to(y, batch + cores[name]).reshape(size, -1) for name, y in given.items()}
+        rows = {
+            name: np.broadcast_to(y, batch + cores[name]).reshape(size, math.prod(cores[name]))
+            for name, y in given.items()
+        }
         for name, y in self.rows(model, 1, 1).items():
             rows[name.removeprefix(OWN_INPUT)] = np.broadcast_to(y[0], (size, y.shape[2]))
         return _torques_of(self, model, rows, size).reshape(*batch, n)
@@ -381,7 +386,12 @@ def law_torques(
 def _torques_of(control: Control, model: Model, given: Mapping[str, Array], samples: int) -> Array:
     """The law's torques (samples, nv) by rows of its inputs."""
     spec = _torque(control.spec)
-    columns = [y for x in spec.present if not x.static for y in given[x.name].reshape((samples, -1)).T]
+    columns = [
+        y
+        for x in spec.present
+        if not x.static
+        for y in given[x.name].reshape((samples, math.prod(given[x.name].shape[1:]))).T
+    ]
     made = recorded((spec,), model, control.static, np.dtype(np.float64))[0]
     if made is None:
         raise SimulationError(f'law "{control.spec.name}" divides by an inertia that is 0')
