@@ -121,7 +121,7 @@ def aba_inward(bodies: Bodies, work: Work, q: Config, v: Vector, tau: Vector, fe
             U, D, u = through_differential(bodies, work, i, v, U, D, u)
         d = 1.0 / D
         if b.geared:
-            U, u = add_rotor(b, X, here.c, v, U, u)
+            U, u = add_rotor(b, X, here, v, U, u)
         # Ia = IA - U Uᵀ / D,   pa = pA + Ia c + U u / D
         Ia = subtract_outer(IA, U, scale_force(d, U))
         pa = pA if v is None else add_force(pA, articulated_force(Ia, motion_of(here.c)))

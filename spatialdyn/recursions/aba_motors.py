@@ -52,14 +52,14 @@ def behind_differential(b: Record, here: Record, a: Vector, qdd: Scalar) -> Scal
 
 
 @inline
-def add_rotor(b: Record, X: Pose, c: Record, v: Vector, U: Force, u: Scalar) -> tuple[Force, Scalar]:
+def add_rotor(b: Record, X: Pose, here: Record, v: Vector, U: Force, u: Scalar) -> tuple[Force, Scalar]:
     """U and u of a row, with n J e of its rotor in the U that pairs with the parent's acceleration, and not in that
-    which pairs with c; v may be None.
+    which pairs with c, of a row with velocities alone; v may be None.
     """
     e = in_row_axes(b, X)
     U = add_couple(U, e)
     if v is not None:
-        u = u + dot(e, motion_of(c).w)
+        u = u + dot(e, motion_of(here.c).w)
     return U, u
 
 
