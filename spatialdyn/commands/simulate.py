@@ -125,7 +125,7 @@ def _run(arguments: argparse.Namespace) -> int:
     for line in _report(model, run, ledger, scene.limits):
         print(line)
     for warning in caught:
-        print(f"note    {str(warning.message).replace('friction=True', '--friction')}")
+        print(f"note    {_note(str(warning.message))}")
     if arguments.save:
         if page:
             with notes():
@@ -150,6 +150,12 @@ def _run(arguments: argparse.Namespace) -> int:
     if stopped is not None:
         raise stopped  # ``main`` reports it in one line
     return 0
+
+
+def _note(text: str) -> str:
+    """A warning of ``simulate``, with the option that this command has in place of what Python code is told."""
+    what, of, _ = text.partition(" unless friction=True")
+    return f"{what} unless --friction" if of else text
 
 
 def _recorded(scene: Scene, every: int | None) -> Any:

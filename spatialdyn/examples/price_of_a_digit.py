@@ -21,7 +21,7 @@ def main(quick: bool = False, save: str | None = None, robot: str = "three_link"
     """Print the table and two recommendations; returns them, and the largest error of the second in a fresh batch."""
     need("mpmath", "exact")
     model = sd.load_urdf(robot)
-    table = sd.trade(model, "forward_dynamics", states=64 if quick else None, batch=512 if quick else 4096)
+    table = sd.trade(model, "forward_dynamics", states=64 if quick else 512, batch=512 if quick else 4096)
     print(table)
     if save:
         picture()  # raises if Matplotlib is missing

@@ -2,9 +2,9 @@
 
 Learn    sd.step_derivatives takes the whole motion at once and gives A and B of every step, of the very method that
          simulates it; Riccati's recursion turns them into gains K(t). sd.step takes a hundred starts at once.
+         The motion itself is found the same way (iLQR): gains and a change of the force, tried at twelve sizes at once.
 Look at  the last lines: pushed off its path the open loop ends anywhere, the gains bring nearly all starts up. At the
          top they have become those of the standing pole.
-Needs    pip install scipy
 """
 
 from __future__ import annotations
@@ -14,13 +14,49 @@ from typing import Any
 import numpy as np
 
 import spatialdyn as sd
-from spatialdyn.examples.gallery import need, picture, start, write
-from spatialdyn.examples.ilqr import ilqr
-from spatialdyn.examples.optimal_control import swing_up
+from spatialdyn.examples.gallery import picture, start, write
+from spatialdyn.examples.optimal_control import Problem, cost_of, swing_up
 
 Array = np.ndarray
 STEP = 0.02
 Q, R = np.diag([1.0, 1.0, 0.1, 0.1]) * STEP, 0.01 * STEP
+SIZES = 0.5 ** np.arange(12.0)[:, None]
+MOST = 1e3  # [N]: motions that are lost stay in the range of numbers
+
+
+def swing(p: Problem, steps: int) -> tuple[Array, Array, list[float]]:
+    """States (steps + 1, 4), forces (steps,) and costs of iLQR from no force at all, without limits."""
+    x, u = np.tile(np.concatenate([p.q0, p.v0]), (steps + 1, 1)), np.zeros(steps)
+    k, K, costs = np.zeros(steps), np.zeros((steps, 4)), [np.inf]
+    while True:
+        runs, pushes = drive(p.model, x, u, K, k * SIZES, np.tile(x[0], (len(SIZES), 1)))
+        found = [cost_of(p, run, np.stack([push, 0.0 * push], 1))[0] for run, push in zip(runs, pushes, strict=True)]
+        best = int(np.argmin(found))
+        x, u = runs[best], pushes[best]
+        costs.append(found[best])
+        if not costs[-1] < costs[-2] * (1.0 - 1e-12):
+            return x, u, costs[1:]
+        A, B = sd.step_derivatives(p.model, x[:-1, :2].copy(), x[:-1, 2:].copy(), np.stack([u, 0.0 * u], 1), STEP)
+        _, slope, P = p.final(x[-1])
+        for t in range(steps - 1, -1, -1):
+            b, PA = B[t, :, 0], P @ A[t]
+            weight, by_u, both = R + b @ P @ b, R * u[t] + b @ slope, b @ PA
+            k[t], K[t] = -by_u / weight, both / weight
+            slope = Q @ x[t] + A[t].T @ slope + both * k[t]
+            P = Q + A[t].T @ PA - np.outer(both, K[t])
+            P = 0.5 * (P + P.T)
+
+
+def drive(model: sd.Model, x: Array, u: Array, K: Array, more: Array, start: Array) -> tuple[Array, Array]:
+    """Motions (n, T + 1, 4) from n states, and their forces (n, T): u + more - K (y - x)."""
+    y, path, forces = start, [start], []
+    for t in range(len(u)):
+        push = (u[t] + more[:, t] - (y - x[t]) @ K[t]).clip(-MOST, MOST)
+        q, v = sd.step(model, y[:, :2], y[:, 2:], np.stack([push, 0.0 * push], 1), STEP)
+        y = np.hstack([q, v])
+        path.append(y)
+        forces.append(push)
+    return np.stack(path, 1), np.stack(forces, 1)
 
 
 def riccati(A: Array, B: Array, P: Array) -> tuple[Array, Array]:
@@ -36,11 +72,11 @@ def riccati(A: Array, B: Array, P: Array) -> tuple[Array, Array]:
 
 def main(quick: bool = False, save: str | None = None) -> dict[str, Any]:
     """Print how many starts end upright; returns gains, and the angles of all runs."""
-    need("scipy", "simulation")
     problem, stay = swing_up(), 100
     model = problem.model
-    x, u, costs, _ = ilqr(problem, np.zeros((100, 2)))
-    x, force = np.vstack([x[:-1], np.zeros((stay + 1, 4))]), np.concatenate([u[:, 0], np.zeros(stay)])
+    print("looking for the swing: some seconds", flush=True)
+    x, u, costs = swing(problem, 100)
+    x, force = np.vstack([x[:-1], np.zeros((stay + 1, 4))]), np.concatenate([u, np.zeros(stay)])
     tau = np.stack([force, 0.0 * force], 1)
     A, B = sd.step_derivatives(model, x[:-1, :2].copy(), x[:-1, 2:].copy(), tau, STEP)
     A0, B0 = A[-1], B[-1, :, 0]
@@ -52,13 +88,8 @@ def main(quick: bool = False, save: str | None = None) -> dict[str, Any]:
     off = rng.normal(size=(n, 4)) * [0.05, 0.1, 0.1, 0.2]
     runs: dict[str, Array] = {}
     for name, gain in (("open loop", 0.0 * K), ("with gains", K)):
-        y, path = x[0] + off, [x[0] + off]
-        for t in range(len(force)):
-            push = force[t] - (y - x[t]) @ gain[t]
-            q, v = sd.step(model, y[:, :2], y[:, 2:], np.stack([push, 0.0 * push], 1), STEP)
-            y = np.hstack([q, v])
-            path.append(y)
-        runs[name] = np.array(path)
+        paths, _ = drive(model, x, force, gain, np.zeros((n, len(force))), x[0] + off)
+        runs[name], y = paths.transpose(1, 0, 2), paths[:, -1]
         up = (abs(y[:, 1]) < 0.05) & (abs(y[:, 3]) < 0.1)
         print(f"{name:10}: {up.sum():3} of {n} starts stand after {STEP * len(force):g} s")
     if save:
