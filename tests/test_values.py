@@ -148,7 +148,12 @@ CASES: dict[Callable[..., Any], tuple[dict[str, Any], dict[str, Any]]] = {
 }  # fmt: skip
 TAKEN = {body: sd.ModelBuilder.add_body, with_: sd.Model.with_}  # by a Model's: whose parameters are all there
 APART = {body: {"self", "pitch"}, with_: {"self"}, sd.Robot: {"notes", "source"}}  # a pitch is of a helical joint
-RESULTS = {sd.Option: {"run"}, sd.Tradeoff: {"further", "subject"}, sd.Recommendation: set()}  # made by calls
+RESULTS = {
+    sd.Option: {"run"},
+    sd.Tradeoff: {"further", "subject"},
+    sd.Recommendation: set(),
+    sd.Requirement: {"embedding"},
+}
 FIELDS = [(make, field) for make, (_, others) in CASES.items() for field in others]
 
 
