@@ -347,8 +347,9 @@ def of_requirement(quick: bool) -> dict[str, Any]:
 
 def parts(rows: list[dict[str, Any]]) -> list[Part]:
     """Rows of a kept Requirement, with infinite changes and costs that were not measured."""
-    absent = {"change": math.inf, "ns": math.nan, "saved": math.nan}
-    return [Part(**{name: absent.get(name) if x is None else x for name, x in row.items()}) for row in rows]
+    absent: dict[str, Any] = {"change": math.inf, "ns": math.nan, "saved": math.nan}
+    filled: list[dict[str, Any]] = [{name: absent.get(name) if x is None else x for name, x in y.items()} for y in rows]
+    return [Part(**row) for row in filled]
 
 
 def _beyond(model: sd.Model, task: str, way: sd.Option, tolerance: float) -> float:

@@ -267,7 +267,7 @@ ROWS: dict[str, Callable[[], dict[str, Any]]] = {
     "Model.frame": lambda: {"name": "tip"},
     "Model.joint": lambda: {"name": "joint1"},
     "Model.reduced": lambda: {"lock": ["joint2"]},
-    "Model.rigid": dict,
+    "Model.rigid": lambda: {"joints": ()},
     "Model.subtree": lambda: {"link": "link1"},
     "Model.with_": lambda: {"armature": {"joint1": 0.1}},
     "ModelBuilder": dict,

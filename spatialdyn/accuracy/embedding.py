@@ -79,7 +79,11 @@ class Embedding:
         full[..., self.in_q] = x
         for rotor, joint, _, _, n in self.turns:
             full[..., rotor] = n * full[..., joint]
-        return full, w @ self.matrix(nv).T
+        fast = np.zeros((*w.shape[:-1], nv))
+        fast[..., self.in_v] = w
+        for _, _, rotor, joint, n in self.turns:
+            fast[..., rotor] = n * fast[..., joint]
+        return full, fast
 
     def to_reduced(self, q: ArrayLike, v: ArrayLike, nv: int) -> tuple[Array, Array]:
         """What the smaller robot has of states. Raises ShapeError."""

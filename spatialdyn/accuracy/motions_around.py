@@ -136,12 +136,12 @@ class Motion:
         tau, control = self.forces(x.made, x.steps, count)
 
         def run(samples: int) -> float:
-            q0, v0 = (np.ascontiguousarray(np.resize(y, (samples, y.shape[1]))) for y in (q, v))
+            x0, w0 = (np.ascontiguousarray(np.resize(y, (samples, y.shape[1]))) for y in (q, v))
             began = time.process_time()
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
                 rollout(
-                    x.made.scene, q0, v0, tau, dt=self.duration / x.steps, steps=count, method=x.method, dtype=x.dtype,
+                    x.made.scene, x0, w0, tau, dt=self.duration / x.steps, steps=count, method=x.method, dtype=x.dtype,
                     record="last", control=control, check=False,
                 )  # fmt: skip
             return (time.process_time() - began) / count / samples
