@@ -90,7 +90,7 @@ def requires(
     >>> model = sd.load_urdf("two_link")
     >>> scene = sd.Scene(model, friction=sd.Friction(viscous=1e-9))
     >>> found = sd.requires(scene, [0.5, -0.3], [0.0, 0.0], 0.2, 1e-3, kinds="effects", samples=4)
-    >>> [(x.part, x.verdict) for x in found.rows], found.scene.acts
+    >>> [(x.part, x.verdict) for x in found.rows[:2]], found.scene.acts
     ([('friction', 'left out'), ('gravity', 'needed')], ())
     """
     scene = scene_of(scene)
