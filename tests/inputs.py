@@ -80,7 +80,7 @@ def empty_memory(monkeypatch: pytest.MonkeyPatch) -> None:
 def no_programs(monkeypatch: pytest.MonkeyPatch) -> None:
     """Have the calls of a new model run without programs, as those of robots too large for one."""
     monkeypatch.setattr(run, "program", lambda *given: None)
-    monkeypatch.setattr(dynamics, "_plan", lambda *given: None)
+    monkeypatch.setattr(dynamics, "plan_of", dynamics.plan_of.__wrapped__)  # a plan without memory
 
 
 def run_python(code: str, *arguments: str, package: Path = PACKAGE, **environment: str) -> str:

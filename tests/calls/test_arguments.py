@@ -763,8 +763,8 @@ ROOMS: dict[str, tuple[Callable[..., Any], dict[str, Any], dict[str, tuple[str, 
     "rollout": (
         sd.rollout, {"q0": REST, "v0": REST, "dt": 0.1, "steps": 2},
         {"q0": (), "v0": (), "tau": ("none",), "dt": (*NUMBERS, "array"), "steps": ("array", *NUMBERS, "nought"),
-         "method": ("none",), "pd": ("none",), "record": ("none", *COUNTS, "huge"), "cost": ("none",), "dtype": (),
-         "check": ("true", "numpy true")},
+         "method": ("none",), "control": ("none",), "states": ("none", "mapping"),
+         "record": ("none", *COUNTS, "huge"), "cost": ("none",), "dtype": (), "check": ("true", "numpy true")},
     ),
     "constrained_dynamics": (
         sd.constrained_dynamics, {"q": REST, "v": REST, "tau": REST, "J": np.eye(2), "drift": REST},
