@@ -153,7 +153,7 @@ def _run(arguments: argparse.Namespace) -> int:
 
 
 def _note(text: str) -> str:
-    """A warning of ``simulate``, with the option that this command has in place of what Python code is told."""
+    """A warning of ``simulate`` without its Python code, and with this command's option."""
     what, of, _ = text.partition(" unless friction=True")
     return f"{what} unless --friction" if of else text
 

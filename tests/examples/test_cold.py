@@ -14,8 +14,9 @@ from slow import slow_but
 import spatialdyn
 from spatialdyn.examples import gallery
 
-# of CPU: 20 on a core of its own, as most of it is LLVM's; half as much again where others share its caches
-MOST_SECONDS = 30.0
+MOST_SECONDS = 20.0  # of CPU, most of it LLVM's
+# of an implicit method, the table kernel of aba_square_root, and a solver of its own: 21 to 26 on two shared cores
+HEAVY = {"double_pendulum": 30.0, "price_of_a_digit": 30.0, "ilqr": 40.0}
 SCRIPT = """
 import resource, subprocess, sys
 command = [sys.executable, "-m", f"spatialdyn.examples.{sys.argv[1]}"]
@@ -31,9 +32,10 @@ print(done.returncode, spent.ru_utime + spent.ru_stime, done.stderr)
 @pytest.mark.parametrize("name", slow_but(["first_steps"], gallery.names()))
 def test_an_example_takes_seconds_in_a_cold_process(name: str, tmp_path: Path) -> None:
     path = os.pathsep.join([str(Path(spatialdyn.__file__).parents[1]), os.environ.get("PYTHONPATH", "")])
-    environment = {**os.environ, "SPATIALDYN_CACHE_DIR": str(tmp_path), "PYTHONPATH": path, "MPLBACKEND": "agg"}
+    environment = {**os.environ, "PYTHONPATH": path, "MPLBACKEND": "agg"}
+    environment |= {"SPATIALDYN_CACHE_DIR": str(tmp_path), "NUMBA_CACHE_DIR": str(tmp_path)}
     command = [sys.executable, "-c", SCRIPT, name]
     done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True, cwd=tmp_path)
     code, spent, said = done.stdout.split(" ", 2)
     assert code == "0", said
-    assert float(spent) <= MOST_SECONDS
+    assert float(spent) <= HEAVY.get(name, MOST_SECONDS)
