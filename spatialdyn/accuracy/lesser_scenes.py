@@ -100,7 +100,7 @@ def lesser(scene: Scene, choice: Choice, q: Array) -> Lesser:
     if model is not scene.model:
         changes["model"], words["model"] = model, "model"
     if not at.whole:
-        _reduce(scene, at, changes, words)
+        _lessen(scene, at, changes, words)
         lines += [f"keep_q, keep_v = {at.in_q.tolist()}, {at.in_v.tolist()}"]
     if not changes:
         return Lesser(scene, at, ("lesser = scene",))
@@ -182,7 +182,7 @@ def _contacts(contacts: Contacts, model: Model, out: frozenset[str]) -> tuple[Co
     return made, f"sd.Contacts({of}, {', '.join(map(repr, parts))}, {ground})"
 
 
-def _reduce(scene: Scene, at: Embedding, changes: dict[str, Any], words: dict[str, str]) -> None:
+def _lessen(scene: Scene, at: Embedding, changes: dict[str, Any], words: dict[str, str]) -> None:
     """Coefficients and forces of the freedoms and joints that are left. Raises SimulationError for lost forces."""
     small, nv = changes["model"], scene.model.nv
     friction = changes.get("friction", scene.friction)

@@ -122,7 +122,7 @@ class Acting:
         if self.impulses is not None and first is not None and last is not None:
             mean = self.impulses[first : last + 1].mean(axis=0)
         at = centres(contacts, X)
-        foot = at - np.array(contacts.radii)[:, None] * normals(contacts.terrain, at)
+        foot = at - np.array(contacts.radii)[:, None] * normals(contacts, at)
         for handle, start, impulse in zip(self._arrows, foot, mean, strict=True):
             arrow = self.scale * impulse
             length, longest = float(np.linalg.norm(arrow)), LONGEST * self.size

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ..calls.dynamics import calls
 from ..constraints.contact_points import Contacts, Plane
 from ..errors import SpatialDynError
+from ..model.model import Model
 from ..simulation.trajectory import Trajectory
 from .figures import FAINT, dash, legend
 from .ground import centres, normals
@@ -97,17 +98,29 @@ def point_forces(run: Trajectory) -> PointForces:
     rest = float(run.t[-1]) - np.floor(float(run.t[-1]) / run.dt + REST) * run.dt
     if rest > REST * run.dt:
         steps[-1] = rest
-    before = run.q if isinstance(contacts.terrain, Plane) else calls["integrate"](
-        contacts.model, run.q, -steps[:, None] * run.v
-    )  # fmt: skip  # where the step began, by whose slope it was taken
+    before = run.q if isinstance(contacts.terrain, Plane) else _begun(contacts.model, run.q, steps[:, None] * run.v)
     X = np.asarray(calls["forward_kinematics"](contacts.model, before))
-    n = normals(contacts.terrain, centres(contacts, X))
+    n = normals(contacts, centres(contacts, X))
     force = impulse / steps[:, None, None]
     normal = np.einsum("nki,nki->nk", force, n)
     tangential = np.linalg.norm(force - normal[..., None] * n, axis=-1)
     most = contacts.friction * normal
     share = np.divide(tangential, most, out=np.full_like(most, np.nan), where=most > 0.0)
     return PointForces(normal, tangential, share)
+
+
+def _begun(model: Model, q: Array, way: Array) -> Array:
+    """Where steps that end at q with dt v⁺ = way began, by whose slope they were taken.
+
+    q⁺ = q ∘ exp(dt x) ∘ exp(dt ω⁺), x the linear velocity of floating and planar joints in the axes of the beginning,
+    which has turned into v⁺.
+    """
+    straight = np.zeros_like(way)
+    for joint in model.joints[1:]:
+        lengths = {"floating": 3, "planar": 2}.get(joint.kind, 0)
+        straight[:, joint.idx_v : joint.idx_v + lengths] = way[:, joint.idx_v : joint.idx_v + lengths]
+    made: Array = calls["integrate"](model, calls["integrate"](model, q, -straight), straight - way)
+    return made
 
 
 def _contacts(run: Trajectory) -> Contacts:

@@ -24,13 +24,18 @@ class Surface(NamedTuple):
     edges: Array
 
 
-def normals(terrain: Plane | Heightfield, points: Array) -> Array:
-    """The ground's normals (..., 3) below points (..., 3) of the world, as the steps of a contact take them."""
+def normals(contacts: Contacts, points: Array) -> Array:
+    """The ground's normals (..., k, 3) where the spheres of k points, at (..., k, 3) of the world, touch it."""
+    terrain = contacts.terrain
     if isinstance(terrain, Plane):
         return np.broadcast_to(np.array(terrain.normal, np.float64), points.shape)
-    found = np.ones((len(flat := points.reshape(-1, 3)), 3))
-    for n, slope in zip(found, _slopes(terrain, flat[:, :2])[:, 1:], strict=True):
-        n[:2] = -slope / terrain.spacing
+    assert contacts.ground is not None
+    rows, layers = contacts.ground.rows.view(np.recarray), contacts.table.rows["heights"][1 : 1 + len(contacts)]
+    cells = (points[..., :2] - terrain.origin) / terrain.spacing
+    found = np.ones((points.size // 3, 3))
+    firsts = np.broadcast_to(layers, points.shape[:-1]).ravel().tolist()
+    for n, (x, y), first in zip(found, cells.reshape(-1, 2).tolist(), firsts, strict=True):
+        n[:2] = -np.array(bilinear(x, y, rows, first)[1:]) / terrain.spacing
     return np.asarray(found / np.linalg.norm(found, axis=1, keepdims=True)).reshape(points.shape)
 
 

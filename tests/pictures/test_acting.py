@@ -59,7 +59,7 @@ def box() -> sd.Model:
 
 
 def contacts_of(model: sd.Model, terrain: Any = None, radius: float = 0.01) -> sd.Contacts:
-    return sd.Contacts(model, {f"c{k}": radius for k in range(8)}, friction=MU, terrain=terrain, sweeps=20)
+    return sd.Contacts(model, {f"c{k}": radius for k in range(8)}, friction=MU, terrain=terrain)
 
 
 def dropped(terrain: Any = None) -> sd.Trajectory:

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import valid_calls
 
 import spatialdyn as sd
 from spatialdyn.accuracy.results import Option, Tradeoff, mark_pareto
@@ -59,6 +60,10 @@ WRITERS: dict[str, tuple[Any, tuple[str, ...]]] = {
     "Tradeoff.plot": (lambda path: traded().plot(path), ENDINGS),
     "Tradeoff.report": (lambda path: traded().report(path), PAGE_FILES),
     "Diagnosis.report": (lambda path: sd.Diagnosis("arm", (), {}, {}, None, {}, 4).report(path), PAGE_FILES),
+    "Requirement.plot": (lambda path: valid_calls.requirement().plot(path=path), ENDINGS),
+    "Path.plot": (lambda path: sd.quintic([0.0], [1.0], 1.0).plot(path), ENDINGS),
+    "PassivityRecord.plot": (lambda path: sd.passivity(valid_calls.run()).plot(path), ENDINGS),
+    "LyapunovRecord.plot": (lambda path: sd.lyapunov(valid_calls.run(), valid_calls.run().energy).plot(path), ENDINGS),
     "View.save": (save_scene, PAGE_FILES),
     "plot": (lambda path: sd.plot([run()], path=path), ENDINGS),
 }
