@@ -102,7 +102,9 @@ class Computed:
             set_status(self.system, numba_kernels.OK if finite else numba_kernels.NONFINITE, self.t)
             return found
         if spec is SPECS["crba"] or any(x.name == CONTACTS_ARGUMENT.name for x in spec.present):
-            return self._by_program(spec, known)
+            static = tuple(known[x.name] for x in spec.present if x.static)
+            if run.program(numba_kernels.variant(spec, self._optional(spec, known)), self.model, static) is not None:
+                return self._by_program(spec, known)
         own, kernel = self._kernel(spec, known)
         sizes, out = self._sized(own, known)
         given = (self._passed(known[x.name]) for x in own.present)

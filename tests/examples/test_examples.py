@@ -270,7 +270,7 @@ def test_what_a_scene_requires_are_three_parts_of_nine() -> None:
 @compiled
 def test_standing_does_without_the_damping_that_trotting_needs() -> None:
     standing, trotting = run("standing_or_trotting").values()
-    assert verdicts(standing)["friction", "left out"] == "left out"
+    assert verdicts(standing)["friction", "left out"] in ("left out", "saves nothing")  # by the noise of a time
     assert verdicts(trotting)["friction", "left out"] == "needed"
     for found in (standing, trotting):
         assert verdicts(found)["contacts", "left out"] == verdicts(found)["gravity", "left out"] == "needed"
@@ -396,7 +396,8 @@ def test_the_box_slides_by_coulombs_law_or_rests() -> None:
     found = run("box_on_an_incline")
     wanted = np.maximum(0.0, G * (np.sin(0.3) - found["mu"] * np.cos(0.3)))
     np.testing.assert_allclose(found["acceleration"], wanted, rtol=0.0, atol=1e-8)
-    assert (found["creep"] <= [32e-6, 0.26e-6, 2e-11]).all()
+    assert (found["creep"] <= 0.5 * np.array([1e-4, 1e-6, 1e-8])).all()  # within the tolerance of each
+    assert (found["creep"][1:] < 1e-2 * found["creep"][:-1]).all()
 
 
 @robots

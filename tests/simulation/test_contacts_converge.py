@@ -56,7 +56,9 @@ def test_a_stance_that_is_pushed_is_solved() -> None:
     contacts, rng = sd.Contacts(model, feet, friction=0.8), np.random.default_rng(3)
     q, v = stance(model, contacts), np.zeros((16, 18))
     v[:, :6] = rng.standard_normal((16, 6)) * np.array([0.3] * 3 + [0.4] * 3)
-    run = sd.rollout(sd.Scene(model, contacts=contacts), q, v, dt=2e-3, steps=200, pd=hold(model, q), record="contacts")
+    run = sd.rollout(
+        sd.Scene(model, contacts=contacts), q, v, dt=2e-3, steps=200, control=hold(model, q), record="contacts"
+    )
     assert run.contacts is not None
     assert run.contacts.residual.max() <= SOLVED
 
