@@ -33,7 +33,7 @@ class MomentumObserver:
     equals K times the filtered torque, ṙ = K (τ_ext - r), to order 2 in dt, in every joint, floating bases included.
     Whatever is not in tau or the model is in the residual: friction and motors' losses belong into tau.
     ``momentum_observer_step`` is one step as a function; ``kernel`` is for loops in ``@njit``, and
-    ``sd.specialize(model, sd.momentum_observer_step).c_source()`` is C code.
+    ``sd.specialize(model, sd.momentum_observer_step).c_code()`` is C code.
 
     Raises  SpatialDynError for a gain or dt that is not above 0, ModelError for joints that mimic others
     Source  De Luca and Mattone, Sensorless robot collision detection and hybrid force/motion control (2005).

@@ -74,7 +74,7 @@ def test_the_kernel_and_the_c_source_are_the_same_step() -> None:
     after = np.empty(6)
     loop(model.bodies, q, v, tau, np.full(2, GAIN), 1e-3, memory, after)
     assert abs(after - want).max() < 1e-14 * abs(want).max()
-    text = sd.specialize(model, sd.momentum_observer_step).c_source()
+    text = sd.specialize(model, sd.momentum_observer_step).c_code()
     assert "momentum_observer_step" in text
 
 
