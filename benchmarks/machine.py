@@ -14,7 +14,7 @@ import pinocchio as pin
 from measure import per_call
 from peers import installed
 
-from spatialdyn.engines.programs import host_cpu, llvm_vectors
+from spatialdyn.engines.programs.llvm import host_cpu, llvm_vectors
 
 CHAINS = 16  # independent ones hide the latency of a multiply-add, 4 cycles or so
 DEEP = 8  # of each chain per turn of the loop

@@ -28,7 +28,7 @@ from measure import interleaved
 from tables import Bar, show
 
 import spatialdyn as sd
-from spatialdyn.engines.programs import batch_kernels
+from spatialdyn.engines.programs.run import batch_kernels
 
 HERE = Path(__file__).parent
 FLOAT32 = 2e-2  # of the largest entry: shows that the results are of the same call; the error is reported

@@ -25,7 +25,7 @@ from spatialdyn.engines.compiled.numba_kernels import variant
 from spatialdyn.examples.ilqr import backward, forward, ilqr
 from spatialdyn.examples.optimal_control import cost_of, reach
 from spatialdyn.recursions import SPECS
-from spatialdyn.recursions.step_derivatives import STEPS
+from spatialdyn.recursions.derivatives.step_derivatives import STEPS
 from spatialdyn.simulation.steps import step_specs
 
 KNOTS, DT = 100, 0.01

@@ -126,7 +126,7 @@ if TYPE_CHECKING:
     from .simulation.effects.control import Control
     from .simulation.effects.cost import Cost
     from .simulation.ledger import EnergyLedger, energy_ledger
-    from .simulation.methods import integrators
+    from .simulation.methods.methods import integrators
     from .simulation.rollout_result import Rollout
     from .simulation.rollouts import rollout
     from .simulation.runs import hamilton_simulation, simulate
@@ -207,11 +207,11 @@ _LATE = {  # {module: public names}, imported when one is asked for: half the ti
     "simulation.contact_record": "ContactRecord", "simulation.effects.control": "Control",
     "simulation.effects.cost": "Cost",
     "simulation.ledger": "EnergyLedger energy_ledger",
-    "simulation.methods": "integrators", "simulation.rollout_result": "Rollout", "simulation.rollouts": "rollout",
-    "simulation.runs": "hamilton_simulation simulate", "simulation.scene": "Scene", "simulation.single_step": "step",
-    "simulation.step_derivatives": "linearize step_derivatives", "simulation.trajectory": "Trajectory",
-    "sources.load": "load", "sources.mjmodel": "from_mjmodel", "sources.to_mjcf": "to_mjcf",
-    "sources.to_urdf": "to_urdf", "validate.comparison": "compare_with_pinocchio",
+    "simulation.methods.methods": "integrators", "simulation.rollout_result": "Rollout",
+    "simulation.rollouts": "rollout", "simulation.runs": "hamilton_simulation simulate", "simulation.scene": "Scene",
+    "simulation.single_step": "step", "simulation.step_derivatives": "linearize step_derivatives",
+    "simulation.trajectory": "Trajectory", "sources.load": "load", "sources.mjmodel": "from_mjmodel",
+    "sources.to_mjcf": "to_mjcf", "sources.to_urdf": "to_urdf", "validate.comparison": "compare_with_pinocchio",
 }  # fmt: skip
 _MODULE_OF = {name: module for module, names in _LATE.items() for name in names.split()}
 _ROOMS = (

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 import spatialdyn as sd
 from spatialdyn.calls import dynamics
 from spatialdyn.engines import run
-from spatialdyn.engines.programs import batch_kernels
+from spatialdyn.engines.programs.run import batch_kernels
 from spatialdyn.recursions.spec import Argument, Spec
 
 Array = NDArray[np.float64]

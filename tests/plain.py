@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 import spatialdyn as sd
-from spatialdyn.engines.programs.mimic_rows import evaluate, rows_of
-from spatialdyn.engines.programs.tracer import table
+from spatialdyn.engines.programs.record.mimic_rows import evaluate, rows_of
+from spatialdyn.engines.programs.record.tracer import table
 from spatialdyn.recursions import SPECS
 from spatialdyn.recursions.spec import shape_in, sizes_of
 

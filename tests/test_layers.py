@@ -80,17 +80,19 @@ DRAW: dict[str, set[str]] = {
 
 # What functions change in a module nonetheless, under a lock: caches and settings that no result depends on.
 CHANGED = {
-    "engines.programs.batch_kernels": {"_programs", "_codes"}, "engines.compiled.disk_cache": {"_done"},
+    "engines.programs.run.batch_kernels": {"_programs", "_codes"}, "engines.compiled.disk_cache": {"_done"},
     "algebra.scalars": {"_waiting"}, "engines.compiled.numba_kernels": {"_made"},
     "engines.interrupt": {"_at_work"}, "engines.locks": {"_forking", "_made", "_held"},
 }  # fmt: skip
 
 # what recursions import of their own room
 SHARED = {
-    "spec", "energy", "rnea", "crba", "aba", "coriolis", "hamilton", "kinematics", "centroidal", "ltdl", "derivatives",
-    "square_root_rows", "square_root_inertia", "configuration_off_norm", "rnea_off_norm", "steps", "signatures",
-    "constraint_rows", "dense", "rotors", "constrained", "coulomb_cone", "friction", "configuration", "contact_rows",
-    "aba_motors", "impulses", "paths",
+    "spec", "momenta.energy", "tree.rnea", "tree.crba", "tree.aba", "momenta.coriolis", "momenta.hamilton",
+    "tree.kinematics", "momenta.centroidal", "tree.ltdl", "derivatives.derivatives", "tree.square_root_rows",
+    "tree.square_root_inertia", "coordinates.configuration_off_norm", "tree.rnea_off_norm", "steps", "signatures",
+    "constraints.constraint_rows", "constraints.dense", "tree.rotors", "constraints.constrained",
+    "contact.coulomb_cone", "joints.friction", "coordinates.configuration", "contact.contact_rows", "tree.aba_motors",
+    "contact.impulses", "control.paths",
 }  # fmt: skip
 TOUCH_FILES = {"urdf", "sources", "engines", "pictures"}  # the last reads meshes and writes pages
 # themselves, a script, and loops in TOML; one reads an environment variable

@@ -21,7 +21,8 @@ from ..engines import run as engine
 from ..engines.compiled import numba_kernels
 from ..engines.compiled.numba_kernels import variant
 from ..engines.extended import LEAST_BATCH
-from ..engines.programs import derived, recording
+from ..engines.programs.record import recording
+from ..engines.programs.transform import derived
 from ..errors import InertiaError, NonFiniteError, ShapeError, SpatialDynError
 from ..model.model import Model
 from ..recursions import SPECS

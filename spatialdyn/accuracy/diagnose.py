@@ -15,7 +15,7 @@ from ..calls.forward_dynamics import EXTENDED
 from ..calls.progress import Progress, Steps, check_progress, reporting
 from ..calls.states import random_configuration
 from ..engines.compiled import numba_kernels
-from ..engines.programs import float32_range
+from ..engines.programs.transform import float32_range
 from ..errors import NonFiniteError, ShapeError
 from ..model.model import Joint, Model
 from ..model.physical_inertia import inertia_defect

@@ -13,8 +13,8 @@ from ..calls.arguments import core_shape
 from ..calls.dynamics import calls
 from ..calls.forward_dynamics import EXTENDED, METHODS
 from ..engines.compiled import numba_kernels
-from ..engines.programs import recording
-from ..engines.programs.regroup import regroup
+from ..engines.programs.record import recording
+from ..engines.programs.record.regroup import regroup
 from ..errors import SpatialDynError
 from ..model.model import Model
 from ..recursions import SPECS

@@ -14,7 +14,7 @@ from ..calls.dynamics import calls
 from ..calls.exact import exact
 from ..engines.compiled import numba_kernels
 from ..engines.numbers.double_double import DoubleDouble, record_double_double
-from ..engines.programs.mimic_rows import evaluate
+from ..engines.programs.record.mimic_rows import evaluate
 from ..model.model import Model
 from ..recursions import SPECS
 

@@ -16,7 +16,7 @@ from ..errors import ModelError, NonFiniteError, ShapeError, SpatialDynError
 from ..model.model import Model
 from ..simulation import integrators
 from ..simulation.effects.control import Control, check_control
-from ..simulation.methods import EXPLICIT_METHODS
+from ..simulation.methods.methods import EXPLICIT_METHODS
 from ..simulation.scene import Scene, scene_of, warn_of_friction
 from .motions_around import Motion, Observe, scattered
 from .references import error_bound

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import SimulationError, SpatialDynError
-from ..simulation.methods import EXPLICIT_METHODS
+from ..simulation.methods.methods import EXPLICIT_METHODS
 from ..simulation.scene import Scene
 from .lesser_scenes import Choice, Lesser, lesser
 from .motions_around import Motion, Timed, reason

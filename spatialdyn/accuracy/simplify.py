@@ -16,7 +16,7 @@ from ..calls.dynamics import calls
 from ..calls.specialize import specialize
 from ..calls.states import random_configuration
 from ..engines.compiled import numba_kernels
-from ..engines.programs import recording
+from ..engines.programs.record import recording
 from ..errors import ModelError, SpatialDynError
 from ..model.changes import lock_values, resting
 from ..model.model import Model

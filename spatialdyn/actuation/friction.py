@@ -15,7 +15,7 @@ from ..calls.dynamics import checked_call
 from ..calls.failures import joint_of_velocity
 from ..errors import ModelError, ShapeError
 from ..model.model import Model
-from ..recursions.friction import AT_ONCE, FRICTION_REGRESSOR, FRICTION_TORQUE
+from ..recursions.joints.friction import AT_ONCE, FRICTION_REGRESSOR, FRICTION_TORQUE
 
 Array = NDArray[np.float64]
 POSITIVE = ("stribeck_velocity", "smoothing")  # the others may be 0

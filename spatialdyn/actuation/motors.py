@@ -13,7 +13,7 @@ from ..calls.arguments import as_array, check_model
 from ..calls.dynamics import checked_call
 from ..errors import ModelError, ShapeError
 from ..model.model import Model
-from ..recursions.motors import MOTOR_LIMITS
+from ..recursions.joints.motors import MOTOR_LIMITS
 
 Array = NDArray[np.float64]
 UNLIMITED = 1e300  # [N m | N] in place of infinity, which recursions take for an invalid sample

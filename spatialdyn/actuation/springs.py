@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..calls.arguments import check_model
 from ..calls.dynamics import checked_call
 from ..model.model import Model
-from ..recursions.springs import SPRING_ENERGY, SPRING_TORQUE
+from ..recursions.joints.springs import SPRING_ENERGY, SPRING_TORQUE
 
 Array = NDArray[np.float64]
 

@@ -1,8 +1,8 @@
 """The public calls, one for each Spec of ``recursions.SPECS``: ``rnea(model, q, v, a, fext=None, out=None)``.
 
-A call of one sample of float64 arrays is answered by a builtin (``engines.programs.single_call``), which checks them
-and runs the model's program. Everything else (batches, lists, other dtypes, bad input, a model's first call, models
-without a program) goes through ``checked_call``.
+A call of one sample of float64 arrays is answered by a builtin (``engines.programs.run.single_call``), which checks
+them and runs the model's program. Everything else (batches, lists, other dtypes, bad input, a model's first call,
+models without a program) goes through ``checked_call``.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ import numpy as np
 from ..engines import object_layout, run
 from ..engines.compiled import numba_kernels
 from ..engines.compiled.generated import function_from_text
-from ..engines.programs import batch_kernels, single_call
-from ..engines.programs.single_call import Parameter
-from ..engines.programs.single_call_text import ARRAY, MOST_WORDS, NUMBER, OUT, WORD
+from ..engines.programs.llvm.single_call_text import ARRAY, MOST_WORDS, NUMBER, OUT, WORD
+from ..engines.programs.run import batch_kernels, single_call
+from ..engines.programs.run.single_call import Parameter
 from ..engines.threads import set_num_threads
 from ..errors import ModelError
 from ..model.model import Model

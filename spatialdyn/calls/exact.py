@@ -13,8 +13,8 @@ from ..bodies.table import independent
 from ..engines.compiled import numba_kernels
 from ..engines.compiled.checks import singular_row, unit_norm
 from ..engines.numbers import multiprecision as engine
-from ..engines.programs.mimic_rows import MimicRows, diagonal_of_M, evaluate, rows_of
-from ..engines.programs.tracer import table
+from ..engines.programs.record.mimic_rows import MimicRows, diagonal_of_M, evaluate, rows_of
+from ..engines.programs.record.tracer import table
 from ..errors import ConfigurationError, InertiaError, ModelError, NonFiniteError, ShapeError, SpatialDynError
 from ..model.model import Frame, Model
 from ..model.robot_checks import masked

@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from ..engines.compiled.numba_kernels import variant
-from ..engines.programs.derivative import jacobian
-from ..engines.programs.derived import record
-from ..engines.programs.program import Program
-from ..engines.programs.recording import Recording
-from ..engines.programs.source_code import Shapes, has_meaning
+from ..engines.programs.record.program import Program
+from ..engines.programs.record.recording import Recording
+from ..engines.programs.transform.derivative import jacobian
+from ..engines.programs.transform.derived import record
+from ..engines.programs.transform.source_code import Shapes, has_meaning
 from ..errors import SpatialDynError
 from ..recursions import SPECS
 from .specialize_request import SpecializeRequest

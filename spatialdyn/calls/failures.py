@@ -14,8 +14,8 @@ from ..bodies.static_table import StaticTable
 from ..engines import run
 from ..engines.compiled import numba_kernels
 from ..engines.failed import Failed
-from ..engines.programs.mimic_rows import evaluate, rows_of
-from ..engines.programs.tracer import table
+from ..engines.programs.record.mimic_rows import evaluate, rows_of
+from ..engines.programs.record.tracer import table
 from ..errors import ConfigurationError, InertiaError, NonFiniteError
 from ..model.model import Joint, Model
 from ..recursions import SPECS

@@ -10,7 +10,8 @@ from ..engines import run
 from ..engines.compiled import numba_kernels
 from ..errors import SpatialDynError
 from ..model.model import Frame, Model
-from ..recursions import SPECS, constrained, constraint_rows
+from ..recursions import SPECS
+from ..recursions.constraints import constrained, constraint_rows
 from ..recursions.spec import Spec
 from .arguments import check_model
 from .progress import Progress, Steps, check_progress, reporting

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ..bodies.table import ANY_NORM
 from ..engines import run
 from ..engines.failed import Failed
-from ..engines.programs import parameters
+from ..engines.programs.record import parameters
 from ..errors import SpatialDynError
 from ..model.model import Model
 from ..recursions.spec import Spec

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from ..engines.compiled import numba_kernels
-from ..engines.programs import parameters, recording
-from ..engines.programs.parameters import Parameter
+from ..engines.programs.record import parameters, recording
+from ..engines.programs.record.parameters import Parameter
 from ..errors import ConfigurationError, ModelError, NonFiniteError, ShapeError, SpatialDynError
 from ..model.model import Frame, Model
 from ..recursions.spec import Argument, Spec

@@ -13,12 +13,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..engines import object_layout
 from ..engines.compiled import numba_kernels
-from ..engines.programs import batch_kernels, derived, float32_range, recording, single_call
-from ..engines.programs.casadi_code import casadi_code
-from ..engines.programs.program import Program
-from ..engines.programs.single_call import Parameter
-from ..engines.programs.single_call_text import ARRAY, MOST, MOST_OUTPUTS, NUMBER, OUT
-from ..engines.programs.source_code import PRINTERS
+from ..engines.programs.llvm.single_call_text import ARRAY, MOST, MOST_OUTPUTS, NUMBER, OUT
+from ..engines.programs.record import recording
+from ..engines.programs.record.program import Program
+from ..engines.programs.run import batch_kernels, single_call
+from ..engines.programs.run.single_call import Parameter
+from ..engines.programs.transform import derived, float32_range
+from ..engines.programs.transform.casadi_code import casadi_code
+from ..engines.programs.transform.source_code import PRINTERS
 from ..errors import InertiaError, NonFiniteError, ShapeError, SpatialDynError
 from ..model.model import Model
 from ..model.robot_checks import masked

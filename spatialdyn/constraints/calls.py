@@ -14,12 +14,12 @@ from ..calls.arguments import core_shape
 from ..calls.dynamics import checked_call
 from ..engines import object_layout, run
 from ..engines.compiled import numba_kernels
-from ..engines.programs import single_call
-from ..engines.programs.single_call import Parameter
-from ..engines.programs.single_call_text import ARRAY, MOST, NUMBER
+from ..engines.programs.llvm.single_call_text import ARRAY, MOST, NUMBER
+from ..engines.programs.run import single_call
+from ..engines.programs.run.single_call import Parameter
 from ..errors import ConstraintError
 from ..model.model import Model
-from ..recursions.constrained import CHOSEN, DEPENDENT, ROWS, UNSURE
+from ..recursions.constraints.constrained import CHOSEN, DEPENDENT, ROWS, UNSURE
 from ..recursions.spec import Spec
 from .contact_points import Contacts
 from .table import Constraints, check_constraints

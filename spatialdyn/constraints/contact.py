@@ -18,8 +18,8 @@ from ..engines.compiled import numba_kernels
 from ..engines.compiled.table_kernels import kernel
 from ..errors import ConstraintError, InertiaError, ModelError, ShapeError
 from ..model.model import Model
-from ..recursions.constrained import CHOSEN, MOTION
-from ..recursions.kkt import bordered_inverse, constrained_samples
+from ..recursions.constraints.constrained import CHOSEN, MOTION
+from ..recursions.constraints.kkt import bordered_inverse, constrained_samples
 from ..recursions.spec import TAU
 from .dynamics import ConstrainedImpact, ConstrainedMotion, constrained_impact, constrained_motion
 from .kinds import Constraint

@@ -12,7 +12,7 @@ from ..calls.arguments import as_array, as_number
 from ..calls.dynamics import calls
 from ..errors import SimulationError
 from ..model.model import Model
-from ..recursions.contact import CONTACT_GAPS, CONTACT_GAPS_OVER, CONTACT_STEP, CONTACT_STEP_OVER
+from ..recursions.contact.contact import CONTACT_GAPS, CONTACT_GAPS_OVER, CONTACT_STEP, CONTACT_STEP_OVER
 from ..recursions.spec import Spec
 from .calls import answer
 from .contact_points import Contacts, check_contacts
@@ -36,7 +36,7 @@ def contact_step(
     """The state after a step dt in which points touch the ground: M (v⁺ - v) = dt (tau - bias) + Jᵀ impulse.
 
     Source: Signorini's condition and Coulomb's law, as Le Lidec et al., Contact models in robotics (arXiv 2304.06372),
-    have them, hold at the end of the step; the impulses are found point by point, see ``recursions.contact``.
+    have them, hold at the end of the step; the impulses are found point by point, see ``recursions.contact.contact``.
 
     model     Model
     contacts  Contacts of this model

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..calls.dynamics import calls
 from ..model.model import Model
-from ..recursions.constraint_derivatives import DERIVATIVES
+from ..recursions.constraints.constraint_derivatives import DERIVATIVES
 from .calls import call
 from .dynamics import constrained_motion, constraint_jacobian, response, stabilization_time
 from .table import Constraints
@@ -40,7 +40,7 @@ def constrained_dynamics_derivatives(
     """Derivatives of the forward dynamics under constraints, ``a, force = constrained_dynamics(...)[:2]``.
 
     Source: M a + h = tau + Jᵀ force and J a + J̇ v = 0 are differentiated, h by ``rnea_derivatives``, the rows of J by
-    ``recursions.constraint_derivatives``; what follows is M x - Jᵀ y = r, J x = s for each column.
+    ``recursions.constraints.constraint_derivatives``; what follows is M x - Jᵀ y = r, J x = s for each column.
 
     model          Model
     constraints    Constraints of this model

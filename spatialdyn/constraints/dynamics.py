@@ -14,7 +14,7 @@ from ..algebra.scalars import EPS
 from ..calls.arguments import as_array, as_flag, as_number, batch_shape, broadcast
 from ..errors import ConstraintError
 from ..model.model import Model
-from ..recursions import constrained, constraint_rows
+from ..recursions.constraints import constrained, constraint_rows
 from ..recursions.spec import Spec, V
 from .calls import CONTRADICTION, call, raise_contradiction, settled
 from .table import Constraints

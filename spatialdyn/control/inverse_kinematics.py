@@ -14,11 +14,11 @@ from ..algebra.lie import larger
 from ..calls.arguments import as_count, as_finite, as_flag, as_number, broadcast, check_model, frame_row_and_placement
 from ..calls.dynamics import calls
 from ..calls.states import random_configuration
-from ..engines.programs.mimic_rows import evaluate
+from ..engines.programs.record.mimic_rows import evaluate
 from ..errors import ShapeError, SpatialDynError
 from ..model.model import Frame, Model
 from ..recursions import SPECS
-from ..recursions.inverse_kinematics import damped_step, put_error
+from ..recursions.control.inverse_kinematics import damped_step, put_error
 from ..recursions.spec import LOCAL_WORLD_ALIGNED, Argument, Spec
 from .programs import repeated
 

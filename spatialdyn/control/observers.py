@@ -16,8 +16,8 @@ from ..calls.dynamics import calls, checked_call
 from ..engines.compiled.numba_kernels import user_kernel
 from ..errors import ConstraintError, ModelError, ShapeError, SpatialDynError
 from ..model.model import Model
-from ..recursions.base_velocity import BASE, BASE_VELOCITY
-from ..recursions.observer import OBSERVER
+from ..recursions.control.observer import OBSERVER
+from ..recursions.momenta.base_velocity import BASE, BASE_VELOCITY
 
 Array = NDArray[np.float64]
 

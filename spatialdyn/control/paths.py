@@ -1,7 +1,7 @@
 """``Path``: a motion to follow, as a function of time; splines, quintics, trapezoids and Fourier series make one.
 
 A path is q(t) = q_c ∘ exp(u(t)): from its centre q_c by a displacement u, each joint's twist, so that quaternions and
-floating bases move as numbers do (``recursions.paths``). Without a model coordinates are numbers.
+floating bases move as numbers do (``recursions.control.paths``). Without a model coordinates are numbers.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from ..calls.dynamics import calls, checked_call
 from ..errors import ShapeError, SpatialDynError
 from ..model.builder import ModelBuilder
 from ..model.model import Model
-from ..recursions.paths import fourier_spec, polynomial_spec, timed_spec
+from ..recursions.control.paths import fourier_spec, polynomial_spec, timed_spec
 from ..recursions.spec import Spec
 
 if TYPE_CHECKING:
@@ -54,7 +54,7 @@ class Path:
     """A motion to follow: ``path(t)`` is q, v and a.
 
     model     whose coordinates it has; None where they are numbers
-    spec      Spec of a clock and values (``recursions.paths``), which control laws record into their program
+    spec      Spec of a clock and values (``recursions.control.paths``), which control laws record into their program
     values    {name: array} of its inputs beside the clock
     duration  [s]; of a Fourier series its period, which repeats. Others rest at their end, as before 0
 

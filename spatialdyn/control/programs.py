@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..engines.compiled import numba_kernels
-from ..engines.programs import batch_kernels, recording, structure, time_loop
-from ..engines.programs.time_loop import StepInput
+from ..engines.programs.record import recording, structure
+from ..engines.programs.run import batch_kernels, time_loop
+from ..engines.programs.run.time_loop import StepInput
 from ..engines.run import hashable
 from ..model.model import Model
 from ..recursions.spec import Spec

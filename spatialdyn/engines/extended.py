@@ -13,8 +13,9 @@ from . import threads
 from .compiled import numba_kernels
 from .failed import Arrays
 from .numbers.double_double import DoubleDouble, record_double_double
-from .programs import batch_kernels, recording
-from .programs.mimic_rows import evaluate
+from .programs.record import recording
+from .programs.record.mimic_rows import evaluate
+from .programs.run import batch_kernels
 from .run import Table
 
 LEAST_BATCH = 512  # least samples of a batch that runs on lanes

@@ -27,10 +27,11 @@ from .failed import Failed as Failed
 from .failed import concatenate_failed as concatenate_failed
 from .failed import in_order
 from .numbers.samples import Evaluation
-from .programs import batch_kernels, recording
-from .programs.batches import NONE
-from .programs.parameters import Parameter
-from .programs.tiered_program import TieredProgram
+from .programs.record import recording
+from .programs.record.parameters import Parameter
+from .programs.run import batch_kernels
+from .programs.run.batches import NONE
+from .programs.run.tiered_program import TieredProgram
 
 SHARE = 10**9 if numba_kernels.PLAIN else 128  # least samples of a thread: some 100 µs
 FEW, FEW_NUMBERS = 512, 1 << 20  # most samples, and numbers of their results, that NumPy computes in some 10 ms to 1 s

@@ -7,9 +7,23 @@ from typing import Any
 import numpy as np
 
 from ..calls.exported import Exported
-from ..engines.programs.casadi_code import by_columns, matrix
-from ..engines.programs.operations import ABS, ATAN2, CONST, COS, DIV, EXP, FORMS, INPUT, SELECT, SIN, SQRT, UFP, signed
-from ..engines.programs.program import Program
+from ..engines.programs.record.operations import (
+    ABS,
+    ATAN2,
+    CONST,
+    COS,
+    DIV,
+    EXP,
+    FORMS,
+    INPUT,
+    SELECT,
+    SIN,
+    SQRT,
+    UFP,
+    signed,
+)
+from ..engines.programs.record.program import Program
+from ..engines.programs.transform.casadi_code import by_columns, matrix
 from ..errors import SpatialDynError
 from .frameworks import framework
 

@@ -23,8 +23,8 @@ from ..algebra.records import put_inertia, put_vec
 from ..algebra.rotations import turn
 from ..algebra.spatial import Inertia, Pose
 from ..engines.numbers.symbolic import Number, Ring, need_sympy
-from ..engines.programs.parameters import body, point
-from ..engines.programs.tracer import Row, table
+from ..engines.programs.record.parameters import body, point
+from ..engines.programs.record.tracer import Row, table
 from ..errors import ModelError
 from ..model.assembly import walk
 from ..model.joint_rows import put_joint, subspace

@@ -17,7 +17,7 @@ import numpy as np
 from ..accuracy.findings import Diagnosis
 from ..accuracy.results import EACH_JOINT, FRONT, Tradeoff
 from ..calls.files import check_ending
-from ..engines.programs import host_cpu
+from ..engines.programs.llvm import host_cpu
 from ..errors import SpatialDynError, pip_install
 from ..model.model import Model
 from ..simulation.trajectory import Trajectory

@@ -1,4 +1,4 @@
-"""The algorithms, one file each, written once as their source prints them.
+"""The algorithms, one file each, a folder for each chapter, written once as their source prints them.
 
 A recursion takes the table of bodies, a table of scratch and the arrays of one sample, writes its outputs in place and
 returns nothing. It allocates nothing, branches on no value and knows no names, so one source runs in plain Python,
@@ -85,6 +85,8 @@ from .spec import Spec
 
 SPECS: dict[str, Spec] = {
     spec.name: spec
-    for module in sorted(m.name for m in pkgutil.iter_modules(__path__))
-    for spec in getattr(importlib.import_module(f"{__name__}.{module}"), "SPECS", ())
+    for module in sorted(
+        (m.name for m in pkgutil.walk_packages(__path__, f"{__name__}.")), key=lambda name: name.rpartition(".")[2]
+    )
+    for spec in getattr(importlib.import_module(module), "SPECS", ())
 }

@@ -10,11 +10,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from .aba import acceleration_through_M
-from .derivatives import aba_derivatives_by_factor, aba_derivatives_through_M
-from .ltdl import factor_tree, solve_tree
+from .derivatives.derivatives import aba_derivatives_by_factor, aba_derivatives_through_M
 from .signatures import Array, Bodies, Matrix, Vector
 from .spec import MassMatrix
+from .tree.aba import acceleration_through_M
+from .tree.ltdl import factor_tree, solve_tree
 
 
 class Reduction(NamedTuple):

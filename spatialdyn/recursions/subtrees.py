@@ -10,8 +10,8 @@ from ..algebra.public_arrays import write_vec
 from ..algebra.records import force_of, inertia_of, motion_of, pose_of, put_force, table_dtype, vec_of
 from ..algebra.scalars import Scalar, inline, select
 from ..algebra.spatial import Force, Inertia, Motion, Pose, add_force, cross_force, momentum, zero_force
-from .centroidal import momentum_outward
-from .energy import WORK_MOMENT, mass_moment
+from .momenta.centroidal import momentum_outward
+from .momenta.energy import WORK_MOMENT, mass_moment
 from .signatures import Bodies, Config, Matrix, Vector, Work
 from .spec import TURNED_Q, A, Argument, Spec, V
 

@@ -1,6 +1,6 @@
 """Integrators of the equation of motion, structure-preserving ones among them."""
 
-from .methods import Method, integrators
+from .methods.methods import Method, integrators
 from .rollout_result import Rollout
 from .rollouts import rollout
 from .runs import hamilton_simulation, simulate

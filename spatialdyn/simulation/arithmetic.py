@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 from ..bodies.static_table import StaticTable
 from ..engines import run
 from ..engines.compiled import numba_kernels
-from ..engines.programs import tracer
-from ..engines.programs.mimic_rows import evaluate, rows_of
+from ..engines.programs.record import tracer
+from ..engines.programs.record.mimic_rows import evaluate, rows_of
 from ..model.model import Model
 from ..recursions import SPECS
-from ..recursions.contact_rows import CONTACTS_ARGUMENT
+from ..recursions.contact.contact_rows import CONTACTS_ARGUMENT
 from ..recursions.spec import Spec, shape_in, sizes_of
 from .system import System, set_status
 

@@ -9,7 +9,7 @@ from typing import Any
 from ..algebra.scalars import inline_unoptimized
 from ..engines.compiled import numba_kernels
 from ..engines.compiled.numba_settings import is_jitted
-from .methods import Method
+from .methods.methods import Method
 from .system import State, System, held_torque, hold_torque, user_torque
 
 

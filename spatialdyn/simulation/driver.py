@@ -17,7 +17,7 @@ from ..engines.compiled import numba_kernels
 from ..errors import SimulationError
 from .fixed_steps import FixedSteps
 from .kernel_steps import rates_of
-from .methods import integrators
+from .methods.methods import integrators
 from .plan import Plan
 from .program_steps import on_lanes
 from .recorder import Recorder, Steps
@@ -35,7 +35,7 @@ def run_sample(
 ) -> None:  # fmt: skip
     """Run one sample from (q, v, p) and record it. Raises SimulationError, KeyboardInterrupt with what is recorded."""
     if recorder.method.family is None:
-        from .adaptive import run_adaptive
+        from .methods.adaptive import run_adaptive
 
         jumps = any(x.shape[1] > 1 for x in plan.values.values())
         rates = rates_of(plan, recorder, sample)

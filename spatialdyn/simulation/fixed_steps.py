@@ -17,15 +17,15 @@ from ..engines.compiled import numba_kernels
 from ..errors import ConstraintError, SimulationError
 from ..model.model import Model
 from ..recursions.spec import FEXT
-from . import explicit
 from .compiled_loop import compile_loop, drive
 from .energy import FAST
 from .kernel_steps import KernelSteps
-from .methods import EXPLICIT, Family, Method
+from .methods import explicit
+from .methods.methods import EXPLICIT, Family, Method
+from .methods.symplectic import SETTLED, SWEEPS
 from .plan import Plan
 from .program_steps import program, slice_of
 from .recorder import Recorder
-from .symplectic import SETTLED, SWEEPS
 from .system import OK, PIVOT, STALLED, TORQUE, TURNED, State, System, held_torque, joint_table, units, user_torque
 from .torques import Torque, with_force
 

@@ -16,20 +16,20 @@ from numpy.typing import NDArray
 from ..calls.dynamics import calls
 from ..engines.compiled import numba_kernels
 from ..errors import SimulationError
-from ..recursions.friction import DT
+from ..recursions.joints.friction import DT
 from ..recursions.spec import FEXT
-from . import constrained_variational, explicit, rattle
 from .arithmetic import Computed
 from .effects import work
 from .effects.control import OWN_INPUT
 from .effects.effect import Effect
 from .effects.external import external_torque
-from .methods import DISCRETE, EXPLICIT, Family
-from .mimic_kernels import mimic_kernels
+from .methods import constrained_variational, explicit, rattle
+from .methods.methods import DISCRETE, EXPLICIT, Family
+from .methods.mimic_kernels import mimic_kernels
+from .methods.symplectic import GAUSS2, GAUSS4, GAUSS6
 from .plan import Plan
 from .recorder import Recorder
 from .steps import advance
-from .symplectic import GAUSS2, GAUSS4, GAUSS6
 from .system import OK, State, System, joint_table
 from .torques import forces_at
 

@@ -18,7 +18,7 @@ from .effects.constraints import Constrained
 from .effects.contacts import Contact
 from .effects.control import Feedback
 from .effects.effect import Effect, find
-from .methods import EXPLICIT_METHODS, SCIPY_METHODS
+from .methods.methods import EXPLICIT_METHODS, SCIPY_METHODS
 from .scene import Scene
 
 Array = NDArray[Any]

@@ -18,14 +18,16 @@ from numpy.typing import NDArray
 
 from ..calls.dynamics import calls
 from ..engines.compiled import numba_kernels
-from ..engines.programs import batch_kernels, float32_range, recording, time_loop
-from ..engines.programs.program import Program
-from ..engines.programs.time_loop import StepInput
+from ..engines.programs.record import recording
+from ..engines.programs.record.program import Program
+from ..engines.programs.run import batch_kernels, time_loop
+from ..engines.programs.run.time_loop import StepInput
+from ..engines.programs.transform import float32_range
 from ..model.model import Model
 from ..recursions.spec import Argument, Spec
 from .effects.control import Feedback, step_kernel
 from .effects.effect import Effect, find
-from .methods import EXPLICIT_METHODS
+from .methods.methods import EXPLICIT_METHODS
 from .plan import Plan
 from .recorder import Recorder
 from .steps import step_specs

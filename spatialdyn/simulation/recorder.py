@@ -14,13 +14,13 @@ from ..calls.arguments import as_number
 from ..calls.dynamics import calls
 from ..calls.specialize import specialize
 from ..calls.specialized import Specialized
-from ..engines.programs import batch_kernels
+from ..engines.programs.run import batch_kernels
 from ..errors import NonFiniteError, SpatialDynError
 from ..model.model import Model
 from .effects.contacts import Contact
 from .effects.control import Control, law_torques
 from .effects.springs import has_springs
-from .methods import Method
+from .methods.methods import Method
 from .scene import Scene
 from .states import RunStates
 from .trajectory import Trajectory

@@ -30,12 +30,12 @@ from ..engines.numbers.double_double import (
     multiply,
     record_double_double,
 )
-from ..engines.programs.mimic_rows import evaluate
+from ..engines.programs.record.mimic_rows import evaluate
 from ..errors import SimulationError
 from ..model.model import Model
 from ..recursions import SPECS
 from ..recursions.spec import Spec
-from .adaptive import coordinate_rate
+from .methods.adaptive import coordinate_rate
 
 Array = NDArray[np.float64]
 

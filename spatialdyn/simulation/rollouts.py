@@ -24,7 +24,7 @@ from .effects.control import Control, Feedback, check_control, check_law
 from .effects.cost import Cost, check_cost, with_cost
 from .effects.friction import check_stable
 from .effects.springs import check_springs
-from .methods import SCIPY_METHODS, integrators
+from .methods.methods import SCIPY_METHODS, integrators
 from .plan import Plan, forces_of
 from .rollout_result import Rollout
 from .scene import Scene, check_method, effects_in_scene, scene_of, warn_of_friction

@@ -31,7 +31,7 @@ from .effects.control import Control, Feedback, check_control, check_law
 from .effects.friction import check_stable
 from .effects.springs import check_springs
 from .energy import exploded, scale_of
-from .methods import Method, integrators
+from .methods.methods import Method, integrators
 from .plan import Plan, forces_of
 from .recorder import Recorder, Steps
 from .scene import Scene, check_method, effects_in_scene, scene_of, warn_of_friction

@@ -20,12 +20,13 @@ from ..constraints.kinds import CouplerConstraint
 from ..constraints.table import Constraints, check_constraints
 from ..errors import NonFiniteError, ShapeError, SimulationError, SpatialDynError
 from ..model.model import Model
-from . import constrained_variational, rattle, scene_toml
+from . import scene_toml
 from .effects import of_scene
 from .effects.effect import Effect
 from .effects.friction import IMPLICIT, STEPPED
 from .effects.motor import CURRENT
-from .methods import EXPLICIT_METHODS, SCIPY_METHODS, integrators
+from .methods import constrained_variational, rattle
+from .methods.methods import EXPLICIT_METHODS, SCIPY_METHODS, integrators
 
 Array = NDArray[np.float64]
 P = ParamSpec("P")

@@ -15,7 +15,7 @@ from ..errors import SpatialDynError
 from ..recursions.spec import Argument
 from .effects import of_structure
 from .effects.constraints import Constrained
-from .methods import EXPLICIT_METHODS
+from .methods.methods import EXPLICIT_METHODS
 from .plan import Plan
 from .scene import Scene, check_method, scene_of
 from .states import HIDDEN

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..engines.programs import recording
+from ..engines.programs.record import recording
 from .effects import of_structure
 from .states import HIDDEN
 from .steps import step_specs

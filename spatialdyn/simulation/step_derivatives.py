@@ -5,8 +5,8 @@ A state moves by a displacement δx = (δq, δv), with δq in each joint's own b
 
     δx⁺ = A δx + B δτ
 
-exactly. ``recursions.step_derivatives`` has the explicit methods, each one recursion and so one program on SIMD lanes;
-``implicit_derivatives`` the others.
+exactly. ``recursions.derivatives.step_derivatives`` has the explicit methods, each one recursion and so one program on
+SIMD lanes; ``implicit_derivatives`` the others.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ from ..calls.arguments import as_array, batch_shape, broadcast, core_shape
 from ..calls.dynamics import calls, checked_call
 from ..errors import SimulationError, SpatialDynError
 from ..model.model import Model
+from ..recursions.derivatives.step_derivatives import MOTION, STEPS, TURNING_STEPS
 from ..recursions.spec import FEXT, TAU, Q, V
-from ..recursions.step_derivatives import MOTION, STEPS, TURNING_STEPS
-from . import implicit_derivatives
 from .effects.friction import LUGRE
 from .effects.springs import has_springs
-from .explicit import HALF_TURN
-from .methods import integrators
+from .methods import implicit_derivatives
+from .methods.explicit import HALF_TURN
+from .methods.methods import integrators
 from .scene import Scene, scene_of
 
 Array = NDArray[np.float64]
@@ -50,7 +50,7 @@ def step_derivatives(
 ) -> tuple[Array, Array]:
     """Derivatives of a step by the state before it and the torque held over it: ``A, B = step_derivatives(...)``.
 
-    Source: see ``recursions.step_derivatives`` and ``simulation.implicit_derivatives``.
+    Source: see ``recursions.derivatives.step_derivatives`` and ``simulation.methods.implicit_derivatives``.
 
     scene   Scene of constant forces and, in explicit methods, a Friction with ``smoothing``, whose smooth law acts, or
             a Model; without springs. Others are refused: Coulomb's law has no derivative where a joint begins to stick

@@ -17,13 +17,12 @@ import numpy as np
 from ..algebra.euclidean import cross
 from ..bodies.kinds import SE2, SE3
 from ..calls.dynamics import calls
-from ..engines.programs.tracer import scratch
+from ..engines.programs.record.tracer import scratch
 from ..recursions import SPECS
-from ..recursions.aba import WORK, aba
-from ..recursions.configuration import integrate, twist
-from ..recursions.friction import DT
+from ..recursions.coordinates.configuration import integrate, twist
+from ..recursions.joints.friction import DT
 from ..recursions.spec import FEXT, TAU, Argument, Q, Spec, V
-from . import explicit
+from ..recursions.tree.aba import WORK, aba
 from .arithmetic import Arithmetic, Recorded
 from .effects import work
 from .effects.constraints import Constrained
@@ -31,7 +30,8 @@ from .effects.contacts import Contact
 from .effects.control import Feedback
 from .effects.effect import Effect, find
 from .effects.external import external_torque
-from .methods import EXPLICIT_METHODS
+from .methods import explicit
+from .methods.methods import EXPLICIT_METHODS
 from .system import OK, State, System, held_torque
 
 Power = Mapping[str, Any]

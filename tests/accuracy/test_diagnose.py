@@ -25,8 +25,9 @@ from spatialdyn.calls.dynamics import calls
 from spatialdyn.calls.forward_dynamics import EXTENDED, METHODS
 from spatialdyn.commands import cli
 from spatialdyn.engines.compiled import numba_kernels
-from spatialdyn.engines.programs import batch_kernels, recording
-from spatialdyn.engines.programs.regroup import regroup
+from spatialdyn.engines.programs.record import recording
+from spatialdyn.engines.programs.record.regroup import regroup
+from spatialdyn.engines.programs.run import batch_kernels
 from spatialdyn.urdf.load import example_robots
 
 rules = importlib.import_module("spatialdyn.accuracy.diagnose")  # the package has the function under that name

@@ -11,8 +11,8 @@ import pytest
 import spatialdyn as sd
 from spatialdyn.engines.compiled.numba_kernels import variant
 from spatialdyn.engines.numbers.multiprecision import arithmetic, numbers
-from spatialdyn.engines.programs.tracer import evaluate, table
-from spatialdyn.recursions.motors import MOTOR_LIMITS
+from spatialdyn.engines.programs.record.tracer import evaluate, table
+from spatialdyn.recursions.joints.motors import MOTOR_LIMITS
 
 K, R, V, N = 0.0302, 0.611, 24.0, 50.0  # of a motor of 90 W
 

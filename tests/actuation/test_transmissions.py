@@ -16,7 +16,7 @@ from spatialdyn.accuracy.call_errors import TASK_CALLS, calls_of
 from spatialdyn.calls.dynamics import calls, table_call
 from spatialdyn.engines.compiled import numba_kernels
 from spatialdyn.engines.compiled.numba_kernels import variant
-from spatialdyn.engines.programs.recording import record
+from spatialdyn.engines.programs.record.recording import record
 from spatialdyn.recursions import SPECS
 
 A = np.array([[0.5, 0.5], [0.5, -0.5]]) / 20.0  # a differential behind gears of 20

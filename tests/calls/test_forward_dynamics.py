@@ -17,7 +17,7 @@ from spatialdyn.accuracy.references import truths
 from spatialdyn.calls.forward_dynamics import METHODS, extended_runs_on_lanes
 from spatialdyn.engines.compiled import numba_kernels
 from spatialdyn.engines.extended import MOST_ROWS
-from spatialdyn.engines.programs import recording
+from spatialdyn.engines.programs.record import recording
 from spatialdyn.recursions import SPECS
 
 EPS = np.finfo(float).eps

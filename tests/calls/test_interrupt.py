@@ -23,9 +23,9 @@ from spatialdyn.constraints import contact
 from spatialdyn.engines import extended, threads
 from spatialdyn.engines.compiled import numba_kernels
 from spatialdyn.engines.numbers.samples import Evaluation
-from spatialdyn.engines.programs import batch_kernels, time_loop
-from spatialdyn.engines.programs.interpreter import RESULT_NS, SLICE_NS, InterpretedBatches
-from spatialdyn.engines.programs.tiered_program import TieredProgram
+from spatialdyn.engines.programs.run import batch_kernels, time_loop
+from spatialdyn.engines.programs.run.interpreter import RESULT_NS, SLICE_NS, InterpretedBatches
+from spatialdyn.engines.programs.run.tiered_program import TieredProgram
 from spatialdyn.recursions import SPECS
 
 dynamics, forward_dynamics, specialized = (

@@ -13,7 +13,7 @@ import spatialdyn as sd
 from spatialdyn.calls.progress import Steps, check_progress, reporting
 from spatialdyn.engines import run
 from spatialdyn.engines.compiled import disk_cache, numba_kernels
-from spatialdyn.engines.programs import host_cpu
+from spatialdyn.engines.programs.llvm import host_cpu
 from spatialdyn.recursions import SPECS
 
 COMPILED = pytest.mark.skipif(numba_kernels.PLAIN, reason="NUMBA_DISABLE_JIT: nothing compiles")

@@ -15,11 +15,12 @@ from trees import random_tree
 import spatialdyn as sd
 from spatialdyn.algebra import scalars
 from spatialdyn.engines.compiled import numba_kernels
-from spatialdyn.engines.programs import derivative, derived, recording
-from spatialdyn.engines.programs.derivative import jvp, vjp
-from spatialdyn.engines.programs.operations import DIV, FORMS, SELECT
-from spatialdyn.engines.programs.program import Program
-from spatialdyn.engines.programs.tracer import Tape
+from spatialdyn.engines.programs.record import recording
+from spatialdyn.engines.programs.record.operations import DIV, FORMS, SELECT
+from spatialdyn.engines.programs.record.program import Program
+from spatialdyn.engines.programs.record.tracer import Tape
+from spatialdyn.engines.programs.transform import derivative, derived
+from spatialdyn.engines.programs.transform.derivative import jvp, vjp
 from spatialdyn.recursions import SPECS
 
 compiled = pytest.mark.skipif(numba_kernels.PLAIN, reason="derivatives are of programs")
@@ -227,7 +228,7 @@ def test_an_operations_derivative_is_its_difference_quotient(code: int) -> None:
     given = 0.5 + rng.random(form.arity)
 
     def of(tape: Tape, x: list[Any]) -> Any:
-        from spatialdyn.engines.programs.replay import record
+        from spatialdyn.engines.programs.record.replay import record
 
         return record(tape, code, x)
 

@@ -18,7 +18,9 @@ import spatialdyn as sd
 from spatialdyn.calls.specialize import specialize
 from spatialdyn.calls.specialized import Specialized
 from spatialdyn.engines.compiled import numba_kernels
-from spatialdyn.engines.programs import batch_kernels, float32_range, recording
+from spatialdyn.engines.programs.record import recording
+from spatialdyn.engines.programs.run import batch_kernels
+from spatialdyn.engines.programs.transform import float32_range
 from spatialdyn.urdf.robot_files import find_robot
 
 Array = NDArray[np.float64]

@@ -14,8 +14,8 @@ from mechanisms import REDUNDANT, G, every_kind, four_bar, four_bar_state, pin_o
 import spatialdyn as sd
 from spatialdyn.engines.compiled.numba_kernels import variant
 from spatialdyn.engines.numbers.symbolic import Ring, run
-from spatialdyn.engines.programs.tracer import table
-from spatialdyn.recursions import constrained
+from spatialdyn.engines.programs.record.tracer import table
+from spatialdyn.recursions.constraints import constrained
 from spatialdyn.urdf.load import find_robot
 
 EPS = np.finfo(float).eps

@@ -13,7 +13,7 @@ from slow import slow_but
 
 import spatialdyn as sd
 from spatialdyn.constraints import derivatives
-from spatialdyn.recursions import constraint_derivatives
+from spatialdyn.recursions.constraints import constraint_derivatives
 from spatialdyn.urdf.load import find_robot
 
 EPS = np.finfo(float).eps

@@ -17,10 +17,10 @@ from spatialdyn.calls.dynamics import checked_call
 from spatialdyn.constraints.kinds import across
 from spatialdyn.engines import run
 from spatialdyn.engines.compiled import numba_kernels
-from spatialdyn.engines.programs import batch_kernels
-from spatialdyn.recursions import constrained, constraint_rows
-from spatialdyn.recursions.constrained_friction import HELD_BRISTLES
-from spatialdyn.recursions.constraint_derivatives import DERIVATIVES
+from spatialdyn.engines.programs.run import batch_kernels
+from spatialdyn.recursions.constraints import constrained, constraint_rows
+from spatialdyn.recursions.constraints.constrained_friction import HELD_BRISTLES
+from spatialdyn.recursions.constraints.constraint_derivatives import DERIVATIVES
 from spatialdyn.recursions.spec import Spec
 
 EPS = np.finfo(float).eps

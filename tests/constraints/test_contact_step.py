@@ -17,10 +17,10 @@ from trees import random_state, random_tree
 import spatialdyn as sd
 from spatialdyn.algebra.heights import bilinear, by_weights
 from spatialdyn.engines import run
-from spatialdyn.engines.programs import recording
-from spatialdyn.engines.programs.program import Program
-from spatialdyn.engines.programs.tracer import Tape, table
-from spatialdyn.recursions.contact import CONTACT_GAPS, CONTACT_STEP, CONTACT_STEP_OVER
+from spatialdyn.engines.programs.record import recording
+from spatialdyn.engines.programs.record.program import Program
+from spatialdyn.engines.programs.record.tracer import Tape, table
+from spatialdyn.recursions.contact.contact import CONTACT_GAPS, CONTACT_STEP, CONTACT_STEP_OVER
 
 EPS = float(np.finfo(float).eps)
 SAME = 1e3 * EPS  # of a step of order 1: its sums in another order

@@ -16,7 +16,8 @@ import spatialdyn as sd
 from spatialdyn.engines import interrupt
 from spatialdyn.engines.compiled import numba_kernels
 from spatialdyn.engines.interrupt import interruptible
-from spatialdyn.engines.programs import batch_kernels, host_cpu
+from spatialdyn.engines.programs.llvm import host_cpu
+from spatialdyn.engines.programs.run import batch_kernels
 
 COMPILED = pytest.mark.skipif(numba_kernels.PLAIN, reason="NUMBA_DISABLE_JIT: nothing compiles")
 

@@ -29,7 +29,7 @@ import os, sys, threading, time, warnings
 import numpy as np
 import spatialdyn as sd
 from spatialdyn.engines.compiled import numba_kernels
-from spatialdyn.engines.programs import host_cpu
+from spatialdyn.engines.programs.llvm import host_cpu
 from spatialdyn.recursions import SPECS
 
 way, samples, known = sys.argv[1], int(sys.argv[2]), sys.argv[3] == "known"

@@ -23,12 +23,15 @@ from spatialdyn.algebra.scalars import inline, select
 from spatialdyn.engines.compiled import numba_kernels
 from spatialdyn.engines.numbers.multiprecision import ExactRational
 from spatialdyn.engines.numbers.samples import Evaluation
-from spatialdyn.engines.programs import batch_kernels, derived, recording, schedule, time_loop
-from spatialdyn.engines.programs.interpreter import Interpreted, InterpretedBatches
-from spatialdyn.engines.programs.operations import AGAIN, REPEAT
-from spatialdyn.engines.programs.program import Program
-from spatialdyn.engines.programs.source_code import c_code, python_code
-from spatialdyn.engines.programs.tracer import Tape, evaluate, table
+from spatialdyn.engines.programs.llvm import schedule
+from spatialdyn.engines.programs.record import recording
+from spatialdyn.engines.programs.record.operations import AGAIN, REPEAT
+from spatialdyn.engines.programs.record.program import Program
+from spatialdyn.engines.programs.record.tracer import Tape, evaluate, table
+from spatialdyn.engines.programs.run import batch_kernels, time_loop
+from spatialdyn.engines.programs.run.interpreter import Interpreted, InterpretedBatches
+from spatialdyn.engines.programs.transform import derived
+from spatialdyn.engines.programs.transform.source_code import c_code, python_code
 from spatialdyn.errors import SpatialDynError
 from spatialdyn.recursions.spec import Argument, Spec, V
 

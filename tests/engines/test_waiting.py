@@ -17,7 +17,8 @@ from spatialdyn.calls.progress import LOGGER, reporting
 from spatialdyn.commands import cli
 from spatialdyn.engines import waiting
 from spatialdyn.engines.compiled import numba_kernels
-from spatialdyn.engines.programs import batch_kernels, host_cpu
+from spatialdyn.engines.programs.llvm import host_cpu
+from spatialdyn.engines.programs.run import batch_kernels
 from spatialdyn.engines.waiting import watch
 
 

@@ -12,10 +12,10 @@ from trees import SCREWS, random_tree
 import spatialdyn as sd
 from spatialdyn.engines.compiled import numba_kernels
 from spatialdyn.engines.compiled.checks import singular_row
-from spatialdyn.engines.programs import parameters
-from spatialdyn.engines.programs.parameters import Parameter, changed
-from spatialdyn.engines.programs.recording import pivot_margins
-from spatialdyn.engines.programs.tracer import table
+from spatialdyn.engines.programs.record import parameters
+from spatialdyn.engines.programs.record.parameters import Parameter, changed
+from spatialdyn.engines.programs.record.recording import pivot_margins
+from spatialdyn.engines.programs.record.tracer import table
 
 Array = NDArray[np.float64]
 SLACK = 1e-12  # rounding of sums of a few dozen products

@@ -28,7 +28,7 @@ from spatialdyn.bodies.kinds import (
 )
 from spatialdyn.bodies.table import BODIES
 from spatialdyn.engines.compiled import jit
-from spatialdyn.recursions import configuration
+from spatialdyn.recursions.coordinates import configuration
 
 EPS = np.finfo(float).eps
 ROUNDING = 8 * EPS  # a few dozen operations on numbers of order one

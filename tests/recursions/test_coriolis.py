@@ -16,7 +16,7 @@ from trees import RandomTree, State, random_state, random_tree, tree_case
 import spatialdyn as sd
 from spatialdyn.algebra.records import object_twin
 from spatialdyn.engines.compiled import numba_kernels
-from spatialdyn.engines.programs import recording
+from spatialdyn.engines.programs.record import recording
 from spatialdyn.recursions import SPECS
 
 TREES = [*((seed, floating) for seed in range(3) for floating in (False, True)), (3, True)]
@@ -238,8 +238,8 @@ def test_mimic_joints_contract_every_axis_with_g(root: str) -> None:
 
 def test_regrouped_inertias_change_nothing_on_any_kind_of_joint() -> None:
     """Programs are recorded with them; here the table itself has them."""
-    from spatialdyn.engines.programs.regroup import regroup
-    from spatialdyn.engines.programs.tracer import scratch, table
+    from spatialdyn.engines.programs.record.regroup import regroup
+    from spatialdyn.engines.programs.record.tracer import scratch, table
 
     made = random_tree(11, 7, floating=True)
     model, s = made.model, random_state(made.tree, np.random.default_rng(11))

@@ -17,10 +17,10 @@ from spatialdyn.engines import run
 from spatialdyn.engines.compiled import numba_kernels
 from spatialdyn.engines.compiled.numba_kernels import variant
 from spatialdyn.engines.numbers.multiprecision import arithmetic, numbers
-from spatialdyn.engines.programs import recording
-from spatialdyn.engines.programs.tracer import evaluate, scratch, table
-from spatialdyn.recursions import friction
-from spatialdyn.recursions.friction import AT_ONCE, BRISTLE_STEP, FRICTION_STEP, FRICTION_TORQUE
+from spatialdyn.engines.programs.record import recording
+from spatialdyn.engines.programs.record.tracer import evaluate, scratch, table
+from spatialdyn.recursions.joints import friction
+from spatialdyn.recursions.joints.friction import AT_ONCE, BRISTLE_STEP, FRICTION_STEP, FRICTION_TORQUE
 from spatialdyn.urdf.load import example_robots
 
 EPS = float(np.finfo(float).eps)

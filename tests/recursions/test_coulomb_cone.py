@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from spatialdyn.algebra.euclidean import Vec
-from spatialdyn.recursions.coulomb_cone import factor_block, point_impulse, point_residual, point_slope
+from spatialdyn.recursions.contact.coulomb_cone import factor_block, point_impulse, point_residual, point_slope
 
 SOLVED = 1e-9  # [m/s] of velocities of order 1: the root is found to 1e-12, and B is of order 10
 FAN = 1e-3  # of an impulse near jamming: directions are interpolated over 3e-4 rad

@@ -20,7 +20,7 @@ from trees import random_state, random_tree
 import spatialdyn as sd
 from spatialdyn.calls.dynamics import calls
 from spatialdyn.engines.compiled import numba_kernels
-from spatialdyn.engines.programs import batch_kernels
+from spatialdyn.engines.programs.run import batch_kernels
 from spatialdyn.recursions import SPECS
 from spatialdyn.recursions.spec import Argument, Spec
 

@@ -18,7 +18,7 @@ from trees import RandomTree, State, random_inertia, random_state, random_tree, 
 import spatialdyn as sd
 from spatialdyn.algebra.records import object_twin
 from spatialdyn.engines.compiled import numba_kernels
-from spatialdyn.engines.programs import recording
+from spatialdyn.engines.programs.record import recording
 from spatialdyn.recursions import SPECS
 
 TREES = [*((seed, floating) for seed in range(2) for floating in (False, True)), (3, True)]

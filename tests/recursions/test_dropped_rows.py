@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from spatialdyn.engines.numbers.multiprecision import arithmetic, numbers
-from spatialdyn.recursions.dense import (
+from spatialdyn.recursions.constraints.dense import (
     choose_rows,
     factor_chosen,
     factor_dropping,

@@ -17,8 +17,8 @@ from spatialdyn.algebra.euclidean import Sym, Vec
 from spatialdyn.algebra.records import put_inertia
 from spatialdyn.algebra.spatial import Inertia
 from spatialdyn.engines.compiled import numba_kernels
-from spatialdyn.engines.programs import recording
-from spatialdyn.engines.programs.tracer import table
+from spatialdyn.engines.programs.record import recording
+from spatialdyn.engines.programs.record.tracer import table
 from spatialdyn.recursions import SPECS
 
 EPS = np.finfo(float).eps

@@ -27,7 +27,7 @@ from spatialdyn.algebra.spatial import (
 )
 from spatialdyn.bodies.joints import joint_motion, place_joint
 from spatialdyn.bodies.table import ANY_NORM
-from spatialdyn.recursions.rnea import WORK, rnea
+from spatialdyn.recursions.tree.rnea import WORK, rnea
 
 ROUNDING = 1e-12  # of the largest torque: products of a dozen numbers, R's up to 9 off the unit norm
 CASES = {"all": "v a fext", "bias": "v", "gravity": "", "static": "fext", "from rest": "a", "forced": "v a"}

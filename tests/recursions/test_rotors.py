@@ -14,9 +14,9 @@ from trees import random_inertia, random_placement, random_unit
 
 import spatialdyn as sd
 from spatialdyn.calls.dynamics import calls, table_call
-from spatialdyn.engines.programs.recording import record
+from spatialdyn.engines.programs.record.recording import record
 from spatialdyn.recursions import SPECS
-from spatialdyn.recursions.friction import BRISTLE_STEP, FRICTION_STEP
+from spatialdyn.recursions.joints.friction import BRISTLE_STEP, FRICTION_STEP
 
 Array = np.ndarray
 TURNING = ("revolute", "prismatic", "helical", "continuous")

@@ -9,9 +9,9 @@ from trees import random_inertia
 
 from spatialdyn.algebra.euclidean import Sym, Vec
 from spatialdyn.algebra.spatial import Inertia, Motion
-from spatialdyn.recursions.aba_square_root import ROWS
-from spatialdyn.recursions.square_root_inertia import body_rows
-from spatialdyn.recursions.square_root_rows import reflect, triangular
+from spatialdyn.recursions.tree.aba_square_root import ROWS
+from spatialdyn.recursions.tree.square_root_inertia import body_rows
+from spatialdyn.recursions.tree.square_root_rows import reflect, triangular
 
 CLOSE = 64 * np.finfo(float).eps  # of the largest entry: sums of a dozen products
 SEEDS = range(6)

@@ -14,9 +14,9 @@ from slow import slow_but
 
 import spatialdyn as sd
 from spatialdyn.engines.compiled import numba_kernels
-from spatialdyn.engines.programs import recording
-from spatialdyn.recursions.contact import CONTACT_STEP
-from spatialdyn.recursions.control_laws import law_spec
+from spatialdyn.engines.programs.record import recording
+from spatialdyn.recursions.contact.contact import CONTACT_STEP
+from spatialdyn.recursions.control.control_laws import law_spec
 from spatialdyn.simulation import fixed_steps
 from spatialdyn.simulation.effects import contacts as contact_effect
 from spatialdyn.simulation.effects.control import Feedback

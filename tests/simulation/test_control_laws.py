@@ -17,14 +17,14 @@ from trees import random_tree
 
 import spatialdyn as sd
 from spatialdyn.engines.compiled import numba_kernels
-from spatialdyn.engines.programs import batch_kernels
-from spatialdyn.engines.programs.tracer import scratch
+from spatialdyn.engines.programs.record.tracer import scratch
+from spatialdyn.engines.programs.run import batch_kernels
 from spatialdyn.recursions import SPECS
-from spatialdyn.recursions.friction import DT
-from spatialdyn.recursions.regressor import WORK as REGRESSOR_WORK
-from spatialdyn.recursions.regressor import joint_torque_regressor
-from spatialdyn.recursions.rnea import WORK, rnea
+from spatialdyn.recursions.joints.friction import DT
 from spatialdyn.recursions.spec import TAU, Argument, Q, Spec, V
+from spatialdyn.recursions.tree.regressor import WORK as REGRESSOR_WORK
+from spatialdyn.recursions.tree.regressor import joint_torque_regressor
+from spatialdyn.recursions.tree.rnea import WORK, rnea
 from spatialdyn.simulation import fixed_steps
 
 EPS = float(np.finfo(float).eps)

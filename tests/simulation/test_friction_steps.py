@@ -16,8 +16,8 @@ from trees import random_tree
 
 import spatialdyn as sd
 from spatialdyn.engines.compiled import numba_kernels
-from spatialdyn.engines.programs import recording
-from spatialdyn.recursions.control_laws import law_spec
+from spatialdyn.engines.programs.record import recording
+from spatialdyn.recursions.control.control_laws import law_spec
 from spatialdyn.simulation import fixed_steps
 from spatialdyn.simulation.effects import friction as friction_effect
 from spatialdyn.simulation.effects.control import Feedback

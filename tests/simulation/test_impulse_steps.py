@@ -16,7 +16,7 @@ from grounded import DT, G, hold, mass, quadruped, stance, trot
 import spatialdyn as sd
 from spatialdyn.bodies.static_table import StaticTable
 from spatialdyn.engines.compiled import numba_kernels
-from spatialdyn.recursions.impulse_step import impulse_step_spec
+from spatialdyn.recursions.contact.impulse_step import impulse_step_spec
 from spatialdyn.recursions.spec import shape_in
 
 sys.path.append(str(Path(__file__).parents[1] / "constraints"))

@@ -16,8 +16,8 @@ from spatialdyn.algebra.lie import Quat
 from spatialdyn.engines.compiled import numba_kernels
 from spatialdyn.lagrangian.lie_brackets import structure_constants
 from spatialdyn.simulation import integrators
-from spatialdyn.simulation.adaptive import coordinate_rate
-from spatialdyn.simulation.canonical_coordinates import nearest
+from spatialdyn.simulation.methods.adaptive import coordinate_rate
+from spatialdyn.simulation.methods.canonical_coordinates import nearest
 from spatialdyn.simulation.recorder import Steps
 
 pytestmark = pytest.mark.skipif(numba_kernels.PLAIN, reason="NUMBA_DISABLE_JIT: thousands of steps in plain Python")

@@ -12,8 +12,8 @@ from slow import slow_but
 
 import spatialdyn as sd
 from spatialdyn.engines.compiled import numba_kernels
-from spatialdyn.recursions.rnea import rnea
 from spatialdyn.recursions.spec import TAU, Argument, Q, Spec, V
+from spatialdyn.recursions.tree.rnea import rnea
 
 Array = NDArray[np.float64]
 COUPLED = 1e-10  # of the motion under constraints with projection, which are the same steps

@@ -12,8 +12,9 @@ from trees import random_tree
 
 import spatialdyn as sd
 from spatialdyn.engines.compiled import numba_kernels
-from spatialdyn.engines.programs import batch_kernels, recording
-from spatialdyn.simulation.methods import EXPLICIT_METHODS
+from spatialdyn.engines.programs.record import recording
+from spatialdyn.engines.programs.run import batch_kernels
+from spatialdyn.simulation.methods.methods import EXPLICIT_METHODS
 
 EPS = np.finfo(float).eps
 SAME = 1e3 * EPS  # a few dozen steps of rounding in another order, scaled

@@ -20,7 +20,7 @@ from spatialdyn.engines.compiled import numba_kernels
 from spatialdyn.simulation import fixed_steps, integrators, program_steps
 from spatialdyn.simulation.compiled_loop import compile_loop
 from spatialdyn.simulation.energy import exploded, scale_of
-from spatialdyn.simulation.methods import EXPLICIT_METHODS
+from spatialdyn.simulation.methods.methods import EXPLICIT_METHODS
 
 EPS = np.finfo(float).eps
 COMPILED = pytest.mark.skipif(numba_kernels.PLAIN, reason="NUMBA_DISABLE_JIT: nothing is compiled")

@@ -21,9 +21,9 @@ from spatialdyn.bodies.kinds import LENGTHS, NV
 from spatialdyn.calls.dynamics import checked_call
 from spatialdyn.calls.exact import Exact
 from spatialdyn.engines.compiled import numba_kernels
-from spatialdyn.engines.programs import recording
-from spatialdyn.recursions.step_derivatives import MOTION, STEPS
-from spatialdyn.simulation import implicit_derivatives
+from spatialdyn.engines.programs.record import recording
+from spatialdyn.recursions.derivatives.step_derivatives import MOTION, STEPS
+from spatialdyn.simulation.methods import implicit_derivatives
 from spatialdyn.simulation.step_derivatives import NO_LAW
 from spatialdyn.simulation.steps import step_specs
 

@@ -27,10 +27,11 @@ from ...engines.compiled import jit, numba_kernels
 from ...engines.compiled.checks import all_finite, unit_norm
 from ...engines.compiled.cpython import Builtin, dims, kernel_address
 from ...engines.object_layout import DATA
-from ...recursions import SPECS, kinematics
-from ...recursions.kinematics import classical_acceleration, express_in
+from ...recursions import SPECS
 from ...recursions.spec import LOCAL, LOCAL_WORLD_ALIGNED, WORLD, Argument, Spec
 from ...recursions.steps import placed_in_world
+from ...recursions.tree import kinematics
+from ...recursions.tree.kinematics import classical_acceleration, express_in
 from . import operator_kernels
 from .edited_table import GRAVITY
 

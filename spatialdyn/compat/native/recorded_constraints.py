@@ -13,11 +13,11 @@ from ...engines.compiled import jit, numba_kernels
 from ...engines.compiled.cpython import Builtin
 from ...engines.object_layout import DATA, SHAPE
 from ...recursions import SPECS
-from ...recursions.kkt import bordered_inverse, constrained
+from ...recursions.constraints.kkt import bordered_inverse, constrained
 from .recorded_calls import SIZES, copy, make_answer, put_stamp, record
 
-# words of a plan: addresses of the factors that ``recursions.kkt`` computes, and stamps of two calls: the one at which
-# M and the bias are, and this one
+# words of a plan: addresses of the factors that ``recursions.constraints.kkt`` computes, and stamps of two calls: the
+# one at which M and the bias are, and this one
 RECORDED = ("L", "Y", "C", "force", "clock", "before", "time", "scratch")
 
 

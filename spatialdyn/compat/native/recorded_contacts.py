@@ -25,9 +25,9 @@ from ...algebra.spatial import Motion, add_motion, cross_motion, motion_to_paren
 from ...engines.compiled import numba_kernels
 from ...engines.compiled.cpython import Builtin
 from ...engines.object_layout import DATA
-from ...recursions.kinematics import WORK, classical_acceleration, frame_jacobian, frame_motion
-from ...recursions.kkt import solve_factored
+from ...recursions.constraints.kkt import solve_factored
 from ...recursions.spec import LOCAL
+from ...recursions.tree.kinematics import WORK, classical_acceleration, frame_jacobian, frame_motion
 from .operators import log_pose, relative_pose
 from .recorded_calls import SIZES, make_answer, record
 from .recorded_constraints import RECORD, RECORDED, scope_of_constraints, take_scratch

@@ -11,10 +11,10 @@ from ...algebra.records import inertia_of, motion_of, pose_of
 from ...algebra.scalars import inline
 from ...algebra.spatial import Pose, compose, momentum, motion_to_parent, zero_motion
 from ...engines.compiled.table_kernels import kernel
-from ...recursions import centroidal
-from ...recursions.kkt import factored
-from ...recursions.ltdl import solve_tree
+from ...recursions.constraints.kkt import factored
+from ...recursions.momenta import centroidal
 from ...recursions.spec import LOCAL_WORLD_ALIGNED, WORLD
+from ...recursions.tree.ltdl import solve_tree
 from .operator_kernels import compiled, deferred
 from .operators import add_bodies, body_to_parent, relative_pose, skew
 

@@ -12,8 +12,8 @@ from typing import Any
 from ...algebra.euclidean import Mat3
 from ...calls import dynamics
 from ...calls.specialize import specialize
-from ...engines.programs.program import Program
-from ...engines.programs.tracer import Tape
+from ...engines.programs.record.program import Program
+from ...engines.programs.record.tracer import Tape
 from ...interop.casadi import walk
 from ...interop.frameworks import framework
 from ..native import operators

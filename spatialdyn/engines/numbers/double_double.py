@@ -26,11 +26,11 @@ from numpy.typing import NDArray
 from ...algebra.scalars import inline
 from ...errors import SpatialDynError
 from ..compiled import numba_kernels
-from ..programs.constants import SPLITTER
-from ..programs.mimic_rows import rows_of
-from ..programs.operations import CONST, FORMS, INPUT, name_of, operands, signed
-from ..programs.program import Program
-from ..programs.tracer import Tape, table
+from ..programs.record.constants import SPLITTER
+from ..programs.record.mimic_rows import rows_of
+from ..programs.record.operations import CONST, FORMS, INPUT, name_of, operands, signed
+from ..programs.record.program import Program
+from ..programs.record.tracer import Tape, table
 
 Array = NDArray[np.float64]
 

@@ -1,8 +1,8 @@
 """A call in double-double with a bound on the error of each result, for the few samples that float64 leaves open.
 
-The bound is that of running error analysis in float64 (``programs.error_bound``) on the lines that double-double runs,
-with another unit: there an operation is off by at most 2⁻¹⁰⁰ where in float64 it is by 2⁻⁵³. It is wide, and still
-far below what float64 shows.
+The bound is that of running error analysis in float64 (``programs.transform.error_bound``) on the lines that
+double-double runs, with another unit: there an operation is off by at most 2⁻¹⁰⁰ where in float64 it is by 2⁻⁵³. It is
+wide, and still far below what float64 shows.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...recursions.spec import Spec
-from ..programs.error_bound import Bounding
-from ..programs.operations import ABS, ADD, CONST, DIV, INPUT, MUL, SELECT, SIN, SQRT, SUB, operands
-from ..programs.program import Program
-from ..programs.recording import shape_of
-from ..programs.tracer import Tape, evaluate, table
+from ..programs.record.operations import ABS, ADD, CONST, DIV, INPUT, MUL, SELECT, SIN, SQRT, SUB, operands
+from ..programs.record.program import Program
+from ..programs.record.recording import shape_of
+from ..programs.record.tracer import Tape, evaluate, table
+from ..programs.transform.error_bound import Bounding
 from .double_double import allocate_registers
 
 Array = NDArray[np.float64]

@@ -21,11 +21,11 @@ from ...bodies.static_table import StaticTable
 from ...bodies.table import ANY_NORM, independent
 from ...recursions.spec import Argument, Spec
 from ..compiled.numba_kernels import NONFINITE, OK, PIVOT, UNIT
-from ..programs import parameters
-from ..programs.mimic_rows import evaluate, rows_of
-from ..programs.parameters import Parameter
-from ..programs.recording import pivot_margins, shape_of, traces
-from ..programs.tracer import table
+from ..programs.record import parameters
+from ..programs.record.mimic_rows import evaluate, rows_of
+from ..programs.record.parameters import Parameter
+from ..programs.record.recording import pivot_margins, shape_of, traces
+from ..programs.record.tracer import table
 
 MOST = 1024  # samples computed at a time: an operation on them takes 0.3 µs more than on one
 F8 = np.float64

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from ...algebra import regions, scalars
 from ...errors import SpatialDynError, pip_install
 from ...recursions.spec import Spec, shape_in
-from ..programs.tracer import evaluate
+from ..programs.record.tracer import evaluate
 from .fourier import fourier, length
 
 Poly = Any  # sympy.polys.rings.PolyElement

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from ...algebra.scalars import select
-from ...recursions.friction import DT
-from ...recursions.paths import CLOCK as CLOCK
+from ...recursions.control.paths import CLOCK as CLOCK
+from ...recursions.joints.friction import DT
 from ...recursions.spec import TAU, Argument, Q, Spec, V
 from .law_specs import AFTER, BEGUN, OWN_INPUT, begun, begun_of, given_by_step, law_on
 

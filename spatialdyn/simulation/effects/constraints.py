@@ -38,13 +38,13 @@ from ...constraints.loops import raise_if_open
 from ...constraints.table import Constraints
 from ...errors import ConstraintError, SimulationError
 from ...model.model import Model
-from ...recursions import constrained
-from ...recursions.configuration import integrate
-from ...recursions.constrained_friction import HELD_BRISTLES
-from ...recursions.constraint_rows import CONSTRAINTS_ARGUMENT, ERROR, JACOBIAN
+from ...recursions.constraints import constrained
+from ...recursions.constraints.constrained_friction import HELD_BRISTLES
+from ...recursions.constraints.constraint_rows import CONSTRAINTS_ARGUMENT, ERROR, JACOBIAN
+from ...recursions.coordinates.configuration import integrate
 from ...recursions.spec import Argument
 from ..arithmetic import Arithmetic
-from ..symplectic import SETTLED, SWEEPS
+from ..methods.symplectic import SETTLED, SWEEPS
 from ..system import OK, STALLED, System, set_status
 from . import work
 from .effect import Effect

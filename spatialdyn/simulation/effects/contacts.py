@@ -20,14 +20,14 @@ from ...calls.failures import joint_of_velocity
 from ...constraints.contact_dynamics import contact_gaps
 from ...constraints.contact_points import Contacts
 from ...constraints.dynamics import constrained_motion
-from ...engines.programs.recording import MOST_TABLE
+from ...engines.programs.record.recording import MOST_TABLE
 from ...errors import ConstraintError, SimulationError
 from ...model.model import Model
-from ...recursions.contact import CONTACT_STEP, CONTACT_STEP_OVER
-from ...recursions.contact_rows import CONTACTS_ARGUMENT, HEIGHTS_ARGUMENT, MU, RESTITUTION
-from ...recursions.friction import BRISTLES
-from ...recursions.impulse_step import START as IMPULSES
-from ...recursions.impulse_step import impulse_step_spec
+from ...recursions.contact.contact import CONTACT_STEP, CONTACT_STEP_OVER
+from ...recursions.contact.contact_rows import CONTACTS_ARGUMENT, HEIGHTS_ARGUMENT, MU, RESTITUTION
+from ...recursions.contact.impulse_step import START as IMPULSES
+from ...recursions.contact.impulse_step import impulse_step_spec
+from ...recursions.joints.friction import BRISTLES
 from ...recursions.spec import FEXT, Argument, Spec
 from ..arithmetic import Arithmetic
 from ..contact_record import ContactRecord

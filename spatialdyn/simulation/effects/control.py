@@ -18,14 +18,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ...calls.arguments import as_array, as_number, broadcast, check_model, core_shape
-from ...engines.programs import batch_kernels, recording, structure
-from ...engines.programs.recording import Recording
+from ...engines.programs.record import recording, structure
+from ...engines.programs.record.recording import Recording
+from ...engines.programs.run import batch_kernels
 from ...errors import NonFiniteError, ShapeError, SimulationError
 from ...model.model import Model
-from ...recursions.friction import DT
+from ...recursions.joints.friction import DT
 from ...recursions.spec import TAU, Q, Spec, V
 from ..arithmetic import Arithmetic
-from ..methods import EXPLICIT_METHODS, SCIPY_METHODS
+from ..methods.methods import EXPLICIT_METHODS, SCIPY_METHODS
 from .composed_laws import CLOCK, LIMITS, PERIOD, limited, sampled, total
 from .effect import Effect
 from .law_specs import (

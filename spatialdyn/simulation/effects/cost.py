@@ -11,7 +11,7 @@ from functools import lru_cache
 from typing import Any
 
 from ...errors import SimulationError
-from ...recursions.friction import DT
+from ...recursions.joints.friction import DT
 from ...recursions.spec import TAU, Argument, Q, Spec, V
 from .control import Control, shown
 from .law_specs import (

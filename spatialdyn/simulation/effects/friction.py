@@ -1,6 +1,7 @@
 """Friction of the joints: three kinds, each an effect.
 
-DryFriction     v⁺ and the friction torques are found together (``recursions.friction``): a joint that sticks has v⁺ = 0
+DryFriction     v⁺ and the friction torques are found together (``recursions.joints.friction``): a joint that sticks has
+                v⁺ = 0
 LuGreFriction   bristles deflect between the surfaces, a state of their own, z
 SmoothFriction  a torque -F(v) tanh(v/ε) - b v in the equation of motion, by any method
 """
@@ -21,7 +22,7 @@ from ...calls.dynamics import calls
 from ...calls.failures import joint_of_velocity
 from ...errors import SimulationError
 from ...model.model import Model
-from ...recursions.friction import (
+from ...recursions.joints.friction import (
     BRISTLE_STEP,
     BRISTLES,
     DAMPING,

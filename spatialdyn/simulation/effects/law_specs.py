@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 from ...bodies.static_table import StaticTable
 from ...calls.arguments import as_array
 from ...engines.compiled.numba_kernels import variant
-from ...engines.programs.mimic_rows import MimicRows
-from ...engines.programs.tracer import evaluate, table
+from ...engines.programs.record.mimic_rows import MimicRows
+from ...engines.programs.record.tracer import evaluate, table
 from ...errors import ModelError, SimulationError, SpatialDynError
-from ...recursions.friction import DT
+from ...recursions.joints.friction import DT
 from ...recursions.spec import TAU, Argument, Q, Spec, V, shape_in, sizes_of
 
 Array = NDArray[Any]

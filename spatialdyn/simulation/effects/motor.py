@@ -1,7 +1,7 @@
 """Motors: torques of a run act through gears and brakes, within the motors' limits.
 
 What gears lose is dry friction in proportion to the load, what a motor's own voltage takes is viscous
-(``recursions.motors.driven``): both are part of the step that finds the friction of the joints.
+(``recursions.joints.motors.driven``): both are part of the step that finds the friction of the joints.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...actuation.motors import Motor
-from ...recursions.motors import EFFICIENCY, EMF, LIMIT, MOST, STALL, SUPPLY, driven
+from ...recursions.joints.motors import EFFICIENCY, EMF, LIMIT, MOST, STALL, SUPPLY, driven
 from .effect import Effect
 
 Array = NDArray[Any]

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ...calls.dynamics import calls
 from ...errors import SimulationError
 from ...model.model import Model
-from ...recursions.springs import SPRING_TORQUE
+from ...recursions.joints.springs import SPRING_TORQUE
 from ..arithmetic import Arithmetic
 from . import work
 from .effect import Effect

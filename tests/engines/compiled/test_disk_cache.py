@@ -26,7 +26,8 @@ from trees import random_tree
 
 import spatialdyn as sd
 from spatialdyn.engines.compiled import disk_cache, numba_kernels
-from spatialdyn.engines.programs import batch_kernels, recording
+from spatialdyn.engines.programs.record import recording
+from spatialdyn.engines.programs.run import batch_kernels
 from spatialdyn.recursions import SPECS
 
 pytestmark = pytest.mark.skipif(numba_kernels.PLAIN, reason="NUMBA_DISABLE_JIT: nothing is compiled")

@@ -18,8 +18,8 @@ from spatialdyn.algebra.scalars import atan2, cos, exp, select, sin, sqrt
 from spatialdyn.calls.dynamics import calls
 from spatialdyn.engines.compiled import numba_kernels
 from spatialdyn.engines.numbers import double_double
-from spatialdyn.engines.programs.program import Program
-from spatialdyn.engines.programs.tracer import Tape, evaluate
+from spatialdyn.engines.programs.record.program import Program
+from spatialdyn.engines.programs.record.tracer import Tape, evaluate
 from spatialdyn.errors import SpatialDynError
 from spatialdyn.recursions import SPECS
 

@@ -34,8 +34,10 @@ import spatialdyn as sd
 from spatialdyn.calls import dynamics
 from spatialdyn.engines import run
 from spatialdyn.engines.compiled import disk_cache, numba_kernels
-from spatialdyn.engines.programs import batch_kernels, host_cpu, recording, simd
-from spatialdyn.engines.programs.tiered_program import TieredProgram
+from spatialdyn.engines.programs.llvm import host_cpu, simd
+from spatialdyn.engines.programs.record import recording
+from spatialdyn.engines.programs.run import batch_kernels
+from spatialdyn.engines.programs.run.tiered_program import TieredProgram
 from spatialdyn.model.robot import Mimic
 from spatialdyn.recursions import SPECS
 from spatialdyn.recursions.spec import Spec
@@ -161,8 +163,9 @@ def bare(name: str) -> Spec:
 
 TREES = ("fixed", "floating, cos_sin")
 OF_PAIRS = {  # calls that have a case of their own for (cos, sin), and the three that all know
-    *(name for name in CALLS if SPECS[name].recursion.__module__.startswith("spatialdyn.recursions.configuration")),
-    "rnea", "crba", "aba",
+    *(name for name in CALLS
+    if SPECS[name].recursion.__module__.startswith("spatialdyn.recursions.coordinates.configuration")), "rnea", "crba",
+    "aba",
 }  # fmt: skip
 AT_ONCE = [(tree, name) for tree in TREES for name in CALLS if name in (MAIN_CALLS if tree == "fixed" else OF_PAIRS)]
 
@@ -525,7 +528,7 @@ import pickle, sys
 from pathlib import Path
 import numpy as np
 import spatialdyn as sd
-from spatialdyn.engines.programs import batch_kernels, simd
+from spatialdyn.engines.programs.run import batch_kernels; from spatialdyn.engines.programs.llvm import simd
 task, found, how = sys.argv[1:]
 model, q = pickle.loads(Path(task).read_bytes())
 def refuse(*arguments, **named):
@@ -711,7 +714,7 @@ import os, time, warnings
 import numpy as np
 import spatialdyn as sd
 from spatialdyn.engines import threads
-from spatialdyn.engines.programs import batch_kernels
+from spatialdyn.engines.programs.run import batch_kernels
 warnings.simplefilter("ignore")  # of forking a process with threads
 batch_kernels.THREAD_BYTES = 1
 model, x = sd.load_urdf("two_link"), np.ones((4096, 2))

@@ -10,10 +10,10 @@ import pytest
 
 import spatialdyn as sd
 from spatialdyn.engines.compiled import numba_kernels
-from spatialdyn.engines.programs.constants import Constant, error_of
-from spatialdyn.engines.programs.operations import CONST
-from spatialdyn.engines.programs.recording import record
-from spatialdyn.engines.programs.tracer import Tape
+from spatialdyn.engines.programs.record.constants import Constant, error_of
+from spatialdyn.engines.programs.record.operations import CONST
+from spatialdyn.engines.programs.record.recording import record
+from spatialdyn.engines.programs.record.tracer import Tape
 from spatialdyn.recursions import SPECS
 
 DIGITS = Fraction(1, 2**98)  # of the larger operand or of the result: some operations in a row at 2^-104 each

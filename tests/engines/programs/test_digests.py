@@ -23,8 +23,10 @@ import spatialdyn as sd
 from spatialdyn.algebra import spatial
 from spatialdyn.engines.compiled import numba_cache, numba_kernels
 from spatialdyn.engines.compiled.stamp import COMPILED
-from spatialdyn.engines.programs import batch_kernels, host_cpu, recording
-from spatialdyn.engines.programs.parameters import Parameter
+from spatialdyn.engines.programs.llvm import host_cpu
+from spatialdyn.engines.programs.record import recording
+from spatialdyn.engines.programs.record.parameters import Parameter
+from spatialdyn.engines.programs.run import batch_kernels
 from spatialdyn.recursions import SPECS
 
 BALL = (1.0, (0.1, 0.2, 0.3), np.diag([0.1, 0.1, 0.1]))

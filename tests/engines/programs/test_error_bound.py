@@ -13,10 +13,8 @@ from asymmetric import roots
 from slow import slow_but
 
 from spatialdyn.algebra import scalars
-from spatialdyn.engines.programs import error_bound
-from spatialdyn.engines.programs.constants import constant, error_of
-from spatialdyn.engines.programs.error_bound import Bounding
-from spatialdyn.engines.programs.operations import (
+from spatialdyn.engines.programs.record.constants import constant, error_of
+from spatialdyn.engines.programs.record.operations import (
     ADD,
     ATAN2,
     CONST,
@@ -35,8 +33,10 @@ from spatialdyn.engines.programs.operations import (
     Operation,
     signed,
 )
-from spatialdyn.engines.programs.program import Program
-from spatialdyn.engines.programs.tracer import Number, Tape
+from spatialdyn.engines.programs.record.program import Program
+from spatialdyn.engines.programs.record.tracer import Number, Tape
+from spatialdyn.engines.programs.transform import error_bound
+from spatialdyn.engines.programs.transform.error_bound import Bounding
 
 SAMPLES = 4000
 IN_BITS: dict[int, Callable[..., Any]] = {
@@ -182,7 +182,7 @@ def test_signs_of_operands_do_not_change_a_value() -> None:
 
 
 def test_every_operation_has_a_rule() -> None:
-    from spatialdyn.engines.programs.operations import FORMS
+    from spatialdyn.engines.programs.record.operations import FORMS
 
     assert set(error_bound._RULES) == set(FORMS)
     assert Operation(ADD).code in error_bound._RULES

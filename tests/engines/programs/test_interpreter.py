@@ -22,15 +22,17 @@ from spatialdyn.algebra import scalars
 from spatialdyn.algebra.rotations import UNIT_TOLERANCE
 from spatialdyn.engines.compiled import disk_cache
 from spatialdyn.engines.compiled.numba_kernels import variant
-from spatialdyn.engines.programs import batches, host_cpu, interpreter, recording, schedule, simd
-from spatialdyn.engines.programs.batch_kernels import Kernel, MachineCode
-from spatialdyn.engines.programs.instructions import ARITHMETIC, CODE_BITS, TURN, Encoded, encode, opcodes
-from spatialdyn.engines.programs.interpreter import Interpreted, InterpretedBatches
-from spatialdyn.engines.programs.kernel_layout import Float32Range, KernelLayout
-from spatialdyn.engines.programs.operations import CONST, COS, FORMS, INPUT, SIN, Form, Operation
-from spatialdyn.engines.programs.program import Program
-from spatialdyn.engines.programs.simd import MAX_ANGLE
-from spatialdyn.engines.programs.tracer import Number, Tape
+from spatialdyn.engines.programs.llvm import host_cpu, schedule, simd
+from spatialdyn.engines.programs.llvm.instructions import ARITHMETIC, CODE_BITS, TURN, Encoded, encode, opcodes
+from spatialdyn.engines.programs.llvm.simd import MAX_ANGLE
+from spatialdyn.engines.programs.record import recording
+from spatialdyn.engines.programs.record.kernel_layout import Float32Range, KernelLayout
+from spatialdyn.engines.programs.record.operations import CONST, COS, FORMS, INPUT, SIN, Form, Operation
+from spatialdyn.engines.programs.record.program import Program
+from spatialdyn.engines.programs.record.tracer import Number, Tape
+from spatialdyn.engines.programs.run import batches, interpreter
+from spatialdyn.engines.programs.run.batch_kernels import Kernel, MachineCode
+from spatialdyn.engines.programs.run.interpreter import Interpreted, InterpretedBatches
 from spatialdyn.engines.threads import thread_pool
 from spatialdyn.errors import SpatialDynError
 from spatialdyn.recursions import SPECS

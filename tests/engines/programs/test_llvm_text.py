@@ -6,8 +6,8 @@ import ctypes
 
 import numpy as np
 
-from spatialdyn.engines.programs.host_cpu import LoadedCode, object_code
-from spatialdyn.engines.programs.llvm_text import Body
+from spatialdyn.engines.programs.llvm.host_cpu import LoadedCode, object_code
+from spatialdyn.engines.programs.llvm.llvm_text import Body
 
 
 def test_values_are_numbered_in_order() -> None:

@@ -9,9 +9,9 @@ import spatialdyn as sd
 from spatialdyn.algebra.euclidean import Vec
 from spatialdyn.algebra.records import vec_of
 from spatialdyn.engines.compiled import numba_kernels
-from spatialdyn.engines.programs import recording
-from spatialdyn.engines.programs.move_origins import move_origins
-from spatialdyn.engines.programs.tracer import Row, table
+from spatialdyn.engines.programs.record import recording
+from spatialdyn.engines.programs.record.move_origins import move_origins
+from spatialdyn.engines.programs.record.tracer import Row, table
 from spatialdyn.recursions import SPECS
 
 ROUNDING = 64 * np.finfo(float).eps  # of the largest entry: another order of operations

@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 
 from spatialdyn.engines.compiled import numba_kernels
 from spatialdyn.engines.numbers import double_double
-from spatialdyn.engines.programs import batch_kernels
-from spatialdyn.engines.programs.kernel_layout import KernelLayout
-from spatialdyn.engines.programs.operations import (
+from spatialdyn.engines.programs.record.kernel_layout import KernelLayout
+from spatialdyn.engines.programs.record.operations import (
     AGAIN,
     CONST,
     FMA,
@@ -30,10 +29,11 @@ from spatialdyn.engines.programs.operations import (
     operands,
     signed,
 )  # fmt: skip
-from spatialdyn.engines.programs.program import Program
-from spatialdyn.engines.programs.source_code import c_code, python_code
-from spatialdyn.engines.programs.to_double_double import to_double_double
-from spatialdyn.engines.programs.tracer import Tape
+from spatialdyn.engines.programs.record.program import Program
+from spatialdyn.engines.programs.record.tracer import Tape
+from spatialdyn.engines.programs.run import batch_kernels
+from spatialdyn.engines.programs.transform.source_code import c_code, python_code
+from spatialdyn.engines.programs.transform.to_double_double import to_double_double
 from spatialdyn.errors import SpatialDynError
 
 CODES = list(FORMS)

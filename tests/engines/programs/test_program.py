@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from spatialdyn.algebra import scalars
-from spatialdyn.engines.programs import operations
-from spatialdyn.engines.programs.program import Program
-from spatialdyn.engines.programs.tracer import Number, Tape
+from spatialdyn.engines.programs.record import operations
+from spatialdyn.engines.programs.record.program import Program
+from spatialdyn.engines.programs.record.tracer import Number, Tape
 
 
 def tape_of(n: int) -> tuple[Tape, list[Number]]:

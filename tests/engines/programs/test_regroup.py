@@ -15,8 +15,8 @@ import spatialdyn as sd
 from spatialdyn.algebra.euclidean import Sym
 from spatialdyn.algebra.records import inertia_of
 from spatialdyn.engines.compiled import numba_kernels
-from spatialdyn.engines.programs import recording, regroup
-from spatialdyn.engines.programs.tracer import Row, table
+from spatialdyn.engines.programs.record import recording, regroup
+from spatialdyn.engines.programs.record.tracer import Row, table
 from spatialdyn.recursions import SPECS
 from spatialdyn.urdf.load import example_robots
 

@@ -22,13 +22,14 @@ import spatialdyn as sd
 from spatialdyn.algebra import scalars
 from spatialdyn.engines.compiled import numba_kernels
 from spatialdyn.engines.polynomials import MAX_ANGLE
-from spatialdyn.engines.programs import host_cpu, recording, schedule, simd
-from spatialdyn.engines.programs.error_bound import REDUCED, TURN
-from spatialdyn.engines.programs.host_cpu import LoadedCode
-from spatialdyn.engines.programs.kernel_layout import Float32Range, KernelLayout
-from spatialdyn.engines.programs.operations import FORMS, UFP
-from spatialdyn.engines.programs.program import Program
-from spatialdyn.engines.programs.tracer import Number, Tape
+from spatialdyn.engines.programs.llvm import host_cpu, schedule, simd
+from spatialdyn.engines.programs.llvm.host_cpu import LoadedCode
+from spatialdyn.engines.programs.record import recording
+from spatialdyn.engines.programs.record.kernel_layout import Float32Range, KernelLayout
+from spatialdyn.engines.programs.record.operations import FORMS, UFP
+from spatialdyn.engines.programs.record.program import Program
+from spatialdyn.engines.programs.record.tracer import Number, Tape
+from spatialdyn.engines.programs.transform.error_bound import REDUCED, TURN
 from spatialdyn.recursions import SPECS
 
 ULPS = 1.5  # of sin and cos in float64 for |q| <= MAX_ANGLE

@@ -18,7 +18,7 @@ import spatialdyn as sd
 from spatialdyn.calls import dynamics
 from spatialdyn.engines import run
 from spatialdyn.engines.compiled.numba_kernels import variant
-from spatialdyn.engines.programs import single_call, tiered_program
+from spatialdyn.engines.programs.run import single_call, tiered_program
 from spatialdyn.recursions import SPECS
 
 pytestmark = pytest.mark.skipif(not dynamics.BUILTINS, reason="nothing is compiled, or Python is not as expected")

@@ -19,9 +19,9 @@ import spatialdyn as sd
 from spatialdyn.algebra.scalars import select
 from spatialdyn.calls.specialized import Specialized
 from spatialdyn.engines.compiled import numba_kernels
-from spatialdyn.engines.programs.program import Program
-from spatialdyn.engines.programs.source_code import c_code, has_meaning, python_code
-from spatialdyn.engines.programs.tracer import Tape
+from spatialdyn.engines.programs.record.program import Program
+from spatialdyn.engines.programs.record.tracer import Tape
+from spatialdyn.engines.programs.transform.source_code import c_code, has_meaning, python_code
 
 EPS = np.finfo(float).eps
 CLOSE = 512 * EPS  # of the largest entry: the same operations, in which a compiler may fuse; solved for in aba

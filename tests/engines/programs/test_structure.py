@@ -13,11 +13,13 @@ from trees import random_tree
 import spatialdyn as sd
 from spatialdyn.engines import run
 from spatialdyn.engines.compiled import numba_kernels
-from spatialdyn.engines.programs import batch_kernels, recording, simd, structure
-from spatialdyn.engines.programs.kernel_layout import Float32Range, KernelLayout
-from spatialdyn.engines.programs.program import Program
-from spatialdyn.engines.programs.tiered_program import TieredProgram
-from spatialdyn.engines.programs.tracer import Tape
+from spatialdyn.engines.programs.llvm import simd
+from spatialdyn.engines.programs.record import recording, structure
+from spatialdyn.engines.programs.record.kernel_layout import Float32Range, KernelLayout
+from spatialdyn.engines.programs.record.program import Program
+from spatialdyn.engines.programs.record.tracer import Tape
+from spatialdyn.engines.programs.run import batch_kernels
+from spatialdyn.engines.programs.run.tiered_program import TieredProgram
 from spatialdyn.recursions import SPECS
 
 pytestmark = pytest.mark.skipif(numba_kernels.PLAIN, reason="NUMBA_DISABLE_JIT: no programs")

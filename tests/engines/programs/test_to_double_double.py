@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from spatialdyn.algebra.scalars import cos, sin, sqrt
-from spatialdyn.engines.programs.operations import FMS
-from spatialdyn.engines.programs.program import Program
-from spatialdyn.engines.programs.to_double_double import to_double_double
-from spatialdyn.engines.programs.tracer import Number, Tape
+from spatialdyn.engines.programs.record.operations import FMS
+from spatialdyn.engines.programs.record.program import Program
+from spatialdyn.engines.programs.record.tracer import Number, Tape
+from spatialdyn.engines.programs.transform.to_double_double import to_double_double
 from spatialdyn.errors import SpatialDynError
 
 SEEN = 2.0**-100  # rounding of a hundred bits in sums whose terms are of size 1

@@ -21,9 +21,9 @@ from trees import random_tree
 import spatialdyn as sd
 from spatialdyn.algebra import scalars
 from spatialdyn.engines.compiled import numba_kernels
-from spatialdyn.engines.programs import operations, recording
-from spatialdyn.engines.programs.program import Program
-from spatialdyn.engines.programs.tracer import Number, Tape
+from spatialdyn.engines.programs.record import operations, recording
+from spatialdyn.engines.programs.record.program import Program
+from spatialdyn.engines.programs.record.tracer import Number, Tape
 from spatialdyn.recursions import SPECS
 from spatialdyn.recursions.spec import Spec
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ....errors import ModelError
-from ....recursions.regressor import body_force
+from ....recursions.tree.regressor import body_force
 from ...native import tree_kernels
 from ...native.operator_kernels import compiled_text
 from ..data.data import Data, library_of

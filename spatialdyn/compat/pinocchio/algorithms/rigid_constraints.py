@@ -16,7 +16,7 @@ import numpy as np
 from ....constraints.contact import Solved, inverse, solve
 from ....engines.compiled import numba_kernels, table_kernels
 from ....errors import ConstraintError, ShapeError, SimulationError
-from ....recursions.kinematics import WORK
+from ....recursions.tree.kinematics import WORK
 from ...native.recorded_constraints import scratch_of
 from ...native.recorded_contacts import FOUND, GIVEN, contact_dynamics, put_contacts
 from ..data.data import Data, library_of

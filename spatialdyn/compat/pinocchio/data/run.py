@@ -13,7 +13,8 @@ from ....calls.arguments import core_shape
 from ....engines.compiled.cpython import retarget, unavailable
 from ....engines.compiled.numba_kernels import TABLE
 from ....model.model import Model as SdModel
-from ....recursions import SPECS, kinematics
+from ....recursions import SPECS
+from ....recursions.tree import kinematics
 from ...native import recorded_calls
 from ...native.recorded_calls import address, clock
 from ..model.library_model import LibraryModel

@@ -1,0 +1,99 @@
+"""The host's CPU, LLVM's object code for it, and loading of that code."""
+
+from __future__ import annotations
+
+import hashlib
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from ...compiled import disk_cache
+from ...interrupt import interruptible
+
+LONG = 100_000  # characters of a module that LLVM compiles for 0.2 s or more
+
+
+@cache
+def llvm_version() -> str:
+    """The version of LLVM."""
+    import llvmlite.binding as llvm
+
+    return ".".join(map(str, llvm.llvm_version_info))
+
+
+@cache
+def host() -> tuple[str, str, int, bool]:
+    """Name and features of this CPU, bytes of its vectors, and whether it has fused multiply-add."""
+    import llvmlite.binding as llvm
+
+    llvm.initialize_native_target()
+    llvm.initialize_native_asmprinter()
+    features = llvm.get_host_cpu_features()
+    name = llvm.get_host_cpu_name()
+    if features.get("avx512f"):
+        width = 64
+    elif features.get("avx2"):
+        width = 32
+    else:
+        width = 16  # SSE2, NEON
+    arm = llvm.get_process_triple().startswith(("aarch64", "arm64"))
+    return name, features.flatten(), width, bool(features.get("fma")) or arm
+
+
+def lanes_of(dtype: Any) -> int:
+    """How many numbers of a dtype a vector of this host holds."""
+    return int(host()[2] // np.dtype(dtype).itemsize)
+
+
+def object_code(text: str, opt: int = 1) -> bytes:
+    """Object code of a module for this host. KeyboardInterrupt comes at once, also where LLVM takes long.
+
+    opt  LLVM's level: 2 takes 1.5 times as long as 1 for code that is no faster, 0 a third for code of half the speed;
+         all compute the same bits
+    """
+    made: bytes = interruptible(_object_code, text, opt) if len(text) > LONG else _object_code(text, opt)
+    return made
+
+
+def _object_code(text: str, opt: int) -> bytes:
+    import llvmlite.binding as llvm
+
+    name, features, _, _ = host()
+    machine = llvm.Target.from_triple(llvm.get_process_triple()).create_target_machine(
+        cpu=name, features=features, opt=opt, reloc="pic", codemodel="jitdefault", jit=True
+    )
+    code: bytes = machine.emit_object(llvm.parse_assembly(text))
+    return code
+
+
+class LoadedCode:
+    """Object code in memory, which is freed with this object."""
+
+    def __init__(self, code: bytes) -> None:
+        """Load and link."""
+        import llvmlite.binding as llvm
+
+        host()
+        self._machine = llvm.Target.from_triple(llvm.get_process_triple()).create_target_machine(jit=True)
+        self._engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), self._machine)
+        self._engine.add_object_file(llvm.ObjectFileRef.from_data(code))
+        self._engine.finalize_object()
+
+    def address(self, name: str) -> int:
+        """The address of a function. Raises ValueError if the code does not have it."""
+        at = int(self._engine.get_function_address(name))
+        if not at:
+            raise ValueError(f"the object code has no {name}")
+        return at
+
+
+def stored_code(text: str) -> LoadedCode:
+    """The machine code of a module that is the same for all models: from the disk cache, or compiled and kept there."""
+    processor, features, _, _ = host()
+    digest = hashlib.sha256("\n".join((text, processor, features, llvm_version())).encode()).hexdigest()
+    code = disk_cache.read(digest)
+    if code is None:
+        code = object_code(text)
+        disk_cache.write(digest, code)
+    return LoadedCode(code)

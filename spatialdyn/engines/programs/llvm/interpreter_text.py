@@ -1,0 +1,413 @@
+"""LLVM text of the machine code that runs the instructions of any program: one sample, or tiles of samples.
+
+Each operation of FORMS is a branch of one switch, written by its form for lanes: an interpreted program has the bits
+of the compiled one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from ..record.operations import AGAIN, CARRIED, FORMS, REPEAT
+from . import host_cpu
+from .instructions import ABOVE, ARITHMETIC, CODE_BITS, END, FINITE, NEGATE, SIGN, TURN, WITHIN, opcodes
+from .llvm_entry import DATA_OFFSET
+from .llvm_vectors import ZERO, Vectors
+
+# Words of a context, 8 bytes each. Addresses: instructions, slots of one sample, vectors of constants, and tables of
+# (first slot, columns) for each input and (slots, columns) for each output. Numbers: of constants, inputs and outputs.
+CODE, VALUES, CONSTANTS, INPUTS, OUTPUTS, CONSTANT_COUNT, INPUT_COUNT, OUTPUT_COUNT = range(8)
+WORDS = 8
+INSTRUCTION = 16  # bytes
+BITS = 16  # samples of a number of bits
+UNROLLED = 2  # vectors that a branch computes at a time
+
+ANY = 0  # in place of the codes of ARITHMETIC: that of inputs, which are no instructions
+
+Values = list[str]
+
+
+class _Text(Vectors):
+    """The body of a function that runs instructions, on ``lanes`` samples at a time."""
+
+    def __init__(self, lanes: int) -> None:
+        super().__init__("double", lanes, host_cpu.host()[3])
+        self.signs = ["", ""]  # of x and z of the instruction at hand, one of ARITHMETIC
+        self.forward = self.back = ""  # blocks that go far
+
+    def word(self, index: int, kind: str = "i64") -> str:
+        """A word of the context."""
+        return self.load(kind, self.at("i64", "%context", index))
+
+    def pair(self, table: str, index: str, kind: str = "i64") -> tuple[str, str]:
+        """An entry of a table: an address or number, and a number."""
+        at = self.byte(table, self.times(index, 16))
+        return self.load(kind, at), self.load("i64", self.byte(at, 8))
+
+    def loop(self, name: str, count: str | int, body: Callable[[str], None], step: int = 1) -> None:
+        """Run ``body`` for an index of 0, step, ... below a count."""
+        start, test, inside, again, done = (f"{name}.{x}" for x in ("start", "test", "inside", "again", "done"))
+        self.jump(start, then=start)
+        self.jump(test, then=test)
+        self.do(f"%{name} = phi i64 [ 0, %{start} ], [ %{name}.next, %{again} ]")
+        self.branch(self.put(f"icmp slt i64 %{name}, {count}"), inside, done, then=inside)
+        body(f"%{name}")
+        self.jump(again, then=again)
+        self.do(f"%{name}.next = add i64 %{name}, {step}")
+        self.jump(test, then=done)
+
+    def least(self, a: str, b: str) -> str:
+        """The smaller of two i64."""
+        return self.put(f"select i1 {self.put(f'icmp slt i64 {a}, {b}')}, i64 {a}, i64 {b}")
+
+    def fetch(self) -> tuple[str, str, Values]:
+        """The opcode, the slot written and the slots read of the instruction at %pc."""
+        first = self.load("i32", "%pc", 4)
+        code = self.put(f"and i32 {first}, {(1 << CODE_BITS) - 1}")
+        slots = [self.put(f"lshr i32 {first}, {CODE_BITS}")]
+        slots += [self.load("i32", self.byte("%pc", 4 * k), 4) for k in (1, 2, 3)]
+        to, *read = (self.put(f"zext i32 {slot} to i64") for slot in slots)
+        return code, to, read
+
+    def branches(self, opcode: str, end: str, write: Callable[[int, str], None]) -> None:
+        """A switch by opcode, END to block ``end``: ``write(code, label)`` writes the branch of a code.
+
+        ARITHMETIC is one branch, ANY, before the switch: the processor predicts it, which a jump by opcode it does
+        not in long programs (of talos one sample takes a tenth of the time).
+        """
+        self.branch(self.put(f"icmp ult i32 {opcode}, {len(ARITHMETIC)}"), "fused", "other", then="fused")
+        signs = self.at(f"[2 x {self.vector}]", "@signs", self.put(f"zext i32 {opcode} to i64"))
+        self.signs[:] = (self.load_vector(signs, k) for k in range(2))
+        write(ANY, "fused")
+        self.label("other")
+        branches = {code: number for code, number in opcodes().items() if code not in (*ARITHMETIC, END)}
+        cases = " ".join(f"i32 {number}, label %op{number}" for number in branches.values())
+        self.do(f"switch i32 {opcode}, label %{end} [ {cases} ]")
+        for code, number in branches.items():
+            self.label(f"op{number}")
+            write(code, f"op{number}")
+
+    def step(self, code: str) -> None:
+        """Begin an instruction, %pc: the first is at ``code``, then those that ``advance`` reaches."""
+        self.jump("begin", then="begin")
+        self.jump("step", then="step")
+        self.do(f"%pc = phi ptr [ {code}, %begin ], [ %pc.next, %next ], [ %pc.far, %far ]")
+
+    def repeat(self, some: str, slots: Values, block: str) -> None:
+        """End REPEAT in ``block``: on if ``some`` holds, else forward."""
+        self.do(f"%forward = mul i64 {slots[1]}, {INSTRUCTION}")
+        self.do(f"br i1 {some}, label %next, label %far")
+        self.forward = block
+
+    def again(self, slots: Values, block: str) -> None:
+        """End AGAIN in ``block``: back."""
+        self.do(f"%back = mul i64 {slots[0]}, {-INSTRUCTION}")
+        self.do("br label %far")
+        self.back = block
+
+    def advance(self) -> None:
+        """Go on: to the next instruction, or as far as REPEAT or AGAIN says."""
+        self.label("far")
+        self.do(f"%distance = phi i64 [ %forward, %{self.forward} ], [ %back, %{self.back} ]")
+        self.do("%pc.far = getelementptr i8, ptr %pc, i64 %distance")
+        self.jump("step", then="next")
+        self.do(f"%pc.next = getelementptr i8, ptr %pc, i64 {INSTRUCTION}")
+
+    def flipped(self, value: str, sign: str) -> str:
+        """A value with its sign flipped where ``sign`` is -0."""
+        bits = [self.put(f"bitcast {self.vector} {x} to {self.bits}") for x in (value, sign)]
+        return self.put(f"bitcast {self.bits} {self.put(f'xor {self.bits} {bits[0]}, {bits[1]}')} to {self.vector}")
+
+    def results(self, code: int, given: Values) -> Values:
+        """The values that an instruction writes; empty for a check."""
+        if code == ANY:
+            x, y, z = given
+            return [self.fused(self.flipped(x, self.signs[0]), y, self.flipped(z, self.signs[1]))]
+        if code in FORMS:
+            return [FORMS[code].llvm(self, *given)]
+        if code == CARRIED:
+            return given
+        if code == TURN:
+            return list(self.sincos(given[0]))
+        return [self.negative(given[0])] if code == NEGATE else []
+
+    def holds(self, code: int, given: Values) -> str:
+        """The mask of a check."""
+        a, b, *_ = given
+        if code == ABOVE:
+            return self.compare("ogt", a, b)
+        if code == WITHIN:
+            return self.compare("ole", self.unary("fabs", a), b)
+        total = ZERO
+        for x in given:
+            total = self.fused(x, ZERO, total)
+        return self.compare("oeq", total, ZERO)
+
+    def module(self, head: str) -> str:
+        """The module of this function."""
+        v, suffix, wide = self.vector, self.suffix(), 8 * self.size * self.lanes
+        signs = [x for fused in ARITHMETIC.values() for x in (fused.minus_x, fused.minus_z)]
+        table = ", ".join(f"{v} {self.constant(-0.0 if minus else 0.0)}" for minus in signs)
+        vectors = f' alignstack=64 "prefer-vector-width"="{wide}" "min-legal-vector-width"="{wide}"'
+        return f"""
+@signs = internal constant [{len(signs)} x {v}] [{table}], align 64
+declare {v} @llvm.fma.{suffix}({v}, {v}, {v})
+declare {v} @llvm.fabs.{suffix}({v})
+declare {v} @llvm.sqrt.{suffix}({v})
+declare {v} @llvm.copysign.{suffix}({v}, {v})
+attributes #0 = {{ nounwind{vectors if self.lanes > 1 else ""} }}
+{self.function(head, " #0")}"""
+
+
+def arity(code: int) -> int:
+    """How many slots an instruction reads."""
+    return (
+        FORMS[code].arity
+        if code in FORMS
+        else {TURN: 1, NEGATE: 1, CARRIED: 1, REPEAT: 1, AGAIN: 0, ANY: 3, FINITE: 3}.get(code, 2)
+    )
+
+
+def one_text() -> str:
+    """``interpret_one(context, inputs, outputs) -> 1``, or 0 if the sample is rejected, and no output written.
+
+    context  WORDS words, of which CONSTANTS is not read
+    inputs   addresses of the input arrays
+    outputs  addresses of the output arrays, written when all inputs have been read
+    """
+    t = _Text(1)
+    t.label("entry")
+    code, values, inputs, outputs = (t.word(index, "ptr") for index in (CODE, VALUES, INPUTS, OUTPUTS))
+
+    def read(k: str) -> None:
+        first, columns = t.pair(inputs, k)
+        source, target = t.load("ptr", t.at("ptr", "%inputs", k)), t.number(values, first)
+        t.loop("column", columns, lambda i: t.store("i64", t.load("i64", t.number(source, i)), t.number(target, i)))
+
+    t.loop("input", t.word(INPUT_COUNT), read)
+    t.step(code)
+    opcode, to, slots = t.fetch()
+
+    def write(code: int, label: str) -> None:
+        given = [t.load(t.vector, t.number(values, slot), 8) for slot in slots[: arity(code)]]
+        if code == REPEAT:
+            t.repeat(t.put(f"extractelement {t.truth} {t.above_zero(given[0])}, i64 0"), slots, label)
+            return
+        if code == AGAIN:
+            t.again(slots, label)
+            return
+        made = t.results(code, given)
+        for value, place in zip(made, (to, slots[1]), strict=False):
+            t.store(t.vector, value, t.number(values, place), 8)
+        if made:
+            t.do("br label %next")
+        else:
+            valid = t.put(f"extractelement {t.truth} {t.holds(code, given)}, i64 0")
+            t.do(f"br i1 {valid}, label %next, label %rejected")
+
+    t.branches(opcode, "results", write)
+    t.advance()
+    t.jump("step", then="rejected")
+    t.do("ret i64 0")
+    t.label("results")
+
+    def give(k: str) -> None:
+        entries, columns = t.pair(outputs, k, "ptr")
+        target = t.load("ptr", t.at("ptr", "%outputs", k))
+
+        def copy(i: str) -> None:
+            entry = t.load("i64", t.at("i64", entries, i))
+            sign, slot = t.put(f"and i64 {entry}, {-int(SIGN)}"), t.put(f"and i64 {entry}, {int(SIGN) - 1}")
+            bits = t.put(f"xor i64 {t.load('i64', t.number(values, slot))}, {sign}")
+            t.store("i64", bits, t.number(target, i))
+
+        t.loop("result", columns, copy)
+
+    t.loop("output", t.word(OUTPUT_COUNT), give)
+    t.do("ret i64 1")
+    return t.module("define i64 @interpret_one(ptr %context, ptr %inputs, ptr %outputs)")
+
+
+def _samples(t: _Text, last: str, data: str, step: str, group: str) -> Values:
+    """The addresses of a group's samples, ``lanes`` from sample ``group`` of the tile on, ``last`` the last of all."""
+    base = t.add("%first", group)
+    return [t.byte(data, t.times(t.least(t.add(base, r), last), step)) for r in range(t.lanes)]
+
+
+def _blocks(t: _Text, name: str, columns: str, whole: Callable[[str], None], single: Callable[[str], None]) -> None:
+    """Run ``whole`` for the first of ``lanes`` columns, the last overlapping, or ``single`` for a few columns."""
+    few = t.put(f"icmp slt i64 {columns}, {t.lanes}")
+    end = t.put(f"sub i64 {columns}, {t.lanes}")
+    t.branch(few, f"{name}.few", f"{name}.many", then=f"{name}.few")
+    t.loop(f"{name}.one", columns, single)
+    t.jump(f"{name}.end", then=f"{name}.many")
+    t.loop(f"{name}.block", columns, lambda c: whole(t.least(c, end)), t.lanes)
+    t.jump(f"{name}.end", then=f"{name}.end")
+
+
+def _repeat_text(t: _Text, slots: list[str], source: str, label: str) -> None:
+    """The instruction that runs a region again if one of a tile's samples is above 0 in ``source``."""
+    t.jump(f"{label}.loop", then=f"{label}.loop")
+    t.do(f"%{label}.i = phi i64 [ 0, %{label} ], [ %{label}.i.next, %{label}.loop ]")
+    t.do(f"%{label}.some = phi {t.truth} [ {ZERO}, %{label} ], [ %{label}.more, %{label}.loop ]")
+    here = t.load(t.vector, t.number(source, f"%{label}.i"), 8 * t.lanes)
+    t.do(f"%{label}.more = or {t.truth} %{label}.some, {t.above_zero(here)}")
+    t.do(f"%{label}.i.next = add i64 %{label}.i, {t.lanes}")
+    more = t.put(f"icmp slt i64 %{label}.i.next, %wide")
+    t.branch(more, f"{label}.loop", f"{label}.end", then=f"{label}.end")
+    runs = t.put(f"bitcast {t.truth} %{label}.more to i{t.lanes}")
+    t.repeat(t.put(f"icmp ne i{t.lanes} {runs}, 0"), slots, f"{label}.end")
+
+
+def tiles_text(lanes: int) -> str:
+    """``interpret_tiles(context, inputs, steps, outputs, bits, rows, wide, n)``, for tiles of ``wide`` samples.
+
+    context  WORDS words, of which VALUES is not read
+    inputs   array objects, in C order
+    steps    of each input, bytes from a sample to the next: 0 for an input that is for all
+    outputs  array objects, in C order
+    bits     a bit for each sample, BITS in a number; the last tile's are repeated to its end
+    rows     workspace: a tile of each slot but the constants', and one more, aligned to a vector
+    wide     multiple of BITS
+    n        samples; the last tile is filled with the last of them
+    """
+    t = _Text(lanes)
+    vector = 8 * lanes
+    t.label("entry")
+    code, constants, inputs, outputs = (t.word(index, "ptr") for index in (CODE, CONSTANTS, INPUTS, OUTPUTS))
+    count, input_count, output_count = (t.word(index) for index in (CONSTANT_COUNT, INPUT_COUNT, OUTPUT_COUNT))
+    row = t.times("%wide", 8)
+    poison, first_row = "%rows", t.byte("%rows", row)
+    last = t.put("sub i64 %n, 1")
+    scalar_zero = t.constant(0.0)
+
+    def place(slot: str) -> tuple[str, str]:
+        """The address of a slot's first vector, and the bytes to its next: 0 for a constant."""
+        constant = t.put(f"icmp slt i64 {slot}, {count}")
+        here = t.byte(constants, t.times(slot, vector))
+        there = t.byte(first_row, t.times(t.put(f"sub i64 {slot}, {count}"), row))
+        step = t.put(f"select i1 {constant}, i64 0, i64 {vector}")
+        return t.put(f"select i1 {constant}, ptr {here}, ptr {there}"), step
+
+    t.jump("tiles", then="tiles")
+    t.do("%first = phi i64 [ 0, %entry ], [ %first.next, %tile.end ]")
+    t.branch(t.put("icmp slt i64 %first, %n"), "tile", "done", then="tile")
+    t.loop("clear", "%wide", lambda i: t.store(t.vector, scalar_zero, t.number(poison, i), vector), lanes)
+
+    def read(k: str) -> None:
+        first, columns = t.pair(inputs, k)
+        data = t.load("ptr", t.byte(t.load("ptr", t.at("ptr", "%inputs", k)), DATA_OFFSET))
+        step = t.load("i64", t.at("i64", "%steps", k))
+        target = t.byte(first_row, t.times(t.put(f"sub i64 {first}, {count}"), row))
+
+        def group(g: str) -> None:
+            starts = _samples(t, last, data, step, g)
+
+            def whole(c: str) -> None:
+                loaded = [t.load(t.vector, t.number(x, c), 8) for x in starts]
+                to = t.number(t.byte(target, t.times(c, row)), g)
+                for i, x in enumerate(t.transposed(loaded)):
+                    t.store(t.vector, x, t.byte(to, t.times(row, i)), vector)
+
+            def single(c: str) -> None:
+                to = t.number(t.byte(target, t.times(c, row)), g)
+                for r, x in enumerate(starts):
+                    t.store("double", t.load("double", t.number(x, c), 8), t.number(to, r), 8)
+
+            _blocks(t, "read", columns, whole, single)
+
+        t.loop("read.group", "%wide", group, lanes)
+
+    t.loop("input", input_count, read)
+    t.step(code)
+    opcode, to, slots = t.fetch()
+    targets = [place(to)[0], place(slots[1])[0]]
+    sources = [place(slot) for slot in slots]
+
+    def write(code: int, label: str) -> None:
+        if code == AGAIN:
+            t.again(slots, label)
+            return
+        if code == REPEAT:
+            _repeat_text(t, slots, sources[0][0], label)
+            return
+        used = sources[: arity(code)]
+        t.jump(f"{label}.loop", then=f"{label}.loop")
+        t.do(f"%{label}.i = phi i64 [ 0, %{label} ], [ %{label}.i.next, %{label}.loop ]")
+        at = []
+        for k, (start, _) in enumerate(used):
+            t.do(f"%{label}.{k} = phi ptr [ {start}, %{label} ], [ %{label}.{k}.{UNROLLED}, %{label}.loop ]")
+            at.append(f"%{label}.{k}")
+        for u in range(UNROLLED):
+            given = [t.load(t.vector, x, vector) for x in at]
+            at = [f"%{label}.{k}.{u + 1}" for k in range(len(used))]
+            here = t.add(f"%{label}.i", u * lanes)
+            made = t.results(code, given)
+            for value, target in zip(made, targets, strict=False):
+                t.store(t.vector, value, t.number(target, here), vector)
+            if not made:
+                so_far = t.number(poison, here)
+                kept = t.poisoned_unless(t.holds(code, given), t.load(t.vector, so_far, vector))
+                t.store(t.vector, kept, so_far, vector)
+            for k, (_, step) in enumerate(used):
+                before = f"%{label}.{k}" + (f".{u}" if u else "")
+                t.do(f"{at[k]} = getelementptr i8, ptr {before}, i64 {step}")
+        t.do(f"%{label}.i.next = add i64 %{label}.i, {UNROLLED * lanes}")
+        more = t.put(f"icmp slt i64 %{label}.i.next, %wide")
+        t.do(f"br i1 {more}, label %{label}.loop, label %next")
+
+    t.branches(opcode, "results", write)
+    t.advance()
+    t.jump("step", then="results")
+
+    def give(k: str) -> None:
+        entries, columns = t.pair(outputs, k, "ptr")
+        data = t.load("ptr", t.byte(t.load("ptr", t.at("ptr", "%outputs", k)), DATA_OFFSET))
+        width = t.times(columns, 8)
+
+        def group(g: str) -> None:
+            starts = _samples(t, last, data, width, g)
+
+            def result(c: str) -> str:
+                entry = t.load("i64", t.at("i64", entries, c))
+                start, step = place(t.put(f"and i64 {entry}, {int(SIGN) - 1}"))
+                value = t.load(t.vector, t.byte(start, t.times(g, t.put(f"udiv i64 {step}, {lanes}"))), vector)
+                sign = t.put(f"and i64 {entry}, {-int(SIGN)}")
+                one = t.put(f"insertelement {t.bits} zeroinitializer, i64 {sign}, i64 0")
+                signs = t.put(f"shufflevector {t.bits} {one}, {t.bits} {one}, <{lanes} x i32> zeroinitializer")
+                flipped = t.put(f"xor {t.bits} {t.put(f'bitcast {t.vector} {value} to {t.bits}')}, {signs}")
+                return t.put(f"bitcast {t.bits} {flipped} to {t.vector}")
+
+            def whole(c: str) -> None:
+                made = t.transposed([result(t.add(c, i)) for i in range(lanes)])
+                for x, start in zip(made, starts, strict=True):
+                    t.store(t.vector, x, t.number(start, c), 8)
+
+            def single(c: str) -> None:
+                made = result(c)
+                for r, start in enumerate(starts):
+                    t.store("double", t.put(f"extractelement {t.vector} {made}, i64 {r}"), t.number(start, c), 8)
+
+            _blocks(t, "give", columns, whole, single)
+
+        t.loop("give.group", "%wide", group, lanes)
+
+    t.loop("output", output_count, give)
+
+    def bits(i: str) -> None:
+        number = "0"
+        for part in range(0, BITS, lanes):
+            value = t.load(t.vector, t.number(poison, t.add(i, part)), vector)
+            valid = t.put(f"bitcast {t.truth} {t.compare('oeq', value, ZERO)} to i{lanes}")
+            valid = t.put(f"zext i{lanes} {valid} to i{BITS}") if lanes < BITS else valid
+            number = t.put(f"or i{BITS} {number}, {t.put(f'shl i{BITS} {valid}, {part}')}")
+        at = t.put(f"udiv i64 {t.add('%first', i)}, {BITS}")
+        t.store(f"i{BITS}", number, t.at(f"i{BITS}", "%bits", at), 2)
+
+    t.loop("bit", "%wide", bits, BITS)
+    t.jump("tile.end", then="tile.end")
+    t.do("%first.next = add i64 %first, %wide")
+    t.jump("tiles", then="done")
+    t.do("ret void")
+    given = "ptr %context, ptr %inputs, ptr %steps, ptr %outputs, ptr %bits, ptr %rows, i64 %wide, i64 %n"
+    return t.module(f"define void @interpret_tiles({given})")

@@ -1,0 +1,171 @@
+"""The order of a program's lines in compiled code, its cut into functions, and the values spilled between them."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+from ..record.kernel_layout import KernelLayout
+from ..record.operations import CONST, FORMS, INPUT, arities, operands
+from ..record.program import Program
+
+CHUNK_LENGTH = 8000  # operations of one function, in programs of more than MOST_WHOLE: 1500 cost a step of rk4 8 %
+MOST_LATE = 3000  # most operations of a program whose values are computed near their readers
+MOST_HELD = 3050  # most operations of a program with bounds that keeps its numbers in registers, see ``held``
+MOST_WHOLE = 12000  # most operations of one function: aba of talos, 9600, takes LLVM 1 s and is 10 % faster than cut
+
+
+class Schedule:
+    """A program's lines by function.
+
+    whole       whether all lines are in one function
+    chunks      lines of each function, in order
+    slots       slot in the workspace of each line that another function reads
+    slot_count  number of slots
+    """
+
+    def __init__(self, program: Program, late: bool) -> None:
+        """``late``: compute values near their readers in one function; else in the program's order."""
+        self.whole = len(program.lines) <= MOST_WHOLE
+        self.chunks = _chunks(program, late)
+        self.slots, self.slot_count = ({}, 0) if self.whole else self._slots(program)
+
+    def _slots(self, program: Program) -> tuple[dict[int, int], int]:
+        """Slots of the spilled lines, reused when free, and their number."""
+        chunk_of = {k: i for i, chunk in enumerate(self.chunks) for k in chunk}
+        wanted = {line for line, _ in program.outputs}
+        end = len(self.chunks)  # where results are written
+        last: dict[int, int] = {}
+        for k, i in chunk_of.items():
+            for operand in operands(program.lines[k]):
+                if program.lines[operand].code != CONST and chunk_of.get(operand, -1) != i:
+                    last[operand] = max(last.get(operand, 0), i)
+        for k, op in enumerate(program.lines):
+            if op.code == INPUT or (k in wanted and op.code != CONST):
+                last[k] = end
+        slots: dict[int, int] = {}
+        free: list[int] = []
+        ends: dict[int, list[int]] = {}
+        count, here = 0, -1
+        for k in sorted(last, key=lambda k: (chunk_of.get(k, -1), k)):
+            if chunk_of.get(k, -1) > here:
+                here = chunk_of.get(k, -1)
+                for done in [c for c in ends if c < here]:
+                    free += ends.pop(done)
+            if free:
+                slots[k] = free.pop()
+            else:
+                slots[k], count = count, count + 1
+            ends.setdefault(last[k], []).append(slots[k])
+        return slots, count
+
+
+def late(program: Program, layout: KernelLayout) -> bool:
+    """Whether a program's values are computed near their readers.
+
+    With pivots there is a third sweep over the robot, for which fewer values are spilled: saves 2 to 6 % of aba, and
+    nothing without. In longer programs it costs: of aba with bounds 8 to 20 %, of a step's derivatives 2 to 7 %, of aba
+    of talos 5 %.
+    """
+    return bool(layout.pivots) and len(program.lines) <= MOST_LATE and not program.regions
+
+
+def held(program: Program, layout: KernelLayout) -> bool:
+    """Whether a program's numbers are held in registers where they are used again, or loaded there anew.
+
+    LLVM spills what it holds too long, whole vectors, to the stack. In long programs with bounds, with three values to
+    each line, they no longer fit the first cache: loaded anew they save 36 % of rnea of panda in float32, 25 % of aba
+    of kinova, 10 % of aba of panda in float64. Shorter ones lose 5 %, and long ones without bounds gain nothing.
+    """
+    return not layout.bounds or len(program.lines) <= MOST_HELD
+
+
+def _chunks(program: Program, late: bool) -> list[list[int]]:
+    """The lines of each function, in order; ``late`` as of Schedule."""
+    lines = program.lines
+    whole = len(lines) <= MOST_WHOLE
+    order = depth_first(program) if late and whole else range(len(lines))
+    work = [k for k in order if lines[k].code not in (INPUT, CONST)]
+    if whole or not work:
+        return [work]
+    outer = {
+        region.start: region.end for region in program.regions
+    }  # an outer one behind those within, if they begin alike
+    chunks: list[list[int]] = [[]]
+    end = -1
+    for k in work:
+        if k > end and len(chunks[-1]) >= CHUNK_LENGTH:
+            chunks.append([])
+        end = max(end, outer.get(k, -1))
+        chunks[-1].append(k)
+    return chunks
+
+
+def angles(program: Program, late: bool) -> list[list[int]]:
+    """The angles, lines of which a sine or cosine is taken, of each function, in the order of their first readers.
+
+    The order in which compiled code sums their squares; ``late`` as of Schedule.
+    """
+    lines = program.lines
+    readers = {code for code, form in FORMS.items() if form.angle}
+    if len(lines) > MOST_WHOLE:
+        chunks = _chunks(program, late)
+        return [list(dict.fromkeys(lines[k].a for k in chunk if lines[k].code in readers)) for chunk in chunks]
+    if late:
+        return [_angles_depth_first(program, readers)]
+    return [list(dict.fromkeys(op.a for op in lines if op.code in readers))]
+
+
+def _angles_depth_first(program: Program, readers: Collection[int]) -> list[int]:
+    """The angles in the order in which ``depth_first`` meets their readers: it enters no line all of whose angles it
+    has met, which saves four fifths of its time.
+    """
+    lines, arity_of = program.lines, arities()
+    bits: dict[int, int] = {}
+    below: list[int] = []  # bits of the angles that a line depends on
+    for code, a, b, c, _ in lines:
+        arity = arity_of[code]
+        found = 0
+        if arity:
+            found = below[a if a >= 0 else -a - 1]
+            if arity > 1:
+                found |= below[b if b >= 0 else -b - 1]
+                if arity > 2:
+                    found |= below[c if c >= 0 else -c - 1]
+            if code in readers:
+                found |= bits.setdefault(a, 1 << len(bits))
+        below.append(found)
+    order: dict[int, None] = {}
+    met, seen = 0, set()
+    for line, _ in program.outputs:
+        waiting = [(line, False)]
+        while waiting:
+            k, ready = waiting.pop()
+            if not below[k] & ~met:
+                continue
+            if ready:
+                op = lines[k]
+                if op.code in readers:
+                    order[op.a] = None
+                    met |= bits[op.a]
+            elif k not in seen:
+                seen.add(k)
+                waiting.append((k, True))
+                waiting += [(operand, False) for operand in sorted(set(operands(lines[k])))]
+    return list(order)
+
+
+def depth_first(program: Program) -> list[int]:
+    """The program's lines in depth-first order from its outputs: each near its readers."""
+    order: list[int] = []
+    seen: set[int] = set()
+    for line, _ in program.outputs:
+        waiting = [(line, False)]
+        while waiting:
+            k, ready = waiting.pop()
+            if ready:
+                order.append(k)
+            elif k not in seen:
+                seen.add(k)
+                waiting.append((k, True))
+                waiting += [(operand, False) for operand in sorted(set(operands(program.lines[k])))]
+    return order

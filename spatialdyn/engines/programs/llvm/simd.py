@@ -1,0 +1,311 @@
+"""Programs on SIMD lanes: one traced program over as many samples as a register holds.
+
+A Program becomes one LLVM function over tiles of W samples, W the host's vector width. A tile's rows are read
+with whole-vector loads and transposed in registers, the program runs on <W x double>, and the results are
+transposed back; memory is used for a small workspace only. Programs of more than a few thousand operations are cut
+into several functions, between which values are spilled to that workspace.
+
+The code computes ordinary samples only. Beside the results it writes one bit per sample: whether every input is
+finite, every quaternion of unit norm, every angle in the range of the short sine, every pivot regular and every
+result finite; in float32, with ``ranged``, also whether underflow cannot matter. A sample whose bit is 0 is recomputed
+by the recursion in NumPy, which finds the fault.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+
+from ....algebra.rotations import UNIT_TOLERANCE
+from ...polynomials import MAX_ANGLE
+from ..record.kernel_layout import Float32Range, KernelLayout
+from ..record.operations import AGAIN, CARRIED, CONST, FORMS, INPUT, NEXT, REPEAT, signed
+from ..record.program import Program
+from ..record.structure import Numbers
+from .host_cpu import host, lanes_of, object_code
+from .llvm_module import module
+from .llvm_vectors import ZERO, Vectors
+from .schedule import Schedule, held, late
+
+
+def _blocks(columns: int, lanes: int) -> Iterator[tuple[int, int]]:
+    """(first column, width) of blocks that cover the columns: widths are powers of two, the last block overlaps."""
+    width = lanes
+    while width > columns:
+        width //= 2
+    for first in range(0, columns - width + 1, width):
+        yield first, width
+    if columns % width:
+        yield columns - width, width
+
+
+class _Writer:
+    """The LLVM module of one program."""
+
+    def __init__(
+        self, program: Program, layout: KernelLayout, dtype: Any, lanes: int, fma: bool, stream: bool = False
+    ) -> None:
+        self.program, self.layout = program, layout
+        self.scalar = "double" if np.dtype(dtype) == np.float64 else "float"
+        self.lanes, self.fma, self.stream = lanes, fma, stream
+        self.schedule = Schedule(program, late(program, layout))
+        self.numbers = Numbers(program, layout)
+        self.afresh = not held(program, layout)
+        self.whole = self.schedule.whole
+        self.poison_slot = self.schedule.slot_count  # followed by the floor's slot, if ranges are checked
+        self.stage = self.poison_slot + (1 if layout.range is None else 2)  # slots of rows to be streamed
+        staged = [len(places) for places in layout.outputs if stream and len(places) % lanes]
+        carried = dict.fromkeys(k for region in program.regions for k in region.carried)
+        self.carried = {k: self.stage + max(staged, default=0) + at for at, k in enumerate(carried)}  # their slots
+        self.regions = {region.head: region for region in program.regions}
+        slots = self.stage + max(staged, default=0) + len(self.carried)
+        self.workspace = slots * lanes * (8 if self.scalar == "double" else 4)
+
+    def text(self) -> str:
+        """The module."""
+        self.values: dict[int, str] = {}
+        functions = []
+        main = Vectors(self.scalar, self.lanes, self.fma)
+        poison, floor = self._prologue(main)
+        if self.whole:
+            poison = self._operations(main, self.schedule.chunks[0], poison, inside=False)
+        else:
+            main.store_vector(poison, "%ws", self.poison_slot)
+            if floor:
+                main.store_vector(floor, "%ws", self.poison_slot + 1)
+            for i, chunk in enumerate(self.schedule.chunks):
+                functions.append(self._chunk(i, chunk))
+                main.do(f"call void @chunk{i}(ptr %ws, ptr %numbers)")
+            poison = main.load_vector("%ws", self.poison_slot)
+            floor = main.load_vector("%ws", self.poison_slot + 1) if floor else floor
+        self._epilogue(main, poison, floor)
+        return module(main, functions, self.layout, self.workspace, self.stream)
+
+    # -- the parts of a tile
+
+    def _prologue(self, t: Vectors) -> tuple[str, str]:
+        """Read the tile's rows and transpose them; returns the poison (0, or NaN in lanes of invalid samples) of the
+        inputs, and the least sum of squares of an output array, empty if there is none.
+        """
+        index = {op.a: k for k, op in enumerate(self.program.lines) if op.code == INPUT}
+        zero = t.constant(0.0)
+        poison = [ZERO] * 4
+        columns: list[str] = []
+        wide = self.layout.range
+        driving: list[str] = []
+        for a, width in enumerate(self.layout.inputs):
+            row = [t.add("%first", r) for r in range(self.lanes)]
+            starts = [t.number(f"%in{a}", t.times(r, f"%step{a}")) for r in row]
+            found = [""] * width
+            for first, size in _blocks(width, self.lanes):
+                loaded = []
+                for i in range(size):
+                    parts = []
+                    for g in range(self.lanes // size):
+                        parts.append(t.load(t.kind(size), t.number(starts[g * size + i], first), t.size))
+                    loaded.append(self._joined(t, parts, size))
+                found[first : first + size] = t.transposed(loaded)
+            columns += found
+            if wide and a in (wide.driving or ()):
+                driving += found
+        for i, x in enumerate(columns):
+            poison[i % 4] = t.fused(x, x if wide else zero, poison[i % 4])
+            if i in index:
+                self.values[index[i]] = x
+                if not self.whole:
+                    t.store_vector(x, "%ws", self.schedule.slots[index[i]])
+        base = self._added(t, poison)
+        floor = ""
+        if wide:
+            small = t.compare("ole", base, t.spread("%numbers", self.numbers.most))
+            base = t.poisoned_unless(small, ZERO)
+            floor = self._floor(t, wide, driving)
+        for group in self.layout.units:
+            base = t.poisoned_unless(self._unit(t, [columns[i] for i in group]), base)
+        return base, floor
+
+    def _floor(self, t: Vectors, wide: Float32Range, driving: Sequence[str]) -> str:
+        """The least sum of squares of an output array, 0 where all driving inputs are 0, to the bit."""
+        least = t.spread("%numbers", self.numbers.least)
+        if wide.driving is None:
+            return least
+        if not driving:
+            return ZERO
+        bits = t.integer(0)
+        for x in driving:
+            bits = t.put(f"or {t.bits} {bits}, {t.put(f'bitcast {t.vector} {x} to {t.bits}')}")
+        size = t.put(f"shl {t.bits} {bits}, {t.integer(1)}")  # without the signs
+        moves = t.put(f"icmp ne {t.bits} {size}, zeroinitializer")
+        return t.select(moves, least, ZERO)
+
+    def _unit(self, t: Vectors, group: Sequence[str]) -> str:
+        """The mask of groups whose squares sum to 1."""
+        total = t.constant(-1.0)
+        for x in group:
+            total = t.fused(x, x, total)
+        return t.compare("ole", t.unary("fabs", total), t.constant(UNIT_TOLERANCE))
+
+    def _joined(self, t: Vectors, parts: list[str], size: int) -> str:
+        """Concatenate vectors of ``size`` numbers."""
+        while len(parts) > 1:
+            pairs = zip(parts[::2], parts[1::2], strict=True)
+            parts = [t.shuffle(t.kind(size), a, b, range(2 * size)) for a, b in pairs]
+            size *= 2
+        return parts[0]
+
+    def _chunk(self, i: int, chunk: list[int]) -> str:
+        """One function of a long program, which loads and spills values from and to the workspace."""
+        t = Vectors(self.scalar, self.lanes, self.fma)
+        self.values = {}
+        poison = t.load_vector("%ws", self.poison_slot)
+        poison = self._operations(t, chunk, poison, inside=True)
+        t.store_vector(poison, "%ws", self.poison_slot)
+        t.do("ret void")
+        return t.function(f"define internal void @chunk{i}(ptr noalias %ws, ptr noalias %numbers)", " noinline #0")
+
+    def _operations(self, t: Vectors, chunk: Sequence[int], poison: str, inside: bool) -> str:
+        """Write some lines; ``inside`` one of several functions, which spills values that others need."""
+        lines, values, slots = self.program.lines, self.values, self.schedule.slots
+        angles: set[int] = set()
+        reach = ""
+
+        def value(k: int) -> str:
+            if k < 0:
+                return t.negative(value(-k - 1))
+            if lines[k].code == CONST:
+                return t.spread("%numbers", self.numbers.of_line[k], self.afresh)
+            if k not in values:
+                values[k] = t.load_vector("%ws", self.carried[k] if k in self.carried else slots[k])
+            return values[k]
+
+        before: list[dict[int, str]] = []  # of each region that is being written, the values before it
+        for k in chunk:
+            op = lines[k]
+            if op.code == REPEAT:
+                before.append(dict(values))
+                t.jump(f"repeat{k}", then=f"repeat{k}")
+                runs = t.put(f"bitcast {t.truth} {t.above_zero(value(op.a))} to i{self.lanes}")
+                some = t.put(f"icmp ne i{self.lanes} {runs}, 0")
+                t.branch(some, f"run{k}", f"behind{k}", then=f"run{k}")
+                continue
+            if op.code == NEXT:
+                t.store_vector(value(op.b), "%ws", self.carried[op.a])
+                continue
+            if op.code == AGAIN:
+                t.jump(f"repeat{op.a}", then=f"behind{op.a}")
+                values.clear()
+                values |= before.pop()
+                for held in self.regions[op.a].carried:
+                    if inside and held in slots:
+                        t.store_vector(value(held), "%ws", slots[held])
+                continue
+            if op.code == CARRIED:
+                if k in self.carried:
+                    t.store_vector(value(op.a), "%ws", self.carried[k])
+                    continue
+                values[k] = value(op.a)  # no pass changes it
+                if inside and k in slots:
+                    t.store_vector(values[k], "%ws", slots[k])
+                continue
+            form, given = FORMS[op.code], [value(operand) for operand in signed(op)]
+            if form.angle and op.a not in angles:
+                angles.add(op.a)
+                x = given[0]
+                reach = t.fused(x, x, reach) if reach else t.binary("fmul", x, x)
+            values[k] = form.llvm(t, *given)
+            if inside and k in slots:
+                t.store_vector(values[k], "%ws", slots[k])
+        if reach:
+            poison = t.poisoned_unless(t.compare("ole", reach, t.constant(MAX_ANGLE * MAX_ANGLE)), poison)
+        return poison
+
+    def _epilogue(self, t: Vectors, poison: str, floor: str) -> None:
+        """Transpose the results into their rows and write the tile's bits."""
+        lines, zero = self.program.lines, t.constant(0.0)
+
+        def result(place: int) -> str:
+            line, minus = self.program.outputs[place]
+            if lines[line].code == CONST:
+                x = t.spread("%numbers", self.numbers.of_line[line])
+            else:
+                if line not in self.values:
+                    kept = self.carried[line] if self.whole and line in self.carried else self.schedule.slots[line]
+                    self.values[line] = t.load_vector("%ws", kept)
+                x = self.values[line]
+            return t.negative(x) if minus else x
+
+        if not self.whole:
+            self.values = {}
+        sums = [poison, ZERO, ZERO, ZERO]
+        for (place, _), at in zip(self.layout.pivots, self.numbers.of_pivot, strict=True):
+            regular = t.compare("ogt", result(place), t.spread("%numbers", at))
+            sums[0] = t.poisoned_unless(regular, sums[0])
+        for group in self.layout.norms:
+            sums[0] = t.poisoned_unless(self._unit(t, [result(place) for place in group]), sums[0])
+        seen: set[int] = set()
+        squares = [ZERO] * 4
+        for a, places in enumerate(self.layout.outputs):
+            columns = len(places)
+            if floor:
+                seen, squares = set(), [t.spread("%numbers", self.numbers.squares[a]), *[ZERO] * 3]
+            staged = self.stream and columns % self.lanes > 0
+            if staged:
+                to = t.at(t.vector, "%ws", self.stage)
+                starts = [t.number(to, r * columns) for r in range(self.lanes)]
+            else:
+                row = [t.add("%first", r) for r in range(self.lanes)]
+                starts = [t.number(f"%out{a}", t.times(r, columns)) for r in row]
+            past = self.stream and not staged  # bypass the CPU caches
+            align = t.size * (self.lanes if past else 1)
+            for first, size in _blocks(columns, self.lanes):
+                vectors = []
+                for c in range(first, first + size):
+                    x = result(places[c])
+                    line = self.program.outputs[places[c]][0]
+                    if a < len(self.layout.checked) and line not in seen and lines[line].code != CONST:
+                        seen.add(line)
+                        i = len(seen) % 4
+                        if floor:
+                            squares[i] = t.fused(x, x, squares[i])
+                        else:
+                            sums[i] = t.fused(x, zero, sums[i])
+                    vectors.append(x)
+                for i, x in enumerate(t.transposed(vectors)):
+                    for g in range(self.lanes // size):
+                        part = x
+                        if size < self.lanes:
+                            part = t.shuffle(t.vector, x, x, range(g * size, (g + 1) * size))
+                        t.store(t.kind(size), part, t.number(starts[g * size + i], first), align, past)
+            if staged:
+                t.do(f"call void @stream(ptr %out{a}, i64 %tile, i64 {columns}, ptr {to})")
+            if floor and seen:
+                total = self._added(t, squares)
+                sums[0] = t.poisoned_unless(t.compare("oge", total, floor), sums[0])
+                sums[1] = t.fused(total, zero, sums[1])
+        total = self._added(t, sums)
+        bits = t.put(f"bitcast {t.truth} {t.compare('oeq', total, ZERO)} to i{self.lanes}")
+        if self.lanes < 16:
+            bits = t.put(f"zext i{self.lanes} {bits} to i16")
+        t.store("i16", bits, t.at("i16", "%bits", "%tile"), 2)
+
+    def _added(self, t: Vectors, four: Sequence[str]) -> str:
+        """The sum of four vectors."""
+        a, b, c, d = four
+        return t.binary("fadd", t.binary("fadd", a, b), t.binary("fadd", c, d))
+
+
+def compile_program(
+    program: Program, layout: KernelLayout, dtype: Any = np.float64, stream: bool = False, one: bool = False
+) -> tuple[bytes, int]:
+    """Object code of the kernel, and the bytes of workspace that a call needs: the same for all of one structure.
+
+    one     for tiles of one sample: LLVM makes scalars of vectors of one
+    stream  results bypass the CPU caches, for outputs larger than those: a tile's rows, which are contiguous, are
+            written in whole cache lines. The outputs must be aligned to a vector.
+    """
+    fma = host()[3]
+    lanes = 1 if one else lanes_of(dtype)
+    writer = _Writer(program, layout, dtype, lanes, fma, stream)
+    return object_code(writer.text()), writer.workspace

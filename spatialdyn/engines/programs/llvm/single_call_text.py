@@ -1,0 +1,353 @@
+"""LLVM text of the builtin of public calls: how it reads arguments, finds the plan, makes results and runs the program.
+
+What it knows of a call's parameters is a *form*, what it knows of a model a *plan*: arrays of words, which
+``single_call`` makes. A model keeps its plans in a dict, under a string for each choice of optional inputs. Where the
+call has words, such as a frame's name, the dict has a dict of plans there, under the name alone, or under the tuple of
+three words, None for one left out.
+"""
+
+from __future__ import annotations
+
+from ... import object_layout as layout
+from .llvm_text import Body
+
+ARRAY, NUMBER, WORD, OUT = range(4)  # kinds of parameters: an array, a float, a str or True or False, the result
+MOST, MOST_OUTPUTS, MOST_WORDS = 16, 16, 3
+PROCESS = (
+    "none", "true", "false", "ndarray", "float64", "string", "real", "real64", "new_array", "up", "down", "lookup",
+    "pack", "call", "new_float", "new_tuple",
+)  # fmt: skip  # words of this process, which every form begins with
+FORM = ("python", "model_type", "plans", "plan", "count", "required", "optional", "choices", "named", "rest", "out")
+#   python       the Python function
+#   model_type   class of the first argument, which has its dict ``plans`` bytes from its start; 0 without a model
+#   plan         address of the plan if there is no model
+#   count        number of parameters after the model
+#   required     bits of the parameters that must be given
+#   optional     position of the first optional input; ``choices`` the bits of all of them, shifted by it
+#   named        position of the first word, -1 if there is none; ``rest`` the bits of the others, shifted behind it
+#   out          bit of the parameter out
+# then MOST pairs (name, kind) of parameters, then the dict's key for each choice of optional inputs
+PLAN = ("entry", "context", "left", "outputs", "several")
+#   entry    the compiled program, entry(context, inputs, outputs) -> 1, or 0 if it rejects the sample, and its context
+#   left     address of how many more calls it answers; at 0 the Python function is called, which may change the plan
+#   several  1 if the results are a tuple
+# then MOST_OUTPUTS results, then the parameters, ARRAY_WORDS each: rank, bytes, shape; rank -1 is a float, -2 no array
+ARRAY_WORDS = 6
+_PAIRS = len(PROCESS) + len(FORM)
+_KEYS = _PAIRS + 2 * MOST
+
+
+class _Writer(Body):
+    """The text of ``call``; ``block`` is the block being written, which a phi names."""
+
+    block = ""
+
+    def label(self, name: str) -> None:
+        super().label(name)
+        self.block = f"%{name}"
+
+    def word(self, base: str, k: int | str) -> str:
+        return self.load("i64", self.at("i64", base, k))
+
+    def pointer(self, base: str, k: int | str) -> str:
+        return self.load("ptr", self.at("i64", base, k))
+
+    def process(self, name: str) -> str:
+        return self.pointer("%form", PROCESS.index(name))
+
+    def form(self, name: str) -> str:
+        return self.word("%form", len(PROCESS) + FORM.index(name))
+
+    def plan(self, name: str) -> str:
+        return self.word("%plan", PLAN.index(name))
+
+    def equal(self, a: str, b: str | int, kind: str = "i64") -> str:
+        return self.put(f"icmp eq {kind} {a}, {b}")
+
+    def both(self, a: str, b: str) -> str:
+        return self.put(f"and i1 {a}, {b}")
+
+    def either(self, a: str, b: str) -> str:
+        return self.put(f"or i1 {a}, {b}")
+
+    def bits(self, a: str, b: str | int) -> str:
+        return self.put(f"and i64 {a}, {b}")
+
+    def shifted(self, a: str, b: str) -> str:
+        return self.put(f"lshr i64 {a}, {b}")
+
+    def one_bit(self, k: str) -> str:
+        return self.put(f"shl i64 1, {k}")
+
+    def given_bit(self, value: str, none: str, k: str) -> str:
+        """Bit k if a value is not None."""
+        there = self.put(f"zext i1 {self.put(f'icmp ne ptr {value}, {none}')} to i64")
+        return self.put(f"shl i64 {there}, {k}")
+
+    def need(self, condition: str, otherwise: str = "python") -> None:
+        """Go on where the condition holds, else to a block."""
+        self.branch(condition, f"on{len(self.lines)}", otherwise, then=f"on{len(self.lines)}")
+
+
+def _call() -> str:
+    c = _Writer()
+    put, do, form, plan = c.put, c.do, c.form, c.plan
+    c.label("start")
+    values, inputs, sizes = (put(f"alloca [{MOST} x ptr]") for _ in range(3))
+    outputs, results = (put(f"alloca [{MOST_OUTPUTS} x ptr]") for _ in range(2))
+    number = put(f"alloca [{MOST_OUTPUTS} x double]")
+    none, ndarray, float64 = c.process("none"), c.process("ndarray"), c.word("%form", PROCESS.index("float64"))
+    count, model_type = form("count"), put(f"inttoptr i64 {form('model_type')} to ptr")
+    no_model = c.equal(model_type, "null", "ptr")
+    skip = put(f"select i1 {no_model}, i64 0, i64 1")
+    positional = put(f"sub i64 %n, {skip}")
+    c.need(put(f"icmp ule i64 {positional}, {count}"))  # unsigned: not negative either
+    first = c.at("ptr", "%args", skip)
+    before = c.block
+    c.jump("by_position", then="by_position")
+
+    # arguments by position, then by keyword; %given has a bit for each that is not None
+    do(f"%i = phi i64 [ 0, {before} ], [ %i.next, %take ]")
+    do(f"%given.i = phi i64 [ 0, {before} ], [ %given.next, %take ]")
+    c.branch(c.equal("%i", positional), "keywords", "take", then="take")
+    value = c.load("ptr", c.at("ptr", first, "%i"))
+    c.store("ptr", value, c.at("ptr", values, "%i"))
+    do(f"%given.next = or i64 %given.i, {c.given_bit(value, none, '%i')}")
+    do("%i.next = add i64 %i, 1")
+    c.jump("by_position", then="keywords")
+    passed = put(f"sub i64 {c.one_bit(positional)}, 1")
+    c.branch(c.equal("%names", "null", "ptr"), "collected", "named", then="named")
+    keywords, behind = c.word("%names", layout.LENGTH), c.at("ptr", first, positional)
+    c.jump("by_keyword", then="by_keyword")
+    do("%j = phi i64 [ 0, %named ], [ %j.next, %found ]")
+    do(f"%passed.j = phi i64 [ {passed}, %named ], [ %passed.next, %found ]")
+    do("%given.j = phi i64 [ %given.i, %named ], [ %given.more, %found ]")
+    c.branch(c.equal("%j", keywords), "collected", "search", then="search")
+    name = c.pointer("%names", c.add("%j", layout.ITEMS))
+    c.jump("compare", then="compare")
+    do("%k = phi i64 [ 0, %search ], [ %k.next, %other ]")
+    c.branch(c.equal("%k", count), "python", "same", then="same")
+    wanted = c.pointer("%form", c.add(c.times("%k", 2), _PAIRS))
+    c.branch(c.equal(name, wanted, "ptr"), "match", "other", then="other")
+    do("%k.next = add i64 %k, 1")
+    c.jump("compare", then="match")
+    c.branch(c.equal(c.bits("%passed.j", c.one_bit("%k")), 0), "found", "python", then="found")
+    value = c.load("ptr", c.at("ptr", behind, "%j"))
+    c.store("ptr", value, c.at("ptr", values, "%k"))
+    do(f"%given.more = or i64 %given.j, {c.given_bit(value, none, '%k')}")
+    do(f"%passed.next = or i64 %passed.j, {c.one_bit('%k')}")
+    do("%j.next = add i64 %j, 1")
+    c.jump("by_keyword", then="collected")
+    do("%given = phi i64 [ %given.i, %keywords ], [ %given.j, %by_keyword ]")
+    required = form("required")
+    c.need(c.equal(c.bits("%given", required), required))
+
+    # the plan of the model
+    c.branch(no_model, "without", "of_model", then="without")
+    fixed = put(f"inttoptr i64 {form('plan')} to ptr")
+    c.jump("planned", then="of_model")
+    model = c.load("ptr", "%args")
+    c.need(c.equal(c.pointer(model, layout.TYPE), model_type, "ptr"))
+    plans = c.load("ptr", c.byte(model, form("plans")))
+    choice = c.bits(c.shifted("%given", form("optional")), form("choices"))
+    lookup = c.process("lookup")
+    entry = put(f"call ptr {lookup}(ptr {plans}, ptr {c.pointer('%form', c.add(choice, _KEYS))})")
+    c.need(put(f"icmp ne ptr {entry}, null"))
+    named = form("named")
+    before = c.block
+    c.branch(put(f"icmp slt i64 {named}, 0"), "of_call", "of_words", then="of_words")
+    words = [c.load("ptr", c.at("ptr", values, named))]
+    string = c.process("string")
+    c.need(c.equal(c.pointer(words[0], layout.TYPE), string, "ptr"))
+    others = c.bits(c.shifted("%given", c.add(named, 1)), form("rest"))
+    c.branch(c.equal(others, 0), "of_name", "of_three", then="of_name")
+    alone = put(f"call ptr {lookup}(ptr {entry}, ptr {words[0]})")
+    c.branch(put(f"icmp ne ptr {alone}, null"), "of_call", "python", then="of_three")
+    for k in range(1, MOST_WORDS):
+        there = put(f"icmp ne i64 {c.bits(others, 1 << (k - 1))}, 0")
+        at = put(f"select i1 {there}, ptr {c.at('ptr', values, c.add(named, k))}, ptr {c.at('i64', '%form', 0)}")
+        word = c.load("ptr", at)  # else none, the form's first word
+        known = c.equal(c.pointer(word, layout.TYPE), string, "ptr")
+        for constant in ("none", "true", "false"):
+            known = c.either(known, c.equal(word, c.process(constant), "ptr"))
+        c.need(known)
+        words.append(word)
+    three = "".join(f", ptr {word}" for word in words)
+    key = put(f"call ptr (i64, ...) {c.process('pack')}(i64 {MOST_WORDS}{three})")
+    c.need(put(f"icmp ne ptr {key}, null"), "failed")
+    by_words = put(f"call ptr {lookup}(ptr {entry}, ptr {key})")
+    do(f"call void {c.process('down')}(ptr {key})")
+    c.branch(put(f"icmp ne ptr {by_words}, null"), "of_three.end", "python", then="of_three.end")
+    c.jump("of_call", then="of_call")
+    do(f"%entry = phi ptr [ {entry}, {before} ], [ {alone}, %of_name ], [ {by_words}, %of_three.end ]")
+    of_model = c.pointer("%entry", layout.DATA)
+    c.jump("planned", then="planned")
+    do(f"%plan = phi ptr [ {fixed}, %without ], [ {of_model}, %of_call ]")
+    counter = put(f"inttoptr i64 {plan('left')} to ptr")
+    left = c.load("i64", counter)
+    c.need(put(f"icmp ne i64 {left}, 0"))
+    c.store("i64", put(f"sub i64 {left}, 1"), counter)
+    shapes, before = c.at("i64", "%plan", len(PLAN)), c.block
+    c.jump("arguments", then="arguments")
+
+    # the inputs
+    do(f"%p = phi i64 [ 0, {before} ], [ %p.next, %next ]")
+    do(f"%m = phi i64 [ 0, {before} ], [ %m.next, %next ]")
+    c.branch(c.equal("%p", count), "results", "argument", then="argument")
+    shape = c.at("i64", shapes, c.times(c.add("%p", MOST_OUTPUTS), ARRAY_WORDS))
+    rank = c.word(shape, 0)
+    is_input = c.both(put(f"icmp ne i64 {c.bits('%given', c.one_bit('%p'))}, 0"), put(f"icmp sgt i64 {rank}, -2"))
+    c.branch(is_input, "input", "no_input", then="no_input")
+    c.jump("next", then="input")
+    value = c.load("ptr", c.at("ptr", values, "%p"))
+    kind = c.pointer(value, layout.TYPE)
+    c.branch(put(f"icmp slt i64 {rank}, 0"), "number", "array", then="number")
+    c.need(c.either(c.equal(kind, c.process("real"), "ptr"), c.equal(kind, c.process("real64"), "ptr")))
+    held = c.at("i64", value, layout.REAL)
+    c.jump("number.end", then="number.end")
+    c.jump("input.end", then="array")
+    _is_array(c, value, kind, ndarray, float64, rank, layout.CONTIGUOUS | layout.ALIGNED)
+    data = c.pointer(value, layout.DATA)
+    _same_shape(c, value, shape, rank, "in")
+    c.jump("array.end", then="array.end")
+    c.jump("input.end", then="input.end")
+    do(f"%data = phi ptr [ {held}, %number.end ], [ {data}, %array.end ]")
+    c.store("ptr", "%data", c.at("ptr", inputs, "%m"))
+    c.store("ptr", c.byte("%data", c.word(shape, 1)), c.at("ptr", sizes, "%m"))
+    more = c.add("%m", 1)
+    c.jump("next", then="next")
+    do(f"%m.next = phi i64 [ %m, %no_input ], [ {more}, %input.end ]")
+    do("%p.next = add i64 %p, 1")
+    c.jump("arguments", then="results")
+
+    # the results: new ones, or the one that is given
+    amount, several = plan("outputs"), plan("several")
+    c.branch(c.equal(c.bits("%given", form("out")), 0), "new", "given_out", then="given_out")
+    c.need(c.equal(several, 0))
+    place = put(f"sub i64 {count}, 1")  # out is the last parameter
+    target = c.load("ptr", c.at("ptr", values, place))
+    rank = c.word(shapes, 0)
+    c.need(put(f"icmp sge i64 {rank}, 0"))
+    flags = layout.CONTIGUOUS | layout.ALIGNED | layout.WRITEABLE
+    _is_array(c, target, c.pointer(target, layout.TYPE), ndarray, float64, rank, flags)
+    _same_shape(c, target, shapes, rank, "out")
+    begin = c.pointer(target, layout.DATA)
+    end = c.byte(begin, c.word(shapes, 1))
+    before = c.block
+    c.jump("overlaps", then="overlaps")
+    do(f"%o = phi i64 [ 0, {before} ], [ %o.next, %apart ]")
+    c.branch(c.equal("%o", "%m"), "apart.end", "overlap", then="overlap")
+    before = put(f"icmp ule ptr {c.load('ptr', c.at('ptr', sizes, '%o'))}, {begin}")
+    after = put(f"icmp ule ptr {end}, {c.load('ptr', c.at('ptr', inputs, '%o'))}")
+    c.branch(c.either(before, after), "apart", "python", then="apart")
+    do("%o.next = add i64 %o, 1")
+    c.jump("overlaps", then="apart.end")
+    c.store("ptr", begin, outputs)
+    c.store("ptr", target, results)
+    do(f"call void {c.process('up')}(ptr {target})")
+    c.jump("run", then="new")
+    do("%r = phi i64 [ 0, %results ], [ %r.next, %made ]")
+    c.branch(c.equal("%r", amount), "run", "make", then="make")
+    shape = c.at("i64", shapes, c.times("%r", ARRAY_WORDS))
+    rank = c.word(shape, 0)
+    c.branch(put(f"icmp slt i64 {rank}, 0"), "make_number", "make_array", then="make_number")
+    cell = c.at("double", number, "%r")
+    c.jump("made", then="make_array")
+    passed = f"ptr {ndarray}, i32 {put(f'trunc i64 {rank} to i32')}, ptr {c.at('i64', shape, 2)}, i32 {layout.DOUBLE}"
+    array = put(f"call ptr {c.process('new_array')}({passed}, ptr null, ptr null, i32 0, i32 0, ptr null)")
+    c.need(put(f"icmp ne ptr {array}, null"), "failed")  # what was made before is lost: there is no memory
+    fresh = c.pointer(array, layout.DATA)
+    c.jump("make_array.end", then="make_array.end")
+    c.jump("made", then="made")
+    do(f"%to = phi ptr [ {cell}, %make_number ], [ {fresh}, %make_array.end ]")
+    do(f"%result = phi ptr [ null, %make_number ], [ {array}, %make_array.end ]")
+    c.store("ptr", "%to", c.at("ptr", outputs, "%r"))
+    c.store("ptr", "%result", c.at("ptr", results, "%r"))
+    do("%r.next = add i64 %r, 1")
+    c.jump("new", then="run")
+
+    # the program
+    program, context = (put(f"inttoptr i64 {plan(x)} to ptr") for x in ("entry", "context"))
+    valid = put(f"call i64 {program}(ptr {context}, ptr {inputs}, ptr {outputs})")
+    c.branch(c.equal(valid, 0), "release", "answers", then="release")
+    do("%f = phi i64 [ 0, %run ], [ %f.next, %released ]")
+    c.branch(c.equal("%f", amount), "python", "releasing", then="releasing")
+    wrong = c.load("ptr", c.at("ptr", results, "%f"))
+    c.branch(c.equal(wrong, "null", "ptr"), "released", "dropping", then="dropping")
+    do(f"call void {c.process('down')}(ptr {wrong})")
+    c.jump("released", then="released")
+    do("%f.next = add i64 %f, 1")
+    c.jump("release", then="answers")
+    do("%b = phi i64 [ 0, %run ], [ %b.next, %boxed ]")
+    c.branch(c.equal("%b", amount), "answered", "box", then="box")
+    at = c.at("ptr", results, "%b")
+    c.branch(c.equal(c.load("ptr", at), "null", "ptr"), "boxing", "boxed", then="boxing")
+    found = c.load("double", c.at("double", number, "%b"))
+    boxed = put(f"call ptr {c.process('new_float')}(double {found})")
+    c.store("ptr", boxed, at)
+    c.branch(put(f"icmp ne ptr {boxed}, null"), "boxed", "failed", then="boxed")
+    do("%b.next = add i64 %b, 1")
+    c.jump("answers", then="answered")
+    c.branch(c.equal(several, 0), "one", "tuple", then="one")
+    do(f"ret ptr {c.load('ptr', results)}")
+    c.label("tuple")
+    made = put(f"call ptr {c.process('new_tuple')}(i64 {amount})")
+    c.need(put(f"icmp ne ptr {made}, null"), "failed")
+    items = c.at("i64", made, layout.ITEMS)
+    before = c.block
+    c.jump("filling", then="filling")
+    do(f"%t = phi i64 [ 0, {before} ], [ %t.next, %fill ]")
+    c.branch(c.equal("%t", amount), "filled", "fill", then="fill")
+    c.store("ptr", c.load("ptr", c.at("ptr", results, "%t")), c.at("ptr", items, "%t"))
+    do("%t.next = add i64 %t, 1")
+    c.jump("filling", then="filled")
+    do(f"ret ptr {made}")
+    c.label("failed")
+    do("ret ptr null")
+
+    # anything else
+    c.label("python")
+    python = put(f"inttoptr i64 {form('python')} to ptr")
+    answer = put(f"call ptr {c.process('call')}(ptr {python}, ptr %args, i64 %n, ptr %names)")
+    do(f"ret ptr {answer}")
+    return c.function("define internal ptr @call(ptr %form, ptr %args, i64 %n, ptr %names)")
+
+
+def _is_array(c: _Writer, value: str, kind: str, ndarray: str, float64: str, rank: str, flags: int) -> None:
+    """Go on if an object of a type is an array of float64 of that rank with these flags."""
+    c.need(c.equal(kind, ndarray, "ptr"))
+    c.need(c.equal(c.bits(c.word(c.pointer(value, layout.DTYPE), layout.KIND), layout.SAME), float64))
+    right = c.equal(c.bits(c.word(value, layout.RANK), 0xFFFFFFFF), rank)
+    c.need(c.both(right, c.equal(c.bits(c.word(value, layout.FLAGS), flags), flags)))
+
+
+def _same_shape(c: _Writer, value: str, shape: str, rank: str, label: str) -> None:
+    """Go on if an array of that rank has that shape."""
+    sizes, before = c.pointer(value, layout.SHAPE), c.block
+    c.jump(f"{label}.axis", then=f"{label}.axis")
+    c.do(f"%{label}.a = phi i64 [ 0, {before} ], [ %{label}.a.next, %{label}.fits ]")
+    c.branch(c.equal(f"%{label}.a", rank), f"{label}.end", f"{label}.size", then=f"{label}.size")
+    wanted = c.word(shape, c.add(f"%{label}.a", 2))
+    c.branch(c.equal(c.word(sizes, f"%{label}.a"), wanted), f"{label}.fits", "python", then=f"{label}.fits")
+    c.do(f"%{label}.a.next = add i64 %{label}.a, 1")
+    c.jump(f"{label}.axis", then=f"{label}.end")
+
+
+def module(calls: int) -> str:
+    """``call_k`` for each of some calls, whose form is at ``forms[k]``, and ``bound_call``, whose form is the data of
+    the array to which it is bound.
+    """
+    given, passed = "(ptr %bound, ptr %args, i64 %n, ptr %names)", "ptr %args, i64 %n, ptr %names"
+    forms = Body()
+    forms.do("ret ptr @forms")
+    entries = [f"@forms = global [{calls} x ptr] zeroinitializer", forms.function("define ptr @forms_address()")]
+    for k in range(calls):
+        c = Body()
+        form = c.load("ptr", c.at("ptr", "@forms", k))
+        c.do(f"ret ptr {c.put(f'tail call ptr @call(ptr {form}, {passed})')}")
+        entries.append(c.function(f"define ptr @call_{k}{given}"))
+    c = Body()
+    form = c.load("ptr", c.at("i64", "%bound", layout.DATA))
+    c.do(f"ret ptr {c.put(f'tail call ptr @call(ptr {form}, {passed})')}")
+    entries.append(c.function(f"define ptr @bound_call{given}"))
+    return "\n".join([_call(), *entries])

@@ -1,0 +1,276 @@
+"""Calls on one table of bodies recorded as one program: its constants, inputs, outputs and checks."""
+
+from __future__ import annotations
+
+import gc
+import itertools
+import math
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, nullcontext
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ....algebra import regions
+from ....algebra.scalars import EPS
+from ....bodies.joints import pitch_of
+from ....bodies.kinds import LENGTHS, SCREWS, SLIDES, unit_parts
+from ....bodies.static_table import StaticTable
+from ....bodies.table import independent
+from ....errors import SpatialDynError
+from ....recursions.spec import Argument, Spec, shape_in, sizes_of
+from ..llvm import host_cpu
+from ..transform import float32_range
+from ..transform.to_double_double import to_double_double
+from .constants import constant
+from .kernel_layout import KernelLayout
+from .mimic_rows import MimicRows, diagonal_of_M, evaluate, rows_of
+from .move_origins import move_origins
+from .parameters import Parameter, put, withdraw
+from .parameters import shape as parameter_shape
+from .program import Program
+from .regroup import regroup
+from .tracer import Tape, table
+
+MOST_ROWS = 128  # above, programs grow too long: rnea, aba, crba of 101 rows compile in 0.7, 1.3 and 2.0 s
+MOST_RESULTS = MOST_ROWS**2  # or terms, of a sample: Christoffel symbols of 18 rows compile in 1 s, of 50 rows in 54 s
+MOST_TABLE = 2048  # rows of a static table: each height of a ground is in its program
+MOST_EQUATIONS = 36  # of a static table: 8400 multiplications to factor a matrix of 36 rows
+POSITION = "rad | m"  # unit of the inputs that are positions
+
+
+class Recording(NamedTuple):
+    """A program, and what its kernel reads, writes and checks."""
+
+    program: Program
+    layout: KernelLayout
+
+
+class ProgramOptions(NamedTuple):
+    """Constant inputs, parameters and wanted outputs of some calls: hashable, and text by ``repr``.
+
+    fixed          (input, its entries, flat: NaN for those that are no constants) for each input with constant entries
+    parameters     of the table, which become inputs, after the others
+    outputs        for each call the flat indices of the wanted entries of its output; empty for all of all calls
+    ranged         reject samples whose result may depend on numbers below or above float32's range
+    double_double  in double-double, on the table without regrouping: its numbers are exact
+    bounds         with a bound on the rounding error of each result, in an output array of its own; of one call
+    exact_inputs   of bounds in float32: inputs are numbers of it, not roundings of others
+    derivative     "jvp": with tangents as further inputs, an array for each one, and derivatives along them as further
+                   outputs; "vjp": with weights of the results as further inputs, and derivatives of the weighted sum by
+                   each input as further outputs. Of a configuration they are by displacements; "tangent" and
+                   "gradient" are "jvp" and "vjp" by its entries
+    """
+
+    fixed: tuple[tuple[str, tuple[float, ...]], ...] = ()
+    parameters: tuple[Parameter, ...] = ()
+    outputs: tuple[tuple[int, ...], ...] = ()
+    ranged: bool = False
+    double_double: bool = False
+    bounds: bool = False
+    derivative: str = ""
+    exact_inputs: bool = False
+
+
+ALL = ProgramOptions()
+
+
+@contextmanager
+def _collector_off() -> Iterator[None]:
+    """Python's garbage collector, if it is on, is off within."""
+    was_on = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was_on:
+            gc.enable()
+
+
+@_collector_off()
+def record(
+    specs: Sequence[Spec],
+    bodies: NDArray[Any],
+    static: Sequence[Any] = (),
+    options: ProgramOptions = ALL,
+    dtype: Any = np.float64,
+    errors: bool = False,
+) -> Recording:
+    """Some calls on one table of bodies as one program; an input of one name is one input.
+
+    static   values of the static inputs of the calls, in their order
+    options  constant inputs, parameters that are inputs, and wanted outputs; neither bounds nor derivatives, which
+             ``derived`` makes of what is recorded here
+    dtype    of the program, whose eps pivots are compared with
+    errors   record the errors of constants, of the table as it is: moving origins supposes rotations that are
+             orthogonal to the last bit
+
+    Python's garbage collector is off meanwhile, in all threads: the many small objects made here, none of them in a
+    cycle, would start collections that look at all objects of the process, 0.1 s where there are millions.
+    """
+    for spec in specs:
+        if not traces(spec, bodies):
+            raise SpatialDynError(f"{spec.name} branches on values, expected a call that can be a program")
+    fixed, known = iter(static), dict(options.fixed)
+    tape = Tape(errors)
+    number = tape.unfolded if options.double_double else constant
+    tree = table(bodies, number)
+    vars(tree[0])["kind"] = 0  # programs reject samples off unit norm, also where the table allows any norm
+    taken = withdraw(tree, options.parameters)
+    if all(spec.regroup for spec in specs) and not (options.double_double or errors):
+        in_body = options.parameters or any(x.name == "fext" or x.table for spec in specs for x in spec.present)
+        if not in_body and dtype == np.float64:  # in float32 a distance moved costs digits
+            move_origins(tree)
+        regroup(tree, any(spec.pivots for spec in specs))
+    rows, own = rows_of(tree), independent(bodies)
+    n, sizes = len(own) - 1, _sizes(bodies, static)
+
+    def shape(symbols: Sequence[str | int]) -> tuple[int, ...]:
+        return shape_in(symbols, sizes)
+
+    given: dict[str, Any] = {}
+    widths, kinds, units, count, moves = [], [], [], 0, False
+    for spec in specs:
+        for x in spec.present:
+            if x.name in given:
+                continue
+            if x.static:
+                value = next(fixed)
+                if isinstance(value, StaticTable):
+                    given[x.name] = table(value.rows, number)
+                else:
+                    given[x.name] = _tracked(value) if errors and isinstance(value, np.ndarray) else value
+                continue
+            entries = known.get(x.name, (math.nan,) * int(np.prod(shape(x.shape), dtype=int)))
+            order = itertools.count(count)
+            places_of = [next(order) if math.isnan(e) else None for e in entries]  # None: a constant
+            numbers = np.empty(len(entries), dtype=object)
+            numbers[:] = [
+                tape.input(at) if at is not None else tape.number(e) if errors and e else e
+                for e, at in zip(entries, places_of, strict=True)
+            ]
+            given[x.name] = numbers.reshape(shape(x.shape)) if x.shape else numbers[0]
+            if x.unit_norm:
+                parts = [tuple(places_of[k] for k in part) for part in unit_parts(own)]
+                units += [tuple(k for k in part if k is not None) for part in parts if None not in part]
+            width = next(order) - count
+            if width or not entries:
+                widths.append(width)
+                kinds.append(x.unit)
+            count += width
+            moves |= x.unit != POSITION and any(at is None and e for e, at in zip(entries, places_of, strict=True))
+    loads = []
+    for p in options.parameters:
+        widths.append(math.prod(parameter_shape(p, n)))
+        loads.append([tape.input(count + k) for k in range(widths[-1])])
+        count += widths[-1]
+    put(tree, options.parameters, loads, taken)
+    results: list[Any] = []
+    places, pivots, norms = [], [], []
+    for k, spec in enumerate(specs):
+        inner = np.zeros(n, dtype=object)
+        with nullcontext() if errors or options.double_double else regions.running(tape.repeat):
+            out = evaluate(spec, rows, shape(spec.output.shape), given, inner)
+        wanted = out.ravel()[list(options.outputs[k])] if options.outputs else out.ravel()
+        places.append(tuple(range(len(results), len(results) + len(wanted))))
+        if spec.output.unit_norm:
+            chosen = options.outputs[k] if options.outputs else range(out.size)
+            at_of = {entry: len(results) + at for at, entry in enumerate(chosen)}
+            norms += [tuple(at_of[e] for e in part) for part in unit_parts(own) if set(part) <= set(at_of)]
+        results += wanted.tolist()
+        if spec.pivots:
+            margins = pivot_margins(rows, given["q"], inner, EPS if dtype == np.float64 else float(np.finfo(dtype).eps))
+            pivots += [(len(results) + at, least) for at, (_, least) in enumerate(margins)]
+            results += [margin for margin, _ in margins]
+    program, sizes_of = Program(tape, results, count, fuse=not options.double_double), None
+    if options.double_double:
+        program = to_double_double(program, host_cpu.host()[3])
+    if options.ranged:
+        driving = None if moves else [k for k, x in enumerate(kinds) if x != POSITION]
+        sizes_of, least = float32_range.ranges(bodies, driving)
+        pivots = [(place, max(bound, least)) for place, bound in pivots]
+    layout = KernelLayout(
+        tuple(widths), tuple(places), tuple(dict.fromkeys(units)), tuple(pivots), tuple(norms), sizes_of
+    )
+    return Recording(program, layout)
+
+
+def _tracked(values: NDArray[Any]) -> NDArray[Any]:
+    """An array of Constants, whose arithmetic knows its errors."""
+    made = np.empty(values.shape, dtype=object)
+    made.ravel()[:] = [constant(x) for x in values.ravel().tolist()]
+    return made
+
+
+def _sizes(bodies: NDArray[Any], static: Sequence[Any]) -> dict[str, int]:
+    """Values of the symbols in the shape of a model's argument, also of those that static tables add."""
+    found = sizes_of(independent(bodies))
+    for x in static:
+        if isinstance(x, StaticTable):
+            found |= x.sizes
+    return found
+
+
+def shape_of(argument: Argument, bodies: NDArray[Any], static: Sequence[Any] = ()) -> tuple[int, ...]:
+    """Shape of one sample of an argument on a table of bodies, and with these values of the static inputs."""
+    return shape_in(argument.shape, _sizes(bodies, static))
+
+
+def pivot_margins(rows: Sequence[Any], q: Any, pivots: Any, eps: float = EPS) -> list[tuple[Any, float]]:
+    """(margin, least) of each D: margin > least says that D is above n eps of a bound on its composite inertia.
+
+    With t the sum of the m distances |x| that joints below the root have travelled, 2 b t <= a + c t², because
+    b² <= a c for the moments of any body, and t² <= m Σ x²: a polynomial, which a program can hold, and the same in
+    all units. Entries of ``rows`` that are no floats go to the margin, floats to the least. With mimic joints the
+    composite inertias are the diagonal of M.
+    """
+    n = len(rows) - 1
+    if isinstance(rows, MimicRows):
+        diagonal = diagonal_of_M(rows, q)  # recorded already
+        return [(D - (n * eps) * x, 0.0) for D, x in zip(pivots, diagonal, strict=True)]
+    moved: list[Any] = []
+    for row in rows[1:]:
+        if row.kind in SCREWS:
+            moved.append(pitch_of(row) * q[row.q_index])
+        elif row.parent > 0 or row.kind in SLIDES:
+            moved += [q[k] for k in range(row.q_index, row.q_index + LENGTHS[row.kind])]
+    squares: Any = 0.0
+    for x in moved:
+        squares = squares + x * x
+    margins = []
+    for row, D in zip(rows[1:], pivots, strict=True):
+        least, small = 0.0, n * eps
+        growth = (small * 2 * len(moved)) * row.inertia_bound.z * squares
+        for part in (
+            small * (row.armature + row.inertia_bound.x),
+            small * row.inertia_bound.x if moved else 0.0,
+            growth,
+        ):
+            if isinstance(part, float):
+                least += part
+            else:
+                D = D - part
+        margins.append((D, float(least)))
+    return margins
+
+
+def fits(specs: Sequence[Spec], bodies: NDArray[Any], results: int | None = None, static: Sequence[Any] = ()) -> bool:
+    """Whether calls on a table can be a program: none branches on values, and the program is not too long.
+
+    results  wanted numbers of one sample, if not all
+    static   values of the static inputs, of which tables make a program longer
+    """
+    if results is None:
+        sizes = _sizes(bodies, static)
+        shapes = [(spec.output.shape, spec.term_shape) for spec in specs]
+        results = sum(max(math.prod(shape_in(shape, sizes)) for shape in (out, terms)) for out, terms in shapes)
+    short = 1 < len(bodies) <= MOST_ROWS + 1 and results <= MOST_RESULTS
+    short &= all(n <= MOST_EQUATIONS for x in static if isinstance(x, StaticTable) for n in x.sizes.values())
+    short &= all(len(x.rows) <= MOST_TABLE + 1 for x in static if isinstance(x, StaticTable))
+    return short and all(traces(spec, bodies) for spec in specs)
+
+
+def traces(spec: Spec, bodies: NDArray[Any]) -> bool:
+    """Whether a call on a table can be recorded: with mimic joints one that solves does not run its own recursion."""
+    return spec.traceable or (spec.through_M is not None and bool(bodies["leader"].any()))

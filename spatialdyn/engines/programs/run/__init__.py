@@ -1,0 +1,1 @@
+"""Programs run: tiers, batches, the interpreter, single calls, time loops."""

@@ -1,0 +1,127 @@
+"""Programs of some calls on one table, interpreted at once and compiled when that pays.
+
+Recording takes milliseconds, compiling ten to fifty times that. So a program is interpreted first, and compiled once
+the time spent interpreting it would reach what compiling is expected to cost, or at once if compiled code is in memory
+or on disk. All ways give the same bits and reject the same samples: only the time of a call depends on calls before.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ....recursions.spec import Spec
+from ... import locks
+from ...waiting import watch
+from ..record.recording import ALL, ProgramOptions, Recording
+from . import batch_kernels, single_call
+from .batches import Batches
+from .interpreter import TILE_LINE_NS, Interpreted, InterpretedBatches
+
+COMPILE_SECONDS = (0.02, 1e-4)  # expected to compile a program: of any, and of each line more
+
+
+class TieredProgram:
+    """A program of some calls on one table, in float64."""
+
+    def __init__(
+        self,
+        specs: tuple[Spec, ...],
+        bodies: NDArray[Any],
+        key: str,
+        static: Sequence[Any] = (),
+        options: ProgramOptions = ALL,
+    ) -> None:
+        """As ``batch_kernels.kernel``. Raises ZeroDivisionError if a joint has zero articulated inertia in every state.
+
+        Nothing is recorded if compiled code of this table is at hand.
+        """
+        self._arguments = (specs, bodies, key, tuple(static))
+        self._options = options
+        self._lock = locks.new()
+        self._calls = np.zeros(1, np.int64)  # how many single samples are interpreted until compiling pays
+        self._seconds = math.nan  # how long batches are interpreted until then
+        self._compiled: dict[tuple[bool, bool], batch_kernels.Kernel | None] = {}
+        self._batches: dict[bool, batch_kernels.Kernel] = {}  # those compiled for batches, by stream
+        self._looked: set[tuple[bool, bool]] = set()  # the same, whose structure's code was looked for
+        if not (self._from_cache(one=True) or self._from_cache(one=False)):
+            self.recording
+
+    @cached_property
+    def recording(self) -> Recording:
+        """The program and its layout."""
+        specs, bodies, _, static = self._arguments
+        with watch.work(f"recording the program of {specs[0].name}"):
+            return batch_kernels.record(specs, bodies, static, self._options)
+
+    @cached_property
+    def interpreted(self) -> Interpreted:
+        """The program, interpreted."""
+        return Interpreted(*self.recording)
+
+    def compiled(self, one: bool, stream: bool = False) -> batch_kernels.Kernel:
+        """The compiled program: for single samples, or for batches; ``stream`` for large results."""
+        with self._lock:
+            made = self._at_hand(one, stream)
+            if made is None:
+                specs, bodies, key, static = self._arguments
+                made = batch_kernels.kernel(
+                    specs, bodies, key, static, options=self._options, one=one, stream=stream, recorded=self.recording
+                )
+                assert made is not None
+                self._compiled[one, stream] = made
+            return made
+
+    def single(self) -> tuple[tuple[int, int, int], object]:
+        """The (entry, context, left) of a plan of ``single_call``, and what they point at."""
+        with self._lock:
+            if self._at_hand(one=True) is None and self._expect() and self._calls[0] > 0:
+                code = self.interpreted
+                return (code.entry, code.context, self._calls.ctypes.data), (code, self._calls)
+            made = self.compiled(one=True)
+            return (made.code.entry, made.numbers.ctypes.data, single_call.NO_LIMIT.ctypes.data), made
+
+    def batch(self, samples: int, stream: bool = False) -> Batches:
+        """What computes a batch of so many samples; ``stream`` for large results."""
+        known = self._batches.get(stream)
+        if known is not None:
+            return known
+        with self._lock:
+            if self._at_hand(one=False, stream=stream) is None and self._expect() > 0.0:
+                self._seconds -= 1e-9 * TILE_LINE_NS * self.interpreted.lines * samples
+                if self._seconds > 0.0:
+                    return (self._at_hand(one=False) if stream else None) or self._tiles
+            return self._batches.setdefault(stream, self.compiled(one=False, stream=stream))
+
+    @cached_property
+    def _tiles(self) -> InterpretedBatches:
+        return InterpretedBatches(self.interpreted)
+
+    def _expect(self) -> float:
+        """Seconds of interpreting batches until compiling pays; what that is expected to take is set at first."""
+        if math.isnan(self._seconds):
+            self._seconds = COMPILE_SECONDS[0] + COMPILE_SECONDS[1] * self.interpreted.lines
+            self._calls[0] = math.ceil(1e9 * self._seconds / self.interpreted.expected_ns)
+        return self._seconds
+
+    def _at_hand(self, one: bool, stream: bool = False) -> batch_kernels.Kernel | None:
+        """The compiled program if its code is in memory or on disk, where it is looked for once: as this table's, then
+        as that of another table of the same structure.
+        """
+        made = self._from_cache(one, stream)
+        if made is None and (one, stream) not in self._looked:
+            self._looked.add((one, stream))
+            made = self._compiled[one, stream] = batch_kernels.shared(self.recording, one, stream)
+        return made
+
+    def _from_cache(self, one: bool, stream: bool = False) -> batch_kernels.Kernel | None:
+        """The compiled program if it is in memory, or on disk as this table's; nothing is recorded."""
+        if (one, stream) not in self._compiled:
+            specs, _, key, static = self._arguments
+            self._compiled[one, stream] = batch_kernels.cached(specs, key, static, self._options, one, stream)
+        return self._compiled[one, stream]

@@ -1,0 +1,1 @@
+"""Programs made of programs, and their code: derivatives, bounds, double-double, export."""

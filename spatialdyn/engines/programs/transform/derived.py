@@ -1,0 +1,223 @@
+"""Programs made of recorded ones: with a bound on the error of each result, or with derivatives."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ....algebra.rotations import rotation
+from ....bodies.kinds import CONTINUED, LENGTHS, NV, R1, UNITS
+from ....bodies.table import independent
+from ....errors import SpatialDynError
+from ....recursions import SPECS
+from ....recursions.spec import Spec
+from ...compiled.numba_kernels import variant
+from ..llvm import host_cpu
+from ..record import recording
+from ..record.kernel_layout import KernelLayout
+from ..record.operations import SUB
+from ..record.parameters import shape as parameter_shape
+from ..record.program import Program
+from ..record.recording import ALL, ProgramOptions, Recording, shape_of
+from ..record.tracer import Tape
+from .derivative import Turn, jvp, vjp
+from .error_bound import Bounded, Bounding
+
+MOST_PRODUCT = 12  # freedoms of an inverse M whose residual M M⁻¹ - 1 bounds it: n³ products
+
+
+def record(
+    specs: Sequence[Spec],
+    bodies: NDArray[Any],
+    static: Sequence[Any] = (),
+    options: ProgramOptions = ALL,
+    dtype: Any = np.float64,
+) -> Recording:
+    """Some calls on one table of bodies as one program, as ``recording.record``, with all that the options ask for."""
+    if options.bounds:
+        return _with_bounds(specs, bodies, static, options._replace(bounds=False), dtype)
+    if options.derivative:
+        return _with_derivative(specs, bodies, static, options, dtype)
+    return recording.record(specs, bodies, static, options, dtype)
+
+
+def _with_bounds(
+    specs: Sequence[Spec], bodies: NDArray[Any], static: Sequence[Any], options: ProgramOptions, dtype: Any
+) -> Recording:
+    """One call with bounds: by running error analysis, or of what is solved for by its residual, which is sharper."""
+    (spec,) = specs
+    matrix = len(spec.output.shape) == 2
+    fma = host_cpu.host()[3]
+    if not spec.residual or (matrix and len(independent(bodies)) - 1 > MOST_PRODUCT):
+        program, layout = recording.record(specs, bodies, static, options, dtype)
+        with_errors = recording.record(specs, bodies, static, options, dtype, errors=True).program
+        made = Bounding(dtype, with_errors.operations["depth"], fma)
+        inputs = made.inputs(program.inputs, layout.units, options.exact_inputs)
+        results = made.run(program, inputs, bounds=False)
+        found = made.run(with_errors, inputs)
+        return _beside(made, program, layout, results, made.beside(results, found, layout.outputs[0]))
+    whole = options._replace(outputs=())
+    program, layout = recording.record(specs, bodies, static, whole, dtype)
+    given, solving = (variant(SPECS[name], {x.name for x in spec.present}) for name in spec.residual)
+    back, inverse = (recording.record((x,), bodies, (), whole, dtype, errors=True).program for x in (given, solving))
+    made = Bounding(dtype, sum(x.operations["depth"] for x in (program, back, inverse)) + len(bodies), fma)
+    inputs = made.inputs(program.inputs, layout.units, options.exact_inputs)
+    results = made.run(program, inputs, bounds=False)
+    columns = _columns(spec, options, bodies, inputs)
+    n = len(independent(bodies)) - 1
+    entries = made.run(inverse, _chosen(solving, options, bodies, columns, inputs))[: n * n]
+    rows = [entries[n * i : n * i + n] for i in range(n)]
+    if matrix:
+        mass = made.run(back, _chosen(given, options, bodies, columns, inputs))
+        by_column = [made.solved(rows, made.product(mass, [x.x for x in results[j : n * n : n]], j)) for j in range(n)]
+        bounds = [by_column[j][i] for i in range(n) for j in range(n)]
+    else:
+        columns[spec.output.name] = [made.exact(x.x) for x in results[:n]]
+        found = made.run(back, _chosen(given, options, bodies, columns, inputs))
+        wanted = columns[given.output.name]
+        bounds = made.solved(rows, [made.apply(SUB, x, y) for x, y in zip(found, wanted, strict=False)])
+    places = options.outputs[0] if options.outputs else layout.outputs[0]
+    chosen = replace(layout, outputs=(tuple(places),))
+    return _beside(made, program, chosen, results, [bounds[k] for k in places])
+
+
+def _beside(
+    made: Bounding, program: Program, layout: KernelLayout, results: Sequence[Bounded], bounds: Sequence[Any]
+) -> Recording:
+    """A program with its results, then the bounds of those that the layout has."""
+    outputs = [x.x for x in results] + list(bounds)
+    places = (*layout.outputs, tuple(range(len(results), len(outputs))))
+    return Recording(Program(made.tape, outputs, program.inputs, fuse=False), replace(layout, outputs=places, bounds=1))
+
+
+def _columns(
+    spec: Spec, options: ProgramOptions, bodies: NDArray[Any], inputs: Sequence[Bounded]
+) -> dict[str, list[Bounded]]:
+    """The entries of each input of a call: from its columns, or constants."""
+    known, order, found = dict(options.fixed), iter(inputs), {}
+    for x in spec.present:
+        entries = known.get(x.name, (math.nan,) * math.prod(shape_of(x, bodies)))
+        found[x.name] = [next(order) if math.isnan(e) else Bounded(e, 0.0) for e in entries]
+    return found
+
+
+def _chosen(
+    spec: Spec,
+    options: ProgramOptions,
+    bodies: NDArray[Any],
+    columns: dict[str, list[Bounded]],
+    inputs: Sequence[Bounded],
+) -> list[Bounded]:
+    """The inputs of another call's program with the same options: entries by name, then the parameters."""
+    known = dict(options.fixed)
+    chosen = [
+        entry
+        for x in spec.present
+        for entry, constant in zip(columns[x.name], known.get(x.name, columns[x.name]), strict=True)
+        if not isinstance(constant, float) or math.isnan(constant)
+    ]
+    count = sum(math.prod(parameter_shape(p, len(independent(bodies)) - 1)) for p in options.parameters)
+    return [*chosen, *inputs[len(inputs) - count :]]
+
+
+def _with_derivative(
+    specs: Sequence[Spec], bodies: NDArray[Any], static: Sequence[Any], options: ProgramOptions, dtype: Any
+) -> Recording:
+    """Some calls with their derivatives."""
+    own = independent(bodies)
+    program, layout = recording.record(specs, bodies, static, options._replace(derivative="", ranged=False), dtype)
+    tape, order = Tape(), itertools.count(program.inputs)
+    inputs = [tape.input(k) for k in range(program.inputs)]
+    by_entries = options.derivative in ("tangent", "gradient")
+    arrays = [""] * len(layout.inputs) if by_entries else _arrays(specs, options, bodies)
+    ends = list(itertools.accumulate(layout.inputs, initial=0))
+    parts = [inputs[a:b] for a, b in itertools.pairwise(ends)]
+    forward = options.derivative in ("jvp", "tangent")
+    further, results = [], []
+    turns = [_turns(own, part) if mover else [] for mover, part in zip(arrays, parts, strict=True)]
+    every = [turn for those in turns for _, turn in those]
+    if forward:
+        tangents: list[Any] = []
+        turning: list[Any] = []
+        for mover, part, those in zip(arrays, parts, turns, strict=True):
+            further.append(len(own) - 1 if mover else len(part))
+            along = [tape.input(next(order)) for _ in range(further[-1])]
+            turning += [along[freedom] for freedom, _ in those]
+            if mover:
+                rest = [0.0] * len(part)
+                along = jvp(tape, _mover(mover, bodies), [*part, *[0.0] * len(along)], [*rest, *along])[1]
+            tangents += along
+        values, rates = jvp(tape, program, inputs, [*tangents, *turning], every)
+        results = [[rates[k] for k in places] for places in layout.outputs]
+    else:
+        weights: list[Any] = [0.0] * len(program.outputs)
+        for places in layout.outputs:
+            further.append(len(places))
+            for k in places:
+                weights[k] = tape.input(next(order))
+        values, found = vjp(tape, program, inputs, weights, every)
+        by_turn = iter(found[len(inputs) :])
+        for mover, part, first, those in zip(arrays, parts, ends, turns, strict=False):
+            by = found[first : first + len(part)]
+            if mover:
+                by = vjp(tape, _mover(mover, bodies), [*part, *[0.0] * (len(own) - 1)], by)[1][len(part) :]
+            for freedom, _ in those:
+                by[freedom] = by[freedom] + next(by_turn)
+            results.append(by)
+    outputs = [*values, *itertools.chain.from_iterable(results)]
+    at = itertools.count(len(values))
+    beside = tuple(tuple(next(at) for _ in part) for part in results)
+    layout = replace(layout, inputs=(*layout.inputs, *further), outputs=(*layout.outputs, *beside))
+    return Recording(Program(tape, outputs, next(order)), layout)
+
+
+def _turns(bodies: NDArray[Any], q: Sequence[Any]) -> list[tuple[int, Turn]]:
+    """For each freedom by which a quaternion of q turns, its index and how it turns the rotation matrix R.
+
+    Along a turn φ in the body's own axes R' = R [φ]×: a column's derivative is another column.
+    """
+    found: list[tuple[int, Turn]] = []
+    for i, row in enumerate(bodies[1:]):
+        kind = int(row["kind"])
+        if UNITS[kind] == 4:
+            first = int(row["q_index"]) + LENGTHS[kind]
+            R = rotation(*q[first : first + 4])
+            for k in range(3):
+                after, before = (k + 1) % 3, (k + 2) % 3
+                turn: dict[int, Any] = {}
+                for r in (0, 3, 6):
+                    for x, slope in ((R[r + after], R[r + before]), (R[r + before], -R[r + after])):
+                        turn[x.line] = -slope if x.minus else slope
+                found.append((i + NV[kind] - 3 + k, turn))
+    return found
+
+
+def _mover(name: str, bodies: NDArray[Any]) -> Program:
+    """The program of the call that moves a configuration."""
+    return recording.record((SPECS[name],), bodies).program
+
+
+def _arrays(specs: Sequence[Spec], options: ProgramOptions, bodies: NDArray[Any]) -> list[str]:
+    """For each input array the name of the call that moves it, "" for an array of numbers.
+
+    Raises SpatialDynError for a configuration of quaternions, pairs or planar joints of which some entries are fixed.
+    """
+    known, found = dict(options.fixed), {}
+    on_group = not set(bodies["kind"][1:].tolist()) <= {CONTINUED, *R1}  # a planar joint's twist is in its body's axes
+    for spec in specs:
+        for x in spec.present:
+            if x.static or (x.name in known and not any(map(math.isnan, known[x.name]))):
+                continue
+            moved = bool(x.moved_by) and on_group
+            if moved and x.name in known:
+                raise SpatialDynError(
+                    f"{x.name} has fixed entries, expected all or none where joints have quaternions or pairs"
+                )
+            found[x.name] = x.moved_by if moved else ""
+    return [*found.values(), *[""] * len(options.parameters)]

@@ -1,0 +1,1 @@
+"""Loops and other constraints: their rows, motion under them, derivatives."""

@@ -1,0 +1,313 @@
+"""Motion under a table of constraints: M a = τ - bias + Jᵀ λ and J a + γ = 0, rows that depend on others dropped.
+
+With M = LᵀD L as sparse as the tree, Y = J L⁻¹ takes one sweep towards the root for each row of J, and the inverse
+inertia that the constraints feel is G = Y D⁻¹ Yᵀ (Delassus' matrix). The pivot of a row in G is what is left of it once
+the rows before are taken out. It is compared with the trace of G over the constraint's own equations, which no choice
+of axes or units changes: one equation of a planar loop may be nothing but rounding.
+
+Where a row may depend on others, and a pivot is not clear of 0, rows are to be chosen first (``independent_rows``), and
+given: the residual is then at least UNSURE. In a motion they are chosen at the beginning of a step and kept through its
+stages, which leave the constraints by the error of the step, so that no pivot is rounding there.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+from ...algebra.euclidean import Mat3, Vec
+from ...algebra.records import table_dtype
+from ...algebra.scalars import EPS, exceeds, inline, sqrt
+from ...algebra.spatial import Force, Inertia, Pose
+from ...bodies.constraint_table import TERM
+from ..signatures import Bodies, Config, Matrix, Number, Record, Vector, Work
+from ..spec import FEXT_OPTIONAL, TAU, A, Argument, Q, Spec, V
+from ..tree.crba import crba
+from ..tree.ltdl import factor_tree, solve_inward, solve_outward
+from ..tree.rnea import rnea
+from .constraint_rows import CONSTRAINTS_ARGUMENT, turn_rows, write_drift, write_error, write_jacobian
+from .dense import choose_rows, factor_chosen, factor_dropping, quotient, solve_backward, solve_forward
+
+WORK = table_dtype(
+    X=Pose,  # of crba, then of rnea
+    Ic=Inertia,  # of crba
+    w=Vec,  # of rnea, as are the fields that follow
+    dw=Vec,
+    dv=Vec,
+    f=Force,
+    R=Mat3,  # of constraint_rows, as is the field that follows
+    o=Vec,
+)
+
+
+class ConstraintScratch(NamedTuple):
+    """Scratch of motion under constraints."""
+
+    L: Matrix = ("nv", "nv")  # M, then its factors, of ``factor_tree``
+    Y: Matrix = ("nc", "nv")  # J, then J L⁻¹
+    G: Matrix = ("nc", "nc")  # Y D⁻¹ Yᵀ, then its factors; the lower triangle
+    gamma: Vector = ("nc",)  # γ, then what is left of the equations
+    error: Vector = ("nc",)  # φ, with a rate
+    size: Vector = ("nc",)  # what a pivot is compared with
+    kept: Vector = ("nc",)  # 1 of an equation that is independent, else 0
+
+
+class RowScratch(NamedTuple):
+    """Scratch of the choice of independent equations."""
+
+    L: Matrix = ("nv", "nv")  # as of ``ConstraintScratch``
+    Y: Matrix = ("nc", "nv")
+    G: Matrix = ("nc", "nc")
+    size: Vector = ("nc",)  # what a pivot is compared with, then its inverse
+    column: Vector = ("nc",)  # of the pivot
+    best: Vector = ("nc",)  # 1 of the row of the pivot, else 0
+
+
+DEPENDENT = 16.0  # times eps and the number of terms in a pivot: what rounding leaves of a dependent row
+CLEAR = 1e-4  # relative pivot above which a row in its given order is far from those before it
+TINY = 1e-7  # relative pivot below which a row may depend on others but for what a pivot that is not clear adds to it
+UNSURE = 2.0  # added to a residual, itself at most 1, where a row may depend on others and a pivot is not clear
+RISEN = 1e-6  # relative pivot of a row left out that is no error of a step: 1e-3 rad from a branch point
+
+
+@inline
+def constrained_motion(
+    bodies: Bodies, work: Work, q: Config, v: Vector, tau: Vector, fext: Matrix, constraints: Record, rate: Number,
+    chosen: Vector, a: Vector, force: Vector, residual: Vector, rank: Vector, pivots: Vector, s: ConstraintScratch,
+) -> None:  # fmt: skip
+    """a (nv) and λ = force (nc) under J a + γ = 0; with a rate 1/T, J a + γ + 2 J v / T + φ / T² = 0.
+
+    residual (1)  of the rows that dropped out, relative: 0 if they agree with the others
+    rank (1)      how many rows are independent
+    fext, rate and chosen, of ``independent_rows``, may be None
+    """
+    n = len(bodies) - 1
+    crba(bodies, work, q, s.L)
+    factor_tree(bodies, s.L)
+    rnea(bodies, work, q, v, None, fext, a)
+    turn_rows(bodies, work)
+    write_jacobian(bodies, work, constraints, s.Y)
+    write_drift(bodies, work, constraints, v, s.gamma)
+    if rate is not None:
+        stabilize(bodies, work, q, v, constraints, rate, s.Y, s.gamma, s.error)
+    for i in range(n):
+        pivots[i] = s.L[i, i]
+        a[i] = tau[i] - a[i]
+    respond(bodies, constraints, chosen, s, a, force, residual, rank)
+
+
+@inline
+def stabilize(
+    bodies: Bodies, work: Work, q: Config, v: Vector, constraints: Record, rate: Number, J: Matrix, gamma: Vector,
+    error: Vector,
+) -> None:  # fmt: skip
+    """gamma (nc) + 2 J v / T + φ / T² in place, with rate 1/T; error (nc), written: φ."""
+    write_error(bodies, work, constraints, q, error)
+    for k in range(len(gamma)):
+        Jv = 0.0
+        for i in range(len(bodies) - 1):
+            Jv = Jv + J[k, i] * v[i]
+        gamma[k] = gamma[k] + rate * (2.0 * Jv + rate * error[k])
+
+
+@inline
+def constraint_response(
+    bodies: Bodies, work: Work, q: Config, rhs: Vector, constraints: Record, chosen: Vector, change: Vector,
+    force: Vector, residual: Vector, rank: Vector, pivots: Vector, s: ConstraintScratch,
+) -> None:  # fmt: skip
+    """The least change x of velocities (nv), in kinetic energy, with J x = rhs (nc), and its impulse: M x = Jᵀ force.
+
+    chosen, residual (1) and rank (1) as of ``constrained_motion``.
+    """
+    crba(bodies, work, q, s.L)
+    factor_tree(bodies, s.L)
+    turn_rows(bodies, work)
+    write_jacobian(bodies, work, constraints, s.Y)
+    for i in range(len(bodies) - 1):
+        pivots[i] = s.L[i, i]
+        change[i] = 0.0
+    for k in range(len(s.gamma)):
+        s.gamma[k] = -rhs[k]
+    respond(bodies, constraints, chosen, s, change, force, residual, rank)
+
+
+@inline
+def independent_rows(
+    bodies: Bodies, work: Work, q: Config, constraints: Record, known: Number, chosen: Vector, rank: Vector,
+    pivots: Vector, s: RowScratch,
+) -> None:  # fmt: skip
+    """Equations to keep, chosen (nc) of 1 and 0, by elimination with the largest pivot; rank (1), how many.
+
+    With a known rank at most so many are kept, and the rank is larger where one that is left out is above RISEN.
+    """
+    n, m = len(bodies) - 1, len(chosen)
+    crba(bodies, work, q, s.L)
+    factor_tree(bodies, s.L)
+    turn_rows(bodies, work)
+    write_jacobian(bodies, work, constraints, s.Y)
+    for i in range(n):
+        pivots[i] = s.L[i, i]
+    felt(bodies, s.L, s.Y, s.G)
+    for k in range(m):
+        s.size[k] = s.G[k, k]
+    share(constraints, s.size)
+    most = float(m) if known is None else known
+    count, spare = choose_rows(s.G, s.size, DEPENDENT * (n + m) * EPS, most, chosen, s.column, s.best)
+    rank[0] = count if known is None else count + exceeds(spare, RISEN)
+
+
+@inline
+def delassus(
+    bodies: Bodies, work: Work, q: Config, constraints: Record, G: Matrix, pivots: Vector, L: Matrix, Y: Matrix
+) -> None:
+    """G = J M⁻¹ Jᵀ (nc, nc); L and Y are scratch."""
+    crba(bodies, work, q, L)
+    factor_tree(bodies, L)
+    turn_rows(bodies, work)
+    write_jacobian(bodies, work, constraints, Y)
+    for i in range(len(bodies) - 1):
+        pivots[i] = L[i, i]
+    felt(bodies, L, Y, G)
+    for k in range(len(G)):
+        for l in range(k):
+            G[l, k] = G[k, l]
+
+
+@inline
+def felt(bodies: Bodies, L: Matrix, Y: Matrix, G: Matrix) -> None:
+    """Y = J L⁻¹ in place of J, and the lower triangle of G = Y D⁻¹ Yᵀ."""
+    n = len(bodies) - 1
+    for k in range(len(G)):
+        solve_inward(bodies, L, Y[k])
+        for l in range(k + 1):
+            s = 0.0
+            for i in range(n):
+                s = s + Y[k, i] * (Y[l, i] * (1.0 / L[i, i]))
+            G[k, l] = s
+
+
+@inline
+def respond(
+    bodies: Bodies, constraints: Record, chosen: Vector, s: ConstraintScratch, x: Vector, force: Vector,
+    residual: Vector, rank: Vector,
+) -> None:  # fmt: skip
+    """Solve M x = r + Jᵀ λ, J x + γ = 0 for x, in place of r, and λ = force.
+
+    For a dropped row, what the solution leaves of J x + γ is measured in the norm of G, as are the accelerations
+    x₀ = M⁻¹ r and M⁻¹ Jᵀ λ: residual² is its share of the sum of squares, between 0 and 1 in any units. To it UNSURE is
+    added where rows should be chosen.
+
+    chosen  (nc) 1 for the rows that are kept, 0 for those that are dropped; None: all but those of pivots near 0
+    s       with the factors of M in L, J in Y and γ in gamma, which is written: what is left of dropped rows
+    """
+    L, Y, G, gamma, size, kept = s.L, s.Y, s.G, s.gamma, s.size, s.kept
+    n, m = len(bodies) - 1, len(gamma)
+    felt(bodies, L, Y, G)
+    for k in range(m):
+        size[k] = G[k, k]
+    share(constraints, size)
+    unsure = 0.0
+    if chosen is None:
+        factor_dropping(G, size, DEPENDENT * (n + m) * EPS, kept)
+        small, tiny = 0.0, 0.0
+        for k in range(m):
+            inverse = G[k, k] * size[k]
+            small = small + kept[k] * (1.0 - exceeds(1.0 / CLEAR - inverse, 0.0))
+            tiny = tiny + 1.0 - kept[k] * exceeds(1.0 / TINY - inverse, 0.0)
+        unsure = exceeds(small * tiny, 0.0)
+    else:
+        for k in range(m):
+            kept[k] = chosen[k]
+        factor_chosen(G, kept)
+
+    # G λ = -γ - Y D⁻¹ L⁻ᵀ r
+    solve_inward(bodies, L, x)
+    energy = 0.0
+    for i in range(n):
+        t = x[i] * (1.0 / L[i, i])
+        energy = energy + x[i] * t
+        x[i] = t
+    for k in range(m):
+        y = -gamma[k]
+        for i in range(n):
+            y = y - Y[k, i] * x[i]
+        gamma[k] = y
+        force[k] = y
+    solve_forward(G, force)
+    count = 0.0
+    for k in range(m):
+        energy = energy + force[k] * force[k] * G[k, k]
+        count = count + kept[k]
+    if chosen is None:
+        for k in range(m):
+            gamma[k] = force[k]
+    solve_backward(G, force, force)
+    rank[0] = count
+
+    # x = L⁻¹ D⁻¹ (L⁻ᵀ r + Yᵀ λ)
+    for i in range(n):
+        push = 0.0
+        for k in range(m):
+            push = push + Y[k, i] * force[k]
+        push = push * (1.0 / L[i, i])
+        if chosen is not None:
+            for k in range(m):
+                gamma[k] = gamma[k] - Y[k, i] * push
+        x[i] = x[i] + push
+    lost = 0.0
+    for k in range(m):
+        lost = lost + (1.0 - kept[k]) * quotient(gamma[k] * gamma[k], size[k])
+    residual[0] = sqrt(quotient(lost, lost + energy)) + UNSURE * unsure
+    solve_outward(bodies, L, x)
+
+
+@inline
+def share(constraints: Record, x: Vector) -> None:
+    """The sum of x over each constraint's equations, in place of each of them."""
+    for m in range(1, len(constraints)):
+        c = constraints[m]
+        if c.kind != TERM:
+            total = 0.0
+            for k in range(c.count):
+                total = total + x[c.first + k]
+            for k in range(c.count):
+                x[c.first + k] = total
+
+
+FORCE = Argument("force", ("nc",), "N | N m", "of each equation, on frame a, in b's axes")
+IMPULSE = Argument("impulse", ("nc",), "N s | N m s", "of each equation, on frame a, in b's axes")
+RESIDUAL = Argument("residual", (), "1", "of equations that depend on others: 0 if they agree with them")
+RANK = Argument("rank", (), "1", "how many equations are independent")
+CHANGE = Argument("change", ("nv",), "rad/s | m/s", "change of the joint velocities")
+RHS = Argument("rhs", ("nc",), "m/s | rad/s", "wanted change of J v")
+RATE = Argument("rate", (), "1/s", "1/T of the stabilization", optional=True)
+CHOSEN = Argument("chosen", ("nc",), "1", "1 for equations to keep, of independent_rows", optional=True)
+KNOWN = Argument("rank", (), "1", "how many equations are independent, if it is known", optional=True)
+_SOURCE = "after Featherstone, RBDA (2008), section 8.1, with M factored as sparse as the tree."
+MOTION = Spec(
+    "constrained_motion", constrained_motion, WORK, (Q, V, TAU, FEXT_OPTIONAL, CONSTRAINTS_ARGUMENT, RATE, CHOSEN),
+    Argument("result", ("nv+nc+2",), "", "a, force, residual, rank"),
+    "Forward dynamics under constraints: a, their forces, residual and rank.", _SOURCE,
+    pivots=True, regroup=True, scratch=(ConstraintScratch(),),
+    parts=(A, FORCE, RESIDUAL, RANK),
+)  # fmt: skip
+RESPONSE = Spec(
+    "constraint_response", constraint_response, WORK, (Q, RHS, CONSTRAINTS_ARGUMENT, CHOSEN),
+    Argument("result", ("nv+nc+2",), "", "change, impulse, residual, rank"),
+    "The least change of velocities that changes J v by rhs, its impulses, residual and rank.", _SOURCE,
+    pivots=True, regroup=True, scratch=(ConstraintScratch(),),
+    parts=(CHANGE, IMPULSE, RESIDUAL, RANK),
+)  # fmt: skip
+ROWS = Spec(
+    "independent_rows", independent_rows, WORK, (Q, CONSTRAINTS_ARGUMENT, KNOWN),
+    Argument("result", ("nc+1",), "", "chosen, rank"),
+    "Equations to keep, by elimination with the largest pivot, and how many are independent.", _SOURCE,
+    pivots=True, regroup=True, scratch=(RowScratch(),),
+    parts=(replace(CHOSEN, optional=False), RANK),
+)  # fmt: skip
+DELASSUS = Spec(
+    "delassus", delassus, WORK, (Q, CONSTRAINTS_ARGUMENT),
+    Argument("G", ("nc", "nc"), "1/kg | 1/(kg m²)", "inverse inertia that the constraints feel, symmetric"),
+    "Delassus' matrix G = J M⁻¹ Jᵀ of constraints.", _SOURCE,
+    pivots=True, regroup=True, scratch=(("nv", "nv"), ("nc", "nv")),
+)  # fmt: skip

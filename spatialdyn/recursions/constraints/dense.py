@@ -1,0 +1,121 @@
+"""Small dense systems that are symmetric and positive semidefinite, by LDLᵀ with dropped pivots: scalars, no branches.
+
+A row that is a combination of the rows before leaves a pivot of 0, up to rounding. Its pivot is dropped: its unknown is
+0, and the solution of the other rows solves it too if the right side is consistent. In their given order this is sound
+where every pivot is either far from 0 or rounding: one that is small but kept may leave another row out in its place,
+and that row is met badly. ``choose_rows`` then says which rows to keep, the largest of those that remain each time.
+What is kept is positive definite, and no order harms its factor (``factor_chosen``).
+"""
+
+from __future__ import annotations
+
+from ...algebra.scalars import Scalar, exceeds, inline, select
+from ..signatures import Matrix, Vector
+
+
+@inline
+def factor_dropping(G: Matrix, size: Vector, tolerance: Scalar, kept: Vector) -> None:
+    """G = C Δ Cᵀ in place, from its lower triangle; kept (m) is 1 for a pivot above tolerance times its size, else 0.
+
+    Written: C below the diagonal, of unit diagonal, C Δ transposed above, and on the diagonal 1 / Δ, 0 if dropped.
+    """
+    for k in range(len(G)):
+        for l in range(k):
+            s = G[k, l]
+            for j in range(l):
+                s = s - G[j, k] * G[l, j]
+            G[l, k] = s
+            G[k, l] = s * G[l, l]
+        s = G[k, k]
+        for j in range(k):
+            s = s - G[j, k] * G[k, j]
+        kept[k] = exceeds(s, tolerance * size[k])
+        G[k, k] = kept[k] / (kept[k] * s + (1.0 - kept[k]))
+
+
+@inline
+def factor_chosen(G: Matrix, kept: Vector) -> None:
+    """As ``factor_dropping``, with kept (m) given."""
+    for k in range(len(G)):
+        for l in range(k):
+            s = G[k, l]
+            for j in range(l):
+                s = s - G[j, k] * G[l, j]
+            G[l, k] = s
+            G[k, l] = s * G[l, l]
+        s = G[k, k]
+        for j in range(k):
+            s = s - G[j, k] * G[k, j]
+        G[k, k] = kept[k] / (kept[k] * s + (1.0 - kept[k]))
+
+
+@inline
+def choose_rows(
+    G: Matrix, size: Vector, tolerance: Scalar, most: Scalar, kept: Vector, column: Vector, best: Vector
+) -> tuple[Scalar, Scalar]:
+    """Elimination by the largest pivot, relative to its size: kept (m) is 1 for its rows, at most ``most`` of them.
+
+    Returns how many pivots are above the tolerance, and the largest relative pivot of the rows that are left.
+
+    G     its lower triangle; written
+    size  (m) above 0, or 0 for a row of zeros; written
+    column, best  (m) scratch
+    """
+    m = len(G)
+    for k in range(m):
+        kept[k] = 0.0
+        size[k] = quotient(1.0, size[k])
+    count = 0.0
+    for p in range(m):
+        largest = 0.0
+        for k in range(m):
+            left = (1.0 - kept[k]) * (G[k, k] * size[k])
+            largest = select(left - largest, left, largest)
+        taken = exceeds(largest, tolerance) * exceeds(most, p + 0.5)
+        others = taken  # best is 1 for the first row of the largest pivot, 0 for others, if it is taken
+        pivot = 1.0 - taken
+        for k in range(m):
+            best[k] = others * (1.0 - exceeds(largest, (1.0 - kept[k]) * (G[k, k] * size[k])))
+            others = others - best[k]
+            pivot = pivot + best[k] * G[k, k]
+        for i in range(m):
+            s = 0.0
+            for k in range(m):
+                s = s + best[k] * (G[i, k] if k < i else G[k, i])
+            column[i] = s
+        for i in range(m):
+            s = column[i] / pivot
+            for k in range(i + 1):
+                G[i, k] = G[i, k] - s * column[k]
+        for k in range(m):
+            kept[k] = kept[k] + best[k]
+        count = count + taken
+    spare = 0.0
+    for k in range(m):
+        left = (1.0 - kept[k]) * (G[k, k] * size[k])
+        spare = select(left - spare, left, spare)
+    return count, spare
+
+
+@inline
+def solve_forward(G: Matrix, y: Vector) -> None:
+    """y = C⁻¹ y in place; for a dropped row y is its residual."""
+    for k in range(len(G)):
+        for j in range(k):
+            y[k] = y[k] - G[k, j] * y[j]
+
+
+@inline
+def solve_backward(G: Matrix, y: Vector, x: Vector) -> None:
+    """x = C⁻ᵀ Δ⁻¹ y, with 0 for the unknowns of dropped rows."""
+    for k in range(len(G) - 1, -1, -1):
+        s = y[k] * G[k, k]
+        for j in range(k + 1, len(G)):
+            s = s - G[j, k] * x[j]
+        x[k] = s
+
+
+@inline
+def quotient(x: Scalar, y: Scalar) -> Scalar:
+    """x / y of numbers of 0 or more, x if y is 0."""
+    return x * (1.0 / (y + (1.0 - exceeds(y, 0.0))))

@@ -1,0 +1,154 @@
+"""Motion under constraints, M x = r + Jᵀ λ and J x + γ = -μ λ, with M = LᵀD L as sparse as the tree.
+
+Y = J L⁻¹, one sweep towards the root for each row of J, and S = Y D⁻¹ Yᵀ + μ 1 = C Cᵀ, a row and a column for each
+constraint. A pivot of C is the part of its row that is no combination of the rows before: its size relative to the
+row's own, which no unit changes, tells whether the constraint is independent.
+"""
+
+from __future__ import annotations
+
+from ...algebra.scalars import EPS, Scalar, inline, sqrt
+from ..signatures import Array, Bodies, Matrix, Vector
+from ..tree.ltdl import factor_tree, solve_inward, solve_outward
+
+DEPENDENT = 16.0  # times eps and the number of terms in a pivot: what rounding leaves of a dependent row
+
+
+@inline
+def constrained(
+    bodies: Bodies,
+    M: Matrix,
+    J: Matrix,
+    r: Vector,
+    gamma: Vector,
+    mu: Scalar,
+    L: Matrix,
+    Y: Matrix,
+    C: Matrix,
+    x: Vector,
+    force: Vector,
+) -> int:
+    """Solve for x (nv) and λ = force (m); returns how many constraints are independent, -1 if M is singular.
+
+    M (nv, nv), J (m, nv), r (nv), gamma (m), mu a number; written too: L (nv, nv) with D on its diagonal, Y (m, nv),
+    C (m, m) in the lower triangle
+    """
+    n, m = len(bodies) - 1, len(J)
+    if factored(bodies, M, L) < 0:
+        return -1
+    independent = _factor_constraints(bodies, J, mu, L, Y, C)
+    for i in range(n):
+        x[i] = r[i]
+    if independent == m:
+        solve_factored(bodies, gamma, L, Y, C, x, force)
+    return independent
+
+
+@inline
+def solve_factored(bodies: Bodies, gamma: Vector, L: Matrix, Y: Matrix, C: Matrix, x: Vector, force: Vector) -> None:
+    """x (nv), in place of r, and λ = force (m), from L, Y and C."""
+    n, m = len(L), len(C)
+    solve_inward(bodies, L, x)
+    for i in range(n):
+        x[i] = x[i] / L[i, i]
+    for k in range(m):
+        y = -gamma[k]
+        for i in range(n):
+            y = y - Y[k, i] * x[i]
+        for j in range(k):
+            y = y - C[k, j] * force[j]
+        force[k] = y / C[k, k]
+    for k in range(m - 1, -1, -1):
+        for j in range(k + 1, m):
+            force[k] = force[k] - C[j, k] * force[j]
+        force[k] = force[k] / C[k, k]
+    for k in range(m):
+        for i in range(n):
+            x[i] = x[i] + Y[k, i] * force[k] / L[i, i]
+    solve_outward(bodies, L, x)
+
+
+@inline
+def bordered_inverse(
+    bodies: Bodies, L: Matrix, Y: Matrix, C: Matrix, gamma: Vector, x: Vector, force: Vector, out: Array
+) -> int:
+    """Inverse (nv + m, nv + m) of [M Jᵀ; J -μ 1] from L, Y and C, column by column; gamma, x and force are scratch.
+
+    With x and -λ for unknowns, the right side is r and -γ, and the matrix is symmetric.
+    """
+    n, m = len(L), len(C)
+    for j in range(n + m):
+        for i in range(n):
+            x[i] = 0.0
+        for k in range(m):
+            gamma[k] = 0.0
+        if j < n:
+            x[j] = 1.0
+        else:
+            gamma[j - n] = -1.0
+        solve_factored(bodies, gamma, L, Y, C, x, force)
+        for i in range(j, n + m):
+            out[i, j] = x[i] if i < n else -force[i - n]
+            out[j, i] = out[i, j]
+    return 0
+
+
+@inline
+def factored(bodies: Bodies, M: Matrix, L: Matrix) -> int:
+    """M = LᵀD L to L, D on its diagonal; returns -1 if a pivot is within rounding of 0, relative to M, else 0."""
+    n = len(bodies) - 1
+    for i in range(n):
+        for j in range(n):
+            L[i, j] = M[i, j]
+    factor_tree(bodies, L)
+    for i in range(n):
+        if not L[i, i] > n * EPS * M[i, i]:
+            return -1
+    return 0
+
+
+@inline
+def _factor_constraints(bodies: Bodies, J: Matrix, mu: Scalar, L: Matrix, Y: Matrix, C: Matrix) -> int:
+    """Write Y and C; returns the number of independent rows, the others leave a column of zeros in C."""
+    n, m = len(bodies) - 1, len(J)
+    independent = 0
+    for k in range(m):
+        for i in range(n):
+            Y[k, i] = J[k, i]
+        solve_inward(bodies, L, Y[k])
+        for l in range(k + 1):
+            s = mu if l == k else 0.0
+            for i in range(n):
+                s = s + Y[k, i] * Y[l, i] / L[i, i]
+            size = s
+            for j in range(l):
+                s = s - C[k, j] * C[l, j]
+            if l < k:
+                C[k, l] = s / C[l, l] if C[l, l] > 0.0 else 0.0
+            elif s > DEPENDENT * (n + m) * EPS * size:
+                C[k, k] = sqrt(s)
+                independent += 1
+            else:
+                C[k, k] = 0.0
+    return independent
+
+
+@inline
+def constrained_samples(
+    bodies: Bodies,
+    M: Array,
+    J: Array,
+    r: Array,
+    gamma: Array,
+    mu: Array,
+    L: Array,
+    Y: Array,
+    C: Array,
+    x: Array,
+    force: Array,
+    rank: Array,
+) -> int:
+    """``constrained`` for samples along the first axis of M, J, r, gamma, x and force; rank (samples) is written."""
+    for s in range(len(M)):
+        rank[s] = constrained(bodies, M[s], J[s], r[s], gamma[s], mu[0], L, Y, C, x[s], force[s])
+    return 0

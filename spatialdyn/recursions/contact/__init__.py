@@ -1,0 +1,1 @@
+"""Contact, joint limits and dry friction by impulses."""

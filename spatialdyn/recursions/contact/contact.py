@@ -1,0 +1,146 @@
+"""A step of the velocities under contact with Coulomb friction, and with joints that stop at their limits.
+
+Impulses λ act at the end of a step h, so that velocities of touching points jump and nothing has to be resolved in
+time. With u = J v⁺ of the points, G = J M⁻¹ Jᵀ and b = J (v + h M⁻¹ (τ - bias)),
+
+    u = b + G λ,    0 ≤ λ_n ⊥ u_n + c ≥ 0,    |λ_t| ≤ μ λ_n,    u_t against λ_t where |λ_t| = μ λ_n, else 0
+
+is Signorini's and Coulomb's law, the cone neither a pyramid nor smoothed. An open gap g has c = g/h: a point that does
+not reach the ground within the step gets no impulse, and none passes through. A point in the ground comes out by a
+share of its depth a step. A joint between limits is a row of its own, with an impulse that keeps q + h v⁺ within them.
+
+One point alone is solved as one problem in its three unknowns (``coulomb_cone``): normal and friction impulses in turn
+diverge where μ |G_nt| > G_nn, as they do for legs. Either it leaves, or it sticks, or it slides. All points and joints
+are solved together from these to a tolerance, in sweeps and by Newton's method (``impulses``), from λ = 0: a step
+depends on nothing but its state. Points that bounce do so by Poisson's law.
+
+Source: after Le Lidec, Jallet, Montaut, Laptev, Schmid, Carpentier, Contact models in robotics: a comparative analysis
+(arXiv 2304.06372), for the law; the step and its solution are our own.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+from ...algebra.euclidean import Mat3, Vec
+from ...algebra.records import mat3_of, put_mat3, table_dtype
+from ...algebra.scalars import inline
+from ...algebra.spatial import Pose
+from ...bodies.joints import place_joint
+from ..constraints.constraint_rows import carry_axes
+from ..joints.friction import DT
+from ..signatures import Array, Bodies, Config, Number, Record, Vector, Work
+from ..spec import TAU, Argument, Q, Spec, V
+from ..tree.crba import crba
+from ..tree.ltdl import factor_tree, solve_inward, solve_outward
+from ..tree.rnea import rnea
+from .contact_rows import (
+    CONTACTS_ARGUMENT,
+    ENERGY,
+    GAP,
+    HEIGHTS_ARGUMENT,
+    IMPULSE,
+    MU,
+    RESIDUAL,
+    RESTITUTION,
+    STOP,
+    WORK,
+    Contact,
+    work_of_row,
+    write_gaps,
+    write_point,
+)
+from .impulses import SWEEPS, Impulses, open_laws, residual, solve_impulses, write_responses
+
+PLACES = table_dtype(X=Pose, R=Mat3, o=Vec)
+
+
+class ContactResult(NamedTuple):
+    """The outputs of ``contact_step``."""
+
+    after: Vector
+    impulse: Vector
+    gap: Vector
+    stop: Vector
+    residual: Vector
+    energy: Vector
+
+
+@inline
+def contact_step(
+    bodies: Bodies, work: Work, q: Config, v: Vector, tau: Vector, dt: Number, contact: Contact, out: ContactResult,
+    pivots: Vector, s: Impulses,
+) -> None:  # fmt: skip
+    """Velocities after a step, impulses, gaps before it, and what the impulses leave of the law.
+
+    With M = LᵀD L, Y = J L⁻¹ and w = L (v⁺ - v), u = J v + Y w, and a change of λ changes w by D⁻¹ Yᵀ of it: G as a
+    whole is not needed, only its blocks of single points.
+
+    out.after     (nv), written: v⁺
+    out.impulse   (3 np), written: on each point, in the world's axes
+    out.gap       (np), written: distance of each sphere from the ground before the step, negative in it
+    out.stop      (nl), written: impulse on each joint, positive from its lower limit
+    out.residual  (np + nl), written: by how much each point and joint misses its law [m/s | rad/s]
+    out.energy    (np + nl), written: work of each impulse, ½ λᵀ (u⁻ + u⁺) of the velocities before and after it [J]
+    """
+    contacts, n, after, L = contact.contacts, len(bodies) - 1, out.after, s.L
+    points = contacts[0].np
+    crba(bodies, work, q, L)
+    factor_tree(bodies, L)
+    rnea(bodies, work, q, v, None, None, after)
+    for i in range(n):
+        pivots[i] = L[i, i]
+        after[i] = dt * (tau[i] - after[i])
+    solve_inward(bodies, L, after)
+    for i in range(n):
+        after[i] = after[i] * (1.0 / L[i, i])  # w without impulses
+    write_responses(bodies, work, contact, v, out.gap, s)
+    for k in range(len(s.force)):
+        s.force[k] = 0.0
+    for j in range(len(s.level)):
+        s.level[j] = 0.0
+    open_laws(dt, contact, out.gap, after, s)
+    solve_impulses(q, dt, contact, None, SWEEPS, after, s)
+    for p in range(points):
+        write_point(contacts, contact.heights, contact.mu[p], s.B[p], after, p, out, s)
+    residual(q, dt, contact, after, s)
+    for l in range(contacts[0].nl):
+        k = 3 * points + l
+        out.residual[points + l] = s.off[l]
+        out.stop[l] = s.first[k] + s.force[k]
+        out.energy[points + l] = work_of_row(s.Y, s.before, after, k, out.stop[l])
+    solve_outward(bodies, L, after)
+    for i in range(n):
+        after[i] = v[i] + after[i]
+
+
+@inline
+def contact_gaps(
+    bodies: Bodies, work: Work, q: Config, contacts: Record, heights: Record, gap: Vector, T: Array
+) -> None:
+    """Distance of each sphere from the ground, gap (np); T is scratch."""
+    for i in range(1, len(bodies)):
+        place_joint(bodies, i, q, work[i].X)
+    put_mat3(work[0].R, mat3_of(contacts[0].axes))
+    carry_axes(bodies, work)
+    write_gaps(bodies, work, contacts, heights, gap, T)
+
+
+CONTACT_STEP = Spec(
+    "contact_step", contact_step, WORK, (Q, V, TAU, DT, Contact(CONTACTS_ARGUMENT, None, MU, RESTITUTION)),
+    Argument("result", ("nv+np+np+np+np+np+nl+nl+np+nl",), "", "v, impulse, gap, stop, residual, energy"),
+    "A step of the velocities under contact with Coulomb friction.", "see ``recursions.contact.contact``",
+    pivots=True, regroup=True, composed=True, scratch=(Impulses(),),
+    parts=ContactResult(Argument("v", ("nv",), "rad/s | m/s", "after the step"), IMPULSE, GAP, STOP, RESIDUAL, ENERGY),
+)  # fmt: skip
+CONTACT_GAPS = Spec(
+    "contact_gaps", contact_gaps, PLACES, (Q, CONTACTS_ARGUMENT, None),
+    Argument("gap", ("np",), "m", "distance from the ground, negative in it"),
+    "Distances of contact points from the ground.", "see ``recursions.contact.contact``", scratch=(("np", 3, 3),),
+)  # fmt: skip
+CONTACT_STEP_OVER = replace(  # over heights
+    CONTACT_STEP, name="contact_step_over",
+    inputs=(Q, V, TAU, DT, Contact(CONTACTS_ARGUMENT, HEIGHTS_ARGUMENT, MU, RESTITUTION)),
+)  # fmt: skip
+CONTACT_GAPS_OVER = replace(CONTACT_GAPS, name="contact_gaps_over", inputs=(Q, CONTACTS_ARGUMENT, HEIGHTS_ARGUMENT))

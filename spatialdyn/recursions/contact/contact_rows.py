@@ -1,0 +1,242 @@
+"""The points and joints that impulses act on: gaps, rows of J, and the terms of their law.
+
+Rows 3 p to 3 p + 2 of J are those of point p, its normal first, then two along the ground; row 3 np + l is that of
+joint l, with limits. With M = LᵀD L, Y = J L⁻¹, Z = Y D⁻¹ and w = L (v⁺ - v): G = J M⁻¹ Jᵀ = Y Zᵀ, and u = J v + Y w.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from ...algebra.euclidean import Mat3, Vec, add, cross, rotate, sub, unrotate
+from ...algebra.heights import bilinear
+from ...algebra.records import mat3_of, motion_of, table_dtype, vec_of
+from ...algebra.scalars import Scalar, inline, select, sqrt
+from ...algebra.spatial import Force, Inertia, Pose
+from ...bodies.contact_table import CONTACTS, HEIGHTS
+from ..signatures import Array, Bodies, Config, Matrix, Number, Record, Vector, Work
+from ..spec import Argument
+from .coulomb_cone import point_residual
+
+WORK = table_dtype(
+    X=Pose,  # of crba, then of rnea
+    Ic=Inertia,  # of crba
+    w=Vec,  # of rnea, as are the fields that follow
+    dw=Vec,
+    dv=Vec,
+    f=Force,
+    R=Mat3,  # of constraint_rows, in the ground's axes, as is the field that follows
+    o=Vec,
+)
+
+
+class Contact(NamedTuple):
+    """What may touch, and how."""
+
+    contacts: Record  # the table of points and joints
+    heights: Record  # of the ground; None: a plane
+    mu: Vector  # (np)
+    restitution: Vector  # (np)
+    start: Vector = None  # (rows) λ to begin with; None: 0
+
+
+RISE = 0.2  # of its depth that a point in the ground comes out in a step
+SLOWEST = 1e-2  # [s] and no faster than in this time: by 0.2 of a depth in ever shorter steps it would be thrown
+BOUNCING = 1e-2  # [m/s] speed of approach from which a point bounces: slower ones come to rest
+
+
+@inline
+def write_gaps(bodies: Bodies, work: Work, contacts: Record, heights: Record, gap: Vector, T: Array) -> None:
+    """gap (np), from R and o of every row; over heights T too.
+
+    Heights are those that a sphere's centre has when it touches the ground: their slope is that where it touches.
+    """
+    for p in range(contacts[0].np):
+        c = contacts[1 + p]
+        i = c.row
+        at = rotate(mat3_of(work[i].R), vec_of(c.p))
+        while i > 0:
+            at = add(at, vec_of(work[i].o))
+            i = bodies[i].parent
+        if heights is None:
+            gap[p] = at.x - (contacts[0].height + c.radius)
+        else:
+            each = 1.0 / heights[0].spacing
+            x, y = (at.y - heights[0].x) * each, (at.z - heights[0].y) * each
+            level, along, across = bilinear(x, y, heights, c.heights)
+            slope_axes(along * each, across * each, T[p])
+            gap[p] = (at.x - level) * T[p, 0, 0]
+
+
+@inline
+def slope_axes(along: Scalar, across: Scalar, T: Matrix) -> None:
+    """T (3, 3), rows in the axes (z, x, y): the normal of a slope, the direction up along x, that across both."""
+    steep = 1.0 + along * along
+    a, n = 1.0 / sqrt(steep), 1.0 / sqrt(steep + across * across)
+    T[0, 0], T[0, 1], T[0, 2] = n, -along * n, -across * n
+    T[1, 0], T[1, 1], T[1, 2] = along * a, a, 0.0
+    T[2, 0], T[2, 1], T[2, 2] = across * n * a, -along * across * n * a, steep * n * a
+
+
+@inline
+def untilted(T: Matrix, f: Vec) -> Vec:
+    """Tᵀ f."""
+    return Vec(
+        T[0, 0] * f.x + T[1, 0] * f.y + T[2, 0] * f.z,
+        T[0, 1] * f.x + T[1, 1] * f.y + T[2, 1] * f.z,
+        T[0, 2] * f.x + T[1, 2] * f.y + T[2, 2] * f.z,
+    )
+
+
+@inline
+def write_rows(bodies: Bodies, work: Work, contacts: Record, heights: Record, T: Array, J: Matrix) -> None:
+    """J (3 np + nl, nv) of the lowest points, in the ground's axes, then of joints; from R and o of every row."""
+    points = contacts[0].np
+    for k in range(len(J)):
+        for i in range(len(bodies) - 1):
+            J[k, i] = 0.0
+    for p in range(points):
+        c = contacts[1 + p]
+        i = c.row
+        to = rotate(mat3_of(work[i].R), vec_of(c.p))  # from row i's origin
+        if heights is None:
+            to = sub(to, Vec(c.radius, 0.0, 0.0))
+        else:
+            to = sub(to, Vec(c.radius * T[p, 0, 0], c.radius * T[p, 0, 1], c.radius * T[p, 0, 2]))
+        while i > 0:
+            S, R = motion_of(bodies[i].S), mat3_of(work[i].R)
+            u = add(rotate(R, S.v), cross(rotate(R, S.w), to))
+            if heights is not None:
+                u = times(T[p], u)
+            J[3 * p, i - 1], J[3 * p + 1, i - 1], J[3 * p + 2, i - 1] = u.x, u.y, u.z
+            to = add(to, vec_of(work[i].o))
+            i = bodies[i].parent
+    for l in range(contacts[0].nl + contacts[0].nd):
+        J[3 * points + l, contacts[1 + points + l].row - 1] = 1.0
+
+
+# --- the law --------------------------------------------------------------------------------------------
+
+
+@inline
+def rising(depth: Scalar, dt: Number) -> Scalar:
+    """The velocity by which a point in the ground, or a joint beyond a limit, comes out; ``depth`` is negative."""
+    within = (1.0 / RISE) * dt
+    return depth / select(within - SLOWEST, within, SLOWEST)
+
+
+@inline
+def target(gap: Scalar, before: Scalar, free: Scalar, dt: Number, restitution: Number) -> tuple[Scalar, Scalar]:
+    """c of a point's normal, and its restitution if it bounces, else 0: u_n + c is 0 where the point just reaches the
+    ground, or rises out of it, or comes to rest before it bounces.
+
+    It bounces if it would reach the ground within the step, fast enough.
+
+    before, free  velocities of its normal before the step, and after it without impulses
+    """
+    reaches = select(-(gap / dt + free), select(-before - BOUNCING, 1.0, 0.0), 0.0)
+    bounces = restitution * reaches
+    return select(bounces, 0.0, select(gap, gap / dt, rising(gap, dt))), bounces
+
+
+@inline
+def velocity(Y: Matrix, b: Vector, w: Vector, k: int) -> Scalar:
+    """b_k + Y_k w."""
+    s = b[k]
+    for i in range(len(w)):
+        s = s + Y[k, i] * w[i]
+    return s
+
+
+@inline
+def velocity_of_point(Y: Matrix, b: Vector, w: Vector, p: int) -> Vec:
+    """The three velocities of a point."""
+    return Vec(velocity(Y, b, w, 3 * p), velocity(Y, b, w, 3 * p + 1), velocity(Y, b, w, 3 * p + 2))
+
+
+@inline
+def force_of_point(force: Vector, p: int) -> Vec:
+    """The three impulses of a point."""
+    return Vec(force[3 * p], force[3 * p + 1], force[3 * p + 2])
+
+
+@inline
+def work_of_row(Y: Matrix, before: Vector, w: Vector, k: int, impulse: Scalar) -> Scalar:
+    """½ λ (u⁻ + u⁺) of a row's velocities before and after a step."""
+    return 0.5 * impulse * (before[k] + velocity(Y, before, w, k))
+
+
+@inline
+def write_point(
+    contacts: Record, heights: Record, mu: Number, B: Matrix, w: Vector, p: int, out: Record, s: Record
+) -> None:  # fmt: skip
+    """What a step makes of a point, with its own block B of G: impulse in the world's axes, residual, energy.
+
+    out, s  results and scratch of a step
+    """
+    u = velocity_of_point(s.Y, s.b, w, p)
+    out.residual[p] = point_residual(B, u, mu, force_of_point(s.force, p), s.lower[p])
+    f = add(force_of_point(s.first, p), force_of_point(s.force, p))
+    out.energy[p] = 0.0
+    for k in range(3 * p, 3 * p + 3):
+        out.energy[p] = out.energy[p] + work_of_row(s.Y, s.before, w, k, s.first[k] + s.force[k])
+    if heights is not None:
+        f = untilted(s.slopes[p], f)
+    f = unrotate(mat3_of(contacts[0].axes), f)
+    out.impulse[3 * p], out.impulse[3 * p + 1], out.impulse[3 * p + 2] = f.x, f.y, f.z
+
+
+@inline
+def push(Z: Matrix, k: int, change: Scalar, w: Vector) -> None:
+    """w += D⁻¹ Yᵀ of a change of λ_k."""
+    for i in range(len(w)):
+        w[i] = w[i] + Z[k, i] * change
+
+
+@inline
+def times(B: Matrix, f: Vec) -> Vec:
+    """B (3, 3) times a vector."""
+    return Vec(
+        B[0, 0] * f.x + B[0, 1] * f.y + B[0, 2] * f.z,
+        B[1, 0] * f.x + B[1, 1] * f.y + B[1, 2] * f.z,
+        B[2, 0] * f.x + B[2, 1] * f.y + B[2, 2] * f.z,
+    )
+
+
+@inline
+def allowed(c: Record, q: Config, dt: Number) -> tuple[Scalar, Scalar]:
+    """The least and the largest velocity with which a joint does not pass its limits within the step."""
+    above, below = q[c.q_index] - c.lower, c.upper - q[c.q_index]
+    return -select(above, above / dt, rising(above, dt)), select(below, below / dt, rising(below, dt))
+
+
+@inline
+def product(Y: Matrix, Z: Matrix, k: int, l: int) -> Scalar:
+    """G_kl."""
+    s = 0.0
+    for i in range(Y.shape[1]):
+        s = s + Y[k, i] * Z[l, i]
+    return s
+
+
+@inline
+def write_block(Y: Matrix, Z: Matrix, p: int, B: Matrix) -> None:
+    """B (3, 3), a point's own block of G."""
+    for i in range(3):
+        for j in range(i + 1):
+            s = product(Y, Z, 3 * p + i, 3 * p + j)
+            B[i, j] = s
+            B[j, i] = s
+
+
+CONTACTS_ARGUMENT = Argument(
+    "contacts", (), "", "what may touch", static=True, table=CONTACTS, sizes=("np", "nl", "nd")
+)
+HEIGHTS_ARGUMENT = Argument("heights", (), "", "of the ground", static=True, table=HEIGHTS)
+MU = Argument("mu", ("np",), "1", "coefficient of friction of each point")
+RESTITUTION = Argument("restitution", ("np",), "1", "of each point, from 0 to 1")
+IMPULSE = Argument("impulse", ("np+np+np",), "N s", "on each point, in the world's axes")
+GAP = Argument("gap", ("np",), "m", "distance from the ground before the step, negative in it")
+STOP = Argument("stop", ("nl",), "N m s | N s", "on each joint with limits, positive from the lower one")
+RESIDUAL = Argument("residual", ("np+nl",), "m/s | rad/s", "by how much each point and joint misses its law")
+ENERGY = Argument("energy", ("np+nl",), "J", "work of the impulses of each point and joint")

@@ -1,0 +1,259 @@
+"""The impulse of one point in contact: Signorini's and Coulomb's law in its three unknowns, see ``contact``.
+
+With B the point's own block of G and r its velocity without an impulse of its own, S = B_tt - B_tn B_nt / B_nn,
+m = -r_n and a = r_t + B_tn m / B_nn. A point that is pushed into the ground, m > 0, has for each κ of 0 or more
+
+    λ_t = -(S + κ)⁻¹ a,    λ_n = (m - B_nt λ_t) / B_nn,
+
+which leaves u_n = 0 and u_t = -κ λ_t. With κ = 0 it sticks, if λ is in the cone. Else q(κ) = μ λ_n / |λ_t| is below 1
+at κ = 0 and grows without end, so that it slides with the root of q = 1, where λ_n > 0 too. Where several impulses meet
+the law, sticking is among them, and is chosen.
+
+Source: the law as in ``contact``; the root is a derivation of our own.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from ...algebra.euclidean import Vec
+from ...algebra.regions import repeat, settled, when
+from ...algebra.scalars import EPS, Scalar, inline, select, sqrt
+from ..constraints.constrained import DEPENDENT
+from ..constraints.dense import factor_dropping, quotient, solve_backward, solve_forward
+from ..signatures import Matrix, Number, Vector
+
+STOPPED = 1e-18  # of a point's velocity, squared: what rounding leaves of it
+ROOT_STEPS = 12  # of Newton's steps on q, of which 6 reach 1e-10 in 99 % of slides
+ROOT = 1e-6  # of |q - 1| before the last of these steps, each of which squares it
+FAR = 1e30  # a bound of κ above all
+BEGIN = 1e-3  # of S's trace, the least κ to begin with
+REGULAR = 1e-9  # of a block's trace, added where a direction may be without a response
+
+
+class Slide(NamedTuple):
+    """What a sliding impulse depends on."""
+
+    s11: Scalar  # S
+    s12: Scalar
+    s22: Scalar
+    a1: Scalar
+    a2: Scalar
+    m: Scalar
+    n1: Scalar  # B_tn / B_nn
+    n2: Scalar
+    each: Scalar  # 1 / B_nn, 0 of a point that cannot move along its normal
+    mu: Scalar
+
+
+@inline
+def magnitude(x: Scalar) -> Scalar:
+    """|x|."""
+    return select(x, x, -x)
+
+
+@inline
+def factor_block(x: Matrix, total: Scalar, n: int, C: Matrix) -> None:
+    """C (5, 3), in rows 0 to 2 the factors of the block in x; directions in which the point cannot move drop out.
+
+    total  trace of the block
+    """
+    for i in range(3):
+        C[3, i] = total
+        for j in range(3):
+            C[i, j] = x[i, j]
+    factor_dropping(C[:3], C[3], DEPENDENT * (n + 3) * EPS, C[4])
+
+
+@inline
+def largest_eigenvalue(B: Matrix) -> Scalar:
+    """Of the block of B across the normal."""
+    half = 0.5 * (B[1, 1] - B[2, 2])
+    return 0.5 * (B[1, 1] + B[2, 2]) + sqrt(half * half + B[1, 2] * B[1, 2])
+
+
+@inline
+def slide_of(B: Matrix, each: Scalar, r: Vec, mu: Number) -> Slide:
+    """S, a and what else a sliding impulse depends on."""
+    n1, n2, m = B[0, 1] * each, B[0, 2] * each, -r.x
+    return Slide(
+        B[1, 1] - B[0, 1] * n1, B[1, 2] - B[0, 1] * n2, B[2, 2] - B[0, 2] * n2, r.y + m * n1, r.z + m * n2, m, n1, n2,
+        each, mu,
+    )  # fmt: skip
+
+
+@inline
+def across(s: Slide, kappa: Scalar, a1: Scalar, a2: Scalar) -> tuple[Scalar, Scalar]:
+    """-(S + κ)⁻¹ a."""
+    p1, p2 = s.s11 + kappa, s.s22 + kappa
+    det = p1 * p2 - s.s12 * s.s12
+    each = 1.0 / select(det, det, 1.0)
+    return (s.s12 * a2 - p2 * a1) * each, (s.s12 * a1 - p1 * a2) * each
+
+
+@inline
+def find_root(s: Slide, slides: Scalar, root: Vector) -> None:
+    """root (4), written: in 1 the κ of a point that slides, by Newton's steps on q between bounds.
+
+    slides  above 0 if it does
+    """
+    square = s.a1 * s.a1 + s.a2 * s.a2
+    safe = select(square, square, 1.0)
+    m, mu, each = select(s.m, s.m, 1.0), select(s.mu, s.mu, 1.0), select(s.each, s.each, 1.0)
+    trace = s.s11 + s.s22
+    far = (sqrt(square) / mu - (s.n1 * s.a1 + s.n2 * s.a2)) / (each * m)
+    far = far - (s.s11 * s.a1 * s.a1 + 2.0 * s.s12 * s.a1 * s.a2 + s.s22 * s.a2 * s.a2) / safe
+    root[0] = slides
+    root[1] = select(far - BEGIN * trace, far, BEGIN * trace)
+    root[2], root[3] = 0.0, FAR
+    for _ in repeat(ROOT_STEPS, root):
+        if settled(root[0]):
+            break
+        k = root[1]
+        x1, x2 = across(s, k, s.a1, s.a2)
+        y1, y2 = across(s, k, x1, x2)
+        square = x1 * x1 + x2 * x2
+        size = sqrt(select(square, square, 1.0))
+        normal = s.m * s.each - (s.n1 * x1 + s.n2 * x2)
+        over = s.mu * normal / size - 1.0
+        rise = -s.mu * ((s.n1 * y1 + s.n2 * y2) + normal * (x1 * y1 + x2 * y2) / (size * size)) / size
+        low = select(over, root[2], select(k - root[2], k, root[2]))
+        high = select(over, select(root[3] - k, k, root[3]), root[3])
+        new = select(rise, k - over / select(rise, rise, 1.0), -1.0)
+        wide = 4.0 * k + trace
+        between = sqrt(low * select(high - wide, wide, high))
+        new = select(low - new, select(low, between, 0.25 * k), new)
+        least = select(low - 1e-3 * k, low, 1e-3 * k)
+        root[1] = select(new - high, sqrt(least * high), new)
+        root[0] = magnitude(over) - ROOT
+        root[2], root[3] = low, high
+
+
+@inline
+def disc_impulse(B: Matrix, r: Vec, mu: Number, least: Scalar, root: Vector, disc: Vector) -> None:
+    """disc (5), written: u_n, λ_t, κ and whether it slides of a point whose λ_n is its least, with friction within μ
+    times that. Of a least of 0 that is a point without an impulse.
+    """
+    disc[0], disc[1], disc[2], disc[3], disc[4] = r.x, 0.0, 0.0, 0.0, 0.0
+    for _ in when(least, disc):
+        most, small = mu * least, REGULAR * (B[1, 1] + B[2, 2])
+        s = Slide(
+            B[1, 1], B[1, 2], B[2, 2], r.y + B[1, 0] * least, r.z + B[2, 0] * least, most, 0.0, 0.0, 1.0, 1.0
+        )  # fmt: skip
+        x1, x2 = across(s, small, s.a1, s.a2)
+        disc[4] = select(x1 * x1 + x2 * x2 - most * most, 1.0, 0.0)
+        find_root(s, disc[4] * most, root)
+        disc[3] = select(disc[4], root[1], small)
+        x1, x2 = across(s, disc[3], s.a1, s.a2)
+        disc[1], disc[2] = select(most, x1, 0.0), select(most, x2, 0.0)
+        disc[0] = r.x + (B[0, 0] * least + B[0, 1] * disc[1] + B[0, 2] * disc[2])
+
+
+@inline
+def point_impulse(
+    B: Matrix, C: Matrix, r: Vec, mu: Number, least: Scalar, root: Vector, disc: Vector, held: bool
+) -> tuple[Vec, Scalar, Scalar]:
+    """λ of one point under the velocity r that it has without an impulse of its own: it leaves, sticks or slides; 1 if
+    it sticks, else 0; and 1 if it slides. If neither, λ_n is its least.
+
+    B, C   its block of G, and the factors, of which rows 3 and 4 are scratch
+    least  least λ_n, complementary to u_n: 0 but in the second phase of a hit
+    root   (4), written: of ``find_root``
+    disc   (5), written: of ``disc_impulse``
+    held   whether constraints may leave a point fewer directions than its velocity has: it then sticks only if the
+           impulse of the others stops it in those too
+    """
+    disc_impulse(B, r, mu, least, root, disc)
+    C[3, 0], C[3, 1], C[3, 2] = -r.x, -r.y, -r.z
+    solve_forward(C[:3], C[3])
+    solve_backward(C[:3], C[3], C[4])
+    stick = Vec(C[4, 0], C[4, 1], C[4, 2])
+    pressed = mu * select(stick.x, stick.x, 0.0)
+    inside = pressed * pressed - (stick.y * stick.y + stick.z * stick.z)
+    if held:
+        left1 = r.y + (B[1, 0] * stick.x + B[1, 1] * stick.y + B[1, 2] * stick.z)
+        left2 = r.z + (B[2, 0] * stick.x + B[2, 1] * stick.y + B[2, 2] * stick.z)
+        left = left1 * left1 + left2 * left2
+        inside = select(left - STOPPED * (r.x * r.x + r.y * r.y + r.z * r.z), -1.0, inside)
+    pushed = select(-disc[0], select(-r.x, 1.0, 0.0), 0.0)
+    sticks = select(inside, pushed, 0.0)
+    slides = pushed - sticks
+    s = slide_of(B, C[0, 0], r, mu)
+    find_root(s, slides * mu * s.each, root)
+    x1, x2 = across(s, root[1], s.a1, s.a2)
+    rubs = select(mu * s.each, 1.0, 0.0)
+    x1, x2 = rubs * x1, rubs * x2
+    normal = s.m * s.each - (s.n1 * x1 + s.n2 * x2)
+    solved = Vec(
+        select(pushed, select(sticks, stick.x, normal), least),
+        select(pushed, select(sticks, stick.y, x1), disc[1]),
+        select(pushed, select(sticks, stick.z, x2), disc[2]),
+    )
+    return solved, sticks, slides
+
+
+@inline
+def point_slope(
+    B: Matrix, C: Matrix, r: Vec, mu: Number, least: Scalar, solved: Vec, sticks: Scalar, slides: Scalar, root: Vector,
+    disc: Vector, T: Matrix,
+) -> None:  # fmt: skip
+    """T (3, 3), written: the derivative of ``point_impulse`` by r, on the side of its state.
+
+    Of a sliding point with d = λ_t / |λ_t| and w = d + μ B_tn / B_nn, from w·dλ_t = -μ dr_n / B_nn; of one at its
+    least, whose λ_n is constant, from d·dλ_t = 0 where friction is at its most.
+
+    root, disc  of ``point_impulse``
+    """
+    full = slide_of(B, C[0, 0], r, mu)
+    at_least = select(least, 1.0 - sticks - slides, 0.0)
+    s = Slide(
+        select(at_least, B[1, 1], full.s11), select(at_least, B[1, 2], full.s12), select(at_least, B[2, 2], full.s22),
+        0.0, 0.0, full.m, select(at_least, 0.0, full.n1), select(at_least, 0.0, full.n2),
+        select(at_least, 0.0, full.each), mu,
+    )  # fmt: skip
+    kappa, moves = select(at_least, disc[3], root[1]), select(at_least, disc[4], slides)
+    rubs = (slides + at_least) * select(mu * full.each, 1.0, 0.0)
+    square = solved.y * solved.y + solved.z * solved.z
+    each = 1.0 / sqrt(select(square, square, 1.0))
+    w1, w2 = solved.y * each + mu * s.n1, solved.z * each + mu * s.n2
+    z1, z2 = across(s, kappa, -solved.y, -solved.z)
+    v1, v2 = across(s, kappa, -w1, -w2)  # (S + κ)⁻¹ w
+    pairs = w1 * z1 + w2 * z2
+    share = moves / select(magnitude(pairs), pairs, 1.0)
+    for j in range(3):
+        for i in range(3):
+            C[3, i] = -1.0 if i == j else 0.0
+        solve_forward(C[:3], C[3])
+        solve_backward(C[:3], C[3], C[4])
+        da1 = -s.n1 if j == 0 else 1.0 if j == 1 else 0.0
+        da2 = -s.n2 if j == 0 else 1.0 if j == 2 else 0.0
+        if j == 0:  # of one at its least a changes with r_t alone, and λ_n is constant
+            da1, da2 = select(at_least, 0.0, da1), select(at_least, 0.0, da2)
+        pressed = mu * s.each if j == 0 else 0.0
+        dk = (pressed - (v1 * da1 + v2 * da2)) * share
+        dx1, dx2 = across(s, kappa, da1, da2)
+        dx1, dx2 = rubs * (dx1 - z1 * dk), rubs * (dx2 - z2 * dk)
+        dn = -(s.n1 * dx1 + s.n2 * dx2)
+        if j == 0:
+            dn = dn - slides * s.each
+        T[0, j] = sticks * C[4, 0] + dn
+        T[1, j] = sticks * C[4, 1] + dx1
+        T[2, j] = sticks * C[4, 2] + dx2
+
+
+@inline
+def point_residual(B: Matrix, u: Vec, mu: Number, f: Vec, least: Scalar) -> Scalar:
+    """How far λ is from the projection onto the law of what it would be, in units of velocity: 0 if it is met.
+
+    u      velocity after the step, along the normal with its target
+    least  least λ_n, complementary to u_n
+    """
+    pushed = B[0, 0] * (f.x - least)
+    normal = magnitude(select(u.x - pushed, pushed, u.x))
+    largest = largest_eigenvalue(B)
+    a, c = f.y - quotient(u.y, largest), f.z - quotient(u.z, largest)
+    s = sqrt(a * a + c * c)
+    share = select(s - mu * f.x, mu * f.x / select(s, s, 1.0), 1.0)
+    a, c = f.y - share * a, f.z - share * c
+    across = largest * sqrt(a * a + c * c)
+    return select(normal - across, normal, across)

@@ -1,0 +1,403 @@
+"""A step of the velocities under all that acts by impulses: contact, joint limits, dry friction, constraints.
+
+As ``contact`` has it, with three more laws at the end of a step h. A joint that rubs dry has an impulse s of its own,
+
+    s ∈ -h F(v) Sgn v⁺,
+
+so that it sticks or moves as in ``friction``, up to its limits; bristles and damping are part of M and of the torques,
+as there. Constraints hold at velocities, J v⁺ + h J̇ v = 0, or with a rate 1/T as in ``constrained``: their rows are
+taken out of M⁻¹ before all else, so that no sweep leaves any of them open.
+
+Points, joints and their impulses are solved for together (``impulses``). Beside dry joints, whose internal forces are
+not in the state, λ of the step before is where it begins; contacts alone begin from 0.
+
+Source: the law as in ``contact``; its solution is a derivation of our own.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from typing import NamedTuple
+
+from ...algebra.regions import repeat, settled
+from ...algebra.scalars import EPS, Scalar, inline, select, sqrt
+from ..constraints.constrained import DEPENDENT, RATE, felt, share, stabilize
+from ..constraints.constraint_rows import (
+    CONSTRAINTS_ARGUMENT,
+    place_rows,
+    turn_rows,
+    write_drift,
+    write_error,
+    write_jacobian,
+)
+from ..constraints.dense import factor_dropping, quotient, solve_backward, solve_forward
+from ..coordinates.configuration import integrate
+from ..joints.friction import BRISTLE_LAW, BRISTLES, DT, LAW, BristleLaw, add_bristles, dry_level
+from ..signatures import Bodies, Config, Matrix, Number, Record, Vector, Work
+from ..spec import FEXT, TAU, Argument, Q, Spec, V
+from ..tree.crba import crba
+from ..tree.ltdl import factor_tree, solve_inward, solve_outward
+from ..tree.rnea import rnea
+from .contact_rows import (
+    CONTACTS_ARGUMENT,
+    ENERGY,
+    GAP,
+    HEIGHTS_ARGUMENT,
+    IMPULSE,
+    MU,
+    RESTITUTION,
+    STOP,
+    WORK,
+    Contact,
+    velocity,
+    work_of_row,
+    write_point,
+)
+from .coulomb_cone import magnitude
+from .impulses import (
+    ROWS,
+    SWEEPS,
+    SWEEPS_AGAIN,
+    SWEEPS_DRY,
+    Impulses,
+    joint_law,
+    open_laws,
+    residual,
+    solve_impulses,
+    sweep,
+    write_responses,
+)
+
+# of what dry friction changes a velocity by: a load that exceeds it by less leaves a joint at rest, as sweeps leave the
+# shares of stiff legs open by as much
+SLOW = 1e-4
+
+
+class ImpulseResult(NamedTuple):
+    """The outputs of ``impulse_step``."""
+
+    after: Vector
+    impulse: Vector
+    gap: Vector
+    stop: Vector
+    residual: Vector
+    energy: Vector
+    friction: Vector
+    bristles: Vector
+    reaction: Vector
+    missed: Vector
+    start: Vector
+
+
+class HeldScratch(NamedTuple):
+    """Scratch of constraints in a step."""
+
+    N: Matrix = ("nc", "nv")  # J, then J L⁻¹
+    G: Matrix = ("nc", "nc")  # what constraints feel, then its factors; the lower triangle
+    gamma: Vector = ("nc",)  # h γ, then what is left of the equations
+    scale: Vector = ("nc",)  # what a pivot is compared with; then changes of impulses
+    kept: Vector = ("nc",)  # 1 of an equation that is independent, else 0
+    stiffness: Vector = ("nc",)  # response of an equation alone
+    P: Matrix = (ROWS, "nc")  # reactions to unit impulses
+    J: Matrix = ("nc", "nv")  # where the step ends
+    ways: Matrix = (2, "nv")  # displacements
+    ends: Matrix = (2, "nq")  # configurations
+
+
+@inline
+def impulse_step(
+    bodies: Bodies, work: Work, q: Config, v: Vector, z: Vector, tau: Vector, fext: Matrix, dt: Number,
+    contact: Contact, law: BristleLaw, constraints: Record, rate: Number, out: ImpulseResult, pivots: Vector,
+    s: Impulses, h: HeldScratch,
+) -> None:  # fmt: skip
+    """Velocities after a step, impulses, gaps before it, what impulses leave of the laws, friction, reactions.
+
+    z      of bristles, as ``bristle_step``; None: dry friction
+    law    of dry friction if z is None; it may be None: no friction
+    fext, constraints, rate  may be None; h is None without constraints
+    out.after, impulse, gap, stop, energy  written, as of ``contact_step``
+    out.residual  (np + nl + nd), written: by how much each point and joint misses its law [m/s | rad/s]
+    out.friction  (nv), written: dry friction torque [N m | N], 0 with bristles
+    out.bristles  (nv), written: after the step, if there are some
+    out.reaction  (nc), written: impulse of each equation
+    out.start     (rows), written: λ, if the step begins with some
+    out.missed    (2), written if there are constraints: residual and rank, as of ``constrained_motion``
+    """
+    contacts, n, after = contact.contacts, len(bodies) - 1, out.after
+    points, joints = contacts[0].np, contacts[0].nl + contacts[0].nd
+    move_freely(bodies, work, q, v, z, tau, fext, dt, law, out, pivots, s)
+    write_responses(bodies, work, contact, v, out.gap, s)
+    if constraints is not None:
+        hold(bodies, work, q, v, dt, constraints, rate, out, s, h)
+    rub(v, z, dt, contact, law, s)
+    open_laws(dt, contact, out.gap, after, s)
+    begin(contact.start, s.force)
+    solve_impulses(q, dt, contact, h, SWEEPS if law is None or z is not None else SWEEPS_DRY, after, s)
+    if constraints is not None and rate is None:
+        meet(bodies, work, q, v, dt, constraints, out, s, h)
+        settle(q, dt, contact, after, s)
+    for k in range(len(s.force)):
+        s.total[k] = s.first[k] + s.force[k]
+    write_laws(q, dt, contact, out, s)
+    keep(contact.start, s.total, out.start)
+    if constraints is not None:
+        for k in range(len(out.reaction)):
+            for l in range(len(s.force)):
+                out.reaction[k] = out.reaction[k] + h.P[l, k] * s.total[l]
+    solve_outward(bodies, s.L, after)
+    for i in range(n):
+        after[i] = v[i] + after[i]
+    for j in range(joints):
+        i = contacts[1 + points + j].row - 1
+        after[i] = select(s.rests[j], 0.0, after[i])
+    if z is not None:
+        for i in range(n):
+            out.bristles[i] = (z[i] + dt * after[i]) * out.bristles[i]
+
+
+@inline
+def begin(start: Vector, force: Vector) -> None:
+    """Write λ to begin with; start may be None, for 0."""
+    for k in range(len(force)):
+        force[k] = 0.0 if start is None else start[k]
+
+
+@inline
+def keep(start: Vector, total: Vector, after: Vector) -> None:
+    """Write λ for the step that follows, if steps begin with some."""
+    if start is not None:
+        for k in range(len(total)):
+            after[k] = total[k]
+
+
+# --- before the sweeps ----------------------------------------------------------------------------------
+
+
+@inline
+def move_freely(
+    bodies: Bodies, work: Work, q: Config, v: Vector, z: Vector, tau: Vector, fext: Matrix, dt: Number, law: BristleLaw,
+    out: ImpulseResult, pivots: Vector, s: Impulses,
+) -> None:  # fmt: skip
+    """M, with what friction adds, factored in L; in ``after`` w = L (v⁺ - v) without impulses."""
+    n, after, L = len(bodies) - 1, out.after, s.L
+    crba(bodies, work, q, L)
+    rnea(bodies, work, q, v, None, fext, after)
+    if z is None:
+        for i in range(n):
+            after[i] = tau[i] - after[i]
+            out.friction[i] = 0.0
+            if law is not None:
+                L[i, i] = L[i, i] + dt * law.viscous[i]
+                after[i] = after[i] - law.viscous[i] * v[i]
+    else:
+        add_bristles(v, z, tau, dt, law, L, after, out.bristles)
+        for i in range(n):
+            out.friction[i] = 0.0
+    factor_tree(bodies, L)
+    for i in range(n):
+        pivots[i] = L[i, i]
+        after[i] = dt * after[i]
+    solve_inward(bodies, L, after)
+    for i in range(n):
+        after[i] = after[i] * (1.0 / L[i, i])
+
+
+@inline
+def rub(v: Vector, z: Vector, dt: Number, contact: Contact, law: BristleLaw, s: Impulses) -> None:
+    """How much dry friction changes velocities, at most."""
+    contacts = contact.contacts
+    points = contacts[0].np
+    for j in range(len(s.level)):
+        s.level[j] = 0.0
+        if law is not None and z is None:
+            s.level[j] = dt * dry_level(v, law, contacts[1 + points + j].row - 1)
+
+
+@inline
+def hold(
+    bodies: Bodies, work: Work, q: Config, v: Vector, dt: Number, constraints: Record, rate: Number, out: ImpulseResult,
+    s: Impulses, h: HeldScratch,
+) -> None:  # fmt: skip
+    """Take constraints out: of w, and of Z = D⁻¹ Yᵀ, by which w changes with impulses; rows that depend are dropped.
+
+    As ``constrained.respond``, whose meaning residual and rank have; w, Z, reaction, missed and P are written.
+    """
+    n, m, w, L, N, G, gamma = len(bodies) - 1, len(h.gamma), out.after, s.L, h.N, h.G, h.gamma
+    turn_rows(bodies, work)
+    write_jacobian(bodies, work, constraints, N)
+    write_drift(bodies, work, constraints, v, gamma)
+    if rate is not None:
+        stabilize(bodies, work, q, v, constraints, rate, N, gamma, out.reaction)
+    for k in range(m):
+        gamma[k] = dt * gamma[k]
+        if rate is None:
+            for i in range(n):
+                gamma[k] = gamma[k] + N[k, i] * v[i]
+    felt(bodies, L, N, G)
+    for k in range(m):
+        h.scale[k] = G[k, k]
+    share(constraints, h.scale)
+    for k in range(m):
+        h.stiffness[k] = h.scale[k]
+    factor_dropping(G, h.scale, DEPENDENT * (n + m) * EPS, h.kept)
+
+    whole, lost, rank = 0.0, 0.0, 0.0
+    for i in range(n):
+        whole = whole + w[i] * w[i] * L[i, i]
+    for k in range(m):
+        gamma[k] = -gamma[k]
+        for i in range(n):
+            gamma[k] = gamma[k] - N[k, i] * w[i]
+    solve_forward(G, gamma)
+    for k in range(m):
+        square = gamma[k] * gamma[k]
+        whole = whole + square * G[k, k]
+        lost = lost + (1.0 - h.kept[k]) * quotient(square, h.scale[k])
+        rank = rank + h.kept[k]
+    out.missed[0], out.missed[1] = sqrt(quotient(lost, lost + whole)), rank
+    solve_backward(G, gamma, out.reaction)
+    for i in range(n):
+        for k in range(m):
+            w[i] = w[i] + N[k, i] * out.reaction[k] * (1.0 / L[i, i])
+    for l in range(len(s.Z)):
+        for k in range(m):
+            gamma[k] = 0.0
+            for i in range(n):
+                gamma[k] = gamma[k] - N[k, i] * s.Z[l, i]
+        solve_forward(G, gamma)
+        solve_backward(G, gamma, h.P[l])
+        for i in range(n):
+            taken = 0.0
+            for k in range(m):
+                taken = taken + N[k, i] * h.P[l, k]
+            s.Z[l, i] = s.Z[l, i] + taken * (1.0 / L[i, i])
+
+
+@inline
+def meet(
+    bodies: Bodies, work: Work, q: Config, v: Vector, dt: Number, constraints: Record, out: ImpulseResult,
+    s: Impulses, h: HeldScratch,
+) -> None:  # fmt: skip
+    """Let v⁺ meet J v⁺ = 0 where the step ends, with q projected, and not only J v⁺ + h J̇ v = 0 where it begins.
+
+    The two differ by the order of h² in smooth motion and of h in an impact; what is left here is one order less. The
+    last sweeps follow, in which points and dry joints answer to the change. w, in ``after``, and reaction are written.
+    """
+    n, m, w, gamma, way, back = len(bodies) - 1, len(h.gamma), out.after, h.gamma, h.ways[0], h.ways[1]
+    for i in range(n):
+        way[i] = w[i]
+    solve_outward(bodies, s.L, way)
+    for i in range(n):
+        way[i] = dt * (v[i] + way[i])
+    integrate(bodies, q, way, h.ends[0])
+    place_rows(bodies, work, h.ends[0])
+    write_error(bodies, work, constraints, h.ends[0], gamma)
+    for i in range(n):
+        back[i] = 0.0
+    push_back(s.L, h, back)
+    solve_outward(bodies, s.L, back)
+    integrate(bodies, h.ends[0], back, h.ends[1])
+    place_rows(bodies, work, h.ends[1])
+    write_jacobian(bodies, work, constraints, h.J)
+    for k in range(m):
+        gamma[k] = 0.0
+        for i in range(n):
+            gamma[k] = gamma[k] + h.J[k, i] * (way[i] / dt)
+    push_back(s.L, h, w)
+    for k in range(m):
+        out.reaction[k] = out.reaction[k] + h.scale[k]
+
+
+@inline
+def push_back(L: Matrix, h: HeldScratch, w: Vector) -> None:
+    """Take gamma (nc) out of the constraints' velocities, in w, by impulses, written in scale."""
+    for k in range(len(h.gamma)):
+        h.gamma[k] = -h.gamma[k]
+    solve_forward(h.G, h.gamma)
+    solve_backward(h.G, h.gamma, h.scale)
+    for i in range(len(w)):
+        for k in range(len(h.gamma)):
+            w[i] = w[i] + h.N[k, i] * h.scale[k] * (1.0 / L[i, i])
+
+
+# --- after them -----------------------------------------------------------------------------------------
+
+
+@inline
+def settle(q: Config, dt: Number, contact: Contact, w: Vector, s: Impulses) -> None:
+    """Sweeps that answer to what ``meet`` changes."""
+    s.left[0] = residual(q, dt, contact, w, s) - contact.contacts[0].tolerance
+    for _ in repeat(SWEEPS_AGAIN, s.left, s.force, w):
+        if settled(s.left[0]):
+            break
+        sweep(q, dt, contact, True, w, s)
+        s.left[0] = residual(q, dt, contact, w, s) - contact.contacts[0].tolerance
+
+
+@inline
+def write_laws(q: Config, dt: Number, contact: Contact, out: ImpulseResult, s: Impulses) -> None:
+    """What a step makes of points and joints: impulses, stops, dry friction, residuals, energy, which joints rest."""
+    contacts, w, force, Y, level = contact.contacts, out.after, s.total, s.Y, s.level
+    points = contacts[0].np
+    for p in range(points):
+        write_point(contacts, contact.heights, contact.mu[p], s.B[p], w, p, out, s)
+    for j in range(contacts[0].nl + contacts[0].nd):
+        k, c = 3 * points + j, contacts[1 + points + j]
+        alone, u = s.own[k], velocity(Y, s.b, w, k)
+        wanted, s.rests[j], _ = joint_law(c, q, dt, u - alone * force[k], alone * level[j])
+        out.residual[points + j] = magnitude(u - wanted)
+        rubs, least = within(force[k], level[j]), SLOW * alone * level[j]
+        rubs = select(u - least, -level[j], select(-least - u, level[j], rubs))  # of a joint that moves, against that
+        s.rests[j] = select(least - magnitude(u), 1.0, s.rests[j])
+        out.friction[c.row - 1] = rubs / dt
+        if j < contacts[0].nl:
+            out.stop[j] = force[k] - rubs
+            out.energy[points + j] = work_of_row(Y, s.before, w, k, out.stop[j])
+
+
+@inline
+def within(x: Scalar, most: Scalar) -> Scalar:
+    """x, or the nearer of ±most."""
+    return select(x - most, most, select(-most - x, -most, x))
+
+
+FRICTION = Argument("friction", ("nv",), "N m | N", "dry friction torques")
+AFTER = Argument("v", ("nv",), "rad/s | m/s", "after the step")
+RESIDUAL = Argument("residual", ("np+nl+nd",), "m/s | rad/s", "by how much each point and joint misses its law")
+REACTION = Argument("reaction", ("nc",), "N s | N m s", "of each equation, on frame a, in b's axes")
+START = Argument("impulses_before", (ROWS,), "", "impulses of rows in the step before", start=0.0)
+MISSED = Argument("missed", (2,), "1", "of equations that depend on others, and how many are independent")
+ALL = ("heights", "friction", "bristles", "constraints", "rate", "fext", "start")
+OVER, RUBS, BENDS, HOLDS, STEADIES, PUSHED, WARM = ALL
+
+
+@cache
+def impulse_step_spec(has: frozenset[str]) -> Spec:
+    """The Spec of a step with some of ALL; bristles beside friction, a rate beside constraints."""
+
+    def given(what: str, x: Record) -> Record:
+        return x if what in has else None
+
+    warm = WARM in has
+    rubs = given(BENDS, BRISTLE_LAW) if BENDS in has else given(RUBS, LAW)
+    ground = Contact(CONTACTS_ARGUMENT, given(OVER, HEIGHTS_ARGUMENT), MU, RESTITUTION, START if warm else None)
+    inputs = (
+        Q, V, given(BENDS, BRISTLES), TAU, given(PUSHED, FEXT), DT, ground, rubs,
+        given(HOLDS, CONSTRAINTS_ARGUMENT), given(STEADIES, replace(RATE, optional=False)),
+    )  # fmt: skip
+    parts = ImpulseResult(
+        AFTER, IMPULSE, GAP, STOP, RESIDUAL, ENERGY, FRICTION,
+        Argument("bristles", ("nv" if BENDS in has else 0,), "rad | m", "after the step"),
+        replace(REACTION, shape=("nc" if HOLDS in has else 0,)), replace(MISSED, shape=(2 if HOLDS in has else 0,)),
+        Argument(f"{START.name}_after", (ROWS if warm else 0,), "", "impulses of rows"),
+    )  # fmt: skip
+    width = "+".join(str(x) for part in parts for x in part.shape if x)
+    return Spec(
+        "_".join(["impulse_step", *(x for x in ALL if x in has)]), impulse_step, WORK, inputs,
+        Argument("result", (width,), "", ", ".join(x.name for x in parts)),
+        "A step of the velocities under contact, limits, dry friction and constraints.",
+        "see ``recursions.contact.impulse_step``", pivots=True, regroup=True, composed=True,
+        scratch=(Impulses(), HeldScratch() if HOLDS in has else None),
+        parts=parts,
+    )  # fmt: skip

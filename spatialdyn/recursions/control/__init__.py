@@ -1,0 +1,1 @@
+"""Laws, observers and paths of control, and inverse kinematics."""

@@ -1,0 +1,1 @@
+"""Configurations as elements of a Lie group: integrate, difference, and their derivatives."""

@@ -1,0 +1,1 @@
+"""Derivatives of dynamics, motion and steps."""

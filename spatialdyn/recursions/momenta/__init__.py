@@ -1,0 +1,1 @@
+"""Energy, momentum, Coriolis matrices and Hamilton's equations."""

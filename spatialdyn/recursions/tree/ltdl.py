@@ -1,0 +1,97 @@
+"""Forward dynamics through the mass matrix, M = LᵀD L with the zeros of the tree: M by CRBA, the bias by RNEA."""
+
+from __future__ import annotations
+
+from ...algebra.euclidean import Vec
+from ...algebra.records import table_dtype
+from ...algebra.scalars import inline
+from ...algebra.spatial import Force, Inertia, Pose
+from ..signatures import Bodies, Config, Matrix, Vector, Work
+from ..spec import FEXT_OPTIONAL, TAU, TURNED_Q, A, Spec, V
+from .aba import acceleration_through_M
+from .crba import crba
+from .rnea import rnea
+
+WORK = table_dtype(
+    X=Pose,  # of crba, then of rnea
+    Ic=Inertia,  # of crba
+    w=Vec,  # of rnea, as are the fields that follow
+    dw=Vec,
+    dv=Vec,
+    f=Force,
+)
+
+
+@inline
+def crba_solve(
+    bodies: Bodies, work: Work, q: Config, v: Vector, tau: Vector, fext: Matrix, a: Vector, pivots: Vector, M: Matrix
+) -> None:
+    """a = M⁻¹ (τ - bias); fext may be None, for zero.
+
+    M  (nv, nv), written: D on its diagonal and L below
+    """
+    crba(bodies, work, q, M)
+    factor_tree(bodies, M)
+    rnea(bodies, work, q, v, None, fext, a)
+    for i in range(len(bodies) - 1):
+        pivots[i] = M[i, i]
+        a[i] = tau[i] - a[i]
+    solve_tree(bodies, M, a)
+
+
+@inline
+def factor_tree(bodies: Bodies, M: Matrix) -> None:
+    """M = LᵀD L, written in place in the lower triangle, L of unit diagonal (not stored). M_ij and L_ij are 0 unless
+    row j carries row i, so only the rows on the way to the root are walked.
+    """
+    for k in range(len(bodies) - 1, 0, -1):
+        d = 1.0 / M[k - 1, k - 1]
+        i = bodies[k].parent
+        while i > 0:
+            L = M[k - 1, i - 1] * d
+            j = i
+            while j > 0:
+                M[i - 1, j - 1] = M[i - 1, j - 1] - L * M[k - 1, j - 1]
+                j = bodies[j].parent
+            M[k - 1, i - 1] = L
+            i = bodies[i].parent
+
+
+@inline
+def solve_tree(bodies: Bodies, L: Matrix, x: Vector) -> None:
+    """x = (LᵀD L)⁻¹ x in place."""
+    solve_inward(bodies, L, x)
+    for i in range(len(bodies) - 1):
+        x[i] = x[i] / L[i, i]
+    solve_outward(bodies, L, x)
+
+
+@inline
+def solve_inward(bodies: Bodies, L: Matrix, x: Vector) -> None:
+    """x = L⁻ᵀ x in place."""
+    for i in range(len(bodies) - 1, 0, -1):
+        j = bodies[i].parent
+        while j > 0:
+            x[j - 1] = x[j - 1] - L[i - 1, j - 1] * x[i - 1]
+            j = bodies[j].parent
+
+
+@inline
+def solve_outward(bodies: Bodies, L: Matrix, x: Vector) -> None:
+    """x = L⁻¹ x in place."""
+    for i in range(1, len(bodies)):
+        j = bodies[i].parent
+        while j > 0:
+            x[i - 1] = x[i - 1] - L[i - 1, j - 1] * x[j - 1]
+            j = bodies[j].parent
+
+
+SPECS = (
+    Spec(
+        "crba_solve", crba_solve, WORK, (TURNED_Q, V, TAU, FEXT_OPTIONAL), A,
+        "Forward dynamics a = M(q)⁻¹ (tau - C(q, v) v - g(q) + Σ Jᵀ fext) through the mass matrix, factored as sparse "
+        "as the tree.",
+        "Featherstone, RBDA (2008), chapter 6: CRBA, and the factorization LᵀD L.", pivots=True, regroup=True,
+        scratch=(("nv", "nv"),), through_M=acceleration_through_M, residual=("rnea", "minverse"),
+    ),
+)  # fmt: skip

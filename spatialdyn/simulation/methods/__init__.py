@@ -1,0 +1,1 @@
+"""The integration methods: what each is, its steps and their kernels."""

@@ -1,0 +1,128 @@
+"""SciPy's DOP853 and Radau, of adaptive step: the state is (q, v), with quaternions as four coordinates.
+
+Quaternions and (cos, sin) pairs are normalised in the right-hand side and in the recorded samples; in between the
+tolerances keep their norm. Held torques jump between steps, so SciPy restarts at each step of the torque.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...algebra.euclidean import rotate
+from ...algebra.lie import Quat, matrix, product
+from ...algebra.scalars import cos, inline, sin
+from ...bodies.kinds import CONTINUED, LENGTHS, PLANAR, SE2, SE3, SO2, SO3
+from ...calls.dynamics import calls
+from ...engines.compiled import numba_kernels
+from ...engines.compiled.table_kernels import kernel
+from ...errors import ConstraintError, NonFiniteError, SimulationError, SpatialDynError, pip_install
+from ...recursions.coordinates.configuration import twist
+from ..recorder import Recorder
+from ..system import joint_table
+from ..torques import Torque
+
+Array = NDArray[np.float64]
+
+
+def run_adaptive(
+    recorder: Recorder, q: Array, v: Array, torque: Torque, report: Callable[[int, int], None],
+    tolerances: tuple[float, float],
+    acts: Callable[[int, float, Array, Array, Array, Array], tuple[Array, Array]], jumps: bool = False,
+) -> None:  # fmt: skip
+    """Integrate and record; ``acts`` gives the acceleration, and the rates of the states carried.
+
+    jumps  whether other inputs than held torques jump between steps
+
+    Raises SimulationError if SciPy's method fails, SpatialDynError if SciPy is missing."""
+    try:
+        from scipy import integrate
+    except ImportError as error:
+        raise SpatialDynError(f"SciPy is not installed; {pip_install('simulation')}") from error
+    solver = {"dop853": integrate.DOP853, "radau": integrate.Radau}[recorder.method.name]
+    model, steps = recorder.model, recorder.steps
+    nq, own, y = model.nq, model.nq + model.nv, np.concatenate([q, v, recorder.own])
+    rate, table = kernel(coordinate_rate, 1, 1, 1), joint_table(model)
+    dq = np.empty(nq)
+
+    def slope(step: int) -> Callable[[float, Array], Array]:
+        def at(t: float, y: Array) -> Array:
+            try:
+                q, v = calls["normalize"](model, y[:nq]), y[nq:own].copy()
+                a, rates = acts(step, t, q, v, y[own:], torque.at(step, t, q, v))
+            except NonFiniteError as error:
+                raise SimulationError(f"the state is not finite at t = {t:.9g} s: {error}") from error
+            except ConstraintError as error:
+                raise SimulationError(f"at t = {t:.9g} s: {error}") from error
+            rate(getattr(table, numba_kernels.TABLE), q, v, dq)
+            return np.concatenate([dq, a, rates])
+
+        return at
+
+    ends = range(1, steps.total + 1) if len(torque.held) > 1 or jumps else [steps.total] * (steps.total > 0)
+    first = 0
+    for end in ends:
+        run = solver(slope(first), steps.time(first), y, steps.time(end), rtol=tolerances[0], atol=tolerances[1])
+        while run.status == "running":
+            reached = run.t, run.y.copy()
+            try:
+                problem = run.step()
+            except KeyboardInterrupt:
+                at, (q, v) = reached[0], (calls["normalize"](model, reached[1][:nq]), reached[1][nq:own])
+                recorder.own[:] = reached[1][own:]
+                recorder.end(at, q, v, torque.unasked(min(int(at / steps.dt), end)))
+                raise
+            if run.status == "failed":
+                raise SimulationError(f"{recorder.method.name} fails at t = {run.t:.9g} s: {problem}")
+            _record(recorder, run, torque, end)
+            report(int(recorder.at[0]), steps.total)
+        y, first = run.y, end
+
+
+def _record(recorder: Recorder, run: Any, torque: Torque, end: int) -> None:
+    """Record the samples within SciPy's last step, from its dense output."""
+    steps, model = recorder.steps, recorder.model
+    recorder.at[0] = end if run.status == "finished" else min(int(run.t / steps.dt), end)
+    last = steps.time(end) if run.status == "finished" else run.t
+    within = None
+    while recorder.at[1] < len(recorder.t) and (t := recorder.t[recorder.at[1]]) <= last:
+        within = within or run.dense_output()
+        y = within(t)
+        q, v = calls["normalize"](model, y[: model.nq]), y[model.nq : model.nq + model.nv].copy()
+        recorder.own[:] = y[model.nq + model.nv :]
+        recorder.put(q, v, torque.at(int(recorder.kept[recorder.at[1]]), t, q, v))
+
+
+@inline
+def coordinate_rate(bodies: Any, q: Any, v: Any, dq: Any) -> int:
+    """dq (nq) = dq/dt of joints that move with v."""
+    for i in range(1, len(bodies)):
+        b = bodies[i]
+        k = b.q_index
+        if b.kind == CONTINUED:
+            continue
+        m = twist(b, i - 1, v)
+        if b.kind in SO2:
+            dq[k], dq[k + 1] = -q[k + 1] * m.w.z, q[k] * m.w.z
+        elif b.kind in SO3 or b.kind in SE3:
+            k += LENGTHS[b.kind]
+            a = Quat(q[k], q[k + 1], q[k + 2], q[k + 3])
+            e = product(a, Quat(0.5 * m.w.x, 0.5 * m.w.y, 0.5 * m.w.z, 0.0))
+            dq[k], dq[k + 1], dq[k + 2], dq[k + 3] = e.x, e.y, e.z, e.w
+            if b.kind in SE3:
+                u = rotate(matrix(a), m.v)
+                dq[k - 3], dq[k - 2], dq[k - 1] = u.x, u.y, u.z
+        elif b.kind in SE2:
+            if b.kind == PLANAR:
+                c, s = cos(q[k + 2]), sin(q[k + 2])
+                dq[k + 2] = m.w.z
+            else:
+                c, s = q[k + 2], q[k + 3]
+                dq[k + 2], dq[k + 3] = -s * m.w.z, c * m.w.z
+            dq[k], dq[k + 1] = c * m.v.x - s * m.v.y, s * m.v.x + c * m.v.y
+        else:
+            dq[k] = m.w.z
+    return 0

@@ -1,0 +1,214 @@
+"""Canonical coordinates (x, π) of a robot whose velocities v are not q̇.
+
+The momenta p = M v belong to the velocities v, and where these are twists in a body's frame (spherical, floating and
+planar joints) the symplectic form Ω in (q, p) is not the standard one: with θ the forms dual to the v it is
+Ω = Σ θ_i ∧ dp_i - p_i dθ_i, which pairs X_i with X_j to p_m c^m_ij, and {p_i, p_j} = -c^m_ij p_m with c the structure
+constants of the joint's group, [X_i, X_j] = c^m_ij X_m. A method that is symplectic in linear coordinates is so for a
+robot only in coordinates with Ω = Σ dx_i ∧ dπ_i. Per joint
+
+one freedom  x = q, or the angle of a (cos, sin) pair         π = p
+rotation     R = centre exp(x),  ω = B(x) ẋ                    π = Bᵀ p,  π̇ = Bᵀ ṗ + Ḃᵀ p
+floating     the position in the world and the rotation;       π = R p_lin and as above,  π̇ = R (ṗ_lin + ω × p_lin)
+planar       the position in the plane's fixed axes and the angle; likewise
+
+with B the right Jacobian of the exponential. ṗ = Cᵀ v + τ - g is the true rate of p; the rest is the chain rule.
+
+The map from (q, p) to (x, π) must not depend on the state continuously: a new chart at every step, centred where the
+step begins, breaks symplecticity. A centre is one of the 24 Hurwitz quaternions, the nearest of which is within 90° of
+any rotation; a chart keeps its centre until the rotation is more than FAR from it.
+
+A row of ``z`` holds x (nv), then π (nv). Derived here from the definitions.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ...algebra.euclidean import Mat3, Vec, add, cross, dot, rotate, scale, unrotate, zero
+from ...algebra.lie import (
+    Quat,
+    conjugate,
+    exp_jacobian,
+    exp_rotation,
+    log_factors,
+    log_rotation,
+    matrix,
+    mixed,
+    product,
+    unit,
+)
+from ...algebra.public_arrays import read_quat, read_vec, write_quat, write_vec
+from ...algebra.scalars import atan2, cos, inline, sin
+from ...algebra.spatial import Motion
+from ...bodies.kinds import CONTINUED, LENGTHS, PLANAR, SE2, SE3, SO2, SO3
+
+FAR = 4.84  # 2.2² [rad²]: well beyond the 90° of a new chart, well before 2π, where exp is singular
+OK, MOVED = 0, 1
+
+
+@inline
+def to_canonical(bodies: Any, centres: Any, q: Any, p: Any, z: Any) -> int:
+    """z of the state (q, p) in the charts of the nearest centres, which are written too."""
+    n = len(bodies) - 1
+    for i in range(1, len(bodies)):
+        b = bodies[i]
+        r, k = i - 1, b.q_index
+        if b.kind == CONTINUED:
+            continue
+        if b.kind in SO3:
+            _rotation_to_canonical(centres, i, read_quat(q, k), p, r, z, r, n)
+        elif b.kind in SE3:
+            a = read_quat(q, k + 3)
+            write_vec(z, read_vec(q, k), r)
+            write_vec(z, rotate(matrix(a), read_vec(p, r)), n + r)
+            _rotation_to_canonical(centres, i, a, p, r + 3, z, r + 3, n)
+        elif b.kind in SE2:
+            angle = q[k + 2] if b.kind == PLANAR else atan2(q[k + 3], q[k + 2])
+            f = rotate(_about_normal(angle), Vec(p[r], p[r + 1], 0.0))
+            z[r], z[r + 1], z[r + 2] = q[k], q[k + 1], angle
+            z[n + r], z[n + r + 1], z[n + r + 2] = f.x, f.y, p[r + 2]
+        else:
+            z[r] = atan2(q[k + 1], q[k]) if b.kind in SO2 else q[k]
+            z[n + r] = p[r]
+    return OK
+
+
+@inline
+def from_canonical(bodies: Any, centres: Any, z: Any, q: Any, p: Any) -> int:
+    """The state (q, p) of z."""
+    n = len(bodies) - 1
+    for i in range(1, len(bodies)):
+        b = bodies[i]
+        r, k = i - 1, b.q_index
+        if b.kind == CONTINUED:
+            continue
+        if b.kind in SO3:
+            write_quat(q, unit(product(read_quat(centres[i]), exp_rotation(read_vec(z, r)))), k)
+            write_vec(p, unrotate(_inverse(read_vec(z, r)), read_vec(z, n + r)), r)
+        elif b.kind in SE3:
+            a = unit(product(read_quat(centres[i]), exp_rotation(read_vec(z, r + 3))))
+            write_vec(q, read_vec(z, r), k)
+            write_quat(q, a, k + 3)
+            write_vec(p, unrotate(matrix(a), read_vec(z, n + r)), r)
+            write_vec(p, unrotate(_inverse(read_vec(z, r + 3)), read_vec(z, n + r + 3)), r + 3)
+        elif b.kind in SE2:
+            angle = z[r + 2]
+            f = unrotate(_about_normal(angle), Vec(z[n + r], z[n + r + 1], 0.0))
+            q[k], q[k + 1] = z[r], z[r + 1]
+            p[r], p[r + 1], p[r + 2] = f.x, f.y, z[n + r + 2]
+            if b.kind == PLANAR:
+                q[k + 2] = angle
+            else:
+                q[k + 2], q[k + 3] = cos(angle), sin(angle)
+        else:
+            if b.kind in SO2:
+                q[k], q[k + 1] = cos(z[r]), sin(z[r])
+            else:
+                q[k] = z[r]
+            p[r] = z[n + r]
+    return OK
+
+
+@inline
+def chart_rate(bodies: Any, centres: Any, z: Any, p: Any, v: Any, dp: Any, dz: Any) -> int:
+    """ż of joint velocities v and momentum rates dp."""
+    n = len(bodies) - 1
+    for i in range(1, len(bodies)):
+        b = bodies[i]
+        r = i - 1
+        if b.kind == CONTINUED:
+            continue
+        if b.kind in SO3:
+            _rotation_rate(z, p, v, dp, r, dz, n)
+        elif b.kind in SE3:
+            R = matrix(product(read_quat(centres[i]), exp_rotation(read_vec(z, r + 3))))
+            write_vec(dz, rotate(R, read_vec(v, r)), r)
+            write_vec(dz, rotate(R, add(read_vec(dp, r), cross(read_vec(v, r + 3), read_vec(p, r)))), n + r)
+            _rotation_rate(z, p, v, dp, r + 3, dz, n)
+        elif b.kind in SE2:
+            R = _about_normal(z[r + 2])
+            w = v[r + 2]
+            u = rotate(R, Vec(v[r], v[r + 1], 0.0))
+            f = rotate(R, Vec(dp[r] - w * p[r + 1], dp[r + 1] + w * p[r], 0.0))
+            dz[r], dz[r + 1], dz[r + 2] = u.x, u.y, w
+            dz[n + r], dz[n + r + 1], dz[n + r + 2] = f.x, f.y, dp[r + 2]
+        else:
+            dz[r] = v[r]
+            dz[n + r] = dp[r]
+    return OK
+
+
+@inline
+def recenter(bodies: Any, centres: Any, z: Any, p: Any) -> int:
+    """Change to the nearest centre each rotation that is FAR from its own; returns MOVED if any was. p is scratch."""
+    n = len(bodies) - 1
+    status = OK
+    for i in range(1, len(bodies)):
+        kind = bodies[i].kind
+        if kind in SO3 or kind in SE3:
+            r = i - 1 + LENGTHS[kind]
+            x = read_vec(z, r)
+            if dot(x, x) > FAR:
+                a = unit(product(read_quat(centres[i]), exp_rotation(x)))
+                write_vec(p, unrotate(_inverse(x), read_vec(z, n + r)), r)
+                _rotation_to_canonical(centres, i, a, p, r, z, r, n)
+                status = MOVED
+    return status
+
+
+# --- one rotation ---------------------------------------------------------------------------------------
+
+
+@inline
+def _rotation_to_canonical(centres: Any, i: int, a: Quat, p: Any, at: int, z: Any, r: int, n: int) -> None:
+    """Chart of rotation a with momentum p[at:at+3] in the body's frame."""
+    c = nearest(a)
+    write_quat(centres[i], c)
+    x = log_rotation(product(conjugate(c), a))
+    write_vec(z, x, r)
+    write_vec(z, unrotate(exp_jacobian(Motion(x, zero())).J, read_vec(p, at)), n + r)
+
+
+@inline
+def _rotation_rate(z: Any, p: Any, v: Any, dp: Any, r: int, dz: Any, n: int) -> None:
+    """ẋ = B⁻¹ ω and π̇ = Bᵀ ṗ + Ḃᵀ p."""
+    x = read_vec(z, r)
+    rate = rotate(_inverse(x), read_vec(v, r))
+    B = exp_jacobian(Motion(x, rate))
+    write_vec(dz, rate, r)
+    write_vec(dz, add(unrotate(B.J, read_vec(dp, r)), unrotate(B.K, read_vec(p, r))), n + r)
+
+
+@inline
+def nearest(a: Quat) -> Quat:
+    """The Hurwitz unit nearest to a unit quaternion: ±1, ±i, ±j, ±k or (±1 ±i ±j ±k)/2; any of several equally near."""
+    x, y, z, w = abs(a.x), abs(a.y), abs(a.z), abs(a.w)
+    half = 0.5 * (x + y + z + w)
+    if half > max(max(x, y), max(z, w)):
+        return Quat(_signed(0.5, a.x), _signed(0.5, a.y), _signed(0.5, a.z), _signed(0.5, a.w))
+    if x >= y and x >= z and x >= w:
+        return Quat(_signed(1.0, a.x), 0.0, 0.0, 0.0)
+    if y >= z and y >= w:
+        return Quat(0.0, _signed(1.0, a.y), 0.0, 0.0)
+    if z >= w:
+        return Quat(0.0, 0.0, _signed(1.0, a.z), 0.0)
+    return Quat(0.0, 0.0, 0.0, _signed(1.0, a.w))
+
+
+@inline
+def _signed(size: float, like: float) -> float:
+    return size if like >= 0.0 else -size
+
+
+@inline
+def _inverse(x: Vec) -> Mat3:
+    """B⁻¹ at x, |x| < 2π."""
+    u, beta = log_factors(dot(x, x))
+    return mixed(u, scale(0.5, x), x, scale(0.5 * beta, x))
+
+
+@inline
+def _about_normal(angle: float) -> Mat3:
+    """The rotation of a planar joint."""
+    c, s = cos(angle), sin(angle)
+    return Mat3(c, -s, 0.0, s, c, 0.0, 0.0, 0.0, 1.0)

@@ -1,0 +1,352 @@
+"""Derivatives of a step of the implicit methods, by the implicit function theorem at its solution.
+
+A step of ``symplectic`` takes z = (x, π) to z⁺, by stages whose slopes ż have derivatives F by z and G by τ there: the
+same equations, linear in the derivatives, are solved instead of iterated. Before and after it (δq, δv) is taken to
+(δq, δp) by p = M v, and to δz by ``chart_rate``, which is linear in v and ṗ: it is the tangent map of the charts.
+
+A step of ``variational`` solves p⁻(q, ξ, τ) = p for ξ, and then q⁺ = q ∘ exp(ξ) and p⁺ = p⁺(q, ξ, τ).
+
+F, G and the derivatives of p⁻, p⁺, M v and M⁻¹ p are those of programs along unit directions, which are lanes of one
+batch: one for each freedom of each sample. The step itself is solved by the method's own compiled loop.
+
+Source: Hairer, Lubich, Wanner, Geometric Numerical Integration (2006), VI.4, for derivatives of symplectic methods.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...algebra.euclidean import Vec
+from ...algebra.records import table_dtype
+from ...algebra.scalars import inline
+from ...algebra.spatial import Force, Motion, Pose
+from ...calls.dynamics import calls
+from ...calls.failures import sample_of
+from ...engines.compiled import numba_kernels
+from ...engines.programs.record.recording import ProgramOptions, fits
+from ...engines.programs.run.tiered_program import TieredProgram
+from ...errors import SimulationError
+from ...model.model import Model
+from ...recursions import SPECS
+from ...recursions.coordinates.configuration import integrate
+from ...recursions.momenta.hamilton import WORK as WORK_FIELD
+from ...recursions.momenta.hamilton import hamilton_rows, momentum_rate
+from ...recursions.spec import FEXT_OPTIONAL, TAU, Argument, Q, Spec
+from ..compiled_loop import compile_loop, drive
+from ..fixed_steps import failure_message
+from ..system import State, System, held_torque, joint_table, units
+from .canonical_coordinates import chart_rate, from_canonical
+from .methods import DISCRETE, Method
+from .mimic_kernels import mimic_kernels
+from .symplectic import GAUSS2, GAUSS4, GAUSS6, Tableau
+from .variational import momenta_after, sum_before
+
+Array = NDArray[Any]
+TABLEAUX = {"implicit_midpoint": GAUSS2, "gauss4": GAUSS4, "gauss6": GAUSS6}
+
+Z = Argument("z", ("nv+nv",), "", "canonical coordinates")
+CENTRES = Argument("centres", ("nv+1", 6), "1", "centres of the charts")
+XI = Argument("xi", ("nv",), "rad | m", "displacement of the joints in a step")
+DT = Argument("dt", (1,), "s", "step")
+WORK_MOMENTA = table_dtype(X=Pose, x=float, y=float, z=float, w=float, d=Vec, p=Force, v=Motion, g=Vec, f=Force)
+
+
+class Solved(NamedTuple):
+    """Solved steps of n samples.
+
+    q, p, v  (n, ...)  the states after them
+    z        (n, 2 nv)  before, after; of canonical methods
+    work     (n, rows, 2 nv or nv)  what the method has left in its scratch
+    centres  (n, nv + 1, 6)
+    """
+
+    q: Array
+    p: Array
+    v: Array
+    z: tuple[Array, Array]
+    work: Array
+    centres: Array
+
+
+# --- what programs are made of --------------------------------------------------------------------------
+
+
+@inline
+def canonical_slope(
+    bodies: Any, work: Any, z: Any, tau: Any, fext: Any, centres: Any, dz: Any, q: Any, p: Any, rates: Any, pivots: Any
+) -> None:
+    """ż at z; fext may be None, for zero."""
+    from_canonical(bodies, centres, z, q, p)
+    hamilton_rows(bodies, work, q, p, tau, fext, rates, pivots)
+    chart_rate(bodies, centres, z, p, rates[0], rates[1], dz)
+
+
+@inline
+def chart_map(bodies: Any, z: Any, v: Any, dp: Any, centres: Any, dz: Any, q: Any, p: Any) -> None:
+    """δz of (δq, δp) at z."""
+    from_canonical(bodies, centres, z, q, p)
+    chart_rate(bodies, centres, z, p, v, dp, dz)
+
+
+@inline
+def momenta_at_both_ends(
+    bodies: Any, work: Any, q: Any, xi: Any, tau: Any, fext: Any, dt: Any, out: Any, q1: Any, moved: Any, force: Any,
+    still: Any,
+) -> None:  # fmt: skip
+    """p⁻ and p⁺ of a step of ``variational``, whose torque is held over it."""
+    h = dt[0]
+    still[:] = 0.0
+    sum_before(bodies, work, q, xi, moved, out[0])
+    momentum_rate(bodies, work, q, still, tau, fext, force)
+    for i in range(len(xi)):
+        out[0, i] = out[0, i] / h - 0.5 * h * force[i]
+    integrate(bodies, q, xi, q1)
+    momenta_after(bodies, work, q1, xi, moved, out[1])
+    momentum_rate(bodies, work, q1, still, tau, fext, force)
+    for i in range(len(xi)):
+        out[1, i] = out[1, i] / h + 0.5 * h * force[i]
+
+
+SLOPE = Spec(
+    "canonical_slope", canonical_slope, WORK_FIELD, (Z, TAU, FEXT_OPTIONAL, CENTRES),
+    Argument("dz", ("nv+nv",), "", "rates of canonical coordinates"), "Hamilton's equations in charts.",
+    "see ``simulation.methods.canonical_coordinates``", scratch=(("nq",), ("nv",), (2, "nv"), ("nv",)), composed=True,
+)  # fmt: skip
+CHARTS = Spec(
+    "chart_map", chart_map, None, (Z, Argument("v", ("nv",), "", ""), Argument("dp", ("nv",), "", ""), CENTRES),
+    Argument("dz", ("nv+nv",), "", "change of canonical coordinates"), "The tangent map of charts.",
+    "see ``simulation.methods.canonical_coordinates``", scratch=(("nq",), ("nv",)), composed=True,
+)  # fmt: skip
+MOMENTA = Spec(
+    "momenta_at_both_ends", momenta_at_both_ends, WORK_MOMENTA, (Q, XI, TAU, FEXT_OPTIONAL, DT),
+    Argument("p", (2, "nv"), "kg m²/s | kg m/s", "momenta before and after the step"),
+    "Discrete Legendre transforms of ``variational``.", "see ``simulation.methods.variational``",
+    scratch=(("nq",), ("nv+1", 6), ("nv",), ("nv",)), composed=True,
+)  # fmt: skip
+
+
+@lru_cache(maxsize=32)
+def _program(model: Model, spec: Spec, derivative: str) -> TieredProgram:
+    return TieredProgram((spec,), model.bodies, model.key, (), ProgramOptions(derivative=derivative))
+
+
+def _run(model: Model, spec: Spec, derivative: str, rows: list[Array]) -> Array:
+    """The last output (n, columns) of a program on rows (n or 1, columns) of its inputs."""
+    made, n = _program(model, spec, derivative), max(map(len, rows))
+    widths = tuple(map(len, made.recording.layout.outputs))
+    out = [np.empty((n, width)) for width in widths]
+    left: Any = np.arange(n)
+    if not numba_kernels.PLAIN and fits((spec,), model.bodies):
+        left = made.batch(n)([np.ascontiguousarray(x) for x in rows], out)
+        left = np.arange(n) if left is None else left
+    if len(left):  # beyond the range of a program's sines, or not finite
+        columns = [c for x in rows for c in np.broadcast_to(x, (n, x.shape[1]))[left].T]
+        program, layout = made.recording
+        found = program.run(columns)
+        for k, place in enumerate(layout.outputs[-1]):
+            out[-1][left, k] = found[place]
+    return out[-1]
+
+
+def _along(model: Model, spec: Spec, inputs: list[Array], tangents: list[Array | int]) -> Array:
+    """Derivatives (n, columns of the output, m) along m directions.
+
+    inputs    (n, columns) each
+    tangents  (n, columns, m) each, or the number of columns of one that is 0
+    """
+    n, m = len(inputs[0]), next(x.shape[2] for x in tangents if not isinstance(x, int))
+    rows = [np.repeat(x, m, axis=0) for x in inputs]
+    for x in tangents:
+        moving = not isinstance(x, int)
+        rows.append(x.transpose(0, 2, 1).reshape((n * m, -1)) if moving else np.zeros((1, x)))  # type: ignore[union-attr]
+    return _run(model, spec, "jvp", rows).reshape((n, m, -1)).transpose(0, 2, 1)
+
+
+# --- the steps ------------------------------------------------------------------------------------------
+
+
+def derivatives(
+    model: Model, method: Method, q: Array, v: Array, p: Array, tau: Array, h: Array, fext: Array | None,
+    batch: tuple[int, ...], samples: NDArray[np.intp],
+) -> Array:  # fmt: skip
+    """(n, 2 nv, 3 nv) of n samples of finite numbers, by q, v and tau.
+
+    p        (n, nv)  momenta
+    h        (n,)
+    fext     (n, njoints, 6)
+    batch    shape of the batch that they are of
+    samples  (n,)  their places in it
+    Raises SimulationError, naming the first sample and how many, for steps that are not solved.
+    """
+    n, nv = len(q), model.nv
+    solved = _solve(model, method, q, p, tau, h, fext, batch, samples)
+    unit = np.broadcast_to(np.eye(3 * nv), (n, 3 * nv, 3 * nv))
+    of_q, of_v, of_tau = unit[:, :nv], unit[:, nv : 2 * nv], unit[:, 2 * nv :]
+    of_p = _along(model, SPECS["momentum"], [q, v], [of_q, of_v])
+    step = _variational if method.family is DISCRETE else _canonical
+    moved, changed = step(model, method, solved, q, tau, h, fext, of_q, of_p, of_tau)
+    back = _along(model, SPECS["velocity_from_momentum"], [solved.q, solved.p], [moved, changed])
+    return np.concatenate([moved, back], axis=1)
+
+
+def _variational(
+    model: Model, method: Method, solved: Solved, q: Array, tau: Array, h: Array, fext: Array | None,
+    of_q: Array, of_p: Array, of_tau: Array,
+) -> tuple[Array, Array]:  # fmt: skip
+    """δq⁺ and δp⁺ (n, nv, 3 nv) of the variational method."""
+    n, nv = len(q), model.nv
+    xi = solved.work[:, 0]
+    spec, forces, still = _with_forces(MOMENTA, fext)
+    unit = np.broadcast_to(np.eye(nv), (n, nv, nv))
+    given = [q, xi, tau, *forces, h[:, None]]
+    by_state = _along(model, spec, given, [of_q, nv, of_tau, *still, 1])
+    by_xi = _along(model, spec, given, [nv, unit, nv, *still, 1])
+    d_xi = np.linalg.solve(by_xi[:, :nv], of_p - by_state[:, :nv])
+    by_q, by_step = np.moveaxis(calls["dintegrate"](model, q, xi), 1, 0)
+    return by_q @ of_q + by_step @ d_xi, by_state[:, nv:] + by_xi[:, nv:] @ d_xi
+
+
+def _canonical(
+    model: Model, method: Method, solved: Solved, q: Array, tau: Array, h: Array, fext: Array | None,
+    of_q: Array, of_p: Array, of_tau: Array,
+) -> tuple[Array, Array]:  # fmt: skip
+    """δq⁺ and δp⁺ (n, nv, 3 nv) of a method in canonical coordinates."""
+    n, nv = len(q), model.nv
+    z0, z1 = solved.z
+    centres = solved.centres[:, : nv + 1].reshape((n, -1))  # rows of joints that mimic others follow
+    spec, forces, still = _with_forces(SLOPE, fext)
+    unit = np.broadcast_to(np.eye(3 * nv), (n, 3 * nv, 3 * nv))
+
+    def slopes(z: Array) -> tuple[Array, Array]:
+        """F and G at z."""
+        found = _along(
+            model, spec, [z, tau, *forces, centres], [unit[:, : 2 * nv], unit[:, 2 * nv :], *still, 6 * nv + 6]
+        )
+        return found[..., : 2 * nv], found[..., 2 * nv :]
+
+    def to_chart(z: Array, moved: Array, changed: Array) -> Array:
+        """δz of (δq, δp)."""
+        m = moved.shape[2]
+        rows = [np.repeat(z, m, axis=0), *(x.transpose(0, 2, 1).reshape((n * m, nv)) for x in (moved, changed))]
+        made = _run(model, CHARTS, "", [*rows, np.repeat(centres, m, axis=0)])
+        return made.reshape((n, m, 2 * nv)).transpose(0, 2, 1)
+
+    start, step = to_chart(z0, of_q, of_p), h[:, None, None]
+    if method.name in TABLEAUX:
+        made = _gauss(TABLEAUX[method.name], solved, slopes, start, of_tau, step)
+    else:
+        made = _partitioned(method.name, solved, slopes, start, of_tau, step)
+    pairs = unit[:, : 2 * nv, : 2 * nv]
+    after: Array = np.linalg.solve(to_chart(z1, pairs[:, :nv], pairs[:, nv:]), made)
+    return after[:, :nv], after[:, nv:]
+
+
+def _gauss(method: Tableau, solved: Solved, slopes: Any, start: Array, of_tau: Array, h: Array) -> Array:
+    """δz⁺ of δL_i = h b_i (F_i (δz + Σ mu_ij δL_j) + G_i δτ), z⁺ = z + Σ L_i."""
+    s, n, size = len(method.b), len(start), start.shape[1]
+    z0, L = solved.z[0], solved.work[:, 7 : 7 + len(method.b)]
+    system = np.broadcast_to(np.eye(s * size), (n, s * size, s * size)).copy()
+    right = np.empty((n, s * size, start.shape[2]))
+    for a in range(s):
+        F, G = slopes(z0 + sum(method.mu[a][b] * L[:, b] for b in range(s)))
+        here = slice(a * size, a * size + size)
+        right[:, here] = h * method.b[a] * (F @ start + G @ of_tau)
+        for b in range(s):
+            system[:, here, b * size : b * size + size] -= h * method.b[a] * method.mu[a][b] * F
+    made: Array = start + np.linalg.solve(system, right).reshape((n, s, size, -1)).sum(axis=1)
+    return made
+
+
+def _partitioned(name: str, solved: Solved, slopes: Any, start: Array, of_tau: Array, h: Array) -> Array:
+    """δz⁺ of symplectic Euler, or of Störmer and Verlet, which is its half step and that of its adjoint."""
+    z0, z1 = solved.z
+    k = z0.shape[1] // 2
+    one = np.eye(k)
+
+    def implicit(F: Array, G: Array, c: Array, x: Array, half: slice, other: slice, base: Array) -> Array:
+        """δy = base + c δẏ for the half of y that it holds, given the other half."""
+        right = base + c * (F[:, half, other] @ x + G[:, half] @ of_tau)
+        made: Array = np.linalg.solve(one - c * F[:, half, half], right)
+        return made
+
+    first, last = slice(0, k), slice(k, 2 * k)
+    if name == "symplectic_euler":
+        F, G = slopes(np.concatenate([z0[:, :k], z1[:, k:]], axis=1))
+        later = implicit(F, G, h, start[:, first], last, first, start[:, last])
+        moved = start[:, first] + h * (F[:, first] @ np.concatenate([start[:, first], later], 1) + G[:, first] @ of_tau)
+        return np.concatenate([moved, later], axis=1)
+    middle, half = solved.work[:, 2, k:], 0.5 * h
+    F, G = slopes(np.concatenate([z0[:, :k], middle], axis=1))
+    between = implicit(F, G, half, start[:, first], last, first, start[:, last])
+    base = start[:, first] + half * (F[:, first] @ np.concatenate([start[:, first], between], 1) + G[:, first] @ of_tau)
+    F, G = slopes(np.concatenate([z1[:, :k], middle], axis=1))
+    moved = implicit(F, G, half, between, first, last, base)
+    changed = between + half * (F[:, last] @ np.concatenate([moved, between], 1) + G[:, last] @ of_tau)
+    return np.concatenate([moved, changed], axis=1)
+
+
+def _with_forces(spec: Spec, fext: Array | None) -> tuple[Spec, list[Array], list[int]]:
+    """The spec with or without external forces, their rows as an input, the columns of their tangent, which is 0."""
+    if fext is None:
+        return numba_kernels.variant(spec, frozenset()), [], []
+    rows = fext.reshape((len(fext), -1))
+    return numba_kernels.variant(spec, frozenset({"fext"})), [rows], [rows.shape[1]]
+
+
+def _solve(
+    model: Model, method: Method, q: Array, p: Array, tau: Array, h: Array, fext: Array | None,
+    batch: tuple[int, ...], samples: NDArray[np.intp],
+) -> Solved:  # fmt: skip
+    """The steps, each as ``simulate`` takes the first one from that state."""
+    family = method.family
+    assert family is not None
+    assert method.advance is not None
+    nv, rows = model.nv, len(model.bodies)
+    status, still = np.zeros(3), np.zeros(nv)
+    own, unit, mimics = joint_table(model), units(model), model.mimic_matrix is not None
+    table = getattr(own, numba_kernels.TABLE)
+    kernels = None if mimics else family.kernels(fext is not None)
+    bare = System(kernels, held_torque, None, table, None, None, unit, still, None, status)
+    found: list[tuple[Array, ...]] = []
+    unsolved: list[tuple[int, str]] = []
+    for k in range(len(q)):
+        forces = np.zeros((0, 6)) if fext is None else np.ascontiguousarray(fext[k])
+        data = (table, tau[k : k + 1].copy(), forces, unit, still, tau[k].copy(), status)
+        scratch = (np.zeros(nv), np.zeros(model.nq), np.zeros((rows, 6)))
+        state = State(q[k].copy(), p[k].copy(), *scratch, np.zeros((family.rows, nv * (1 + family.wide))))
+        status[:] = 0.0
+        step = float(h[k])
+        times = (
+            0,
+            1,
+            1,
+            1,
+            step,
+            step,
+            np.zeros(2, np.int64),
+            np.empty((1, model.nq)),
+            np.empty((1, nv)),
+            np.empty((1, nv)),
+        )
+        system = bare._replace(held=data[1], fext=forces, tau=data[5])
+        if mimics:
+            system = system._replace(kernels=mimic_kernels(model, family, None if fext is None else forces))
+        family.start(system, state)
+        z = state.work[0].copy()
+        if numba_kernels.PLAIN or mimics:
+            with np.errstate(all="ignore"):
+                drive(method.advance, family.observe, system, state, *times)
+        else:
+            compile_loop(method, fext is not None)(*data, *state, *times)
+        if status[0] != 0:
+            unsolved.append((int(samples[k]), failure_message(status, method, model, step, state)))
+        found.append((state.q, state.w, state.v, z, state.work[0], state.work, state.by_row))
+    if unsolved:
+        where = sample_of(unsolved[0][0], len(unsolved), batch)
+        raise SimulationError(f"{where.removeprefix(' in ')}: {unsolved[0][1]}" if where else unsolved[0][1])
+    q1, p1, v1, z0, z1, work, centres = (np.array(x) for x in zip(*found, strict=True))
+    return Solved(q1, p1, v1, (z0, z1), work, centres)
