@@ -214,8 +214,8 @@ _LATE = {  # {module: public names}, imported when one is asked for: half the ti
 }  # fmt: skip
 _MODULE_OF = {name: module for module, names in _LATE.items() for name in names.split()}
 _ROOMS = (
-    "accuracy", "actuation", "constraints", "control", "interop", "lagrangian", "laws", "pictures", "simulation",
-    "sources", "validate",
+    "accuracy", "actuation", "constraints", "control", "interop", "lagrangian", "laws", "pictures", "sources",
+    "simulation", "validate",
 )  # fmt: skip
 
 
