@@ -16,9 +16,10 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 PAGES = Path(__file__).parent / "pages"
-FENCE = re.compile(r"^```(\w+)\n(.*?)^```$\n?(?:\n*^```text\n(.*?)^```$)?", re.MULTILINE | re.DOTALL)
+FENCE = re.compile(r"^```(\w+)\n(.*?)^```$(?:\n+```text\n(.*?)^```$)?", re.MULTILINE | re.DOTALL)
 LOOSELY = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
 COMMAND = "spatialdyn "
+RUN = ("python", "bash")
 
 
 class Block(NamedTuple):
@@ -62,20 +63,28 @@ def run(page: str, names: dict[str, Any] | None = None) -> list[Difference]:
     names = {"__name__": page} if names is None else names
     wrong = []
     for block in blocks(read(page)):
-        with contextlib.redirect_stdout(io.StringIO()) as stream:
-            if block.language == "python":
-                source = "\n" * block.line + block.text  # a traceback has the page's lines
-                exec(compile(source, f"{page}.md", "exec"), names)
-            elif block.language == "bash":
-                _shell(block.text)
-            else:
-                continue
-        printed = stream.getvalue()
-        if block.says is None if printed.strip() else block.says is not None:
-            wrong.append(Difference(block.line, block.says or "", printed))
-        elif block.says is not None and not doctest.OutputChecker().check_output(block.says, printed, LOOSELY):
-            wrong.append(Difference(block.line, block.says, printed))
+        seen = printed(block, page, names)
+        if block.language in RUN and not agree(block.says or "", seen):
+            wrong.append(Difference(block.line, block.says or "", seen))
     return wrong
+
+
+def printed(block: Block, page: str, names: dict[str, Any]) -> str:
+    """Run a block, with the names that those before it defined, and return what it prints."""
+    with contextlib.redirect_stdout(io.StringIO()) as stream:
+        if block.language == "python":
+            source = "\n" * block.line + block.text  # a traceback has the page's lines
+            exec(compile(source, f"{page}.md", "exec", dont_inherit=True), names)
+        elif block.language == "bash":
+            _shell(block.text)
+    return stream.getvalue()
+
+
+def agree(says: str, printed: str) -> bool:
+    """Whether what is printed is what the page says, up to spaces and ``...``."""
+    if not says.strip() or not printed.strip():
+        return not says.strip() and not printed.strip()
+    return doctest.OutputChecker().check_output(says, printed, LOOSELY)
 
 
 def _shell(text: str) -> None:
