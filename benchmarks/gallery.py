@@ -72,7 +72,10 @@ def main() -> None:
             print(name, found["examples"][name], flush=True)
         except subprocess.CalledProcessError as error:
             print(f"{name}: exit status {error.returncode}", file=sys.stderr)
-    found = {"machine": machine(), "examples": {x: found["examples"][x] for x in gallery.names() if x in found["examples"]}}
+    found = {
+        "machine": machine(),
+        "examples": {x: found["examples"][x] for x in gallery.names() if x in found["examples"]},
+    }
     TIMES.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
 
 

@@ -20,6 +20,7 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
+from spatialdyn.commands import cli
 from spatialdyn.docs import blocks
 
 HERE = Path(__file__).parent
@@ -72,8 +73,8 @@ def figures() -> str:
         for robot, calls in results["batch"].items() for call, t in calls.items()
     ]  # fmt: skip
     lines += rows(["robot", "call", "spatialdyn", "2 threads", "float32", "its error", "Pinocchio", "ratio"], body)
-    lines += ["\"anymal, floating\" is `sd.load_urdf(\"anymal\", root=\"floating\")`.", "", "## One call", ""]
-    lines += ["Microseconds from Python; \"in @njit\" is `sd.kernels` in a loop of your own that Numba compiles.", ""]
+    lines += ['"anymal, floating" is `sd.load_urdf("anymal", root="floating")`.', "", "## One call", ""]
+    lines += ['Microseconds from Python; "in @njit" is `sd.kernels` in a loop of your own that Numba compiles.', ""]
     body = [
         [robot, f"`{call}`", *(f"{t[x]:.2f}" for x in ("ours_us", "jitted_us", "pin_us", "ratio"))]
         for robot, calls in results["single"].items() for call, t in calls.items()
@@ -96,7 +97,8 @@ def figures() -> str:
     ]  # fmt: skip
     names = list(next(iter(forward["errors"].values())))[1:]
     body = [
-        [robot, *(f"{e[x]['worst']:.0e}" if x in e else "" for x in names)] for robot, e in forward["errors"].items() if robot in CHAINS
+        [robot, *(f"{e[x]['worst']:.0e}" if x in e else "" for x in names)]
+        for robot, e in forward["errors"].items() if robot in CHAINS
     ]  # fmt: skip
     lines += rows(["robot, worst of the states", *(f"`{x}`" if x != "one ulp" else x for x in names)], body)
     lines += [
@@ -144,10 +146,8 @@ def filled(page: str) -> str:
                 made.append(text[at : found.start()])
                 at = found.end()
                 block = blocks.Block(found[1], found[2], found[3], text.count("\n", 0, found.start()) + 1)
-                printed = blocks.printed(block, page, names)
-                if block.language not in ("python", "bash") or (block.says is None and not printed.strip()):
-                    made.append(found[0])
-                elif block.says is not None and blocks.agree(block.says, printed):
+                printed = blocks.printed(block, page, cli.main, names)
+                if block.language not in blocks.RUN or blocks.agree(block.says or "", printed):
                     made.append(found[0])
                 else:
                     clean = re.sub(r"[ \t]+$", "", printed, flags=re.MULTILINE).strip("\n")

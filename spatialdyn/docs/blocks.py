@@ -11,15 +11,16 @@ import doctest
 import io
 import re
 import shlex
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 PAGES = Path(__file__).parent / "pages"
 FENCE = re.compile(r"^```(\w+)\n(.*?)^```$(?:\n+```text\n(.*?)^```$)?", re.MULTILINE | re.DOTALL)
 LOOSELY = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
-COMMAND = "spatialdyn "
+PROGRAM = "spatialdyn "
 RUN = ("python", "bash")
+Command = Callable[[Sequence[str]], int]
 
 
 class Block(NamedTuple):
@@ -55,28 +56,29 @@ def blocks(text: str) -> Iterator[Block]:
         yield Block(found[1], found[2], found[3], text.count("\n", 0, found.start()) + 1)
 
 
-def run(page: str, names: dict[str, Any] | None = None) -> list[Difference]:
+def run(page: str, command: Command, names: dict[str, Any] | None = None) -> list[Difference]:
     """Run the blocks of a page in order, in the current folder; the differences, none if the page is right.
 
-    names  of the program; what the blocks define is there afterwards
+    command  the main function of the command line
+    names    of the program; what the blocks define is there afterwards
     """
     names = {"__name__": page} if names is None else names
     wrong = []
     for block in blocks(read(page)):
-        seen = printed(block, page, names)
+        seen = printed(block, page, command, names)
         if block.language in RUN and not agree(block.says or "", seen):
             wrong.append(Difference(block.line, block.says or "", seen))
     return wrong
 
 
-def printed(block: Block, page: str, names: dict[str, Any]) -> str:
+def printed(block: Block, page: str, command: Command, names: dict[str, Any]) -> str:
     """Run a block, with the names that those before it defined, and return what it prints."""
     with contextlib.redirect_stdout(io.StringIO()) as stream:
         if block.language == "python":
             source = "\n" * block.line + block.text  # a traceback has the page's lines
             exec(compile(source, f"{page}.md", "exec", dont_inherit=True), names)
         elif block.language == "bash":
-            _shell(block.text)
+            _shell(block.text, command)
     return stream.getvalue()
 
 
@@ -87,11 +89,9 @@ def agree(says: str, printed: str) -> bool:
     return doctest.OutputChecker().check_output(says, printed, LOOSELY)
 
 
-def _shell(text: str) -> None:
-    from importlib import import_module
-
+def _shell(text: str, command: Command) -> None:
     for line in text.splitlines():
-        if line.startswith(COMMAND):
-            status = import_module("spatialdyn.commands.cli").main(shlex.split(line.partition("  #")[0])[1:])
+        if line.startswith(PROGRAM):
+            status = command(shlex.split(line.partition("  #")[0])[1:])
             if status:
                 raise RuntimeError(f"{line} ends with status {status}, expected 0")

@@ -1,4 +1,4 @@
-"""Docstrings as reStructuredText: their tables of arguments as they stand, their examples as code, the rest as prose."""
+"""Docstrings as reStructuredText: tables of arguments as they stand, examples as code, the rest as prose."""
 
 from __future__ import annotations
 
@@ -33,7 +33,9 @@ def escaped(text: str) -> str:
         else:
             before, after = parts[k - 1], parts[k + 1]
             space = "\\ "
-            parts[k] = (space if re.search(r"[\w)]$", before) else "") + part + (space if re.match(r"\w", after) else "")
+            parts[k] = (
+                (space if re.search(r"[\w)]$", before) else "") + part + (space if re.match(r"\w", after) else "")
+            )
     return "".join(parts)
 
 

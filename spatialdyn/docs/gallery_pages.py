@@ -40,13 +40,16 @@ def index() -> str:
     lines = [
         "# Gallery", "",
         "`spatialdyn example NAME` runs one of these programs, `--source` prints it, `--save FILE` writes its picture. "
-        f"Times are processor seconds of the whole process, with compiled code on disk already ({machine['processor']}, "
-        f"{machine['cores']} cores, {machine['system']}, Python {machine['python']}, Numba {machine['numba']}); \"quick\" "
-        "is `--quick`, where an example has that.", "", '<div class="cards">',
+        "Times are processor seconds of the whole process, with compiled code on disk already, on a machine that did "
+        f"other work too ({machine['processor']}, {machine['cores']} cores, {machine['system']}, Python "
+        f"{machine['python']}, Numba {machine['numba']}); \"quick\" is `--quick`, where an example has that.", "",
+        '<div class="cards">',
     ]  # fmt: skip
     for name in gallery.names():
         shown = picture(name)
-        image = f'<img src="../_static/gallery/{shown}" alt="" loading="lazy">' if shown else '<span class="none"></span>'
+        image = (
+            f'<img src="../_static/gallery/{shown}" alt="" loading="lazy">' if shown else '<span class="none"></span>'
+        )
         title = _html(gallery.title(name).rstrip("."))
         lines.append(f'<a class="card" href="{name}.html">{image}<b>{title}</b><small>{seconds(name)}</small></a>')
     lines += ["</div>", "", "```{toctree}", ":hidden:", "", *gallery.names(), "```", ""]
@@ -63,7 +66,14 @@ def page(name: str) -> str:
     if picture(name):
         lines += [f"![what the program draws](../_static/gallery/{name}.png)", ""]
     took = f" It takes {seconds(name)} of processor time with compiled code on disk." if seconds(name) else ""
-    lines += [f"`spatialdyn example {name}` runs it.{took}", "", "```python", inspect.getsource(module).rstrip(), "```", ""]
+    lines += [
+        f"`spatialdyn example {name}` runs it.{took}",
+        "",
+        "```python",
+        inspect.getsource(module).rstrip(),
+        "```",
+        "",
+    ]
     return "\n".join(lines)
 
 
@@ -82,7 +92,9 @@ def _said(text: str) -> Iterator[str]:
 def _plain(text: str) -> str:
     """Prose whose characters mean nothing to Markdown, but for ``literals``."""
     parts = re.split(r"(``.+?``)", text)
-    return "".join(x.replace("``", "`") if k % 2 else re.sub(r"([\\*_`<>\[\]|])", r"\\\1", x) for k, x in enumerate(parts))
+    return "".join(
+        x.replace("``", "`") if k % 2 else re.sub(r"([\\*_`<>\[\]|])", r"\\\1", x) for k, x in enumerate(parts)
+    )
 
 
 def _html(text: str) -> str:

@@ -25,8 +25,8 @@ GROUPS = {
     "robots": Group(
         "Load, build and change robots",
         "From a file, from another library, or without a file; and back to a file.",
-        "load load_urdf from_mjmodel from_pinocchio ModelBuilder Model Frame Joint Rotor Robot assemble to_urdf to_mjcf "
-        "total_mass inertial_parameters",
+        "load load_urdf from_mjmodel from_pinocchio ModelBuilder Model Frame Joint Rotor Robot assemble to_urdf "
+        "to_mjcf total_mass inertial_parameters",
     ),
     "dynamics": Group(
         "Inverse and forward dynamics",
@@ -158,12 +158,19 @@ def index() -> str:
     """The page that lists all groups and names."""
     lines = [
         "API by task", "===========", "",
-        f"The {len(sd.__all__)} public names, as ``sd.NAME`` after ``import spatialdyn as sd``. ``help(sd.NAME)`` prints "
-        "the same text. Each call takes any leading batch shape.", "",
+        f"The {len(sd.__all__)} public names, as ``sd.NAME`` after ``import spatialdyn as sd``. ``help(sd.NAME)`` "
+        "prints the same text. Each call takes any leading batch shape.", "",
         ".. toctree::", "   :hidden:", "", *(f"   {page}" for page in GROUPS),
     ]  # fmt: skip
     for page, group in GROUPS.items():
-        lines += ["", group.title, "-" * (2 * len(group.title)), "", f"{group.about} :doc:`{group.title} <{page}>`.", ""]
+        lines += [
+            "",
+            group.title,
+            "-" * (2 * len(group.title)),
+            "",
+            f"{group.about} :doc:`{group.title} <{page}>`.",
+            "",
+        ]
         lines += _table(groups()[page])
     return "\n".join(lines) + "\n"
 
@@ -205,7 +212,8 @@ def _member(thing: Any, member: str, value: Any) -> Iterator[str]:
     if documented is None or not inspect.getdoc(documented):
         return
     if called:
-        yield f".. py:method:: {member}{parameters(getattr(thing, member)).replace('(self, ', '(').replace('(self)', '()')}"
+        given = parameters(getattr(thing, member)).replace("(self, ", "(").replace("(self)", "()")
+        yield f".. py:method:: {member}{given}"
         if not inspect.isfunction(value):
             yield f"   :{type(value).__name__}:"
     else:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from spatialdyn.commands import cli
 from spatialdyn.docs import blocks
 
 SPAN = re.compile(r"`([^`]+)`")
@@ -20,7 +21,9 @@ CLOSE = 1e-10  # of entries of order 1 to 100; recursions of two libraries diffe
 
 def rows(sheet: str) -> list[tuple[str, list[str], list[str]]]:
     """Task, the other library's code, ours; of several pieces the last is the value."""
-    return [(x.strip(), SPAN.findall(y), SPAN.findall(z)) for x, y, z in ROWS.findall(blocks.read(f"coming_from/{sheet}"))]
+    return [
+        (x.strip(), SPAN.findall(y), SPAN.findall(z)) for x, y, z in ROWS.findall(blocks.read(f"coming_from/{sheet}"))
+    ]
 
 
 def value(code: list[str], names: dict[str, Any]) -> Any:
@@ -33,7 +36,7 @@ def prepared(sheet: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> dic
     """The names that the sheet's blocks define."""
     monkeypatch.chdir(tmp_path)
     names: dict[str, Any] = {"__name__": sheet}
-    assert blocks.run(f"coming_from/{sheet}", names) == []
+    assert blocks.run(f"coming_from/{sheet}", cli.main, names) == []
     return names
 
 
