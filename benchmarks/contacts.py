@@ -177,13 +177,25 @@ def dry_joints(model: sd.Model) -> sd.Friction:
     return sd.Friction(np.r_[np.zeros(6), np.full(model.nv - 6, DRY)], 0.0)
 
 
+def unturned(model: sd.Model, run: sd.Rollout, q: Array, v: Array) -> Array:
+    """Velocities after each step as M, at the beginning, has them: the base's linear one turns with it in a step.
+
+    A step finds x = v + h (a + ω × v), in the axes of the beginning, and ends with it in those of the end.
+    """
+    made = run.v.copy()
+    before, after = (sd.forward_kinematics(model, x)[:, 1, :3, :3] for x in (q, run.q))
+    made[:, :3] = np.einsum("tji,tjk,tk->ti", before, after, run.v[:, :3]) - DT * np.cross(v[:, 3:6], v[:, :3])
+    return made
+
+
 def left_to_friction(model: sd.Model, run: sd.Rollout, q0: Array, reference: Array) -> tuple[Array, Array]:
     """Torque that the equations of motion leave over in each step, and by how much velocities miss its law."""
     assert run.contacts is not None
     q, v = np.vstack([q0, run.q[:-1]]), np.vstack([np.zeros(model.nv), run.v[:-1]])
     tau = np.zeros_like(v)
     tau[:, 6:] = KP * (reference - q)[:, 7:] - KD * v[:, 6:]
-    push = np.einsum("tij,tj->ti", sd.crba(model, q), run.v - v) + DT * (sd.nonlinear_effects(model, q, v) - tau)
+    push = np.einsum("tij,tj->ti", sd.crba(model, q), unturned(model, run, q, v) - v)
+    push += DT * (sd.nonlinear_effects(model, q, v) - tau)
     for k, foot in enumerate(FEET):
         J = sd.frame_jacobian(model, q, foot, "local_world_aligned")
         J[:, 0] -= RADIUS * J[:, 4]  # at the lowest point of the sphere

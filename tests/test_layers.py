@@ -35,8 +35,9 @@ BELOW: dict[str, tuple[str, ...]] = {
     "constraints": ("calls",),
     "lagrangian": ("calls", "urdf"),
     "interop": ("calls",),
-    "simulation": ("lagrangian", "constraints", "actuation"),
-    "sources": ("calls", "urdf"),
+    "laws": ("calls",),
+    "sources": ("constraints", "actuation", "urdf"),
+    "simulation": ("lagrangian", "sources", "laws"),
     "control": ("simulation",),
     "accuracy": ("simulation",),
     "validate": ("interop", "urdf"),
@@ -93,7 +94,7 @@ SHARED = {
     "tree.square_root_inertia", "coordinates.configuration_off_norm", "tree.rnea_off_norm", "steps", "signatures",
     "constraints.constraint_rows", "constraints.dense", "tree.rotors", "constraints.constrained",
     "contact.coulomb_cone", "joints.friction", "coordinates.configuration", "contact.contact_rows", "tree.aba_motors",
-    "contact.impulses", "control.paths",
+    "contact.impulses", "contact.impulse_rows", "contact.newton_step", "control.paths",
 }  # fmt: skip
 TOUCH_FILES = {"urdf", "sources", "engines", "pictures", "docs"}  # pictures reads meshes, both write pages
 # themselves, a script, and loops in TOML; one reads an environment variable

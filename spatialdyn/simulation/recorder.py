@@ -16,9 +16,9 @@ from ..calls.specialize import specialize
 from ..calls.specialized import Specialized
 from ..engines.programs.run import batch_kernels
 from ..errors import NonFiniteError, SpatialDynError
+from ..laws.control import Control, law_torques
 from ..model.model import Model
 from .effects.contacts import Contact
-from .effects.control import Control, law_torques
 from .effects.springs import has_springs
 from .methods.methods import Method
 from .scene import Scene

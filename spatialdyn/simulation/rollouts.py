@@ -16,12 +16,13 @@ from numpy.typing import ArrayLike, DTypeLike, NDArray
 from ..calls.arguments import as_array, as_flag, as_number, broadcast
 from ..calls.dynamics import calls
 from ..errors import NonFiniteError, ShapeError, SimulationError
+from ..laws.control import Control, check_control
+from ..laws.cost import Cost, check_cost, with_cost
 from ..model.model import Model
 from ..model.robot_checks import masked
 from .driver import run_samples
 from .effects import of_run
-from .effects.control import Control, Feedback, check_control, check_law
-from .effects.cost import Cost, check_cost, with_cost
+from .effects.control import Feedback, check_law
 from .effects.friction import check_stable
 from .effects.springs import check_springs
 from .methods.methods import SCIPY_METHODS, integrators

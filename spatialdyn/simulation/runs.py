@@ -24,10 +24,11 @@ from ..errors import (
     SimulationInterrupt,
     SpatialDynError,
 )
+from ..laws.control import Control, check_control
 from ..model.model import Model
 from .driver import run_sample
 from .effects import of_run
-from .effects.control import Control, Feedback, check_control, check_law
+from .effects.control import Feedback, check_law
 from .effects.friction import check_stable
 from .effects.springs import check_springs
 from .energy import exploded, scale_of
