@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import ast
 import inspect
 import json
 import re
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 from ..examples import gallery
@@ -42,13 +44,16 @@ def index() -> str:
         "`spatialdyn example NAME` runs one of these programs, `--source` prints it, `--save FILE` writes its picture. "
         "Times are processor seconds of the whole process, with compiled code on disk already, on a machine that did "
         f"other work too ({machine['processor']}, {machine['cores']} cores, {machine['system']}, Python "
-        f"{machine['python']}, Numba {machine['numba']}); \"quick\" is `--quick`, where an example has that.", "",
+        f"{machine['python']}, Numba {machine['numba']}); \"quick\" is `--quick`, where an example has that. "
+        f"\"The chapter\" is {gallery.CHAPTER}.", "",
         '<div class="cards">',
     ]  # fmt: skip
     for name in gallery.names():
         shown = picture(name)
         image = (
-            f'<img src="../_static/gallery/{shown}" alt="" loading="lazy">' if shown else '<span class="none"></span>'
+            f'<img src="../_static/gallery/{shown}" alt="" loading="lazy">'
+            if shown
+            else f'<span class="none"><code>{name}</code></span>'
         )
         title = _html(gallery.title(name).rstrip("."))
         lines.append(f'<a class="card" href="{name}.html">{image}<b>{title}</b><small>{seconds(name)}</small></a>')
@@ -70,11 +75,18 @@ def page(name: str) -> str:
         f"`spatialdyn example {name}` runs it.{took}",
         "",
         "```python",
-        inspect.getsource(module).rstrip(),
+        _code(module),
         "```",
         "",
     ]
     return "\n".join(lines)
+
+
+def _code(module: ModuleType) -> str:
+    """The source of an example behind its docstring, which the page has above."""
+    source = inspect.getsource(module)
+    at = ast.parse(source).body[0].end_lineno or 0
+    return "\n".join(source.splitlines()[at:]).strip("\n")
 
 
 def _said(text: str) -> Iterator[str]:
