@@ -12,7 +12,7 @@ COMPILED = (
 
 
 def package_folder() -> Path:
-    """The folder of the package, wherever in it this module is: a stamp of one folder would miss edits in the others."""
+    """The folder of the package, wherever in it this module is: a stamp of one folder would miss edits elsewhere."""
     return Path(str(sys.modules[__name__.partition(".")[0]].__file__)).resolve().parent
 
 
