@@ -75,7 +75,7 @@ class Scene:
     ('semi_implicit_euler', True)
     """
 
-    __slots__ = (*FIELDS, "effects")
+    __slots__ = (*FIELDS, "effects", "plans")
     model: Model
     constraints: Constraints | None
     stabilization: float | None
@@ -86,7 +86,8 @@ class Scene:
     motor: Motor | None
     drive: str
     fext: Array | None
-    effects: tuple[Effect, ...]  # of friction, motor and springs: no part of the content
+    effects: tuple[Effect, ...]  # of friction, motor and springs: no part of the content, as what follows
+    plans: dict[Any, Any]  # of its runs: see ``plan``
 
     def __init__(
         self,
@@ -119,7 +120,7 @@ class Scene:
             "limits": as_flag("limits", limits), "motor": None if motor is None else check_motor(model, motor),
             "drive": drive, "fext": None if fext is None else _forces(model, fext),
         }  # fmt: skip
-        for name, value in {**given, "effects": effects}.items():
+        for name, value in {**given, "effects": effects, "plans": {}}.items():
             object.__setattr__(self, name, value)
 
     @classmethod

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from itertools import pairwise
 from typing import Any
 
@@ -34,21 +35,16 @@ class RunStates:
     shapes: tuple[tuple[int, ...], ...] = ()
     starts: tuple[Array, ...] = field(default=(), repr=False)
 
-    @property
+    @cached_property
     def names(self) -> list[str]:
         """Names of the states, as a caller knows them."""
         return [own_name(x.name) for x in self.arguments]
 
-    @property
+    @cached_property
     def slices(self) -> list[slice]:
         """Where each is in their row."""
         ends = np.cumsum([0, *(math.prod(x) for x in self.shapes)]).tolist()
         return [slice(a, b) for a, b in pairwise(ends)]
-
-    @property
-    def size(self) -> int:
-        """Entries of all of them."""
-        return sum(math.prod(x) for x in self.shapes)
 
     def views(self, row: Array) -> list[Array]:
         """The states (..., *shape) in rows (..., size)."""
