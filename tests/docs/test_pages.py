@@ -102,10 +102,12 @@ def test_pictures_are_those_that_pages_show() -> None:
     assert {x for x in shown if "/" not in x} == PICTURES
 
 
-def test_the_gallery_has_a_time_of_every_example_and_its_pictures() -> None:
+def test_the_gallery_has_times_of_examples_and_their_pictures() -> None:
     found = gallery_pages.times()
     assert {*found["machine"]} == {"processor", "cores", "system", "python", "numba"}
-    assert [*found["examples"]] == gallery.names()
+    timed = [*found["examples"]]
+    assert timed == [x for x in gallery.names() if x in timed]
+    assert len(timed) > 0.9 * len(gallery.names()), "python benchmarks/gallery.py NAME ..."
     for name, one in found["examples"].items():
         assert one["picture"] == (gallery_pages.picture(name) is not None), name
         assert gallery_pages.page(name).startswith("# "), name
@@ -138,6 +140,12 @@ def test_the_tests_that_hold_claims_are_there() -> None:
     assert len(claims) > 40
     for file, name in claims:
         assert f"\ndef {name}(" in (TESTS / file).read_text(encoding="utf-8"), (file, name)
+
+
+def test_the_list_of_packages_is_whole() -> None:
+    rows = re.findall(r"^\| (`.+`) \| ", blocks.read("inside/index"), re.MULTILINE)
+    listed = [x for row in rows for x in re.findall(r"`(\w+)`", row)]
+    assert sorted(listed) == sorted(x.parent.name for x in Path(sd.__file__).parent.glob("*/__init__.py"))
 
 
 def test_files_that_pages_name_are_there() -> None:
