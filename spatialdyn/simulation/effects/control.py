@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ...calls.arguments import as_array, as_number, broadcast, check_model, core_shape
+from ...engines.compiled import numba_kernels
 from ...engines.programs.record import recording, structure
 from ...engines.programs.record.recording import Recording
 from ...engines.programs.run import batch_kernels
@@ -61,6 +62,7 @@ from .law_specs import (
 )
 
 Array = NDArray[Any]
+FROM = 512  # samples from which a call of a law compiles its program; fewer are computed by NumPy, to the same bits
 
 
 class Control:
@@ -387,18 +389,21 @@ def law_torques(
 def _torques_of(control: Control, model: Model, given: Mapping[str, Array], samples: int) -> Array:
     """The law's torques (samples, nv) by rows of its inputs."""
     spec = _torque(control.spec)
-    columns = [
-        y
-        for x in spec.present
-        if not x.static
-        for y in given[x.name].reshape((samples, math.prod(given[x.name].shape[1:]))).T
+    inputs = [
+        given[x.name].reshape((samples, math.prod(given[x.name].shape[1:]))) for x in spec.present if not x.static
     ]
     made = recorded((spec,), model, control.static, np.dtype(np.float64))[0]
     if made is None:
         raise SimulationError(f'law "{control.spec.name}" divides by an inertia that is 0')
-    with np.errstate(all="ignore"):
-        found = made.program.run(columns)
-    return np.stack([np.broadcast_to(np.asarray(x, float), samples) for x in found[: model.nv]], 1)
+    out, left = np.empty((samples, model.nv)), np.arange(samples)
+    if samples >= FROM and not numba_kernels.PLAIN:
+        kernel = step_kernel((spec,), model, control.static, by_content=True)
+        left = kernel([np.ascontiguousarray(x) for x in inputs], (out,))
+    if len(left):
+        with np.errstate(all="ignore"):
+            found = made.program.run([y for x in inputs for y in x[left].T])
+        out[left] = np.stack([np.broadcast_to(np.asarray(x, float), len(left)) for x in found[: model.nv]], 1)
+    return out
 
 
 @lru_cache(maxsize=64)
