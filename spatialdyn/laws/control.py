@@ -18,8 +18,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..calls.arguments import as_array, as_number, broadcast, check_model, core_shape
+from ..engines.compiled import numba_kernels
 from ..engines.programs.record import recording, structure
 from ..engines.programs.record.recording import Recording
+from ..engines.programs.run import batch_kernels
 from ..errors import NonFiniteError, ShapeError, SimulationError
 from ..model.model import Model
 from ..recursions.joints.friction import DT
@@ -28,6 +30,7 @@ from .composed_laws import CLOCK, LIMITS, PERIOD, limited, sampled, total
 from .law_specs import OF_STEP, begun_of, check_parts, check_recordable, in_step, law_on, own_name, with_values
 
 Array = NDArray[Any]
+FROM = 512  # samples from which a call of a law compiles its program; fewer are computed by NumPy, to the same bits
 
 
 class Control:
@@ -252,18 +255,34 @@ def law_torques(
 def _torques_of(control: Control, model: Model, given: Mapping[str, Array], samples: int) -> Array:
     """The law's torques (samples, nv) by rows of its inputs."""
     spec = _torque(control.spec)
-    columns = [
-        y
-        for x in spec.present
-        if not x.static
-        for y in given[x.name].reshape((samples, math.prod(given[x.name].shape[1:]))).T
+    inputs = [
+        given[x.name].reshape((samples, math.prod(given[x.name].shape[1:]))) for x in spec.present if not x.static
     ]
     made = recorded((spec,), model, control.static, np.dtype(np.float64))[0]
     if made is None:
         raise SimulationError(f'law "{control.spec.name}" divides by an inertia that is 0')
-    with np.errstate(all="ignore"):
-        found = made.program.run(columns)
-    return np.stack([np.broadcast_to(np.asarray(x, float), samples) for x in found[: model.nv]], 1)
+    out, left = np.empty((samples, model.nv)), np.arange(samples)
+    if samples >= FROM and not numba_kernels.PLAIN:
+        kernel = step_kernel((spec,), model, control.static, by_content=True)
+        left = kernel([np.ascontiguousarray(x) for x in inputs], (out,))
+    if len(left):
+        with np.errstate(all="ignore"):
+            found = made.program.run([y for x in inputs for y in x[left].T])
+        out[left] = np.stack([np.broadcast_to(np.asarray(x, float), len(left)) for x in found[: model.nv]], 1)
+    return out
+
+
+def step_kernel(
+    specs: tuple[Spec, ...], model: Model, static: tuple[Any, ...], dtype: Any = np.float64, one: bool = False,
+    by_content: bool = False,
+) -> Any:  # fmt: skip
+    """The kernel of a step's Specs, None if a joint has zero articulated inertia; by content if a law is in them."""
+    if not by_content:
+        return batch_kernels.kernel(specs, model.bodies, model.key, static, dtype=dtype, one=one)
+    made, key = recorded(specs, model, static, np.dtype(dtype))
+    if made is None:
+        return None
+    return batch_kernels.kernel(specs, model.bodies, key, static, dtype=dtype, one=one, recorded=made)
 
 
 @lru_cache(maxsize=64)

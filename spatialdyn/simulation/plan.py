@@ -19,12 +19,13 @@ from ..calls.specialize import specialize
 from ..calls.specialized import Specialized
 from ..engines.programs.record import recording
 from ..engines.programs.run import batch_kernels
+from ..laws.control import step_kernel
 from ..model.model import Model
 from ..recursions.spec import Argument
 from .effects import of_run, work
 from .effects.constraints import Constrained, constrained_of
 from .effects.contacts import Contact, check_start
-from .effects.control import Feedback, step_kernel
+from .effects.control import Feedback
 from .effects.effect import Effect, find
 from .effects.friction import SmoothFriction
 from .effects.springs import Springs

@@ -6,7 +6,8 @@ A state moves by a displacement δx = (δq, δv), with δq in each joint's own b
     δx⁺ = A δx + B δτ
 
 exactly. ``recursions.derivatives.step_derivatives`` has the explicit methods, each one recursion and so one program on
-SIMD lanes; ``implicit_derivatives`` the others.
+SIMD lanes; ``implicit_derivatives`` the others. Under constraints, explicit methods have the derivative of the program
+of their step; steps by impulses, of contacts, limits and dry friction, are in ``impulse_derivatives``.
 """
 
 from __future__ import annotations
@@ -34,6 +35,7 @@ from .methods import implicit_derivatives
 from .methods.explicit import HALF_TURN
 from .methods.methods import integrators
 from .scene import Scene, scene_of
+from .scene_derivatives import StepDerivatives, constrained_linearization, scene_derivatives
 
 Array = NDArray[np.float64]
 NO_LAW: tuple[Array | None, ...] = (None,) * 5
@@ -47,13 +49,14 @@ def step_derivatives(
     dt: ArrayLike,
     method: str = "semi_implicit_euler",
     fext: ArrayLike | None = None,
-) -> tuple[Array, Array]:
+) -> StepDerivatives:
     """Derivatives of a step by the state before it and the torque held over it: ``A, B = step_derivatives(...)``.
 
     Source: see ``recursions.derivatives.step_derivatives`` and ``simulation.methods.implicit_derivatives``.
 
-    scene   Scene of constant forces and, in explicit methods, a Friction with ``smoothing``, whose smooth law acts, or
-            a Model; without springs. Others are refused: Coulomb's law has no derivative where a joint begins to stick
+    scene   Scene or Model, without motors, springs and bristles. A Friction with ``smoothing`` that acts alone acts by
+            its smooth law, in explicit methods; any other one, contacts and limits act by impulses, whose laws have a
+            derivative on each side of a switch; constraints act in the methods of ``explicit`` and beside impulses
     q       (..., nq)          joint positions [rad | m]
     v       (..., nv)          joint velocities [rad/s | m/s]
     tau     (..., nv)          joint torques [N m | N]
@@ -66,15 +69,21 @@ def step_derivatives(
     The state moves by δx = (δq, δv), δq (nv) as ``integrate`` takes it and ``difference`` gives it, in each joint's own
     body's frame. δx⁺ = A δx + B δτ is exact to rounding, whatever dt: neither 1 + dt A_c nor exp(dt A_c) is.
 
+    Steps by impulses are differentiated at their solution, by the implicit function theorem: points and joints keep
+    their state there, and the result says which, and where one is about to change. A robot that stands still is often
+    at a switch: its points are neither above the ground nor in it. Steps in which a point bounces are refused.
+
     Batches of the explicit methods run on SIMD lanes, of any size; those of models of 26 freedoms or more, 17 with
     velocity_verlet and 12 with rk4, by the table kernel. Implicit methods solve sample by sample and differentiate on
     lanes.
 
-    Returns A (..., 2 nv, 2 nv) and B (..., 2 nv, nv), views of one array. NaN or infinity in a sample's state,
-            torque or forces gives NaN in that sample alone, where it counts.
+    Returns StepDerivatives: A (..., 2 nv, 2 nv) and B (..., 2 nv, nv), views of one array, with ``labels``, ``active``
+            and ``switching`` of what acts by impulses. NaN or infinity in a sample's state, torque or forces gives NaN
+            in that sample alone, where it counts.
     Raises  SpatialDynError for another method or a dt that is not finite; SimulationError
-            for other friction, springs, an implicit step that does not converge, and a joint of several freedoms that
-            turns by π or more in a step, each naming the first sample and how many; the errors of ``aba``.
+            for bristles, motors, springs, a point that bounces, a step that does not converge, and a joint of several
+            freedoms that turns by π or more in a step, each naming the first sample and how many; the errors of
+            ``aba``, and of ``step`` under constraints.
 
     >>> import numpy as np, spatialdyn as sd
     >>> model = sd.load_urdf("two_link")
@@ -87,15 +96,21 @@ def step_derivatives(
     >>> moved = np.concatenate([sd.difference(model, before[0], after[0]), after[1] - before[1]]) / 2
     >>> bool(abs(moved - A @ np.concatenate([dq, dv])).max() < 1e-14)
     True
+    >>> rubs = sd.Scene(model, friction=sd.Friction([5.0, 0.0]))
+    >>> found = sd.step_derivatives(rubs, q, np.zeros(2), tau, 0.01)
+    >>> found.labels, found.active.tolist(), found.A[2].round(9).tolist()
+    (('friction of joint "shoulder"',), ['sticks'], [0.0, 0.0, 0.0, 0.0])
     """
     scene, fext = _scene(scene, fext)
     model = scene.model
+    if scene.constraints is not None or (scene.solves and not _is_smooth(scene)):
+        return scene_derivatives(scene, q, v, tau, _steps(dt), method, fext)
     turns, law = _checked(scene)
     spec = (TURNING_STEPS if turns else STEPS).get(method) if isinstance(method, str) else None
     if spec is None:
         if law is not NO_LAW and method in integrators:
             raise SimulationError(f"friction acts and method is {method!r}, expected one of {', '.join(STEPS)}")
-        return _implicit(model, q, v, tau, dt, method, fext)
+        return StepDerivatives(*_implicit(model, q, v, tau, dt, method, fext))
     h = _steps(dt)[..., None]
     if h.ndim == 1 and type(q) is np.ndarray and q.ndim == 2:
         h, law = h[None], tuple(x if x is None else x[None] for x in law)  # rows, as the program's shortest way takes
@@ -103,7 +118,7 @@ def step_derivatives(
     n = model.nv
     if turns:
         _check_turns(found[..., 2 * n, 0], method)
-    return found[..., : 2 * n, : 2 * n], found[..., : 2 * n, 2 * n :]
+    return StepDerivatives(found[..., : 2 * n, : 2 * n], found[..., : 2 * n, 2 * n :])
 
 
 def linearize(
@@ -114,11 +129,12 @@ def linearize(
     dt: ArrayLike | None = None,
     method: str | None = None,
     fext: ArrayLike | None = None,
-) -> tuple[Array, Array]:
+) -> StepDerivatives:
     """The linear system of a robot near a state: continuous, d/dt δx = A δx + B δτ, or of a step with dt and method.
 
-    Arguments as of ``step_derivatives``. About a state that moves, δx is the difference from the motion of that state,
-    in the frames of its bodies, which turn: with v of a body d/dt δq = δv - v × δq, the commutator of twists.
+    Arguments as of ``step_derivatives``; in continuous time constraints act alone, and nothing by impulses. About a
+    state that moves, δx is the difference from the motion of that state, in the frames of its bodies, which turn: with
+    v of a body d/dt δq = δv - v × δq, the commutator of twists.
 
     Returns A (..., 2 nv, 2 nv) and B (..., 2 nv, nv), views of one array; with dt and method as ``step_derivatives``.
     Raises  SpatialDynError for one of dt and method without the other; the errors of ``step_derivatives``.
@@ -137,10 +153,18 @@ def linearize(
         )
     scene, fext = _scene(scene, fext)
     model = scene.model
-    _, law = _checked(scene)
     n = model.nv
+    if scene.constraints is not None:
+        return constrained_linearization(scene, q, v, tau, fext)
+    _, law = _checked(scene)
     found = checked_call(MOTION, model, (q, v, tau, fext, *law), (), None)
-    return found[..., : 2 * n], found[..., 2 * n :]
+    return StepDerivatives(found[..., : 2 * n], found[..., 2 * n :])
+
+
+def _is_smooth(scene: Scene) -> bool:
+    """Whether friction acts alone, and by its smooth law."""
+    smooth = isinstance(scene.friction, Friction) and scene.friction.smoothing is not None
+    return smooth and scene.friction_method != LUGRE and scene.contacts is None and not scene.limits
 
 
 def _scene(given: Scene | Model, fext: ArrayLike | None) -> tuple[Scene, ArrayLike | None]:
@@ -165,9 +189,9 @@ def _checked(scene: Scene) -> tuple[tuple[slice, ...], tuple[Array | None, ...]]
         rough.append(f"{friction!r} by {scene.friction_method} steps")
     if rough:
         raise SimulationError(
-            f"{', '.join(rough)} acts in the scene, expected constant forces and a Friction with smoothing alone: "
-            "Coulomb's law has no derivative where a joint begins to stick; a torque of your own has, by the chain "
-            "rule with B"
+            f"{', '.join(rough)} acts in the scene, expected constant forces, and constraints or a Friction with "
+            "smoothing, alone: Coulomb's law has no derivative where a joint begins to stick, and impulses act in "
+            "steps: dt and method give the derivatives of one; a torque of your own has some by the chain rule with B"
         )
     if isinstance(friction, Friction):
         return turns, (*friction.law, friction.smoothing)

@@ -23,7 +23,7 @@ from spatialdyn.calls.exact import Exact
 from spatialdyn.engines.compiled import numba_kernels
 from spatialdyn.engines.programs.record import recording
 from spatialdyn.recursions.derivatives.step_derivatives import MOTION, STEPS
-from spatialdyn.simulation.methods import implicit_derivatives
+from spatialdyn.simulation import tangents
 from spatialdyn.simulation.step_derivatives import NO_LAW
 from spatialdyn.simulation.steps import step_specs
 
@@ -522,9 +522,9 @@ def test_springs_and_joints_without_inertia_are_named() -> None:
         builder.add_body(name, axis=(0, 1, 0), inertia=(1.0, (0, 0, 0.1), 0.01 * np.eye(3)), joint_name=name)
     with pytest.raises(
         sd.SimulationError,
-        match="by implicit steps acts in the scene, expected constant forces and a Friction with smoothing alone: Coul",
+        match="by implicit steps acts in the scene, expected constant forces, and constraints or a Friction with smoo",
     ):
-        sd.step_derivatives(sd.Scene(builder.build(), friction=True), [0.0] * 2, [0.0] * 2, [0.0] * 2, 0.01)
+        sd.linearize(sd.Scene(builder.build(), friction=True), [0.0] * 2, [0.0] * 2, [0.0] * 2)
     elastic = sd.ModelBuilder("elastic")
     elastic.add_body("a", axis=(0, 1, 0), inertia=(1.0, (0, 0, 0.1), 0.01 * np.eye(3)), joint_name="a")
     elastic.add_series_elastic("a", 100.0, rotor=1e-4)
@@ -608,5 +608,5 @@ def test_programs_that_run_in_numpy_give_the_same(monkeypatch: pytest.MonkeyPatc
     model = sd.load_urdf("two_link")
     q, v, tau = state(model)
     A, _ = sd.step_derivatives(model, q, v, tau, 0.01, "variational")
-    monkeypatch.setattr(implicit_derivatives, "fits", lambda specs, bodies: False)
+    monkeypatch.setattr(tangents, "fits", lambda specs, bodies, static=(): False)
     np.testing.assert_allclose(sd.step_derivatives(model, q, v, tau, 0.01, "variational")[0], A, rtol=0, atol=EXACT)

@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...engines.programs.run import batch_kernels
 from ...errors import SimulationError
-from ...laws.control import Control, recorded
+from ...laws.control import Control
 from ...laws.law_specs import Law, begun_of, in_step, inputs_of, law_on, moved_states, states_of, static_rows
 from ...model.model import Model
 from ...recursions.spec import Spec
@@ -106,16 +105,3 @@ class Feedback(Effect):
             return np.asarray(wanted, float), {name: np.asarray(x, float) for name, x in made.items()}
 
         return law
-
-
-def step_kernel(
-    specs: tuple[Spec, ...], model: Model, static: tuple[Any, ...], dtype: Any = np.float64, one: bool = False,
-    by_content: bool = False,
-) -> Any:  # fmt: skip
-    """The kernel of a step's Specs, None if a joint has zero articulated inertia; by content if a law is in them."""
-    if not by_content:
-        return batch_kernels.kernel(specs, model.bodies, model.key, static, dtype=dtype, one=one)
-    made, key = recorded(specs, model, static, np.dtype(dtype))
-    if made is None:
-        return None
-    return batch_kernels.kernel(specs, model.bodies, key, static, dtype=dtype, one=one, recorded=made)

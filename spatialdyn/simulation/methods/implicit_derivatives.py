@@ -14,7 +14,6 @@ Source: Hairer, Lubich, Wanner, Geometric Numerical Integration (2006), VI.4, fo
 
 from __future__ import annotations
 
-from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -23,8 +22,6 @@ from numpy.typing import NDArray
 from ...calls.dynamics import calls
 from ...calls.failures import sample_of
 from ...engines.compiled import numba_kernels
-from ...engines.programs.record.recording import ProgramOptions, fits
-from ...engines.programs.run.tiered_program import TieredProgram
 from ...errors import SimulationError
 from ...model.model import Model
 from ...recursions import SPECS
@@ -34,6 +31,7 @@ from ...recursions.spec import Spec
 from ..compiled_loop import compile_loop, drive
 from ..fixed_steps import failure_message
 from ..system import State, System, held_torque, joint_table, units
+from ..tangents import along, run
 from .methods import DISCRETE, Method
 from .mimic_kernels import mimic_kernels
 from .symplectic import GAUSS2, GAUSS4, GAUSS6, Tableau
@@ -62,43 +60,6 @@ class Solved(NamedTuple):
 # --- derivatives by programs ----------------------------------------------------------------------------
 
 
-@lru_cache(maxsize=32)
-def _program(model: Model, spec: Spec, derivative: str) -> TieredProgram:
-    return TieredProgram((spec,), model.bodies, model.key, (), ProgramOptions(derivative=derivative))
-
-
-def _run(model: Model, spec: Spec, derivative: str, rows: list[Array]) -> Array:
-    """The last output (n, columns) of a program on rows (n or 1, columns) of its inputs."""
-    made, n = _program(model, spec, derivative), max(map(len, rows))
-    widths = tuple(map(len, made.recording.layout.outputs))
-    out = [np.empty((n, width)) for width in widths]
-    left: Any = np.arange(n)
-    if not numba_kernels.PLAIN and fits((spec,), model.bodies):
-        left = made.batch(n)([np.ascontiguousarray(x) for x in rows], out)
-        left = np.arange(n) if left is None else left
-    if len(left):  # beyond the range of a program's sines, or not finite
-        columns = [c for x in rows for c in np.broadcast_to(x, (n, x.shape[1]))[left].T]
-        program, layout = made.recording
-        found = program.run(columns)
-        for k, place in enumerate(layout.outputs[-1]):
-            out[-1][left, k] = found[place]
-    return out[-1]
-
-
-def _along(model: Model, spec: Spec, inputs: list[Array], tangents: list[Array | int]) -> Array:
-    """Derivatives (n, columns of the output, m) along m directions.
-
-    inputs    (n, columns) each
-    tangents  (n, columns, m) each, or the number of columns of one that is 0
-    """
-    n, m = len(inputs[0]), next(x.shape[2] for x in tangents if not isinstance(x, int))
-    rows = [np.repeat(x, m, axis=0) for x in inputs]
-    for x in tangents:
-        moving = not isinstance(x, int)
-        rows.append(x.transpose(0, 2, 1).reshape((n * m, -1)) if moving else np.zeros((1, x)))  # type: ignore[union-attr]
-    return _run(model, spec, "jvp", rows).reshape((n, m, -1)).transpose(0, 2, 1)
-
-
 # --- the steps ------------------------------------------------------------------------------------------
 
 
@@ -119,10 +80,10 @@ def derivatives(
     solved = _solve(model, method, q, p, tau, h, fext, batch, samples)
     unit = np.broadcast_to(np.eye(3 * nv), (n, 3 * nv, 3 * nv))
     of_q, of_v, of_tau = unit[:, :nv], unit[:, nv : 2 * nv], unit[:, 2 * nv :]
-    of_p = _along(model, SPECS["momentum"], [q, v], [of_q, of_v])
+    of_p = along(model, SPECS["momentum"], [q, v], [of_q, of_v])
     step = _variational if method.family is DISCRETE else _canonical
     moved, changed = step(model, method, solved, q, tau, h, fext, of_q, of_p, of_tau)
-    back = _along(model, SPECS["velocity_from_momentum"], [solved.q, solved.p], [moved, changed])
+    back = along(model, SPECS["velocity_from_momentum"], [solved.q, solved.p], [moved, changed])
     return np.concatenate([moved, back], axis=1)
 
 
@@ -136,8 +97,8 @@ def _variational(
     spec, forces, still = _with_forces(MOMENTA, fext)
     unit = np.broadcast_to(np.eye(nv), (n, nv, nv))
     given = [q, xi, tau, *forces, h[:, None]]
-    by_state = _along(model, spec, given, [of_q, nv, of_tau, *still, 1])
-    by_xi = _along(model, spec, given, [nv, unit, nv, *still, 1])
+    by_state = along(model, spec, given, [of_q, nv, of_tau, *still, 1])
+    by_xi = along(model, spec, given, [nv, unit, nv, *still, 1])
     d_xi = np.linalg.solve(by_xi[:, :nv], of_p - by_state[:, :nv])
     by_q, by_step = np.moveaxis(calls["dintegrate"](model, q, xi), 1, 0)
     return by_q @ of_q + by_step @ d_xi, by_state[:, nv:] + by_xi[:, nv:] @ d_xi
@@ -156,7 +117,7 @@ def _canonical(
 
     def slopes(z: Array) -> tuple[Array, Array]:
         """F and G at z."""
-        found = _along(
+        found = along(
             model, spec, [z, tau, *forces, centres], [unit[:, : 2 * nv], unit[:, 2 * nv :], *still, 6 * nv + 6]
         )
         return found[..., : 2 * nv], found[..., 2 * nv :]
@@ -165,7 +126,7 @@ def _canonical(
         """δz of (δq, δp)."""
         m = moved.shape[2]
         rows = [np.repeat(z, m, axis=0), *(x.transpose(0, 2, 1).reshape((n * m, nv)) for x in (moved, changed))]
-        made = _run(model, CHARTS, "", [*rows, np.repeat(centres, m, axis=0)])
+        made = run(model, CHARTS, "", [*rows, np.repeat(centres, m, axis=0)])
         return made.reshape((n, m, 2 * nv)).transpose(0, 2, 1)
 
     start, step = to_chart(z0, of_q, of_p), h[:, None, None]

@@ -1,0 +1,266 @@
+"""The states of points and joints at the solution of a step by impulses, and their equations: solved, differentiated.
+
+A point p with velocities u, c in the normal, and impulse λ has
+
+    separates  λ = 0
+    sticks     u = 0
+    slides     u_n = 0,    λ_t + μ λ_n u_t / |u_t| = 0
+
+and a joint, with velocity x and impulse λ, x = 0 or x at a limit, or λ = ±F as it rubs, 0 without friction. They are
+those of a projection (Alart and Curnier 1991): p_n = λ_n - u_n / B_nn is above 0 of a point that touches, |λ_t - u_t/B|
+above μ λ_n of one that slides.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[Any]
+SEPARATES, STICKS, SLIDES = "separates", "sticks", "slides"
+FREE, LOWER, UPPER = "free", "lower limit", "upper limit"
+STEPS = 30  # of Newton, of which a solved step needs a few
+SETTLED = 1e-13  # relative change of velocities at which they end
+RANK = 1e-11  # relative singular value of an equation that depends on others
+CONTRADICTS = 1e-7  # of the terms of equations, what others leave of one
+SMALL = 1e-300
+
+
+@dataclass
+class ActiveSet:
+    """The equations of one step, linear but for friction, about a solution to some tolerance.
+
+    x, impulse, reaction    of that solution, then of the one that is found
+    M, J, C                 (nv, nv), (rows, nv), (nc, nv): slopes of momentum, velocity and closing by x
+    momentum, velocity, closing  what is left there
+    gap, level, least, most  see ``impulse_balance``
+    mu                      (np)
+    joints                  (nl + nd) their freedoms
+    kept                    (nc) equations of constraints that are independent
+    switch                  margin [m/s | rad/s] below which a state is at a switch
+    """
+
+    x: Array
+    impulse: Array
+    reaction: Array
+    M: Array
+    J: Array
+    C: Array
+    momentum: Array
+    velocity: Array
+    closing: Array
+    gap: Array
+    level: Array
+    least: Array
+    most: Array
+    mu: Array
+    joints: Array
+    kept: NDArray[np.bool_]
+    switch: float
+    dt: float
+    names: list[str] = field(default_factory=list)
+    switching: list[bool] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        # impulses of joints act along unit rows
+        self.start = self.x, self.impulse, self.reaction
+        self.scale = 1.0 / np.sqrt(np.diagonal(self.M))
+        answers = np.linalg.solve(self.M, self.J.T)
+        self.own = np.maximum(np.einsum("ki,ik->k", self.J, answers), SMALL)
+        self.points = len(self.mu)
+        self.friction = np.zeros(self.points)  # the largest response across the normal
+        for p in range(self.points):
+            t = slice(3 * p + 1, 3 * p + 3)
+            self.friction[p] = max(float(np.linalg.eigvalsh(self.J[t] @ answers[:, t])[-1]), SMALL)
+
+    # --- where it is ---
+
+    def state(self) -> tuple[Array, Array, Array]:
+        """What is left of momentum, u, and what is left of constraints, at the present solution."""
+        dx = self.x - self.start[0]
+        impulse, reaction = self.impulse - self.start[1], self.reaction - self.start[2]
+        momentum = self.momentum + self.M @ dx - self.J.T @ impulse - self.C.T @ reaction
+        return momentum, self.velocity + self.J @ dx, self.closing + self.C @ dx
+
+    def classify(self, u: Array) -> tuple[list[str], list[float]]:
+        """The states, and by how much each is from another one, in units of velocity."""
+        names, margins = [], []
+        for p in range(self.points):
+            k = 3 * p
+            push = self.impulse[k] * self.own[k] - u[k]
+            t = self.impulse[k + 1 : k + 3] * self.friction[p] - u[k + 1 : k + 3]
+            most = self.mu[p] * max(self.impulse[k], 0.0) * self.friction[p]
+            over = float(np.linalg.norm(t)) - most
+            near = abs(push)
+            if not push > 0.0:
+                names.append(SEPARATES)
+            else:
+                slides = over > 0.0
+                names.append(SLIDES if slides else STICKS)
+                near = min(near, abs(over), abs(self.gap[p]) / self.dt)
+            margins.append(near)
+        for j, i in enumerate(self.joints):
+            k = 3 * self.points + j
+            level, x = self.level[j] * self.own[k], self.x[i]
+            free = x - self.impulse[k] * self.own[k]
+            moved = free - min(max(free, -level), level)
+            low, high = (self.least[j], self.most[j]) if j < len(self.least) else (-np.inf, np.inf)
+            if moved < low or moved > high:
+                names.append(LOWER if moved < low else UPPER)
+            elif level == 0.0:
+                names.append(FREE)
+            else:
+                names.append(STICKS if moved == 0.0 else SLIDES)
+            near = [abs(moved - low), abs(moved - high)]
+            if level > 0.0:
+                near.append(abs(abs(free) - level))
+            margins.append(min(near))
+        return names, margins
+
+    # --- equations ---
+
+    def system(self, names: list[str], u: Array) -> tuple[Array, Array]:
+        """Slopes (n, n) of the equations of the states by x, λ and μ, rows of one scale, and the scales of unknowns."""
+        nv, rows = len(self.x), len(self.impulse)
+        held = np.flatnonzero(self.kept)
+        size = nv + rows + len(held)
+        K = np.zeros((size, size))
+        K[:nv, :nv], K[:nv, nv : nv + rows], K[:nv, nv + rows :] = self.M, -self.J.T, -self.C[held].T
+        K[nv + rows :, :nv] = self.C[held]
+        for p in range(self.points):
+            at, k = nv + 3 * p, slice(3 * p, 3 * p + 3)
+            if names[p] == SEPARATES:
+                K[at : at + 3, at : at + 3] = np.diag(self.own[k])
+                continue
+            K[at : at + 3, :nv] = self.J[k]
+            if names[p] == SLIDES:
+                direction, each = self.direction(p, u)
+                across = np.eye(2) - np.outer(direction, direction)
+                K[at + 1 : at + 3, :nv] = each * across @ self.J[3 * p + 1 : 3 * p + 3]
+                K[at + 1 : at + 3, at] = self.friction[p] * self.mu[p] * direction
+                K[at + 1 : at + 3, at + 1 : at + 3] = self.friction[p] * np.eye(2)
+        for j, i in enumerate(self.joints):
+            at, name = nv + 3 * self.points + j, names[self.points + j]
+            if name in (FREE, SLIDES):
+                K[at, at] = self.own[3 * self.points + j]
+            else:
+                K[at, i] = 1.0
+        return K, held
+
+    def direction(self, p: int, u: Array) -> tuple[Array, float]:
+        """Of a point's sliding u_t / |u_t|, and μ λ_n B / |u_t|, by which its friction turns with u_t."""
+        t = u[3 * p + 1 : 3 * p + 3]
+        size = float(np.linalg.norm(t))
+        if size > 0.0:
+            return t / size, self.mu[p] * self.impulse[3 * p] * self.friction[p] / size
+        f = self.impulse[3 * p + 1 : 3 * p + 3]
+        force = float(np.linalg.norm(f))
+        return (-f / force if force > 0.0 else np.array([1.0, 0.0])), 0.0
+
+    def left(self, names: list[str], u: Array, momentum: Array, closing: Array) -> Array:
+        """What is left of the equations of the states."""
+        found = [momentum]
+        for p in range(self.points):
+            k = slice(3 * p, 3 * p + 3)
+            if names[p] == SEPARATES:
+                found.append(self.own[k] * self.impulse[k])
+            elif names[p] == STICKS:
+                found.append(u[k])
+            else:
+                direction, _ = self.direction(p, u)
+                f = self.impulse[3 * p + 1 : 3 * p + 3] + self.mu[p] * self.impulse[3 * p] * direction
+                found.append(np.r_[u[3 * p], self.friction[p] * f])
+        for j, i in enumerate(self.joints):
+            k, name = 3 * self.points + j, names[self.points + j]
+            if name in (FREE, SLIDES):
+                sign = np.sign(self.x[i] - self.impulse[k] * self.own[k]) if name == SLIDES else 0.0
+                found.append(np.array([self.own[k] * (self.impulse[k] + sign * self.level[j])]))
+            else:
+                wanted = {STICKS: 0.0, LOWER: self.least[j : j + 1], UPPER: self.most[j : j + 1]}[name]
+                found.append(np.atleast_1d(self.x[i] - wanted))
+        return np.concatenate([*found, closing[self.kept]])
+
+    def solve(self, K: Array, right: Array) -> Array:
+        """K y = right, by the least change in the metric of M where equations depend on others."""
+        nv, size = len(self.x), len(K)
+        unknowns = np.ones(size)
+        unknowns[:nv] = self.scale
+        forces = 1.0 / np.sqrt(self.own)
+        unknowns[nv : nv + len(forces)] = forces
+        equations = np.ones(size)
+        equations[:nv] = self.scale
+        S = K * unknowns
+        equations[nv:] = 1.0 / np.maximum(np.linalg.norm(S[nv:], axis=1), SMALL)
+        S = equations[:, None] * S
+        scaled = right * (equations if right.ndim == 1 else equations[:, None])
+        found = np.linalg.lstsq(S, scaled, rcond=RANK)[0]
+        return found * (unknowns if right.ndim == 1 else unknowns[:, None])
+
+    # --- what is asked ---
+
+    def settle(self) -> bool:
+        """Newton's steps to the solution; returns whether it is one."""
+        nv, rows = len(self.x), len(self.impulse)
+        for _ in range(STEPS):
+            momentum, u, closing = self.state()
+            names, _ = self.classify(u)
+            K, held = self.system(names, u)
+            change = -self.solve(K, self.left(names, u, momentum, closing))
+            self.x = self.x + change[:nv]
+            self.impulse = self.impulse + change[nv : nv + rows]
+            self.reaction = self.reaction.copy()
+            self.reaction[held] += change[nv + rows :]
+            size = np.linalg.norm(change[:nv] / self.scale)
+            whole = np.linalg.norm(self.x / self.scale) + np.linalg.norm(self.impulse * np.sqrt(self.own))
+            if size <= SETTLED * whole and self.names == names:
+                break
+            self.names = names
+        else:
+            return False
+        _, u, _ = self.state()
+        names, margins = self.classify(u)
+        self.switching = [bool(x <= self.switch) for x in margins]
+        return True
+
+    def derivative(self, by: Any) -> Array:
+        """Derivatives (nv, m) of x by those of what is left: ``by`` has their rows, as ``impulse_balance`` has them."""
+        _, u, _ = self.state()
+        K, held = self.system(self.names, u)
+        right = [by.momentum]
+        for p in range(self.points):
+            t = by.velocity[3 * p : 3 * p + 3]
+            if self.names[p] == SEPARATES:
+                right.append(0.0 * t)
+            elif self.names[p] == STICKS:
+                right.append(t)
+            else:
+                direction, each = self.direction(p, u)
+                across = np.eye(2) - np.outer(direction, direction)
+                right.append(np.concatenate([t[:1], each * across @ t[1:]]))
+        for j, i in enumerate(self.joints):
+            k, name = 3 * self.points + j, self.names[self.points + j]
+            if name == SLIDES:
+                sign = np.sign(self.x[i] - self.impulse[k] * self.own[k])
+                right.append(sign * self.own[k] * by.level[j : j + 1])
+            elif name in (LOWER, UPPER):
+                right.append(-(by.least if name == LOWER else by.most)[j : j + 1])
+            else:
+                right.append(np.zeros((1, by.momentum.shape[1])))
+        whole = np.concatenate([*right, by.closing[held]])
+        found = -self.solve(K, whole)
+        self.note_contradictions(K, found, whole)
+        made: Array = found[: len(self.x)]
+        return made
+
+    def note_contradictions(self, K: Array, found: Array, right: Array) -> None:
+        """States that depend on others and contradict them as the state moves are at a switch: one has to change."""
+        sizes = np.linalg.norm(K, axis=1, keepdims=True)
+        left, terms = abs(K @ found + right) / sizes, (abs(K) @ abs(found) + abs(right)) / sizes
+        off = (left > CONTRADICTS * terms.max(axis=0)).any(axis=1)[len(self.x) :]
+        for p in range(self.points):
+            self.switching[p] |= bool(off[3 * p : 3 * p + 3].any())
+        for j in range(len(self.joints)):
+            self.switching[self.points + j] |= bool(off[3 * self.points + j])

@@ -1,0 +1,414 @@
+"""Derivatives of steps by impulses, contacts, joint limits and dry friction, by the implicit function theorem.
+
+At the solution of a step each point separates, sticks or slides, and each joint moves freely, rubs, sticks or stays at
+a limit. The equations of that state, with those of motion, are smooth in the solution and in what the step starts from
+(``recursions.contact.impulse_balance``): the solution is brought to rounding by Newton's steps on them, and its
+derivative solves them once more. Where a state is about to change, the derivative is that of the side on which the
+step is.
+
+Rows that depend on others, of boxes on four corners, leave impulses undetermined, and velocities not: the least change
+in the metric of M is taken.
+
+A derivation of our own, after Alart and Curnier (1991) for the equations of sliding.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..bodies.kinds import SE2, SE3
+from ..bodies.static_table import StaticTable
+from ..bodies.table import independent
+from ..calls.dynamics import calls, checked_call
+from ..calls.failures import sample_of
+from ..constraints.dynamics import constraint_error, constraint_jacobian, rows_to_keep
+from ..errors import SimulationError
+from ..model.model import Model
+from ..recursions.constraints.constraint_rows import JACOBIAN
+from ..recursions.contact.contact_rows import BOUNCING
+from ..recursions.contact.impulse_balance import Balance, impulse_balance_spec
+from ..recursions.contact.impulse_step import impulse_step_spec
+from ..recursions.joints.friction import FRICTION_STEP
+from ..recursions.spec import Spec, shape_in
+from .active_set import ActiveSet
+from .effects.constraints import Constrained
+from .effects.contacts import Contact
+from .effects.effect import find
+from .effects.friction import DryFriction
+from .tangents import along, run
+
+Array = NDArray[Any]
+SWITCH = 1e-6  # [m/s | rad/s] margin of a state below which it is at a switch: a solved step leaves as much open
+
+
+@dataclass(frozen=True)
+class Laws:
+    """What acts in the steps, and how their equations are called.
+
+    table    of contacts, limits and dry joints
+    static   the tables of the equations in their order
+    has      of ``impulse_balance.ALL``
+    law      coefficients of friction; () without
+    mu       (np) of points
+    bounces  (np) restitution
+    labels   of points and joints
+    """
+
+    model: Model
+    contact: Contact | None
+    constrained: Constrained | None
+    table: StaticTable
+    static: tuple[StaticTable, ...]
+    has: frozenset[str]
+    law: tuple[Array, ...]
+    mu: Array
+    bounces: Array
+    labels: tuple[str, ...]
+
+    @property
+    def spec(self) -> Spec:
+        """Of the equations."""
+        return impulse_balance_spec(self.has)
+
+    @property
+    def sizes(self) -> tuple[int, int, int]:
+        """Numbers of points, of joints with limits, of joints that rub beside."""
+        x = self.table.sizes
+        return x["np"], x["nl"], x["nd"]
+
+
+class Found(NamedTuple):
+    """Derivatives of n steps: (n, 2 nv, 3 nv); states of points and joints (n, rows), and which are at a switch."""
+
+    derivatives: Array
+    active: Array
+    switching: Array
+
+
+def laws_of(model: Model, effects: tuple[Any, ...], touching: Any, forced: bool) -> Laws:
+    """What acts by impulses among the effects of a run; touching  the contacts and limits of its scene."""
+    contact, constrained, rubs = find(effects, Contact), find(effects, Constrained), find(effects, DryFriction)
+    heights: tuple[StaticTable, ...] = ()
+    if contact is not None:
+        table, heights = contact.table, contact.contacts.tables[1:]
+        names = [contact.label(k) for k in range(len(table.rows) - 1)]
+    else:
+        coulomb, _, static, _ = rubs.friction.law
+        table = touching.with_dry((coulomb > 0.0) | (static > 0.0))
+        named = Contact(touching, False, table, rubs.way)
+        names = [named.label(k) for k in range(len(table.rows) - 1)]
+    has = {"heights": bool(heights), "friction": rubs is not None, "constraints": constrained is not None}
+    has["rate"] = constrained is not None and not constrained.projects
+    has["fext"] = forced
+    held = () if constrained is None else (constrained.constraints.table,)
+    return Laws(
+        model, contact, constrained, table, (table, *heights, *held), frozenset(x for x, y in has.items() if y),
+        () if rubs is None else rubs.friction.law, touching.friction, touching.restitution, tuple(names),
+    )  # fmt: skip
+
+
+def derivatives(
+    laws: Laws, q: Array, v: Array, tau: Array, h: Array, fext: Array | None, batch: tuple[int, ...],
+    samples: NDArray[np.intp],
+) -> Found:  # fmt: skip
+    """Derivatives of n steps of finite numbers, by q, v and tau.
+
+    h        (n,)
+    fext     (n, njoints, 6)
+    batch    shape of the batch that they are of
+    samples  (n,)  their places in it
+
+    Raises SimulationError, naming the first sample, for steps that are not solved, and points that bounce.
+    """
+    parts = []
+    for k in range(len(q)):  # one by one: bits do not depend on neighbours; directions are lanes
+        one = slice(k, k + 1)
+        forces = None if fext is None else fext[one]
+        parts.append(_Steps(laws, q[one], v[one], tau[one], h[one], forces, batch, samples[one]).derivatives())
+    return Found(*(np.concatenate(x) for x in zip(*parts, strict=True)))
+
+
+class _Steps:
+    """n steps and their solutions."""
+
+    def __init__(
+        self, laws: Laws, q: Array, v: Array, tau: Array, h: Array, fext: Array | None, batch: tuple[int, ...],
+        samples: NDArray[np.intp],
+    ) -> None:  # fmt: skip
+        self.laws, self.q, self.v, self.tau, self.h, self.batch, self.samples = laws, q, v, tau, h, batch, samples
+        self.fext = fext
+        self.n, self.nv = v.shape
+        self.held = 0 if laws.constrained is None else laws.constrained.constraints.nc
+        points, limits, dry = laws.sizes
+        self.rows = 3 * points + limits + dry
+        self.first = np.arange(0, 3 * points, 3)
+        self.of_joint = laws.table.rows["row"][1 + points :].astype(int) - 1
+
+    # --- equations ---
+
+    def _inputs(self, x: Array, impulse: Array, reaction: Array) -> list[Array]:
+        h, laws = self.h[:, None], self.laws
+        forces = [] if self.fext is None else [self.fext.reshape((self.n, -1))]
+        law = [np.broadcast_to(y, (self.n, self.nv)) for y in laws.law]
+        rate = [np.full((self.n, 1), laws.constrained.rate)] if "rate" in laws.has and laws.constrained else []
+        held = [reaction] if self.held else []
+        return [self.q, self.v, x, self.tau, *forces, h, *law, *rate, impulse, *held]
+
+    def _split(self, out: Array) -> Balance:
+        """By outputs, along axis 1."""
+        points, limits, dry = self.laws.sizes
+        sizes = {"nv": self.nv, "np": points, "nl": limits, "nd": dry, "nc": self.held}
+        widths = [int(np.prod(shape_in(x.shape, sizes))) for x in self.laws.spec.parts]
+        return Balance(*np.split(out, np.cumsum(widths)[:-1], axis=1))
+
+    def values(self, x: Array, impulse: Array, reaction: Array) -> Balance:
+        """What is left of the equations."""
+        given = [np.ascontiguousarray(y) for y in self._inputs(x, impulse, reaction)]
+        return self._split(run(self.laws.model, self.laws.spec, "", given, self.laws.static))
+
+    def slopes(self, x: Array, impulse: Array, reaction: Array, moving: tuple[str, ...]) -> Balance:
+        """Their derivatives by those of "q", "v", "x" that are named."""
+        given = [np.ascontiguousarray(y) for y in self._inputs(x, impulse, reaction)]
+        names = [y.name for y in self.laws.spec.present if not y.static]
+        unit, along_unit = np.eye(len(moving) * self.nv), {}
+        for k, name in enumerate(moving):
+            part = unit[k * self.nv : (k + 1) * self.nv]
+            along_unit[name] = np.broadcast_to(part, (self.n, self.nv, len(unit)))
+        tangents = [
+            along_unit.get(name, self.nv if name == "q" else y.shape[1]) for name, y in zip(names, given, strict=True)
+        ]
+        return self._split(along(self.laws.model, self.laws.spec, given, tangents, self.laws.static))
+
+    # --- solutions ---
+
+    def begin(self) -> tuple[Array, Array, Array]:
+        """x, impulses and reactions by the step itself, to its tolerance."""
+        laws, model = self.laws, self.laws.model
+        points, limits, _ = laws.sizes
+        impulse, reaction = np.zeros((self.n, self.rows)), np.zeros((self.n, self.held))
+        if not laws.labels and not self.held:
+            M, push = calls["crba"](model, self.q), self.tau - calls["nonlinear_effects"](model, self.q, self.v)
+            return self.v + self.h[:, None] * np.linalg.solve(M, push[..., None])[..., 0], impulse, reaction
+        if laws.contact is None:
+            out = checked_call(FRICTION_STEP, model, (self.q, self.v, self.tau, self.fext, self.h, *laws.law), (), None)
+            impulse[:] = (self.h[:, None] * out[:, 2])[:, self.of_joint]
+            return out[:, 0], impulse, reaction
+        has = laws.has - {"fext"} | ({"fext"} if self.fext is not None else set())
+        spec = impulse_step_spec(frozenset(has))
+        push = self.tau
+        if laws.constrained is None:
+            push = push + np.einsum("nij,nj->ni", calls["crba"](model, self.q), self.turning())
+        rate = (laws.constrained.rate,) if "rate" in has and laws.constrained is not None else ()
+        known = {
+            "q": self.q, "v": self.v, "tau": push, "fext": self.fext, "dt": self.h, "mu": laws.mu,
+            "restitution": laws.bounces, "rate": rate[0] if rate else None,
+            **dict(zip(("coulomb", "viscous", "static", "stribeck"), laws.law, strict=False)),
+        }  # fmt: skip
+        values = tuple(known[y.name] for y in spec.present if not y.static)
+        out = checked_call(spec, model, values, laws.static, None)
+        x, force, _, stop, _, _, friction, _, reaction, *_ = spec.split(out, self._sizes(spec))
+        axes = self.values(np.ascontiguousarray(x), impulse, reaction).axes.reshape((self.n, points, 3, 3))
+        of_points = np.einsum("npij,npj->npi", axes, force.reshape((self.n, points, 3)))
+        impulse[:, : 3 * points] = of_points.reshape((self.n, -1))
+        impulse[:, 3 * points :] = (self.h[:, None] * friction)[:, self.of_joint]
+        impulse[:, 3 * points : 3 * points + limits] += stop
+        return np.ascontiguousarray(x), impulse, np.ascontiguousarray(reaction)
+
+    def _sizes(self, spec: Spec) -> dict[str, int]:
+        points, limits, dry = self.laws.sizes
+        return {"nv": self.nv, "np": points, "nl": limits, "nd": dry, "nc": self.held}
+
+    def turning(self) -> Array:
+        """(n, nv) ω × v of joints that turn and travel."""
+        made = np.zeros_like(self.v)
+        for part, angular in travellers(self.laws.model):
+            if len(angular) == 3:
+                made[:, part] = np.cross(self.v[:, angular], self.v[:, part])
+            else:
+                made[:, part] = self.v[:, angular] * np.stack([-self.v[:, part[1]], self.v[:, part[0]]], axis=1)
+        return made
+
+    def derivatives(self) -> Found:
+        """See the module."""
+        x, impulse, reaction = self.begin()
+        by_x = self.slopes(x, impulse, reaction, ("x",))
+        at = self.values(x, impulse, reaction)
+        self._check_bounces(at, by_x)
+        kept = self._kept()
+        first = [self._solved(k, at, by_x, (x[k], impulse[k], reaction[k]), kept[k]) for k in range(self.n)]
+        moved = self._along_solutions(first)
+        if self.held and self.laws.constrained is not None and self.laws.constrained.projects:
+            return self._met(first, moved, by_x)
+        ahead = np.array([s.x for s in first])
+        return self._ended(first, ahead, moved)
+
+    def _solved(
+        self, k: int, at: Balance, by_x: Balance, solution: tuple[Array, Array, Array], kept: NDArray[np.bool_]
+    ) -> ActiveSet:  # fmt: skip
+        """Step k, solved from what is ``at`` a solution to some tolerance."""
+        made = ActiveSet(
+            *solution, by_x.momentum[k], by_x.velocity[k], by_x.closing[k], at.momentum[k], at.velocity[k],
+            at.closing[k], at.gap[k], at.level[k], at.least[k], at.most[k], self.laws.mu, self.of_joint, kept, SWITCH,
+            float(self.h[k]),
+        )  # fmt: skip
+        if not made.settle():
+            raise SimulationError(
+                f"{self.where(k)}the laws of {', '.join(self.laws.labels)} are not solved in the step, expected a "
+                "state from which a step is"
+            )
+        return made
+
+    def _along_solutions(self, solved: list[ActiveSet], closing: Array | None = None) -> Array:
+        """δx (n, nv, 3 nv) by the state; ``closing`` (n, nc, 3 nv) is added to the slope of what constraints leave."""
+        x, impulse, reaction = (np.array([getattr(s, name) for s in solved]) for name in ("x", "impulse", "reaction"))
+        slopes = self.slopes(x, impulse, reaction, ("q", "v"))
+        made = []
+        for k, s in enumerate(solved):
+            by = Balance(*(np.concatenate([y[k], np.zeros((y.shape[1], self.nv))], axis=1) for y in slopes))
+            by.momentum[:, 2 * self.nv :] = -self.h[k] * np.eye(self.nv)
+            if closing is not None:
+                by = by._replace(closing=by.closing + closing[k])
+            made.append(s.derivative(by))
+        return np.array(made)
+
+    def _check_bounces(self, at: Balance, by_x: Balance) -> None:
+        """Raise SimulationError for points that bounce."""
+        points = self.laws.sizes[0]
+        if not points or not self.laws.bounces.any():
+            return
+        before = np.einsum("nij,nj->ni", by_x.velocity[:, self.first], self.v)
+        hits = (before < -BOUNCING) & (at.gap + self.h[:, None] * before < 0.0) & (self.laws.bounces > 0.0)
+        bad = np.argwhere(hits)
+        if len(bad):
+            raise SimulationError(
+                f"{self.where(bad[0, 0], len(np.unique(bad[:, 0])))}{self.laws.labels[bad[0, 1]]} bounces in the step, "
+                "expected none with restitution: a hit has no derivative by the time at which it falls"
+            )
+
+    def where(self, k: int, count: int = 1) -> str:
+        """What messages call a step."""
+        found = sample_of(int(self.samples[k]), count, self.batch).removeprefix(" in ")
+        return f"{found}: " if found else ""
+
+    # --- constraints ---
+
+    def _kept(self) -> list[NDArray[np.bool_]]:
+        """Equations of constraints that are kept."""
+        if self.laws.constrained is None:
+            return [np.zeros(0, np.bool_)] * self.n
+        chosen = rows_to_keep(self.laws.model, self.laws.constrained.constraints, self.q)[0]
+        return [x > 0.0 for x in chosen]
+
+    def _met(self, first: list[ActiveSet], moved: Array, by_x: Balance) -> Found:
+        """The second part of a step under constraints, which meets C v⁺ = 0 where the step ends: ``meet``."""
+        laws, nv, h = self.laws, self.nv, self.h[:, None, None]
+        assert laws.constrained is not None
+        x1 = np.array([s.x for s in first])
+        by_q, by_step = np.moveaxis(calls["dintegrate"](laws.model, self.q, self.h[:, None] * x1), 1, 0)
+        unit = np.broadcast_to(np.eye(nv, 3 * nv), (self.n, nv, 3 * nv))
+        q1 = calls["integrate"](laws.model, self.q, self.h[:, None] * x1)
+        moved1 = by_q @ unit + by_step @ (h * moved)
+        damping = 0.0 if not laws.law else self.h[:, None] * laws.law[1]
+        back, by_back = self._closed(self.q, unit, q1, moved1, damping)
+        q2 = calls["integrate"](laws.model, q1, back)
+        by_q, by_step = np.moveaxis(calls["dintegrate"](laws.model, q1, back), 1, 0)
+        moved2 = by_q @ moved1 + by_step @ by_back
+        held = laws.constrained.constraints
+        there = constraint_jacobian(laws.model, held, q2)
+        more = np.einsum("nij,nj->ni", there, x1)  # C v⁺ there, which the rest of the step takes away
+        changed = there @ moved + np.einsum("nijk,nj->nik", self._turned(q2), x1) @ moved2
+        start = [(s.x, s.impulse, s.reaction) for s in first]
+        at = self.values(*(np.array(x) for x in zip(*start, strict=True)))
+        at = at._replace(closing=at.closing + more)
+        second = [self._solved(k, at, by_x, start[k], first[k].kept) for k in range(self.n)]
+        return self._ended(second, np.array([s.x for s in second]), self._along_solutions(second, changed))
+
+    def _turned(self, q: Array) -> Array:
+        """∂C/∂q (n, nc, nv, nv)."""
+        assert self.laws.constrained is not None
+        unit = np.broadcast_to(np.eye(self.nv), (self.n, self.nv, self.nv))
+        found = along(self.laws.model, JACOBIAN, [q], [unit], (self.laws.constrained.constraints.table,))
+        made: Array = found.reshape((self.n, self.held, self.nv, self.nv))
+        return made
+
+    def _closed(self, q: Array, moved: Array, end: Array, end_moved: Array, damping: Any) -> tuple[Array, Array]:
+        """y of M y = Cᵀ ρ, C y = -φ(end), with M and C at q, and its derivative (n, nv, 3 nv).
+
+        moved, end_moved  of q and end
+        damping           (n, nv) on the diagonal of M
+        """
+        assert self.laws.constrained is not None
+        model, held = self.laws.model, self.laws.constrained.constraints
+        M = calls["crba"](model, q) + np.eye(self.nv) * np.asarray(damping)[..., None]
+        C = constraint_jacobian(model, held, q)
+        phi, ahead = constraint_error(model, held, end), constraint_jacobian(model, held, end)
+        kept, turned = self._kept(), self._turned(q)
+        y, by = np.zeros((self.n, self.nv)), np.zeros((self.n, self.nv, moved.shape[2]))
+        systems, rho = [], np.zeros((self.n, self.held))
+        for k in range(self.n):
+            rows = kept[k]
+            K = np.block([[M[k], -C[k][rows].T], [C[k][rows], np.zeros((rows.sum(), rows.sum()))]])
+            found = np.linalg.solve(K, np.r_[np.zeros(self.nv), -phi[k][rows]])
+            y[k], rho[k][rows] = found[: self.nv], found[self.nv :]
+            systems.append(K)
+        zero = np.zeros_like(y)
+        by_M = (
+            calls["rnea_derivatives"](model, q, zero, y)[:, 0] - calls["rnea_derivatives"](model, q, zero, zero)[:, 0]
+        )
+        push = -by_M + np.einsum("nijk,ni->njk", turned, rho)
+        for k in range(self.n):
+            rows = kept[k]
+            close = -(ahead[k][rows] @ end_moved[k]) - np.einsum("ijk,j->ik", turned[k][rows], y[k]) @ moved[k]
+            by[k] = np.linalg.solve(systems[k], np.concatenate([push[k] @ moved[k], close]))[: self.nv]
+        return y, by
+
+    # --- ends ---
+
+    def _ended(self, solved: list[ActiveSet], x: Array, moved: Array) -> Found:
+        """Derivatives of the state after the step by those of x."""
+        model, nv, h = self.laws.model, self.nv, self.h[:, None]
+        unit = np.broadcast_to(np.eye(nv, 3 * nv), (self.n, nv, 3 * nv))
+        travels = np.zeros(nv)
+        if self.laws.constrained is None:
+            for part, _ in travellers(model):
+                travels[part] = 1.0
+        first, rest = h * travels * x, h * (1.0 - travels) * x
+        by_q, by_step = np.moveaxis(calls["dintegrate"](model, self.q, first), 1, 0)
+        here = by_q @ unit + by_step @ (h[..., None] * travels[:, None] * moved)
+        middle = calls["integrate"](model, self.q, first)
+        by_q, by_step = np.moveaxis(calls["dintegrate"](model, middle, rest), 1, 0)
+        turned = by_step @ (h[..., None] * (1.0 - travels)[:, None] * moved)
+        here, changed = by_q @ here + turned, moved.copy()
+        if self.laws.constrained is None:
+            for part, angular in travellers(model):
+                back = by_q[np.ix_(range(self.n), part, part)]
+                along_now = np.einsum("nij,nj->ni", back, x[:, part])
+                changed[:, part] = back @ moved[:, part]
+                if len(angular) == 3:
+                    changed[:, part] += np.cross(along_now[:, :, None], turned[:, angular], axis=1)
+                else:
+                    across = np.stack([along_now[:, 1], -along_now[:, 0]], axis=1)
+                    changed[:, part] += across[:, :, None] * turned[:, angular]
+        elif self.laws.constrained.projects:
+            end = calls["integrate"](model, middle, rest)
+            back, by_back = self._closed(end, here, end, here, 0.0)
+            by_q, by_step = np.moveaxis(calls["dintegrate"](model, end, back), 1, 0)
+            here = by_q @ here + by_step @ by_back
+        return Found(
+            np.concatenate([here, changed], axis=1), np.array([s.names for s in solved]),
+            np.array([s.switching for s in solved]),
+        )  # fmt: skip
+
+
+def travellers(model: Model) -> list[tuple[list[int], list[int]]]:
+    """The freedoms of each joint that turns and travels: linear, angular."""
+    found = []
+    for i, row in enumerate(independent(model.bodies)[1:]):
+        if row["kind"] in SE3 or row["kind"] in SE2:
+            count, last = (3, 6) if row["kind"] in SE3 else (2, 3)
+            found.append((list(range(i, i + count)), list(range(i + count, i + last))))
+    return found

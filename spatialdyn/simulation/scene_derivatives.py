@@ -1,0 +1,160 @@
+"""Derivatives of steps of scenes: under constraints those of the step's program, by impulses those of its laws."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..calls.arguments import as_array, batch_shape, broadcast, core_shape
+from ..calls.dynamics import calls, checked_call
+from ..constraints.derivatives import constrained_dynamics_derivatives
+from ..errors import SimulationError
+from ..recursions import SPECS
+from ..recursions.derivatives.step_derivatives import MOTION
+from ..recursions.spec import FEXT, TAU, Argument, Q, V
+from .effects import of_run
+from .effects.constraints import constrained_of
+from .effects.contacts import check_start
+from .effects.friction import LUGRE
+from .impulse_derivatives import derivatives as by_impulses
+from .impulse_derivatives import laws_of
+from .methods.methods import EXPLICIT_METHODS, integrators
+from .plan import Plan
+from .rollouts import rollout
+from .scene import Scene, check_method
+from .steps import step_specs
+from .tangents import along
+
+Array = NDArray[np.float64]
+
+
+class _Pair(NamedTuple):
+    A: Array
+    B: Array
+
+
+class StepDerivatives(_Pair):
+    """A (..., 2 nv, 2 nv) and B (..., 2 nv, nv), which it unpacks to; and on which side of impulses' laws they are.
+
+    labels     what touches, stops or rubs: points, limits, dry joints; () where nothing acts by impulses
+    active     (..., len(labels))  their states in the step: "separates", "sticks", "slides" of points; "free",
+               "lower limit", "upper limit", "sticks", "slides" of joints
+    switching  (..., len(labels))  whether a state is within 1e-6 m/s or rad/s of another, or its gap of changing sign:
+               the derivative is then that of one side
+    """
+
+    labels: tuple[str, ...] = ()
+    active: NDArray[Any] = np.zeros(0, "<U11")
+    switching: NDArray[Any] = np.zeros(0, np.bool_)
+
+
+def scene_derivatives(
+    scene: Scene, q: ArrayLike, v: ArrayLike, tau: ArrayLike, h: Array, method: Any, fext: ArrayLike | None
+) -> StepDerivatives:
+    """``step_derivatives`` of a scene with constraints, contacts, limits or dry friction, by steps h (...)."""
+    model = scene.model
+    refused = [x for x in scene.acts if x in ("motor", "springs")]
+    if scene.solves and scene.friction_method == LUGRE:
+        refused.append("friction with bristles")
+    if refused:
+        raise SimulationError(
+            f"{', '.join(refused)} acts in the scene, expected constraints, contacts, limits, friction and forces: "
+            "other effects carry states, or give torques, of their own"
+        )
+    check_method(scene, method, integrators)
+    if method not in EXPLICIT_METHODS:
+        raise SimulationError(
+            f"method is {method!r} and constraints act, expected one of {', '.join(EXPLICIT_METHODS)}"
+        )
+    names: list[Argument] = [Q, V, TAU, *([] if fext is None else [FEXT])]
+    given = [as_array(x.name, y) for x, y in zip(names, (q, v, tau, fext), strict=False)]
+    shapes = [batch_shape(model, x, a) for x, a in zip(names, given, strict=True)]
+    batch = broadcast([*(x.name for x in names), "dt"], [*shapes, h.shape])
+    n, count = model.nv, math.prod(batch)
+    whole = [np.broadcast_to(a, batch + core_shape(model, x)) for x, a in zip(names, given, strict=True)]
+    rows = [x.reshape((count, *x.shape[len(batch) :])) for x in whole]
+    steps = np.broadcast_to(h, batch).reshape(count)
+    finite = np.logical_and.reduce([np.isfinite(x.reshape((count, -1))).all(axis=1) for x in rows])
+    sound = np.flatnonzero(finite)
+    if len(sound) and not (steps > 0.0).all():
+        raise SimulationError(f"dt is {steps.min():g}, expected more than 0 s in a scene")
+    made, found = np.full((count, 2 * n, 3 * n), np.nan), None
+    labels: tuple[str, ...] = ()
+    if len(sound):
+        q, v, tau, *forces = (np.ascontiguousarray(x[sound]) for x in rows)
+        steps = steps[sound]
+        calls["minverse"](model, q)  # raises InertiaError at a singular M
+        pushed = forces[0] if forces else None
+        held = None if pushed is None else pushed.reshape((len(sound), 1, -1))
+        constrained = None if scene.constraints is None else constrained_of(scene, q, v, float(steps.max()))
+        if scene.contacts is not None or scene.limits:
+            check_start(scene, q)
+        effects = of_run(scene.with_(fext=None), constrained, False, held)
+        if scene.solves:
+            laws = laws_of(model, effects, scene.touching, pushed is not None)
+            found = by_impulses(laws, q, v, tau, steps, pushed, batch, sound)
+            made[sound], labels = found.derivatives, laws.labels
+        else:
+            made[sound] = _by_program(scene, method, Plan(scene, method, effects), q, v, tau, steps, pushed)
+    made = made.reshape((*batch, 2 * n, 3 * n))
+    pair = StepDerivatives(made[..., : 2 * n], made[..., 2 * n :])
+    pair.labels = labels
+    pair.active, pair.switching = np.full((count, len(labels)), "", "<U11"), np.zeros((count, len(labels)), np.bool_)
+    if found is not None and labels:
+        pair.active[sound], pair.switching[sound] = found.active, found.switching
+    pair.active = pair.active.reshape((*batch, len(labels)))
+    pair.switching = pair.switching.reshape((*batch, len(labels)))
+    return pair
+
+
+def constrained_linearization(
+    scene: Scene, q: ArrayLike, v: ArrayLike, tau: ArrayLike, fext: ArrayLike | None
+) -> StepDerivatives:
+    """``linearize`` of a scene of constraints, in continuous time."""
+    others = [x for x in scene.acts if x not in ("constraints", "fext")]
+    if others:
+        raise SimulationError(
+            f"{', '.join(others)} acts in the scene beside constraints, expected forces alone in continuous time; dt "
+            "and method give the derivatives of a step"
+        )
+    model, n = scene.model, scene.model.nv
+    assert scene.constraints is not None
+    found = checked_call(MOTION, model, (q, v, tau, fext, *(None,) * 5), (), None)
+    by = constrained_dynamics_derivatives(model, scene.constraints, q, v, tau, scene.stabilization, fext)
+    found[..., n:, :n], found[..., n:, n : 2 * n], found[..., n:, 2 * n :] = by.da_dq, by.da_dv, by.da_dtau
+    return StepDerivatives(found[..., : 2 * n], found[..., 2 * n :])
+
+
+def _by_program(
+    scene: Scene, method: str, plan: Plan, q: Array, v: Array, tau: Array, h: Array, fext: Array | None
+) -> Array:
+    """(n, 2 nv, 3 nv) by the derivative of the program of the step."""
+    model, n = scene.model, scene.model.nv
+    ends = np.empty_like(q)
+    for dt in np.unique(h):  # raises what a step raises
+        at = np.flatnonzero(h == dt)
+        forces = None if fext is None else fext[at][:, None]
+        run = rollout(
+            scene.with_(fext=None), q[at], v[at], tau[at][:, None], dt=float(dt), method=method, record="last",
+            fext=forces,
+        )  # fmt: skip
+        ends[at] = run.q
+    specs = step_specs(method, plan.structure, ())[:2]
+    beside = [np.broadcast_to(x[:, 0], (len(q), x.shape[2])) for x in plan.values.values()]
+    unit = np.broadcast_to(np.eye(3 * n), (len(q), 3 * n, 3 * n))
+    of_q, of_v, of_tau = unit[:, :n], unit[:, n : 2 * n], unit[:, 2 * n :]
+    tangents = [of_q, of_v, 1, of_tau, *(x.shape[1] for x in beside)]
+    by_q, by_v = along(model, specs, [q, v, h[:, None], tau, *beside], tangents, plan.tables, 2)
+    return np.concatenate([displacements(model, ends, by_q), by_v], axis=1)
+
+
+def displacements(model: Any, q: Array, rates: Array) -> Array:
+    """(n, nv, m) of changes (n, nq, m) of the coordinates q (n, nq)."""
+    n = model.nv
+    unit = np.broadcast_to(np.eye(n), (len(q), n, n))
+    E = along(model, SPECS["integrate"], [q, np.zeros((len(q), n))], [n, unit])
+    made: Array = np.linalg.solve(np.swapaxes(E, 1, 2) @ E, np.swapaxes(E, 1, 2) @ rates)
+    return made

@@ -1,0 +1,292 @@
+"""Derivatives of steps by impulses and under constraints: against central differences of the step, and by hand."""
+
+from __future__ import annotations
+
+import itertools
+import sys
+from pathlib import Path
+from typing import Any
+
+import grounded
+import numpy as np
+import pytest
+from dense import Array
+
+import spatialdyn as sd
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "constraints"))
+import mechanisms
+
+DT = 1e-3
+DIFFERENCE = 1e-7  # of the entries of A and B: what is asked for, of central differences over 2e-5 or 2e-6
+EXACT = 1e-13  # steps are solved to this where they are differenced
+IN = 1e-5  # [m] in the ground: a point at rest on it is at a switch
+
+
+def differences(scene: sd.Scene, q: Array, v: Array, tau: Array, dt: float, e: float = 1e-6) -> Array:
+    """(2 nv, 3 nv) by central differences, all of them steps of one batch."""
+    model, n = scene.model, scene.model.nv
+    unit = e * np.concatenate([np.eye(3 * n), -np.eye(3 * n)])
+    moved = sd.integrate(model, np.broadcast_to(q, (6 * n, model.nq)), np.ascontiguousarray(unit[:, :n]))
+    ends = sd.step(scene, moved, v + unit[:, n : 2 * n], tau + unit[:, 2 * n :], dt)
+    after = sd.step(scene, q, v, tau, dt)[0]
+    both = np.hstack([sd.difference(model, np.broadcast_to(after, ends[0].shape), ends[0]), ends[1]])
+    return (both[: 3 * n] - both[3 * n :]).T / (2.0 * e)
+
+
+def agree(scene: sd.Scene, q: Array, v: Array, tau: Array | None = None, dt: float = DT, e: float = 1e-6) -> Any:
+    """The derivatives, which differences of steps agree with."""
+    tau = np.zeros(scene.model.nv) if tau is None else tau
+    found = sd.step_derivatives(scene, q, v, tau, dt)
+    wanted = differences(scene, q, v, tau, dt, e)
+    np.testing.assert_allclose(np.hstack(found), wanted, rtol=0, atol=DIFFERENCE * max(1.0, abs(wanted).max()))
+    assert not found.switching.any()
+    return found
+
+
+def pendulum(limits: tuple[float, float] = (-9.0, 9.0)) -> sd.Model:
+    made = sd.ModelBuilder("pendulum")
+    made.add_body("rod", None, "revolute", (0, 1, 0), None, (2.0, (0, 0, -0.7), np.zeros((3, 3))), limits=limits)
+    return made.build()
+
+
+def ball() -> tuple[sd.Model, sd.Contacts]:
+    made = sd.ModelBuilder("ball").add_body("ball", None, "floating", inertia=(2.0, (0, 0, 0), 0.008 * np.eye(3)))
+    model = made.build()
+    return model, sd.Contacts(model, {"ball": 0.1}, friction=0.5, tolerance=EXACT)
+
+
+def on_the_ground(model: sd.Model, contacts: sd.Contacts, q: Array) -> Array:
+    q = np.array(q)
+    for _ in range(5):  # over slopes gaps are no heights
+        q[2] -= sd.contact_gaps(model, contacts, q).min() + IN
+    return q
+
+
+def standing() -> tuple[sd.Model, dict[str, float], Array, Array]:
+    """The quadruped, its feet, a stance and torques that hold it."""
+    model, feet = grounded.quadruped()
+    contacts = sd.Contacts(model, feet)
+    q = on_the_ground(model, contacts, grounded.stance(model, contacts))
+    g, J = sd.generalized_gravity(model, q), grounded.jacobian(contacts, q).reshape((-1, model.nv))
+    tau = g - J.T @ np.linalg.lstsq(J.T[:6], g[:6], rcond=None)[0]
+    tau[:6] = 0.0
+    return model, feet, q, tau
+
+
+# --- by hand --------------------------------------------------------------------------------------------
+
+
+def test_a_pendulum_that_rubs_slips_and_sticks() -> None:
+    """m l² (v⁺ - v) = h (τ - m g l sin q - b v⁺) ∓ h F(v); at rest v⁺ is 0 whatever acts."""
+    model, h, q, v, tau = pendulum(), 1e-2, np.array([0.4]), np.array([0.7]), np.array([0.1])
+    scene = sd.Scene(model, friction=sd.Friction(1.0, 0.1, 1.5, 0.3))
+    A, B = found = agree(scene, q, v, tau, h)
+    assert (found.labels, found.active.tolist()) == (('friction of joint "rod_joint"',), ["slides"])
+    inertia, level = 2.0 * 0.49, 0.5 * np.exp(-((0.7 / 0.3) ** 2)) * -2.0 * 0.7 / 0.09
+    M = inertia + 0.1 * h
+    by_v = (inertia - h * level) / M
+    by_q = -h * 2.0 * 9.81 * 0.7 * np.cos(0.4) / M
+    np.testing.assert_allclose(A, [[1.0 + h * by_q, h * by_v], [by_q, by_v]], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(B, [[h * h / M], [h / M]], rtol=0, atol=1e-12)
+    A, B = found = agree(scene, np.array([0.01]), np.zeros(1), tau, h)
+    assert found.active.tolist() == ["sticks"]
+    np.testing.assert_allclose(A, [[1.0, 0.0], [0.0, 0.0]], rtol=0, atol=1e-15)
+    np.testing.assert_allclose(B, [[0.0], [0.0]], rtol=0, atol=1e-15)
+
+
+@pytest.mark.parametrize("friction", [False, sd.Friction(1.0, 0.1)])
+def test_a_joint_that_reaches_a_limit_ends_there(friction: Any) -> None:
+    """q⁺ is the limit, whatever the state: v⁺ = (upper - q) / h."""
+    scene = sd.Scene(pendulum((-1.0, 1.0)), limits=True, friction=friction)
+    A, B = found = agree(scene, np.array([0.99]), np.array([2.0]), dt=1e-2)
+    assert found.active.tolist() == ["upper limit"]
+    np.testing.assert_allclose(A, [[0.0, 0.0], [-100.0, 0.0]], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(B, [[0.0], [0.0]], rtol=0, atol=1e-15)
+    assert agree(scene, np.array([0.5]), np.array([2.0]), dt=1e-2).active[0] in ("free", "slides")
+
+
+def test_what_is_about_to_change_is_at_a_switch() -> None:
+    """A joint at its limit to the last bit, and a point at rest on the ground: the derivative is that of one side."""
+    model = pendulum((-1.0, 1.0))
+    found = sd.step_derivatives(
+        sd.Scene(model, limits=True), [1.0 - 2e-2], [2.0], [2.0 * 9.81 * 0.7 * np.sin(0.98)], 1e-2
+    )
+    assert found.switching.tolist() == [True]
+    model, contacts = ball()
+    found = sd.step_derivatives(sd.Scene(model, contacts=contacts), [0, 0, 0.1, 0, 0, 0, 1], [0.0] * 6, [0.0] * 6, DT)
+    assert (found.active.tolist(), found.switching.tolist()) == (["sticks"], [True])
+
+
+# --- against differences --------------------------------------------------------------------------------
+
+
+def test_a_ball_rolls_slips_and_flies() -> None:
+    model, contacts = ball()
+    scene = sd.Scene(model, contacts=contacts)
+    q = on_the_ground(model, contacts, sd.integrate(model, sd.neutral(model), np.array([0, 0, 0, 0.3, 0.5, -0.2])))
+    R, w = sd.frame_placement(model, q, "ball")[:3, :3], np.array([1.0, 20.0, 3.0])
+    rolls = np.cross(w, [0.0, 0.0, 0.1])
+    for more, state in (([0, 0, 0], "sticks"), ([1.0, 0.5, 0.0], "slides"), ([0, 0, 1.0], "separates")):
+        found = agree(scene, q, np.r_[R.T @ (rolls + more), R.T @ w])
+        assert found.active.tolist() == [state]
+
+
+def test_a_ball_rolls_over_heights() -> None:
+    model, _ = ball()
+    x = np.linspace(-0.5, 0.5, 11)
+    ground = sd.Heightfield(0.1 * np.sin(3.0 * x)[:, None] + 0.05 * np.cos(2.0 * x)[None], 0.1, (-0.5, -0.5))
+    contacts = sd.Contacts(model, {"ball": 0.1}, friction=0.5, tolerance=EXACT, terrain=ground)
+    q = on_the_ground(model, contacts, np.array([0.13, 0.27, 0.0, 0.0, 0.6, 0.0, 0.8]))
+    for v in ([0.5, 0.2, 0.0, 1.0, 2.0, 0.5], [0.0] * 6):
+        agree(scene := sd.Scene(model, contacts=contacts), q, np.array(v))
+    assert sd.step_derivatives(scene, q, v, np.zeros(6), DT).active.tolist() == ["sticks"]
+
+
+@pytest.mark.parametrize("state", ["slides", "sticks"])
+def test_a_box_slides_and_rests(state: str) -> None:
+    """On four corners, whose impulses depend on each other: velocities do not."""
+    model, corners = grounded.box(0.1)
+    contacts = sd.Contacts(
+        model, dict.fromkeys(corners, 0.0), friction=0.05 if state == "slides" else 0.9, tolerance=EXACT
+    )
+    v = np.array([0.5, 0.2, 0, 0, 0, 0]) * (state == "slides")
+    found = agree(sd.Scene(model, contacts=contacts), on_the_ground(model, contacts, sd.neutral(model)), v, e=1e-7)
+    assert found.active.tolist() == 4 * [state]
+
+
+def test_a_quadruped_stands() -> None:
+    model, feet, q, tau = standing()
+    contacts = sd.Contacts(model, feet, friction=0.8, tolerance=EXACT)
+    found = agree(sd.Scene(model, contacts=contacts), q, np.zeros(model.nv), tau)
+    assert found.active.tolist() == 4 * ["sticks"]
+
+
+@pytest.mark.slow(quick="test_a_quadruped_stands")
+def test_a_quadruped_moves_on_dry_joints_between_limits() -> None:
+    model, feet, q, tau = standing()
+    contacts = sd.Contacts(model, feet, friction=0.8, tolerance=EXACT)
+    v = 0.05 * np.random.default_rng(1).normal(size=model.nv)
+    rubs = sd.Friction(np.r_[np.zeros(6), np.full(12, 0.5)], 0.1)
+    scene = sd.Scene(model, contacts=contacts, limits=True, friction=rubs)
+    found = agree(scene, q, v, tau)
+    assert found.active.tolist() == 4 * ["sticks"] + 12 * ["slides"]
+
+
+@pytest.mark.slow(quick="test_what_is_about_to_change_is_at_a_switch")
+def test_joints_that_stick_in_a_closed_loop_of_legs_are_at_a_switch() -> None:
+    """Two hips stick while all feet do: as the state moves, one of them has to let go."""
+    model, feet, q, tau = standing()
+    rubs = sd.Friction(np.r_[np.zeros(6), np.full(12, 0.5)], 0.1)
+    scene = sd.Scene(model, contacts=sd.Contacts(model, feet, friction=0.8, tolerance=1e-11), friction=rubs)
+    found = sd.step_derivatives(scene, q, 0.05 * np.random.default_rng(0).normal(size=model.nv), tau, DT)
+    assert (found.active == "sticks").sum() == 6
+    assert found.switching.any()
+
+
+# --- under constraints ----------------------------------------------------------------------------------
+
+
+def along_states(scene: sd.Scene, q: Array, v: Array, dt: float, method: str, atol: float = DIFFERENCE) -> Any:
+    """The derivatives, which agree with differences along states that meet the constraints."""
+    model, held, e, rng = scene.model, scene.constraints, 1e-5, np.random.default_rng(0)
+    tau = 0.2 * rng.normal(size=model.nv)
+    found = sd.step_derivatives(scene, q, v, tau, dt, method)
+    end = sd.step(scene, q, v, tau, dt, method)[0]
+    for d, w, t in rng.normal(size=(2, 3, model.nv)):
+        rows = []
+        for s in (e, -e):
+            x = sd.project_configuration(model, held, sd.integrate(model, q, s * d))
+            u = sd.project_velocity(model, held, x, v + s * w)
+            after = sd.step(scene, x, u, tau + s * t, dt, method)
+            rows.append(np.r_[sd.difference(model, q, x), u, s * t, sd.difference(model, end, after[0]), after[1]])
+        moved, n = (rows[0] - rows[1]) / (2.0 * e), model.nv
+        wanted = moved[3 * n :]
+        np.testing.assert_allclose(
+            np.hstack(found) @ moved[: 3 * n], wanted, rtol=0, atol=atol * max(1.0, abs(wanted).max())
+        )
+    return found
+
+
+@pytest.mark.parametrize("method", ["semi_implicit_euler", "velocity_verlet", "rk4"])
+def test_a_four_bar_by_explicit_methods(method: str) -> None:
+    model = mechanisms.four_bar()
+    q, v = mechanisms.four_bar_state()
+    along_states(sd.Scene(model, constraints=mechanisms.pin_of(model)), q, v, 1e-2, method)
+
+
+@pytest.mark.parametrize(("level", "time"), [(0.05, None), (0.05, 0.1), (3.0, None)])
+def test_a_four_bar_with_dry_joints(level: float, time: float | None) -> None:
+    model = mechanisms.four_bar()
+    q, v = mechanisms.four_bar_state()
+    rubs = sd.Friction(level, 0.1)
+    scene = sd.Scene(model, constraints=mechanisms.pin_of(model), friction=rubs, stabilization=time)
+    found = along_states(scene, q, v * (level < 1.0), 1e-2, "semi_implicit_euler")
+    assert set(found.active.tolist()) == {"slides" if level < 1.0 else "sticks"}
+
+
+@pytest.mark.slow(quick="test_a_four_bar_with_dry_joints")
+@pytest.mark.parametrize(("name", "dry"), list(itertools.product(mechanisms.REDUNDANT, (False, True))))
+def test_redundant_loops_have_derivatives(name: str, dry: bool) -> None:
+    model, held, q, v = mechanisms.REDUNDANT[name]()
+    scene = sd.Scene(model, constraints=held, friction=sd.Friction(0.02, 0.01) if dry else None)
+    along_states(scene, q, v, DT if dry else 1e-2, "semi_implicit_euler")
+
+
+def test_continuous_time_under_constraints_is_the_limit_of_a_step() -> None:
+    model = mechanisms.four_bar()
+    q, v = mechanisms.four_bar_state()
+    held, h, tau = mechanisms.pin_of(model), 1e-6, np.zeros(3)
+    scene = sd.Scene(model, constraints=held, stabilization=0.1)
+    A, B = sd.linearize(scene, q, v, tau)
+    by_state, by_tau = sd.step_derivatives(scene, q, v, tau, h, "explicit_euler")
+    np.testing.assert_allclose((by_state - np.eye(6)) / h, A, rtol=0, atol=1e-6 * abs(A).max())
+    np.testing.assert_allclose(by_tau / h, B, rtol=0, atol=1e-6 * abs(B).max())
+
+
+# --- batches and errors ---------------------------------------------------------------------------------
+
+
+def test_a_batch_is_its_samples_and_nan_stays_in_its_own() -> None:
+    model, contacts = ball()
+    scene = sd.Scene(model, contacts=contacts, fext=np.array([[0.0] * 6, [0.1, 0.2, -0.3, 0.0, 0.1, 0.0]]))
+    q = np.tile(on_the_ground(model, contacts, sd.neutral(model)), (2, 2, 1))
+    v = np.zeros((2, 2, 6))
+    v[0, 1, 0], v[1, 0, 2], v[1, 1, 3] = 1.0, 1.0, np.nan
+    found = sd.step_derivatives(scene, q, v, np.zeros(6), DT)
+    assert found.active[..., 0].tolist() == [["sticks", "slides"], ["separates", ""]]
+    for k in ((0, 0), (0, 1), (1, 0)):
+        one = sd.step_derivatives(scene, q[k], v[k], np.zeros(6), DT)
+        np.testing.assert_array_equal(np.hstack(one), np.concatenate([x[k] for x in found], axis=1))
+        wanted = differences(scene, q[k], v[k], np.zeros(6), DT)
+        np.testing.assert_allclose(np.hstack(one), wanted, rtol=0, atol=DIFFERENCE * abs(wanted).max())
+    assert np.isnan(found.A[1, 1]).all()
+
+
+def test_what_has_no_derivative_is_named() -> None:
+    model, _ = ball()
+    bounces = sd.Contacts(model, {"ball": 0.1}, friction=0.5, restitution=0.5)
+    q, v, tau = [0, 0, 0.1, 0, 0, 0, 1], [0, 0, -1.0, 0, 0, 0], [0.0] * 6
+    with pytest.raises(sd.SimulationError, match=r'^point "ball" bounces in the step, expected none with restitution'):
+        sd.step_derivatives(sd.Scene(model, contacts=bounces), q, v, tau, DT)
+    scene = sd.Scene(model, contacts=sd.Contacts(model, {"ball": 0.1}))
+    with pytest.raises(sd.SimulationError, match="contacts acts in the scene, expected constant forces, and constr"):
+        sd.linearize(scene, q, v, tau)
+    with pytest.raises(
+        sd.SimulationError, match='method is "rk4" and contacts act, expected one of semi_implicit_euler'
+    ):
+        sd.step_derivatives(scene, q, v, tau, DT, "rk4")
+    lugre = sd.Friction(1.0, bristle_stiffness=1e3)
+    with pytest.raises(
+        sd.SimulationError, match="friction with bristles acts in the scene, expected constraints, cont"
+    ):
+        sd.step_derivatives(sd.Scene(pendulum(), friction=lugre, friction_method="lugre"), [0.0], [0.0], [0.0], DT)
+    four_bar = mechanisms.four_bar()
+    held = sd.Scene(four_bar, constraints=mechanisms.pin_of(four_bar))
+    start = mechanisms.four_bar_state()
+    with pytest.raises(
+        sd.SimulationError, match="method is 'stormer_verlet' and constraints act, expected one of expl"
+    ):
+        sd.step_derivatives(held, *start, np.zeros(3), DT, "stormer_verlet")
+    with pytest.raises(sd.SimulationError, match=r"dt is -0\.001, expected more than 0 s in a scene"):
+        sd.step_derivatives(scene, q, np.zeros(6), tau, -DT)
