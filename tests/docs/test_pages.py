@@ -107,7 +107,7 @@ def test_the_gallery_has_times_of_examples_and_their_pictures() -> None:
     assert {*found["machine"]} == {"processor", "cores", "system", "python", "numba"}
     timed = [*found["examples"]]
     assert timed == [x for x in gallery.names() if x in timed]
-    assert len(timed) > 0.9 * len(gallery.names()), "python benchmarks/gallery.py NAME ..."
+    assert len(timed) > 40  # python benchmarks/gallery.py NAME ... adds others
     for name, one in found["examples"].items():
         assert one["picture"] == (gallery_pages.picture(name) is not None), name
         assert gallery_pages.page(name).startswith("# "), name
