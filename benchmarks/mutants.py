@@ -1,6 +1,7 @@
 """Whether the suite notices faults: those of benchmarks/mutants.txt, each put into a copy of the package and tested.
 
-    python benchmarks/mutants.py [--only compat] [--jobs 2] [--slow] [--no-check]
+    python benchmarks/mutants.py [--only compat] [--jobs 2] [--slow] [--no-check] [--again]
+    python benchmarks/mutants.py --report
 
 The table says what a fault is, in four lines or more::
 
@@ -16,12 +17,19 @@ that wait for -m slow. A line ``= reason`` in place of tests names a fault that 
 
 First the tests are run without faults, and must pass (--no-check leaves that out). A fault is noticed if a test fails.
 Prints the counts of each room and the faults that were not noticed; the exit status is 1 if fewer are noticed than
-PROMISED. A fault in compiled code is compiled in a cache of its own.
+PROMISED. What is found is kept in mutants.json after each fault: what is there is not run again, unless the fault or
+its tests are others or --again is given; --report prints what is there.
+
+A fault in a room of compiled code is tried twice. First kernels compiled without it are read from the cache, as if the
+sources were the same: a test that fails then has noticed what is no part of them, or what they were compiled anew for.
+If none fails, all is compiled with the fault, in a cache of its own.
 """
 
 from __future__ import annotations
 
 import argparse
+import compileall
+import json
 import os
 import shlex
 import shutil
@@ -38,10 +46,11 @@ from queue import SimpleQueue
 
 from tables import Bar, draw
 
-from spatialdyn.engines.compiled.stamp import COMPILED
+from spatialdyn.engines.compiled.stamp import COMPILED, STAMP
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE, TESTS, TABLE = ROOT / "spatialdyn", ROOT / "tests", Path(__file__).with_suffix(".txt")
+KEPT = Path(__file__).with_suffix(".json")
 LIMIT = 900.0  # seconds of one run of tests, which says nothing if it takes longer
 PROMISED = {False: 0.95, True: 0.98}  # share of the faults noticed by quick tests, and by slow ones too
 FAILED, PASSED = (1, 2), 0  # exit status of pytest: tests that fail, or cannot be collected
@@ -91,6 +100,11 @@ class Fault:
     def compiled(self) -> bool:
         """Whether kernels on the disk are of another stamp with it."""
         return self.file.startswith(tuple(f"{x}/" for x in COMPILED))
+
+    @property
+    def key(self) -> str:
+        """What names it in mutants.json: the fault and its tests."""
+        return "; ".join([str(self), *(" ".join(("slow",) * x.slow + x.arguments) for x in self.runs)])
 
     def __str__(self) -> str:
         return f"{self.file}: {self.old}  ->  {self.new}"
@@ -158,15 +172,22 @@ def copied(to: Path) -> Path:
         shutil.copytree(ROOT / name, to / name, ignore=ignored)
     for name in ("pyproject.toml", "README.md"):
         shutil.copy2(ROOT / name, to)
+    compileall.compile_dir(to, quiet=1)  # no run of a fault writes Python's own cache
     return to
 
 
 @contextmanager
 def put(tree: Path, fault: Fault) -> Iterator[None]:
     """The fault in a copy, then the file as it was, with its times: compiled modules stay valid."""
-    path = tree / "spatialdyn" / fault.file
+    with replaced(tree / "spatialdyn" / fault.file, fault.old, fault.new):
+        yield
+
+
+@contextmanager
+def replaced(path: Path, old: str, new: str) -> Iterator[None]:
+    """Another text in a file, then the file as it was."""
     text, state = path.read_bytes(), path.stat()
-    path.write_bytes(text.replace(fault.old.encode(), fault.new.encode()))
+    path.write_bytes(text.replace(old.encode(), new.encode()))
     try:
         yield
     finally:
@@ -199,15 +220,41 @@ def tested(tree: Path, run: Run, cache: Path, write: bool) -> tuple[int | None, 
 
 def noticed(tree: Path, fault: Fault, cache: Path, slow: bool) -> str:
     """By which tests a fault is noticed: "quick", "slow" or "". Raises RuntimeError if they cannot be run."""
-    with put(tree, fault), tempfile.TemporaryDirectory() as own:
-        for run in sorted(fault.runs, key=lambda x: x.slow):
-            if run.slow and not slow:
-                continue
-            status, text = tested(tree, run, Path(own) if fault.compiled else cache, False)
-            if status is not None and (status in FAILED or status < 0):
-                return "slow" if run.slow else "quick"
-            if status != PASSED:
-                raise RuntimeError(f"{fault}: pytest ends with status {status}, None after {LIMIT:g} s\n{text}")
+    with put(tree, fault):
+        if not fault.compiled or all(run.plain for run in fault.runs):
+            return _noticed(tree, fault, cache, slow)
+        if fault.file != STAMPED:
+            with tempfile.TemporaryDirectory() as own, replaced(tree / "spatialdyn" / STAMPED, *HELD):
+                if cache.exists():
+                    shutil.copytree(cache, own, dirs_exist_ok=True, copy_function=_link)
+                found = _noticed(tree, fault, Path(own), slow)
+            if found:
+                return found
+        with tempfile.TemporaryDirectory() as own:
+            return _noticed(tree, fault, Path(own), slow)
+
+
+STAMPED = "engines/compiled/stamp.py"
+HELD = "STAMP = _stamp()", f'STAMP = "{STAMP}"'  # as if the package were without the fault
+
+
+def _link(source: str, target: str) -> None:
+    """One more name for a file, which the library replaces and never writes to."""
+    try:
+        os.link(source, target)
+    except OSError:  # on another disk
+        shutil.copy2(source, target)
+
+
+def _noticed(tree: Path, fault: Fault, cache: Path, slow: bool) -> str:
+    for run in sorted(fault.runs, key=lambda x: x.slow):
+        if run.slow and not slow:
+            continue
+        status, text = tested(tree, run, cache, False)
+        if status is not None and (status in FAILED or status < 0):
+            return "slow" if run.slow else "quick"
+        if status != PASSED:
+            raise RuntimeError(f"{fault}: pytest ends with status {status}, None after {LIMIT:g} s\n{text}")
     return ""
 
 
@@ -256,6 +303,8 @@ def main() -> int:
     parser.add_argument("--jobs", type=int, default=1, help="runs at a time, each on a copy of its own")
     parser.add_argument("--slow", action="store_true", help="slow tests too, where quick ones notice nothing")
     parser.add_argument("--no-check", action="store_true", help="do not run the tests without faults first")
+    parser.add_argument("--again", action="store_true", help="also what is in mutants.json")
+    parser.add_argument("--report", action="store_true", help="run nothing, print what is in mutants.json")
     parser.add_argument("--folder", type=Path, help="of the copies, and of a cache that is kept; else a temporary one")
     asked = parser.parse_args()
     table = faults()
@@ -264,7 +313,10 @@ def main() -> int:
         print("\n".join(wrong), file=sys.stderr)
         return 2
     chosen = [x for x in table if any(part in str(x) for part in asked.only)]
-    faulty = [x for x in chosen if not x.same]
+    kept = results()
+    if asked.report:
+        return report(chosen, {x: kept[x.key] for x in chosen if x.key in kept}, True)
+    faulty = [x for x in chosen if not x.same and (asked.again or x.key not in kept)]
     with tempfile.TemporaryDirectory() as temporary:
         copies = Copies(asked.folder or Path(temporary), asked.jobs)
         if not asked.no_check:
@@ -287,9 +339,26 @@ def main() -> int:
             return by, spent
 
         with ThreadPoolExecutor(asked.jobs) as pool:
-            found = dict(zip(faulty, pool.map(one, faulty), strict=True))
+            for x, found in zip(faulty, pool.map(one, faulty), strict=True):
+                if not found[0].startswith("error"):
+                    kept[x.key] = found
+                    keep(kept, table)
         bar.end()
-    return report(chosen, found, asked.slow)
+    return report(chosen, {x: kept[x.key] for x in chosen if x.key in kept}, asked.slow)
+
+
+def results() -> dict[str, tuple[str, float]]:
+    """By which tests each fault was noticed, and the seconds that it took; by its key."""
+    if not KEPT.exists():
+        return {}
+    return {x: (y["by"], y["seconds"]) for x, y in json.loads(KEPT.read_text(encoding="utf-8")).items()}
+
+
+def keep(found: dict[str, tuple[str, float]], table: Sequence[Fault]) -> None:
+    """Write them, in the order of the table; those of faults that are no more are left out."""
+    rows = {x.key: found[x.key] for x in table if x.key in found}
+    text = json.dumps({x: {"by": by, "seconds": round(s, 1)} for x, (by, s) in rows.items()}, indent=1)
+    KEPT.write_text(text + "\n", encoding="utf-8")
 
 
 def report(chosen: Sequence[Fault], found: dict[Fault, tuple[str, float]], slow: bool) -> int:
@@ -298,15 +367,20 @@ def report(chosen: Sequence[Fault], found: dict[Fault, tuple[str, float]], slow:
     for room in [*dict.fromkeys(x.room for x in chosen), ""]:
         here = [x for x in chosen if room in (x.room, "")]
         by = [found[x] for x in here if x in found]
-        counts = len(here), len(here) - len(by), *(sum(y == word for y, _ in by) for word in ("quick", "slow", ""))
+        same = sum(bool(x.same) for x in here)
+        counts = len(here), same, *(sum(y == word for y, _ in by) for word in ("quick", "slow", ""))
+        counts += (len(here) - same - len(by),)
         rows.append([room or "all", *map(str, counts), f"{sum(s for _, s in by):.0f}"])
-    draw("faults", ["room", "faults", "of no effect", "noticed", "by slow tests", "not noticed", "seconds"], rows)
-    for x, (by, _) in found.items():
-        if by not in ("quick", "slow"):
-            print(f"{by or 'not noticed'}: line {x.line}, {x}")
+    heads = ["room", "faults", "of no effect", "noticed", "by slow tests", "not noticed", "not run", "seconds"]
+    draw("faults", heads, rows)
+    for x, (word, _) in found.items():
+        if not word:
+            print(f"not noticed: line {x.line}, {x}")
     for x in chosen:
         if x.same:
             print(f"of no effect: {x}: {x.same}")
+        elif x not in found:
+            print(f"not run: line {x.line}, {x}")
     count = max(1, len(found))
     shares = {False: sum(by == "quick" for by, _ in found.values()) / count}
     if slow:

@@ -26,7 +26,7 @@ from ..bodies import table
 from ..bodies.kinds import kind_of
 from ..errors import InertiaError, ModelError
 from .joint_rows import Joint, blank, frozen, matrix_from_pose, pose_from_matrix, put_joint, subspace
-from .mimic import Mimics, mimic_map, resolve_mimics
+from .mimic import mimic_map, resolve_mimics
 from .physical_inertia import parallel_axis
 from .robot import Link, Mimic, Robot, RobotJoint
 
@@ -124,7 +124,7 @@ def tables(robot: Robot, options: Options) -> Tables:
 
     return Tables(
         robot=robot,
-        key=digest(bodies, mimics),
+        key=digest(bodies),
         bodies=bodies,
         nq=len(free_q),
         nv=len(free_v),
@@ -181,13 +181,9 @@ def _finite(record: NDArray[Any]) -> NDArray[np.bool_]:
     return np.asarray(np.isfinite(record))
 
 
-def digest(bodies: NDArray[Any], mimics: Mimics | None = None) -> str:
-    """Digest of everything that results depend on."""
-    made = hashlib.sha256(bodies.tobytes())
-    if mimics is not None and mimics.matrix is not None:
-        for part in (mimics.matrix, mimics.source, mimics.ratio, mimics.offset):
-            made.update(part.tobytes())
-    return made.hexdigest()
+def digest(bodies: NDArray[Any]) -> str:
+    """Digest of everything that results depend on, mimic joints included."""
+    return hashlib.sha256(bodies.tobytes()).hexdigest()
 
 
 UPPER = np.triu_indices(3)  # the entries of a symmetric matrix that are kept, in the order of Sym

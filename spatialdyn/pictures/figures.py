@@ -119,6 +119,25 @@ def given_axes(ax: Any, wanted: Sequence[str]) -> tuple[Figure, list[Axes]] | No
     return found[0].figure, found
 
 
+def one_axes(ax: Any, name: str, path: Any) -> tuple[Figure, Axes]:
+    """The figure and axes of a plot of one panel, new ones where ``ax`` is None. Raises what the checks above raise."""
+    check_path(path)
+    given = given_axes(ax, [name])
+    if given is not None:
+        return given[0], given[1][0]
+    figure = new_figure(9.5, 5.2)
+    return figure, figure.subplots()
+
+
+def by_logarithms(axes: Axes, across: str, up: str, x: float, y: float | None = None) -> None:
+    """Logarithmic axes with these labels, around what is drawn, with margins of these shares."""
+    axes.set(xscale="log", yscale="log", xlabel=across, ylabel=up)
+    axes.margins(x=x, y=y)
+    axes.autoscale_view()
+    log_ticks(axes.xaxis)
+    log_ticks(axes.yaxis)
+
+
 def plain(text: str) -> str:
     """A name as a label: no formula between dollars, and no underscore first, which hides a legend's entry."""
     shown = text.replace("$", r"\$")

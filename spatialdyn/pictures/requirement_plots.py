@@ -7,19 +7,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from ..accuracy.requirement import Part, Requirement
-from .figures import (
-    FAINT,
-    check_path,
-    colours,
-    given_axes,
-    legend,
-    log_ticks,
-    new_figure,
-    place_labels,
-    plain,
-    tidy,
-    written,
-)
+from .figures import FAINT, by_logarithms, colours, legend, one_axes, place_labels, plain, tidy, written
 from .tradeoff_plots import real_time
 
 if TYPE_CHECKING:
@@ -34,10 +22,7 @@ MARKS = {"left out": "o", "taken": "*", "needed": "X", "other": "."}
 
 def plot_requirement(found: Requirement, ax: Any, path: Any) -> Figure:
     """``Requirement.plot``."""
-    check_path(path)
-    given = given_axes(ax, ["change against cost"])
-    figure = new_figure(9.5, 5.2) if given is None else given[0]
-    axes = figure.subplots() if given is None else given[1][0]
+    figure, axes = one_axes(ax, "change against cost", path)
     draw_requirement(axes, found)
     return written(figure, path)
 
@@ -70,12 +55,7 @@ def draw_parts(axes: Axes, rows: Sequence[Part], path: Sequence[Part], tolerance
     names.append("from the whole scene\nto the one that is taken")
     handles.append(axes.axhline(tolerance, color=FAINT, linestyle="--", linewidth=1.2))
     names.append("tolerance")
-    axes.set(xscale="log", yscale="log", xlabel="ms of computing for a second of motion")
-    axes.set_ylabel("largest change of what is observed")
-    axes.margins(x=0.12, y=0.08)
-    axes.autoscale_view()
-    log_ticks(axes.xaxis)
-    log_ticks(axes.yaxis)
+    by_logarithms(axes, "ms of computing for a second of motion", "largest change of what is observed", x=0.12, y=0.08)
     axes.set_title(plain(f"{title}\n"), fontsize="medium")
     real_time(axes)
     legend(axes, handles, names, f"points at {least:.0e}: that or less")

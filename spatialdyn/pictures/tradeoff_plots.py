@@ -10,12 +10,11 @@ from ..accuracy.results import Option, Tradeoff
 from .figures import (
     FAINT,
     MARKERS,
-    check_path,
+    by_logarithms,
     colours,
-    given_axes,
     legend,
     log_ticks,
-    new_figure,
+    one_axes,
     place_labels,
     plain,
     tidy,
@@ -32,10 +31,7 @@ SECOND = 1e9  # [ns]
 
 def plot_tradeoff(found: Tradeoff, ax: Any, path: Any) -> Figure:
     """``Tradeoff.plot``."""
-    check_path(path)
-    given = given_axes(ax, ["error against cost"])
-    figure = new_figure(9.5, 5.2) if given is None else given[0]
-    axes = figure.subplots() if given is None else given[1][0]
+    figure, axes = one_axes(ax, "error against cost", path)
     moves = found.task == "simulate"
     families: dict[str, list[Option]] = {}
     for x in found.options:
@@ -64,12 +60,7 @@ def plot_tradeoff(found: Tradeoff, ax: Any, path: Any) -> Figure:
             steps += [(*spot, short(step_of(x)), colour) for x, spot in zip(points, at, strict=True) if step_of(x)]
     front = [(scale * x.ns, x.error) for x in found.front if math.isfinite(x.error)]
     edge = draw_front(axes, front)
-    axes.set(xscale="log", yscale="log", ylabel=f"largest error of {found.states} states, relative")
-    axes.set_xlabel(unit)
-    axes.margins(x=0.07)
-    axes.autoscale_view()
-    log_ticks(axes.xaxis)
-    log_ticks(axes.yaxis)
+    by_logarithms(axes, unit, f"largest error of {found.states} states, relative", x=0.07)
     heading = axes.set_title(plain(f"{found.model}: {found.task.replace('_', ' ')}"), fontsize="medium")
     if moves:
         real_time(axes)
