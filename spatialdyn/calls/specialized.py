@@ -63,6 +63,19 @@ def derivative_of(k: Specialized, derivative: str) -> Specialized:
     return check_program(of_request(request, derivative_of, (k, derivative)), "derivatives")
 
 
+def results_of_rows(k: Specialized, rows: Sequence[NDArray[Any]]) -> list[NDArray[Any]] | None:
+    """Results (n, ...) of inputs (n, columns) of a program's dtype in C order, without argument checks.
+
+    Returns None if not applicable: without a program, of no rows, and where one of them has no answer in it.
+    """
+    n = len(rows[0])
+    if k._kernel is None or not n:
+        return None
+    made = [np.empty((n, *shape), k.dtype) for shape in k._shapes]
+    left = k._kernel(rows, [x.reshape((n, -1)) for x in made], False)
+    return made if left is not None and not len(left) else None
+
+
 class Specialized:
     """A compiled program, called like a function: ``k(q, v, a)`` for one sample or batches, ``out=`` optional.
 
@@ -272,18 +285,6 @@ class Specialized:
             if all(np.ndim(x) == rank for x, rank in zip(arrays, ranks, strict=True)):
                 self._compile_single()
         return self._checked_call(arrays, out)
-
-    def of_rows(self, rows: Sequence[NDArray[Any]]) -> list[NDArray[Any]] | None:
-        """Results (n, ...) of inputs (n, columns) of its dtype in C order, without argument checks.
-
-        Returns None if not applicable: without a program, of no rows, and where one of them has no answer in it.
-        """
-        n = len(rows[0])
-        if self._kernel is None or not n:
-            return None
-        made = [np.empty((n, *shape), self.dtype) for shape in self._shapes]
-        left = self._kernel(rows, [x.reshape((n, -1)) for x in made], False)
-        return made if left is not None and not len(left) else None
 
     # -- one sample
 

@@ -22,10 +22,10 @@ Array = NDArray[Any]
 
 
 def run_samples(
-    plan: Plan, carried: RunStates, states: Sequence[Array], tau: Array | None, records: Sequence[Array],
+    plan: Plan, initial: RunStates, states: Sequence[Array], tau: Array | None, records: Sequence[Array],
     steps: tuple[float, int, int], check: bool,
 ) -> None:  # fmt: skip
-    """Run samples from their states q, v and those carried, and write records (samples, records, columns).
+    """Run samples from their states q, v and initial ones of effects, and write records (samples, records, columns).
 
     tau    (samples or 1, steps or 1, nv)  None for zero
     steps  dt, their number, and how many to a record
@@ -44,7 +44,7 @@ def run_samples(
         held = np.zeros((1, plan.model.nv)) if tau is None else tau[min(b, len(tau) - 1)].astype(float)
         reason = _not_finite(plan, start, held, dt)
         if not (reason and check):
-            reason = _alone(plan, carried, start, held, rows, steps, b)
+            reason = _alone(plan, initial, start, held, rows, steps, b)
         if reason and check:
             raise SimulationError(f"sample {b}: {reason}{several}")
     if check and plan.states and records[0].shape[1]:
@@ -62,7 +62,7 @@ def _not_finite(plan: Plan, state: Sequence[Array], held: Array, dt: float) -> s
 
 
 def _alone(
-    plan: Plan, carried: RunStates, state: list[Array], held: Array, records: list[Array],
+    plan: Plan, initial: RunStates, state: list[Array], held: Array, records: list[Array],
     steps: tuple[float, int, int], sample: int,
 ) -> str:  # fmt: skip
     """Run a sample as ``simulate`` does and write its records, NaN from where it fails; returns why, "" otherwise."""
@@ -71,7 +71,7 @@ def _alone(
         for made in records:
             made[:] = np.nan
         return ""
-    alone = RunStates(carried.arguments, carried.shapes, tuple(x[None] for x in own))
+    alone = RunStates(initial.arguments, initial.shapes, tuple(x[None] for x in own))
     recorder = Recorder(plan, Steps(dt, total, 0.0), every, alone)
     torque = Torque(np.ascontiguousarray(held), None, not numba_kernels.PLAIN)
     p = calls["momentum"](plan.model, q, v) if recorder.moves_p else v

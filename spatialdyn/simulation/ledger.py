@@ -113,7 +113,7 @@ def _labels(kind: str, count: int, run: Trajectory) -> tuple[str, ...]:
     elif kind == "constraints" and run.scene is not None and run.scene.constraints is not None:
         names = [str(x.label) for x in run.scene.constraints.equations]
     elif kind == "contacts" and run.scene is not None:
-        names = run.scene.touching.labels
+        names = run.scene.unilateral.labels
     if len(names) == count:
         return tuple(names)
     return (kind,) if count == 1 else tuple(f"{kind} {k}" for k in range(count))

@@ -50,11 +50,11 @@ class Way(NamedTuple):
 
 def way_of(scene: Scene, method: Any) -> Way:
     """The method of a run, None for that of the scene. Raises SpatialDynError, SimulationError."""
-    known = scene.plans.get(method) if method is None or isinstance(method, str) else None
+    known = scene._plans.get(method) if method is None or isinstance(method, str) else None
     if known is None:
         name = check_method(scene, scene.method if method is None else method, integrators)
         found = Way(integrators[name], any(isinstance(x, (SmoothFriction, Springs)) for x in scene.effects))
-        known = scene.plans.setdefault(method, found)
+        known = scene._plans.setdefault(method, found)
     return known  # type: ignore[no-any-return]
 
 
@@ -254,15 +254,15 @@ def plan_of(
         check_start(scene, start[0])
     own = all(x is None for x in inputs)  # nothing but what belongs to the scene
     key = method, works, records, None if constrained is None else constrained.rank.tobytes()
-    known = scene.plans.get(key) if own else None
+    known = scene._plans.get(key) if own else None
     if known is None:
         called = np.zeros((1, 1, 6 * scene.model.njoints))  # a function's
         forces = forces_of(scene, inputs.fext) if inputs.force is None else called
         effects = of_run(scene, constrained, records, forces)
         effects = effects if inputs.feedback is None else (*effects, inputs.feedback)
         known = Plan(scene, method, effects, works, inputs.force)
-        if own and len(scene.plans) < KEPT:
-            scene.plans[key] = known
+        if own and len(scene._plans) < KEPT:
+            scene._plans[key] = known
     return known
 
 

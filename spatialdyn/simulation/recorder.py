@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ..actuation.springs import spring_energy
 from ..calls.arguments import as_number
 from ..calls.dynamics import calls
-from ..calls.specialized import Specialized
+from ..calls.specialized import Specialized, results_of_rows
 from ..errors import NonFiniteError, SpatialDynError
 from ..laws.control import Control, law_torques
 from ..model.model import Model
@@ -140,7 +140,7 @@ class Recorder:
 def _of_samples(calls_of: Specialized, *arrays: Array) -> list[Array]:
     """Calls on all samples; NaN where the result of a finite state is not finite."""
     n = len(arrays[0])
-    made = calls_of.of_rows(arrays)
+    made = results_of_rows(calls_of, arrays)
     if made is not None:
         return made
     try:

@@ -121,8 +121,8 @@ def rollout(
     fixed = 0.0 if method in SCIPY_METHODS else float(dt)
     feedback = None if control is None else Feedback.of(control, model, B, T)
     plan = plan_of(scene, method, (start[0], start[1]), fixed, False, kept, Inputs(fext_rows, None, feedback))
-    carried = plan.unstarted if states is None else run_states(model, plan.states, plan.tables, states, B)
-    now = [np.ascontiguousarray(np.broadcast_to(x, (B, x.shape[1]))) for x in (*start, *carried.starts)]
+    initial = plan.unstarted if states is None else run_states(model, plan.states, plan.tables, states, B)
+    now = [np.ascontiguousarray(np.broadcast_to(x, (B, x.shape[1]))) for x in (*start, *initial.starts)]
     every = _every(1 if record is None else record, T)
     records = [np.empty((B, T // every, x.shape[1]), number) for x in now]
     if B and T and model.nv:
@@ -132,8 +132,8 @@ def rollout(
             check_springs(model, method, now[0][0], float(dt))
         if model.nq != model.nv:
             calls["potential_energy"](model, now[0])  # raises ConfigurationError naming the joint
-        run_samples(plan, carried, now, tau_rows, records, (float(dt), T, every), check)
-    single = single and all(len(x) == 1 for x in carried.starts)
+        run_samples(plan, initial, now, tau_rows, records, (float(dt), T, every), check)
+    single = single and all(len(x) == 1 for x in initial.starts)
     if isinstance(record, str):
         records = [x[:, -1] for x in records] if T else [x.copy() for x in now]
     t = np.array(T * dt) if isinstance(record, str) else dt * every * np.arange(1.0, T // every + 1.0)
@@ -141,7 +141,7 @@ def rollout(
     contact, touched = plan.contact, None
     if contact is not None and contact.records:
         touched = contact.record(q, after[[x.name for x in plan.states].index(contact.own.name)])
-    shown = carried.shown(np.concatenate(after, axis=-1)) if after else {}
+    shown = initial.shown(np.concatenate(after, axis=-1)) if after else {}
     return Rollout(q, v, t, model, shown, touched, scene, method)
 
 

@@ -288,8 +288,8 @@ def _run(run: _Run, duration: float, dt: float, torque: Any, fext: Any) -> Traje
         inputs = inputs._replace(feedback=Feedback.of(run.control, model, 1, steps.total))
     fixed = 0.0 if method.family is None else steps.dt
     plan = plan_of(scene, method.name, (q, v), fixed, run.wanted.work, run.wanted.contacts, inputs)
-    carried = plan.unstarted if run.states is None else run_states(model, plan.states, plan.tables, run.states)
-    recorder = Recorder(plan, steps, _every(run.wanted.every, steps.total), carried)
+    initial = plan.unstarted if run.states is None else run_states(model, plan.states, plan.tables, run.states)
+    recorder = Recorder(plan, steps, _every(run.wanted.every, steps.total), initial)
     recorder.put(q, p if recorder.moves_p else v, np.full(model.nv, np.nan))  # its torque may never be computed
     try:
         if torque is None:

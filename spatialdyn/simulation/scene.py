@@ -75,7 +75,7 @@ class Scene:
     ('semi_implicit_euler', True)
     """
 
-    __slots__ = (*FIELDS, "effects", "plans")
+    __slots__ = (*FIELDS, "effects", "_plans")
     model: Model
     constraints: Constraints | None
     stabilization: float | None
@@ -87,7 +87,7 @@ class Scene:
     drive: str
     fext: Array | None
     effects: tuple[Effect, ...]  # of friction, motor and springs: no part of the content, as what follows
-    plans: dict[Any, Any]  # of its runs: see ``plan``
+    _plans: dict[Any, Any]  # of its runs: see ``plan``
 
     def __init__(
         self,
@@ -120,7 +120,7 @@ class Scene:
             "limits": as_flag("limits", limits), "motor": None if motor is None else check_motor(model, motor),
             "drive": drive, "fext": None if fext is None else _forces(model, fext),
         }  # fmt: skip
-        for name, value in {**given, "effects": effects, "plans": {}}.items():
+        for name, value in {**given, "effects": effects, "_plans": {}}.items():
             object.__setattr__(self, name, value)
 
     @classmethod
@@ -186,8 +186,8 @@ class Scene:
         return (*found, *(x.name for x in self.effects if x.name == "springs"))
 
     @property
-    def touching(self) -> Contacts:
-        """The contacts, perhaps of no points, and joint limits if they act."""
+    def unilateral(self) -> Contacts:
+        """What acts in one direction: the contacts, perhaps of no points, and joint limits if they act."""
         given = Contacts(self.model, {}) if self.contacts is None else self.contacts
         return given.with_limits() if self.limits else given
 

@@ -300,9 +300,9 @@ def step_specs(
         kernels = _Kernels(_accelerate, _integrate, _displacement_rate, turn)
         system = System(kernels, held_torque, None, rows, None, inputs.get(FEXT.name), None, None, tau, None)
         state = State(q, v, v, q.copy(), None, np.zeros((10, len(v)), object))
-        carried: Power = {x.name: inputs[x.name] for x in own}
-        carried = advance(acting, works, at, EXPLICIT_METHODS[method], system, 0.0, inputs["dt"], state, carried)
-        return state.q, state.w, *(carried[x.name] for x in own)
+        owned: Power = {x.name: inputs[x.name] for x in own}
+        owned = advance(acting, works, at, EXPLICIT_METHODS[method], system, 0.0, inputs["dt"], state, owned)
+        return state.q, state.w, *(owned[x.name] for x in own)
 
     beside = (x for effect in acting for x in effect.inputs)
     given = (Q, V, *own, DT, *((TAU,) if forced else ()), *beside)

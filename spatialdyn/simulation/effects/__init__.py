@@ -34,7 +34,7 @@ def of_run(scene: Any, constrained: Constrained | None, records: bool, forces: A
     acting: tuple[Effect, ...] = scene.effects
     contact = contact_of(scene, acting, records, constrained)
     if contact is not None:
-        acting = tuple(x.beside_others() for x in acting)
+        acting = tuple(x.as_coupled() for x in acting)
     others = constrained, contact, None if forces is None else ExternalForces(forces)
     return (*acting, *(x for x in others if x is not None))
 

@@ -34,6 +34,7 @@ from ...constraints.dynamics import (
     rate_terms,
     rows_to_keep,
 )
+from ...constraints.kinds import HingeConstraint, WeldConstraint
 from ...constraints.loops import raise_if_open
 from ...constraints.table import Constraints
 from ...errors import ConstraintError, SimulationError
@@ -272,7 +273,8 @@ def constrained_of(scene: Any, q: Array, v: Array, dt: float) -> Constrained:
             raise SimulationError(f"stabilization is {scene.stabilization!r} s, expected at least {least}")
     solved = scene.contacts is not None or scene.limits or (scene.solves and scene.friction_method != "lugre")
     phi = call(ERROR, model, constraints, q)
-    if constraints.aligns or not (abs(phi) <= START).all():
+    turns = any(isinstance(x, (HingeConstraint, WeldConstraint)) for x in constraints.items)  # by half, perhaps
+    if turns or not (abs(phi) <= START).all():
         raise_if_open(constraints, q, phi, START, " at the beginning; project_configuration or close_loops closes it")
     J = call(JACOBIAN, model, constraints, q)
     Jv = (J @ v[..., None])[..., 0]

@@ -259,7 +259,7 @@ def contact_of(
     solved = rubs.way if rubs is not None and rubs.way in (IMPLICIT, LUGRE) else None
     if contacts is None and not stops and (constrained is None or solved != IMPLICIT):
         return None
-    given = scene.touching
+    given = scene.unilateral
     table = given.with_dry(dry(acting, scene.model.nv))
     made = Contact(given, records, table, solved, constrained is not None)
     return made if len(table.rows) > 1 or constrained is not None else None
@@ -267,7 +267,7 @@ def contact_of(
 
 def check_start(scene: Any, q: Array) -> None:
     """Raise SimulationError, with the depth, if a point starts in the ground, or a joint beyond its limits."""
-    model, contacts = scene.model, scene.touching
+    model, contacts = scene.model, scene.unilateral
     rows = contacts.table.rows[1 + len(contacts) :]
     x = q[..., rows["q_index"]]
     beyond = np.maximum(rows["lower"] - x, x - rows["upper"])

@@ -87,7 +87,7 @@ class Effect:
         """An equal effect without large values, for the keys of caches."""
         return self
 
-    def beside_others(self) -> Effect:
+    def as_coupled(self) -> Effect:
         """The effect where another one, which comes later, finds the velocities."""
         return self
 

@@ -93,18 +93,18 @@ class SmoothFriction(JointFriction):
 class DryFriction(JointFriction):
     """Coulomb's law and damping at the end of a step.
 
-    beside  whether contacts or constraints are solved for too: then they have the residual
+    coupled  whether contacts or constraints are solved for too: then they have the residual
     """
 
-    beside: bool = False
+    coupled: bool = False
     way = IMPLICIT
 
     @property
     def states(self) -> Any:
         """See ``Effect``."""
-        return () if self.beside else (VIOLATION,)
+        return () if self.coupled else (VIOLATION,)
 
-    def beside_others(self) -> DryFriction:
+    def as_coupled(self) -> DryFriction:
         """See ``Effect``."""
         return DryFriction(self.friction, True)
 
@@ -129,7 +129,7 @@ class DryFriction(JointFriction):
 
     def failure(self, states: dict[str, Array], dt: float, t: float) -> str:
         """See ``Effect``."""
-        if self.beside or not states[VIOLATION.name][0] > UNSOLVED:
+        if self.coupled or not states[VIOLATION.name][0] > UNSOLVED:
             return ""
         return (
             f"friction violates Coulomb's law by {states[VIOLATION.name][0]:.2g} rad/s or m/s at some time up to "

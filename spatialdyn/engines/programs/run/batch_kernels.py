@@ -198,6 +198,11 @@ def _of_structure(
     return digest, structure.Numbers(program, layout).values(dtype)
 
 
+def code_digest(what: str) -> str:
+    """A digest of machine code for this host by what it is of, and by the sources that make it."""
+    return _hash(what, _machine(np.float64, False, False))
+
+
 def _machine(dtype: Any, one: bool, stream: bool) -> str:
     """What machine code depends on beside its program."""
     processor, features, _, _ = host_cpu.host()

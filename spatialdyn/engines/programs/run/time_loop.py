@@ -15,11 +15,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ...compiled import disk_cache
 from ...threads import thread_pool
 from ..llvm import host_cpu
 from ..llvm.llvm_entry import buffer_size, time_loop_entry
 from ..record.program import Program
-from .batch_kernels import Kernel
+from .batch_kernels import Kernel, code_digest
 from .batches import NONE
 
 
@@ -39,7 +40,12 @@ def _compiled_loop(
     states: tuple[int, ...], inputs: int, workspace: int, width: int, size: int
 ) -> tuple[Any, Callable[..., None], int]:
     """The loaded code, which must stay referenced, the compiled loop, and the bytes that it needs."""
-    loaded = host_cpu.LoadedCode(host_cpu.object_code(time_loop_entry(states, inputs, workspace, width, size)))
+    digest = code_digest(f"time loop {states} {inputs} {workspace} {width} {size}")
+    code = disk_cache.read(digest)
+    if code is None:
+        code = host_cpu.object_code(time_loop_entry(states, inputs, workspace, width, size))
+        disk_cache.write(digest, code)
+    loaded = host_cpu.LoadedCode(code)
     given: list[Any] = [ctypes.c_void_p, ctypes.py_object, *[ctypes.py_object] * len(states)]
     given += [ctypes.py_object, ctypes.c_int64, ctypes.c_int64] * inputs
     given += [ctypes.py_object] * (2 * len(states) + 1) + [ctypes.c_int64] * 6
