@@ -38,13 +38,13 @@ from measure import interleaved
 
 import spatialdyn as sd
 from spatialdyn.accuracy import call_errors, integrator_errors, references
+from spatialdyn.accuracy.reference_motion import exact_motion
 from spatialdyn.accuracy.requirement import Part
 from spatialdyn.accuracy.tradeoff import advice
 from spatialdyn.examples import what_a_scene_requires
 from spatialdyn.pictures import figures
 from spatialdyn.pictures.requirement_plots import draw_parts
 from spatialdyn.pictures.tradeoff_plots import draw_front, outermost_first, real_time, short
-from spatialdyn.simulation.reference_motion import exact_motion
 
 HERE = Path(__file__).parent
 ANYMAL = "anymal_b_simple_description/robots/anymal"

@@ -118,13 +118,13 @@ if TYPE_CHECKING:
     from .lagrangian.coriolis_constructions import ChristoffelC, verify_skew_symmetry
     from .lagrangian.hamiltonian import hamilton_equations, poisson_bracket
     from .lagrangian.symbolic_manipulator import SymbolicManipulator
+    from .laws.control import Control
+    from .laws.cost import Cost
     from .model.builder import ModelBuilder
     from .model.transmission import Transmission
     from .pictures.comparison_plots import plot
     from .pictures.view import view
     from .simulation.contact_record import ContactRecord
-    from .simulation.effects.control import Control
-    from .simulation.effects.cost import Cost
     from .simulation.ledger import EnergyLedger, energy_ledger
     from .simulation.methods.methods import integrators
     from .simulation.rollout_result import Rollout
@@ -204,8 +204,7 @@ _LATE = {  # {module: public names}, imported when one is asked for: half the ti
     "lagrangian.symbolic_manipulator": "SymbolicManipulator", "model.builder": "ModelBuilder",
     "model.transmission": "Transmission", "urdf.transmissions": "read_transmissions",
     "pictures.comparison_plots": "plot", "pictures.view": "view",
-    "simulation.contact_record": "ContactRecord", "simulation.effects.control": "Control",
-    "simulation.effects.cost": "Cost",
+    "laws.control": "Control", "laws.cost": "Cost", "simulation.contact_record": "ContactRecord",
     "simulation.ledger": "EnergyLedger energy_ledger",
     "simulation.methods.methods": "integrators", "simulation.rollout_result": "Rollout",
     "simulation.rollouts": "rollout", "simulation.runs": "hamilton_simulation simulate", "simulation.scene": "Scene",
@@ -215,8 +214,8 @@ _LATE = {  # {module: public names}, imported when one is asked for: half the ti
 }  # fmt: skip
 _MODULE_OF = {name: module for module, names in _LATE.items() for name in names.split()}
 _ROOMS = (
-    "accuracy", "actuation", "constraints", "control", "interop", "lagrangian", "pictures", "simulation", "sources",
-    "validate",
+    "accuracy", "actuation", "constraints", "control", "interop", "lagrangian", "laws", "pictures", "sources",
+    "simulation", "validate",
 )  # fmt: skip
 
 

@@ -20,6 +20,7 @@ EXTRAS: dict[str, tuple[str, ...]] = {  # the packages of each extra of pyprojec
     "mujoco": ("mujoco",),
     "ros": ("xacrodoc",),
     "descriptions": ("robot_descriptions",),
+    "docs": ("sphinx", "myst-parser", "furo"),
 }
 
 
@@ -53,7 +54,7 @@ class ConfigurationError(SpatialDynError):
 
 
 class ConstraintError(SpatialDynError):
-    """Constraints that do not determine their forces, or a number that no contact has."""
+    """Constraints that do not determine their forces, or a parameter of a contact that is out of range."""
 
 
 class NonFiniteError(SpatialDynError):

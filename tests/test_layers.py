@@ -35,8 +35,9 @@ BELOW: dict[str, tuple[str, ...]] = {
     "constraints": ("calls",),
     "lagrangian": ("calls", "urdf"),
     "interop": ("calls",),
-    "simulation": ("lagrangian", "constraints", "actuation"),
-    "sources": ("calls", "urdf"),
+    "laws": ("calls",),
+    "sources": ("constraints", "actuation", "urdf"),
+    "simulation": ("lagrangian", "sources", "laws"),
     "control": ("simulation",),
     "accuracy": ("simulation",),
     "validate": ("interop", "urdf"),
@@ -44,7 +45,8 @@ BELOW: dict[str, tuple[str, ...]] = {
     "compat": ("pictures", "accuracy", "interop", "urdf", "sources"),
     "__init__": ("accuracy", "control", "validate", "pictures", "sources"),
     "examples": ("__init__", "compat"),
-    "commands": ("examples",),
+    "docs": ("examples",),
+    "commands": ("docs",),
     "__main__": ("commands",),
 }
 # What lies in a room of several, low to high: each may import those before it.
@@ -92,9 +94,9 @@ SHARED = {
     "tree.square_root_inertia", "coordinates.configuration_off_norm", "tree.rnea_off_norm", "steps", "signatures",
     "constraints.constraint_rows", "constraints.dense", "tree.rotors", "constraints.constrained",
     "contact.coulomb_cone", "joints.friction", "coordinates.configuration", "contact.contact_rows", "tree.aba_motors",
-    "contact.impulses", "control.paths",
+    "contact.impulses", "contact.impulse_rows", "contact.newton_step", "control.paths",
 }  # fmt: skip
-TOUCH_FILES = {"urdf", "sources", "engines", "pictures"}  # the last reads meshes and writes pages
+TOUCH_FILES = {"urdf", "sources", "engines", "pictures", "docs"}  # pictures reads meshes, both write pages
 # themselves, a script, and loops in TOML; one reads an environment variable
 SAVE = {
     "simulation.trajectory", "compat.pinocchio.model.serialization_format", "commands.port", "commands.robots",
@@ -111,7 +113,7 @@ FILE_CALLS = {
 }  # fmt: skip
 LATE = {
     "yourdfpy", "lxml", "trimesh", "pinocchio", "rich", "scipy", "mpmath", "matplotlib", "sympy", "pandas", "viser",
-    "IPython", "casadi", "jax", "torch", "mujoco", "xacrodoc", "robot_descriptions",
+    "IPython", "casadi", "jax", "torch", "mujoco", "xacrodoc", "robot_descriptions", "sphinx",
 }  # fmt: skip
 HEAVY = {"numba", "llvmlite", "concurrent.futures"}  # no import of the package needs them
 MUTATORS = {"append", "extend", "insert", "add", "update", "setdefault", "pop", "popitem", "clear", "remove", "discard"}

@@ -89,6 +89,7 @@ def test_wheel_and_sdist_run_readmes_lines(tmp_path: Path) -> None:
     assert wheel.name == f"spatialdyn-{sd.__version__}-py3-none-any.whl"
     names = zipfile.ZipFile(wheel).namelist()
     assert {"spatialdyn/py.typed", "spatialdyn/urdf_files/two_link.urdf", "spatialdyn/sources/load.py"} <= {*names}
+    assert {f"spatialdyn/docs/{x}" for x in ("pages/start.md", "gallery.json", "pictures/panda.png")} <= {*names}
     assert {x.partition("/")[0] for x in names} == {"spatialdyn", f"spatialdyn-{sd.__version__}.dist-info"}
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
     code, shown = re.search(r"```python\n(import numpy.*?)```\n+```text\n(.*?)```", readme, re.DOTALL).groups()  # type: ignore[union-attr]

@@ -23,9 +23,9 @@ from ..engines.compiled import numba_kernels
 from ..errors import NonFiniteError, ShapeError, SimulationError, SpatialDynError
 from ..model.model import Model
 from ..simulation import integrators, simulate
-from ..simulation.reference_motion import ReferenceMotion, exact_motion
 from ..simulation.scene import Scene, check_method
 from .call_errors import PATIENCE, is_count
+from .reference_motion import ReferenceMotion, exact_motion
 from .references import EACH, LARGEST, NORMS, SMALL, error_bound
 from .results import Option
 

@@ -17,8 +17,8 @@ from ..calls.dynamics import calls
 from ..constraints.contact_dynamics import contact_gaps
 from ..constraints.loops import project_configuration, project_velocity
 from ..errors import ShapeError, SimulationError, SpatialDynError
+from ..laws.control import Control
 from ..simulation import rollout
-from ..simulation.effects.control import Control
 from ..simulation.scene import Scene
 from .lesser_scenes import Lesser
 

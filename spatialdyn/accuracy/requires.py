@@ -13,9 +13,9 @@ from ..calls.arguments import as_array, as_count, as_number, as_words
 from ..calls.dynamics import calls
 from ..calls.progress import Progress, Steps, check_progress, reporting
 from ..errors import ModelError, NonFiniteError, ShapeError, SpatialDynError
+from ..laws.control import Control, check_control
 from ..model.model import Model
 from ..simulation import integrators
-from ..simulation.effects.control import Control, check_control
 from ..simulation.methods.methods import EXPLICIT_METHODS
 from ..simulation.scene import Scene, scene_of, warn_of_friction
 from .motions_around import Motion, Observe, scattered

@@ -182,7 +182,7 @@ class Tradeoff:
 
 @dataclass(frozen=True, repr=False)
 class Recommendation:
-    """The cheapest option within a tolerance; a call of it is the task's call, done by that option.
+    """The cheapest option within a tolerance; called with the task's arguments, it answers by that option.
 
     option     the Option
     why        the reason in words

@@ -24,7 +24,7 @@ Coefficient = ArrayLike | Mapping[str, float]
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Friction:
-    """Coefficients of the friction of each freedom; compared and hashed by content. ``of(model)``: the URDF's.
+    """Friction coefficients of each freedom; ``Friction.of(model)`` has those of the URDF. Compared by content.
 
     coulomb            (nv,)  dry friction of a joint that moves, F_c [N m | N]; 0 if left out
     viscous            (nv,)  damping b [N m s/rad | N s/m]; 0 if left out
@@ -267,7 +267,7 @@ def friction_torque(model: Model, v: ArrayLike, friction: Friction | bool, out: 
 
 
 def friction_regressor(model: Model, v: ArrayLike, out: Any = None) -> Array:
-    """Regressor F of joint friction in inverse dynamics: motors give F (F_c, b) more, F_c sgn v + b v.
+    """Regressor F of joint friction: motors have to add F (F_c, b) = F_c sgn v + b v to the inverse dynamics.
 
     Source: the definition; with it the columns of ``joint_torque_regressor`` go on to friction.
 

@@ -33,7 +33,7 @@ def as_array(name: str, value: ArrayLike) -> Array:
 
     Raises ShapeError naming the argument, NonFiniteError for finite numbers that overflow float64.
     """
-    if masked(value):
+    if type(value) is not np.ndarray and masked(value):
         raise ShapeError(f"{name} is masked, expected an array without a mask, which would be lost")
     try:
         x = np.asarray(value)

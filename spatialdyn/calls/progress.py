@@ -58,8 +58,8 @@ def reporting(progress: Progress, doing: str) -> Iterator[Report]:
 
     doing  what the bar is of, in words
 
-    The bar is on stderr, or in the notebook. A message names the work if it takes long, and how far it is. Raises
-    SpatialDynError for True in a terminal where rich is not installed.
+    The bar is on stderr, or in the notebook. One message names the work if it takes long, and what compiles then or how
+    far it is. Raises SpatialDynError for True in a terminal where rich is not installed.
     """
     at = (0, 0)
 
@@ -71,11 +71,10 @@ def reporting(progress: Progress, doing: str) -> Iterator[Report]:
 
         return count
 
-    def text() -> str:
-        far = f": {at[0]} of {at[1]} steps are done" if at[1] else ""
-        return f"{doing} takes more than {waiting.LONG:g} s{far}"
+    def far() -> str:
+        return f": {at[0]} of {at[1]} steps are done" if at[1] else ""
 
-    with waiting.watch.after(text):
+    with waiting.watch.work(doing, far, parts=True):
         if callable(progress):
             yield counted(progress)
         elif progress:

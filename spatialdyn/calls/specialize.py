@@ -72,7 +72,7 @@ def specialize(
     derivative: str | None = None,
     tolerance: float | tuple[float, float] | None = None,
 ) -> Specialized | Promise:
-    """Some calls of one model as one compiled program, without operations of fixed inputs and dropped outputs.
+    """One compiled program for one or several calls of a model; inputs that are fixed are folded into it.
 
     model     Model; for ``sd.step`` also a Scene
     calls     a public call such as ``sd.rnea``, or several, whose common subexpressions are computed once. Or

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cache, cached_property, partial
 from typing import Any
 
@@ -272,6 +272,18 @@ class Specialized:
             if all(np.ndim(x) == rank for x, rank in zip(arrays, ranks, strict=True)):
                 self._compile_single()
         return self._checked_call(arrays, out)
+
+    def of_rows(self, rows: Sequence[NDArray[Any]]) -> list[NDArray[Any]] | None:
+        """Results (n, ...) of inputs (n, columns) of its dtype in C order, without argument checks.
+
+        Returns None if not applicable: without a program, of no rows, and where one of them has no answer in it.
+        """
+        n = len(rows[0])
+        if self._kernel is None or not n:
+            return None
+        made = [np.empty((n, *shape), self.dtype) for shape in self._shapes]
+        left = self._kernel(rows, [x.reshape((n, -1)) for x in made], False)
+        return made if left is not None and not len(left) else None
 
     # -- one sample
 

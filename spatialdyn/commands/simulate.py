@@ -25,10 +25,11 @@ from ..pictures.stage import viser_module
 from ..pictures.view import view
 from ..simulation import Trajectory, integrators, simulate
 from ..simulation.effects.friction import STEPPED, WAYS
-from ..simulation.energy import scale_of
 from ..simulation.ledger import EnergyLedger, energy_ledger
-from ..simulation.scene import Scene, couplers_of
+from ..simulation.recorder import scale_of
+from ..simulation.scene import Scene
 from ..simulation.trajectory import ARRAY_FILES
+from ..sources.declared_scene import couplers_of
 from .printing import shown
 from .robots import add_quiet, add_robot, load, parse_numbers, text_of
 from .targets import check_file, check_plot, check_report

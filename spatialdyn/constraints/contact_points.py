@@ -57,7 +57,7 @@ class Plane:
 
 
 class Heightfield:
-    """Ground of heights over a grid, bilinear between them; beyond its rim it goes on level. Immutable, by content.
+    """Ground given by heights on a grid: bilinear between them, level beyond the rim. Immutable, hashed by content.
 
     z        (nx, ny)  heights [m] at x = origin[0] + i spacing, y = origin[1] + j spacing, at least 2 each way
     spacing  [m]

@@ -42,7 +42,7 @@ class ConstrainedImpact(NamedTuple):
 
 
 def constraint_jacobian(model: Model, constraints: Constraints, q: ArrayLike) -> Array:
-    """Jacobian J(q) of constraints: φ̇ = J v; a relative motion of two bodies has columns between them only.
+    """Jacobian J(q) of constraints: φ̇ = J v; only joints between the two bodies of a constraint have columns.
 
     model        Model
     constraints  Constraints of this model
@@ -101,7 +101,7 @@ def constraint_drift(model: Model, constraints: Constraints, q: ArrayLike, v: Ar
 
 
 def delassus(model: Model, constraints: Constraints, q: ArrayLike) -> Array:
-    """Delassus' matrix G = J M⁻¹ Jᵀ: what J v changes by for a unit impulse on each equation.
+    """Delassus' matrix G = J M⁻¹ Jᵀ: the change of J v that a unit impulse on each equation makes.
 
     model        Model
     constraints  Constraints of this model

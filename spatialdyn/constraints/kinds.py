@@ -228,7 +228,7 @@ class RollingConstraint(Constraint):
 
 @dataclass(frozen=True)
 class VelocityConstraint(Constraint):
-    """Joint velocities stay in a plane: A v = 0 with a constant A, such as the blade of a sleigh, (0, 1, 0).
+    """Joint velocities satisfy A v = 0 with a constant A: the blade of a sleigh is A = (0, 1, 0).
 
     A     (nv,) or (k, nv)  no row of zeros
     name  for messages

@@ -144,7 +144,7 @@ def close_loops(
 
 
 def mobility(model: Model, constraints: Constraints, q: ArrayLike) -> Mobility:
-    """How many velocities constraints leave free at q: nv - rank J, beside Grübler's count, which sees no geometry.
+    """Mobility of a mechanism at q: nv - rank J free velocities, and Grübler's count, which knows no geometry.
 
     model        Model
     constraints  Constraints of this model

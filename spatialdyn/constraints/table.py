@@ -68,12 +68,13 @@ class Constraints:
     (2, ['x', 'z'])
     """
 
-    __slots__ = ("_plans", "equations", "items", "model", "nc", "table")
+    __slots__ = ("_plans", "aligns", "equations", "items", "model", "nc", "table")
     model: Model
     items: tuple[Constraint, ...]
     equations: tuple[Equation, ...]
     nc: int
     table: StaticTable
+    aligns: bool  # whether hinges or welds are among them, which may close half a turn off
     _plans: dict[Any, Any]  # builtins of single calls: no part of the content
 
     def __init__(self, model: Model, items: Iterable[Constraint]) -> None:
@@ -104,8 +105,12 @@ class Constraints:
             _put_matrix(record["D"], row.pop("D", np.zeros((3, 3))))
             for name, value in row.items():
                 record[name] = value
-        values: tuple[Any, ...] = model, given, tuple(equations), len(equations), StaticTable(table, ("nc",)), {}
-        for name, value in zip(("model", "items", "equations", "nc", "table", "_plans"), values, strict=True):
+        values: dict[str, Any] = {
+            "model": model, "items": given, "equations": tuple(equations), "nc": len(equations),
+            "table": StaticTable(table, ("nc",)), "_plans": {},
+            "aligns": any(isinstance(x, (kinds.HingeConstraint, kinds.WeldConstraint)) for x in given),
+        }  # fmt: skip
+        for name, value in values.items():
             object.__setattr__(self, name, value)
 
     @classmethod

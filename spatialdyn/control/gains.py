@@ -12,8 +12,8 @@ from ..calls.arguments import as_array, as_count, as_flag, as_number, broadcast,
 from ..calls.dynamics import calls
 from ..calls.states import random_configuration
 from ..errors import NonFiniteError, ShapeError, SimulationError, SpatialDynError, pip_install
+from ..laws.control import Control
 from ..model.model import Model
-from ..simulation.effects.control import Control
 from ..simulation.rollouts import rollout
 from ..simulation.scene import Scene, scene_of
 from .laws import StateFeedback

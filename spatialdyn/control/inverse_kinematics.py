@@ -30,7 +30,7 @@ RIGID = 1e-6  # of the rows of a target's rotation
 
 
 class IKResult(NamedTuple):
-    """Of each target (...):
+    """The answer for each target (...):
 
     q           (..., nq)  the best configuration found
     residual    (..., 2)   largest distance [m] and angle [rad] from a target that are left

@@ -14,12 +14,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..calls.arguments import as_array, as_word
 from ..errors import NonFiniteError, ShapeError, SimulationError
+from ..laws.control import Control
+from ..laws.law_specs import RATE, evaluated, with_values
 from ..model.model import Model
 from ..recursions.control.control_laws import GRAVITY, STATE_FEEDBACK, law_spec
 from ..recursions.control.paths import CLOCK
 from ..recursions.spec import TAU, Argument, Q, Spec, V
-from ..simulation.effects.control import Control, evaluated
-from ..simulation.effects.law_specs import RATE, with_values
 from .paths import Path
 
 Array = NDArray[np.float64]

@@ -201,7 +201,7 @@ if hasattr(os, "register_at_fork"):
 
 
 def set_num_threads(n: int) -> None:
-    """Set the number of threads of later batches, of any thread. Results do not depend on it.
+    """Set the number of threads that later batches use, whichever thread calls them. Results do not depend on it.
 
     By default batches of the main thread that take longer than some 0.2 ms run on all cores the process may use
     (affinity, control group; OMP_NUM_THREADS if less), while these are free; those of other threads, and of worker

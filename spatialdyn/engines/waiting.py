@@ -1,7 +1,7 @@
 """Work that takes long is named once, while it goes on, by a function that the calls hand in.
 
 One thread looks at what is at work, a few times in LONG seconds and only while there is some: to begin and end costs a
-microsecond. The work may be one call of LLVM; work within other work is not named.
+microsecond. The work may be one call of LLVM. Work within other work gets no line of its own.
 """
 
 from __future__ import annotations
@@ -16,7 +16,9 @@ from contextvars import ContextVar
 LONG = 3.0  # seconds
 LOOKS = 8  # in LONG seconds; after as many at nothing the thread waits for work
 
-_within: ContextVar[bool] = ContextVar("_within", default=False)
+Part = tuple[str, Callable[[], str]]  # what is done, and the end of its text
+
+_within: ContextVar[list[Part] | None] = ContextVar("_within", default=None)  # what is done in the work, if any is on
 
 
 class Watch:
@@ -74,17 +76,35 @@ class Watch:
                 self._start()
 
     @contextmanager
-    def work(self, what: str, more: Callable[[], str] = str) -> Iterator[None]:
-        """Name what is done within, if it takes long and is no part of other such work; ``more`` ends the text."""
-        if _within.get():
-            yield
+    def work(self, what: str, more: Callable[[], str] = str, parts: bool = False) -> Iterator[None]:
+        """Name what is done within, if it takes long and is no part of other such work.
+
+        more   the end of the text
+        parts  whether the text ends with the work that goes on within, if there is some
+        """
+        outer = _within.get()
+        if outer is not None:
+            known = outer[:]
+            outer[:] = known or [(what, more)]
+            try:
+                yield
+            finally:
+                outer[:] = known
             return
-        known = _within.set(True)
+        within: list[Part] = []
+
+        def text() -> str:
+            said = f"{what} takes more than {LONG:g} s"
+            for part, end in within[:1] if parts else []:
+                return f"{said}: {part}{end()}"
+            return said + more()
+
+        reset = _within.set(within)
         try:
-            with self.after(lambda: f"{what} takes more than {LONG:g} s{more()}"):
+            with self.after(text):
                 yield
         finally:
-            _within.reset(known)
+            _within.reset(reset)
 
 
 watch = Watch()

@@ -12,7 +12,7 @@ from ..accuracy.results import Tradeoff
 from ..calls.arguments import as_items
 from ..calls.dynamics import calls
 from ..errors import SpatialDynError
-from ..simulation.energy import scale_of
+from ..simulation.recorder import scale_of
 from ..simulation.rollout_result import Rollout
 from ..simulation.trajectory import Trajectory
 from .coordinates import UNITS, Coordinate, by_unit, chosen, coordinates, title

@@ -12,8 +12,8 @@ An array may have any name: one that ``validate.states`` lacks is a field there,
 ``tests/recursions/test_covariance.py`` lacks an entry there. The names of ``static`` inputs are few (row, placement,
 reference, classical), and a further one needs its words in ``calls.dynamics`` and ``calls.specs``. Recursions over a
 table of constraints or contacts (``constraint_rows``, ``constrained``, ``contact``) are in no SPECS: their calls, in
-the room ``constraints``, take the table as second argument. Kernels compile at the first call: a mistake in a recursion
-shows then, most legibly with ``NUMBA_DISABLE_JIT=1``.
+the package ``constraints``, take the table as second argument. Kernels compile at the first call: a mistake in a
+recursion shows then, most legibly with ``NUMBA_DISABLE_JIT=1``.
 
 A loop until a condition, and a body that not every sample needs, are *regions* (``algebra.regions``)::
 

@@ -1,12 +1,8 @@
-"""The one way to run: samples side by side by a program on lanes, and one sample by its methods' own loop.
-
-``simulate`` is a run of one sample that is watched; ``rollout`` runs many on lanes, and those that a program has no
-answer to as ``simulate`` does.
-"""
+"""Runs of many samples: side by side by a program on lanes, and those without an answer there as ``simulate`` does."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -15,9 +11,7 @@ from numpy.typing import NDArray
 from ..calls.dynamics import calls
 from ..engines.compiled import numba_kernels
 from ..errors import SimulationError
-from .fixed_steps import FixedSteps
-from .kernel_steps import rates_of
-from .methods.methods import integrators
+from .fixed_steps import run_sample
 from .plan import Plan
 from .program_steps import on_lanes
 from .recorder import Recorder, Steps
@@ -25,23 +19,6 @@ from .states import RunStates
 from .torques import Torque
 
 Array = NDArray[Any]
-TOLERANCES = 1e-9, 1e-12  # relative and absolute, of SciPy's methods
-
-
-def run_sample(
-    plan: Plan, recorder: Recorder, start: tuple[Array, Array, Array], torque: Torque,
-    report: Callable[[int, int], None] = lambda done, total: None, sample: int = 0,
-    tolerances: tuple[float, float] = TOLERANCES,
-) -> None:  # fmt: skip
-    """Run one sample from (q, v, p) and record it. Raises SimulationError, KeyboardInterrupt with what is recorded."""
-    if recorder.method.family is None:
-        from .methods.adaptive import run_adaptive
-
-        jumps = any(x.shape[1] > 1 for x in plan.values.values())
-        rates = rates_of(plan, recorder, sample)
-        run_adaptive(recorder, start[0], start[1], torque, report, tolerances, rates, jumps)
-    else:
-        FixedSteps(plan, recorder, start, torque, sample).run(report)
 
 
 def run_samples(
@@ -95,12 +72,12 @@ def _alone(
             made[:] = np.nan
         return ""
     alone = RunStates(carried.arguments, carried.shapes, tuple(x[None] for x in own))
-    recorder = Recorder(plan.scene, integrators[plan.method], Steps(dt, total, 0.0), every, alone, plan.contact)
+    recorder = Recorder(plan, Steps(dt, total, 0.0), every, alone)
     torque = Torque(np.ascontiguousarray(held), None, not numba_kernels.PLAIN)
     p = calls["momentum"](plan.model, q, v) if recorder.moves_p else v
     recorder.put(q, p, torque.held[0])
     try:
-        run_sample(plan, recorder, (q, v, p), torque, sample=sample)
+        run_sample(plan, recorder, (q, v, p), torque, lambda done, total: None, sample)
     except SimulationError as error:
         lost = str(error)
     done, whole = int(recorder.at[1]), len(records[0])

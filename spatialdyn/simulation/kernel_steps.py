@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 from ..calls.dynamics import calls
 from ..engines.compiled import numba_kernels
 from ..errors import SimulationError
+from ..laws.law_specs import own_name
 from ..recursions.joints.friction import DT
 from ..recursions.spec import FEXT
 from .arithmetic import Computed
 from .effects import work
-from .effects.control import OWN_INPUT
 from .effects.effect import Effect
 from .effects.external import external_torque
 from .methods import constrained_variational, explicit, rattle
@@ -95,7 +95,7 @@ class KernelSteps:
         for name, x in zip(self.names, self.recorder.states.views(self.recorder.own), strict=True):
             x[...] = after[name]
             if system.status[0] == OK and not np.isfinite(x).all():
-                label, feedback = name.removeprefix(OWN_INPUT), self.plan.feedback
+                label, feedback = own_name(name), self.plan.feedback
                 of = f' of spec "{feedback.spec.name}"' if feedback is not None and label != name else ""
                 raise SimulationError(f'state "{label}"{of} is not finite in the step from t = {t:.9g} s')
 

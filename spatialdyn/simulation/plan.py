@@ -1,28 +1,61 @@
-"""``Plan``: what a run is made of, from its scene, method and control law, for all that runs it."""
+"""``Plan``: what a run is made of, from its scene, method and control law, for all that runs it.
+
+What is known from scene and method alone is kept with the scene: a run that is like an earlier one begins at once.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
-from typing import Any
+from functools import cached_property, lru_cache
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..calls.arguments import core_shape
+from ..calls.dynamics import calls
+from ..calls.specialize import specialize
+from ..calls.specialized import Specialized
+from ..engines.programs.record import recording
+from ..engines.programs.run import batch_kernels
+from ..laws.control import step_kernel
 from ..model.model import Model
 from ..recursions.spec import Argument
-from .effects import work
-from .effects.constraints import Constrained
-from .effects.contacts import Contact
+from .effects import of_run, work
+from .effects.constraints import Constrained, constrained_of
+from .effects.contacts import Contact, check_start
 from .effects.control import Feedback
 from .effects.effect import Effect, find
-from .methods.methods import EXPLICIT_METHODS, SCIPY_METHODS
-from .scene import Scene
+from .effects.friction import SmoothFriction
+from .effects.springs import Springs
+from .methods.methods import EXPLICIT_METHODS, SCIPY_METHODS, Method, integrators
+from .scene import Scene, check_method
+from .states import RunStates, run_states
+from .steps import step_specs
+from .system import JointTable, joint_table, units
 
 Array = NDArray[Any]
 Force = Callable[[float, Array, Array], Array]
+KEPT = 64  # plans of a scene, at most
+OBSERVED = {"v": ("momentum", "kinetic_energy", "potential_energy"), "p": ("velocity_from_momentum",)}  # of samples
+
+
+class Way(NamedTuple):
+    """A method of a scene, and whether a step of it may be too long to be stable."""
+
+    method: Method
+    bounded: bool
+
+
+def way_of(scene: Scene, method: Any) -> Way:
+    """The method of a run, None for that of the scene. Raises SpatialDynError, SimulationError."""
+    known = scene.plans.get(method) if method is None or isinstance(method, str) else None
+    if known is None:
+        name = check_method(scene, scene.method if method is None else method, integrators)
+        found = Way(integrators[name], any(isinstance(x, (SmoothFriction, Springs)) for x in scene.effects))
+        known = scene.plans.setdefault(method, found)
+    return known  # type: ignore[no-any-return]
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,10 +75,25 @@ class Plan:
     works: bool = False
     force: Force | None = None
 
-    @property
+    @cached_property
     def model(self) -> Model:
         """Of the scene."""
         return self.scene.model
+
+    @cached_property
+    def integrator(self) -> Method:
+        """The method."""
+        return integrators[self.method]
+
+    @cached_property
+    def table(self) -> JointTable:
+        """The joints, as kernels take them."""
+        return joint_table(self.model)
+
+    @cached_property
+    def units(self) -> Array:
+        """Of the model."""
+        return units(self.model)
 
     @cached_property
     def feedback(self) -> Feedback | None:
@@ -65,7 +113,7 @@ class Plan:
         found: Contact | None = find(self.effects, Contact)
         return found
 
-    @property
+    @cached_property
     def work(self) -> tuple[Argument, ...]:
         """The states of the work that is recorded. Symplectic methods integrate no work of constraints: it is 0."""
         if not self.works:
@@ -81,6 +129,11 @@ class Plan:
     def states(self) -> tuple[Argument, ...]:
         """The states that the run carries beside q and v."""
         return (*(x for effect in self.effects for x in effect.states), *self.work)
+
+    @cached_property
+    def unstarted(self) -> RunStates:
+        """The states with the starts of their arguments."""
+        return run_states(self.model, self.states, self.tables, None)
 
     @cached_property
     def tables(self) -> tuple[Any, ...]:
@@ -118,9 +171,99 @@ class Plan:
         static = (x for effect in self.effects for x in effect.inputs if x.static)
         return made | dict(zip((x.name for x in static), self.tables, strict=True))
 
+    @cached_property
+    def judged(self) -> tuple[Effect, ...]:
+        """The effects that judge steps by the states after them."""
+        return tuple(x for x in self.effects if type(x).failure is not Effect.failure)
+
     def failure(self, states: dict[str, Array], dt: float, t: float) -> str:
         """What is wrong with the steps until t, by states (flat) after them; "" if nothing is."""
-        return next((found for x in self.effects if (found := x.failure(states, dt, t))), "")
+        return next((found for x in self.judged if (found := x.failure(states, dt, t))), "")
+
+    # --- programs ---------------------------------------------------------------------------------------
+
+    @cached_property
+    def is_program(self) -> bool:
+        """Whether a step may be a program: of an explicit method, of few equations and points, without callables."""
+        contact, constraints = self.contact, self.scene.constraints
+        few = constraints is None or constraints.nc <= recording.MOST_EQUATIONS
+        return self.method in EXPLICIT_METHODS and few and self.force is None and not (contact and contact.is_long)
+
+    @cached_property
+    def single(self) -> Any:
+        """The kernel of a step of one sample; None if not applicable."""
+        return self.kernel(self.work) if self.is_program else None
+
+    def kernel(
+        self, works: tuple[Argument, ...] = (), forced: bool = True, dtype: Any = np.float64, one: bool = True
+    ) -> Any:
+        """The kernel of a step; None for a robot too long for a program. As of ``step_specs`` and ``step_kernel``."""
+        parts = self.method, self.structure, works, self.tables, forced, np.dtype(dtype), one
+        return _kernel(self.model, *parts)
+
+    @cached_property
+    def observed(self) -> dict[str, Specialized]:
+        """Calls on samples by what is given beside q: as programs, so that bits do not depend on their number."""
+        moves = ("v", "p") if self.integrator.family is not None and self.integrator.family.moves == "p" else ("v",)
+        return {given: _specialized(self.model, OBSERVED[given]) for given in moves}
+
+
+@lru_cache(maxsize=batch_kernels.CACHE_SIZE)
+def _kernel(
+    model: Model, method: str, effects: tuple[Effect, ...], works: tuple[Argument, ...], static: tuple[Any, ...],
+    forced: bool, dtype: Any, one: bool,
+) -> Any:  # fmt: skip
+    specs = step_specs(method, effects, works, forced)
+    if not recording.fits(specs, model.bodies, static=static):
+        return None
+    return step_kernel(specs, model, static, dtype, one=one, by_content=find(effects, Feedback) is not None)
+
+
+@lru_cache(maxsize=batch_kernels.CACHE_SIZE)
+def _specialized(model: Model, names: tuple[str, ...]) -> Specialized:
+    return specialize(model, [calls[name] for name in names])
+
+
+# --- of a run -------------------------------------------------------------------------------------------
+
+
+class Inputs(NamedTuple):
+    """What a run has beside its scene and states.
+
+    fext      (samples or 1, steps or 1, njoints, 6) external forces beside those of the scene, None for none
+    force     external forces as a function of (t, q, v), None for none
+    feedback  its control law, None for none
+    """
+
+    fext: Any = None
+    force: Force | None = None
+    feedback: Feedback | None = None
+
+
+def plan_of(
+    scene: Scene, method: str, start: tuple[Array, Array], dt: float, works: bool, records: bool, inputs: Inputs
+) -> Plan:
+    """The plan of a run from states q (..., nq), v (..., nv) in fixed steps of dt, 0 for none.
+
+    works, records  whether work is recorded, and impulses of contacts
+
+    Raises  for a start that does not meet the constraints, or in the ground
+    """
+    constrained = None if scene.constraints is None else constrained_of(scene, *start, dt)
+    if scene.contacts is not None or scene.limits:
+        check_start(scene, start[0])
+    own = all(x is None for x in inputs)  # nothing but what belongs to the scene
+    key = method, works, records, None if constrained is None else constrained.rank.tobytes()
+    known = scene.plans.get(key) if own else None
+    if known is None:
+        called = np.zeros((1, 1, 6 * scene.model.njoints))  # a function's
+        forces = forces_of(scene, inputs.fext) if inputs.force is None else called
+        effects = of_run(scene, constrained, records, forces)
+        effects = effects if inputs.feedback is None else (*effects, inputs.feedback)
+        known = Plan(scene, method, effects, works, inputs.force)
+        if own and len(scene.plans) < KEPT:
+            scene.plans[key] = known
+    return known
 
 
 def forces_of(scene: Scene, fext: Any) -> Any:

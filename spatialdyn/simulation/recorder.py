@@ -1,10 +1,9 @@
-"""The steps of a simulation, and the samples recorded of them."""
+"""The steps of a simulation, the samples recorded of them, and whether their energy says that it has diverged."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,21 +11,19 @@ from numpy.typing import NDArray
 from ..actuation.springs import spring_energy
 from ..calls.arguments import as_number
 from ..calls.dynamics import calls
-from ..calls.specialize import specialize
 from ..calls.specialized import Specialized
-from ..engines.programs.run import batch_kernels
 from ..errors import NonFiniteError, SpatialDynError
+from ..laws.control import Control, law_torques
 from ..model.model import Model
-from .effects.contacts import Contact
-from .effects.control import Control, law_torques
-from .effects.springs import has_springs
-from .methods.methods import Method
-from .scene import Scene
+from .plan import Plan
 from .states import RunStates
 from .trajectory import Trajectory
 
 Array = NDArray[np.float64]
 FIT = 1e-9  # relative: a ratio duration / dt this near a whole number is that number
+ROUNDING = 1e-9  # of the largest |V|: the least scale, above rounding
+EXPLODED = 100.0  # times the scale; explicit Euler gains 32 on a pendulum in 1000 steps of 0.1 s
+FAST = np.pi  # rad, or lengths of the robot, per step: a joint that moves farther has diverged
 
 
 @dataclass(frozen=True)
@@ -69,16 +66,14 @@ class Recorder:
     at     (2,)  steps done, samples written
     t      times of all samples, those to come included [s]
     rows   arrays of q, of v or p, and of tau
-    contact  the contacts of the run, None for none
+    plan   what acts
     states, own, own_rows  the states carried beside q and v, their row now, and their rows of samples
     split  kinetic and potential energy of the samples of the last ``trajectory`` [J]
     """
 
-    def __init__(
-        self, scene: Scene, method: Method, steps: Steps, every: int, states: RunStates, contact: Contact | None = None
-    ) -> None:
-        self.scene, self.method, self.steps, self.every = scene, method, steps, every
-        self.model = model = scene.model
+    def __init__(self, plan: Plan, steps: Steps, every: int, states: RunStates) -> None:
+        self.plan, self.method, self.steps, self.every = plan, plan.integrator, steps, every
+        self.model = model = plan.model
         kept = np.arange(0, steps.total + 1, every)
         if kept[-1] != steps.total:
             kept = np.append(kept, steps.total)
@@ -86,7 +81,7 @@ class Recorder:
         self.t: Array = np.asarray(kept * steps.dt, np.float64)
         self.t[-1] = steps.time(steps.total)
         self.rows = tuple(np.empty((len(kept), n)) for n in (model.nq, model.nv, model.nv))
-        self.states, self.contact = states, contact
+        self.states = states
         self.own = np.concatenate([np.empty(0), *(x[0] for x in states.starts)])
         self.own_rows = np.empty((len(kept), len(self.own)))
         self.at = np.zeros(2, np.int64)
@@ -122,39 +117,38 @@ class Recorder:
         """The samples so far; computes v from the recorded p, or p from v, and a law's torques, of all at once."""
         n, model = int(self.at[1]), self.model
         q, w, tau = (rows[:n].copy() for rows in self.rows)
-        v = _of_samples(model, ("velocity_from_momentum",), q, w)[0] if self.moves_p else w
-        p, T, V = _of_samples(model, ("momentum", "kinetic_energy", "potential_energy"), q, v)
-        t = np.array(self.t[:n])
+        observed = self.plan.observed
+        v = _of_samples(observed["p"], q, w)[0] if self.moves_p else w
+        p, T, V = _of_samples(observed["v"], q, v)
         p = w if self.moves_p else p
         self.split = T, V
-        states = self.states.shown(self.own_rows[:n].copy())
+        states: dict[str, Array] = {}
+        if self.states.arguments:
+            states = self.states.shown(self.own_rows[:n].copy())
         if control is not None and n:
             tau += law_torques(control, model, q, v, tau, states, self.kept[:n], self.steps.dt, self.steps.total)
-        words = (self.method.name, self.steps.dt, model.name, interrupted, model)
-        touched, contact = None, self.contact
+        touched, contact = None, self.plan.contact
         if contact is not None and contact.records:
             at = dict(zip((x.name for x in self.states.arguments), self.states.slices, strict=True))
             touched = contact.record(q, self.own_rows[:n, at[contact.own.name]])
-        held = spring_energy(model, q) if has_springs(model) else None
+        held = spring_energy(model, q) if "springs" in (x.name for x in self.plan.scene.effects) else None
         energy = T + V if held is None else T + V + held
-        return Trajectory(t, q, v, p, tau, energy, *words, states, touched, held, self.scene)
+        words = (self.method.name, self.steps.dt, model.name, interrupted, model)
+        return Trajectory(self.t[:n].copy(), q, v, p, tau, energy, *words, states, touched, held, self.plan.scene)
 
 
-@lru_cache(maxsize=batch_kernels.CACHE_SIZE)
-def _specialized(model: Model, names: tuple[str, ...]) -> Specialized:
-    """Calls as one program for any number of samples, so that the bits of one do not depend on their number."""
-    return specialize(model, [calls[name] for name in names])
-
-
-def _of_samples(model: Model, names: tuple[str, ...], *arrays: Array) -> list[Array]:
+def _of_samples(calls_of: Specialized, *arrays: Array) -> list[Array]:
     """Calls on all samples; NaN where the result of a finite state is not finite."""
     n = len(arrays[0])
+    made = calls_of.of_rows(arrays)
+    if made is not None:
+        return made
     try:
-        return list(_specialized(model, names)(*arrays))
+        return list(calls_of(*arrays))
     except NonFiniteError:
         if n == 1:
-            return [_alone(model, name, *arrays) for name in names]
-        parts = [_of_samples(model, names, *(x[at] for x in arrays)) for at in (slice(n // 2), slice(n // 2, None))]
+            return [_alone(calls_of.model, name, *arrays) for name in calls_of.calls]
+        parts = [_of_samples(calls_of, *(x[at] for x in arrays)) for at in (slice(n // 2), slice(n // 2, None))]
         return [np.concatenate(both) for both in zip(*parts, strict=True)]
 
 
@@ -163,3 +157,32 @@ def _alone(model: Model, name: str, q: Array, w: Array) -> Array:
         return np.asarray(calls[name](model, *((q,) if name == "potential_energy" else (q, w))))
     except NonFiniteError:
         return np.full((1, model.nv) if name in ("momentum", "velocity_from_momentum") else 1, np.nan)
+
+
+# --- energy ---------------------------------------------------------------------------------------------
+
+
+def scale_of(T: Array, V: Array) -> Array:
+    """(N,) scale of the energy of an undriven motion up to each sample: the initial T plus the largest change of V [J].
+
+    T, V  (N,)  kinetic and potential energy [J]
+    """
+    way = np.maximum.accumulate(abs(V - V[0]))
+    scale: Array = T[0] + way + ROUNDING * np.maximum.accumulate(abs(V))
+    return scale
+
+
+def exploded(t: Array, v: Array, T: Array, V: Array, drive: Array, steps: NDArray[np.int64]) -> int | None:
+    """The first sample whose energy has risen by EXPLODED times the sum of its scale and the torques' work; None if
+    none has.
+
+    t, v      times and velocities of the samples
+    drive     (nv,)  largest |torque| of each joint
+    steps     (N,)   steps before each sample; the first step is not judged, as explicit Euler moves v in it and not q
+    """
+    with np.errstate(all="ignore"):
+        work = (np.maximum.accumulate(abs(v), axis=0) @ drive) * (t - t[0])
+        risen = (T - T[0]) + (V - V[0])
+        within = risen <= EXPLODED * (scale_of(T, V) + work)  # false for NaN
+    beyond = np.flatnonzero(~within & (steps >= 2))
+    return int(beyond[0]) if len(beyond) else None

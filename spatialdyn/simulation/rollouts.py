@@ -16,22 +16,21 @@ from numpy.typing import ArrayLike, DTypeLike, NDArray
 from ..calls.arguments import as_array, as_flag, as_number, broadcast
 from ..calls.dynamics import calls
 from ..errors import NonFiniteError, ShapeError, SimulationError
+from ..laws.control import Control, check_control
+from ..laws.cost import Cost, check_cost, with_cost
 from ..model.model import Model
 from ..model.robot_checks import masked
 from .driver import run_samples
-from .effects import of_run
-from .effects.control import Control, Feedback, check_control, check_law
-from .effects.cost import Cost, check_cost, with_cost
+from .effects.control import Feedback, check_law
 from .effects.friction import check_stable
 from .effects.springs import check_springs
-from .methods.methods import SCIPY_METHODS, integrators
-from .plan import Plan, forces_of
+from .methods.methods import SCIPY_METHODS
+from .plan import Inputs, plan_of, way_of
 from .rollout_result import Rollout
-from .scene import Scene, check_method, effects_in_scene, scene_of, warn_of_friction
+from .scene import Scene, effects_in_scene, scene_of, warn_of_friction
 from .states import run_states
 
 Array = NDArray[Any]
-TOLERANCES = 1e-9, 1e-12  # relative and absolute, of SciPy's methods
 
 
 @effects_in_scene("rollout")
@@ -103,12 +102,14 @@ def rollout(
     """
     scene = scene_of(scene)
     model = scene.model
-    method = check_method(scene, scene.method if method is None else method, integrators)
+    way = way_of(scene, method)
+    method = way.method.name
     warn_of_friction(scene, "rollout")
     number, check = _dtype(dtype), as_flag("check", check)
     if not (_is_number(dt) and math.isfinite(dt) and dt > 0.0):
         raise SimulationError(f"dt is {dt!r}, expected a positive number of seconds")
-    check_stable(model, scene.effects, method, float(dt))
+    if way.bounded:
+        check_stable(model, scene.effects, method, float(dt))
     check_control(control)
     kept, record = _of_contacts(record)
     if cost is not None:
@@ -118,18 +119,17 @@ def rollout(
     single = _is_single(q0, v0, tau, fext, control)
     _check_lanes(scene, number)
     fixed = 0.0 if method in SCIPY_METHODS else float(dt)
-    effects = of_run(scene, start[0], start[1], fixed, kept, forces_of(scene, fext_rows))
-    if control is not None:
-        effects = (*effects, Feedback.of(control, model, B, T))
-    plan = Plan(scene, method, effects)
-    carried = run_states(model, plan.states, plan.tables, states, B)
+    feedback = None if control is None else Feedback.of(control, model, B, T)
+    plan = plan_of(scene, method, (start[0], start[1]), fixed, False, kept, Inputs(fext_rows, None, feedback))
+    carried = plan.unstarted if states is None else run_states(model, plan.states, plan.tables, states, B)
     now = [np.ascontiguousarray(np.broadcast_to(x, (B, x.shape[1]))) for x in (*start, *carried.starts)]
     every = _every(1 if record is None else record, T)
     records = [np.empty((B, T // every, x.shape[1]), number) for x in now]
     if B and T and model.nv:
         rest = np.zeros(model.nv)
         calls["aba"](model, now[0][0], rest, rest)  # raises InertiaError naming the joint
-        check_springs(model, method, now[0][0], float(dt))
+        if way.bounded:
+            check_springs(model, method, now[0][0], float(dt))
         if model.nq != model.nv:
             calls["potential_energy"](model, now[0])  # raises ConfigurationError naming the joint
         run_samples(plan, carried, now, tau_rows, records, (float(dt), T, every), check)

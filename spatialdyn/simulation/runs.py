@@ -1,7 +1,6 @@
 """``simulate`` and ``hamilton_simulation``: they check arguments, run the time loop, return a Trajectory.
 
-Ctrl-C and errors carry what has been recorded. The loop of methods with a fixed step is ``fixed_steps``; SciPy's is
-``adaptive``.
+Ctrl-C and errors carry what has been recorded.
 """
 
 from __future__ import annotations
@@ -9,6 +8,7 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import nullcontext
 from typing import Any, NamedTuple, ParamSpec
 
 import numpy as np
@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..calls.arguments import as_array, as_number
 from ..calls.dynamics import calls
 from ..calls.progress import Progress, check_progress, reporting
+from ..engines.compiled import numba_kernels
 from ..errors import (
     NonFiniteError,
     ShapeError,
@@ -24,17 +25,15 @@ from ..errors import (
     SimulationInterrupt,
     SpatialDynError,
 )
+from ..laws.control import Control, check_control
 from ..model.model import Model
-from .driver import run_sample
-from .effects import of_run
-from .effects.control import Control, Feedback, check_control, check_law
+from .effects.control import Feedback, check_law
 from .effects.friction import check_stable
 from .effects.springs import check_springs
-from .energy import exploded, scale_of
-from .methods.methods import Method, integrators
-from .plan import Plan, forces_of
-from .recorder import Recorder, Steps
-from .scene import Scene, check_method, effects_in_scene, scene_of, warn_of_friction
+from .fixed_steps import run_sample
+from .plan import Inputs, Way, plan_of, way_of
+from .recorder import Recorder, Steps, exploded, scale_of
+from .scene import Scene, effects_in_scene, scene_of, warn_of_friction
 from .states import run_states
 from .torques import Torque, check_force, torque_of
 from .trajectory import Trajectory
@@ -130,18 +129,19 @@ def simulate(
     True
     """
     scene = scene_of(scene)
-    model, chosen = scene.model, _method(scene, method)
+    model, way = scene.model, way_of(scene, method)
     q, v = _vector("q0", q0, (model.nq,)), _vector("v0", v0, (model.nv,))
     warn_of_friction(scene, "simulate")
     wanted = _Wanted.of(record)
-    check_law(check_control(control), chosen.name)
-    p = v
-    if chosen.family is not None and chosen.family.moves == "p":
+    if control is not None:
+        check_law(check_control(control), way.method.name)
+    p, family = v, way.method.family
+    if family is not None and family.moves == "p":
         p = calls["momentum"](model, q, v)
         calls["velocity_from_momentum"](model, q, p)  # raises InertiaError at a singular M
     elif model.nq != model.nv:
         calls["potential_energy"](model, q)  # raises ConfigurationError naming the joint
-    run = _Run(scene, (q, v, p), chosen, wanted, progress, (rtol, atol), control, states)
+    run = _Run(scene, (q, v, p), way, wanted, progress, (rtol, atol), control, states)
     return _run(run, duration, dt, torque, fext)
 
 
@@ -189,20 +189,15 @@ def hamilton_simulation(
     """
     scene = scene_of(scene)
     model = scene.model
-    chosen = _method(scene, method)
+    way = way_of(scene, method)
     q, momenta = _vector("q0", q0, (model.nq,)), _vector("p", p, (model.nv,))
     warn_of_friction(scene, "hamilton_simulation")
     v = calls["velocity_from_momentum"](model, q, momenta)
-    run = _Run(scene, (q, v, momenta), chosen, _Wanted.of(record), progress, (rtol, atol), None, None)
+    run = _Run(scene, (q, v, momenta), way, _Wanted.of(record), progress, (rtol, atol), None, None)
     return _run(run, duration, dt, torque, None)
 
 
 # --- arguments -------------------------------------------------------------------------------------------
-
-
-def _method(scene: Scene, method: Any) -> Method:
-    """The method of a run. Raises SpatialDynError."""
-    return integrators[check_method(scene, scene.method if method is None else method, integrators)]
 
 
 def _vector(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Array:
@@ -234,19 +229,15 @@ class _Wanted(NamedTuple):
         return cls(numbers[0] if numbers else None, "work" in words, "contacts" in words)
 
 
-def _varying(scene: Scene, fext: Any, total: int) -> tuple[Array | None, Any]:
-    """Rows (1, steps or 1, 6 njoints) of the forces of a run, None for none; and a function of (t, q, v) that gives
-    them, or None.
-    """
+def _varying(scene: Scene, fext: Any, total: int) -> Inputs:
+    """The external forces of a run."""
     model = scene.model
+    if fext is None:
+        return Inputs()
     if callable(fext):
         check_force(fext)
-        if scene.fext is None:
-            return np.zeros((1, 1, 6 * model.njoints)), fext
         base = scene.fext
-        return np.zeros((1, 1, 6 * model.njoints)), lambda t, q, v: base + as_array("fext", fext(t, q, v))
-    if fext is None:
-        return forces_of(scene, None), None
+        return Inputs(force=fext if base is None else lambda t, q, v: base + as_array("fext", fext(t, q, v)))
     x = as_array("fext", fext)
     if x.shape == (model.njoints, 6):
         raise SimulationError("fext is constant, an option of the scene, expected sd.Scene(model, fext=fext)")
@@ -254,7 +245,7 @@ def _varying(scene: Scene, fext: Any, total: int) -> tuple[Array | None, Any]:
         raise ShapeError(f"fext has shape {x.shape}, expected {(total, model.njoints, 6)}, a row per step")
     if not np.isfinite(x).all():
         raise NonFiniteError("fext has numbers that are not finite, expected finite ones")
-    return forces_of(scene, x), None
+    return Inputs(x)
 
 
 def _every(record: int | None, total: int) -> int:
@@ -273,7 +264,7 @@ class _Run(NamedTuple):
 
     scene: Scene
     start: tuple[Array, Array, Array]
-    method: Method
+    way: Way
     wanted: _Wanted
     progress: Progress
     tolerances: tuple[float, float]
@@ -282,27 +273,32 @@ class _Run(NamedTuple):
 
 
 def _run(run: _Run, duration: float, dt: float, torque: Any, fext: Any) -> Trajectory:
-    scene, method, (q, v, p) = run.scene, run.method, run.start
+    scene, method, (q, v, p) = run.scene, run.way.method, run.start
     model, steps = scene.model, Steps.of(duration, dt)
     for name, x in zip(("rtol", "atol"), run.tolerances, strict=True):
         if not 0.0 < as_number(x) < math.inf:
             raise SpatialDynError(f"{name} is {x!r}, expected a finite number above 0")
-    check_progress(run.progress)
-    check_stable(model, scene.effects, method.name, steps.dt)
-    check_springs(model, method.name, q, steps.dt)
-    forces, force = _varying(scene, fext, steps.total)
-    fixed = 0.0 if method.family is None else steps.dt
-    effects = of_run(scene, q, v, fixed, run.wanted.contacts, forces)
+    if run.progress is not False:
+        check_progress(run.progress)
+    if run.way.bounded:
+        check_stable(model, scene.effects, method.name, steps.dt)
+        check_springs(model, method.name, q, steps.dt)
+    inputs = _varying(scene, fext, steps.total)
     if run.control is not None:
-        effects = (*effects, Feedback.of(run.control, model, 1, steps.total))
-    plan = Plan(scene, method.name, effects, run.wanted.work, force)
-    carried = run_states(model, plan.states, plan.tables, run.states)
-    recorder = Recorder(scene, method, steps, _every(run.wanted.every, steps.total), carried, plan.contact)
+        inputs = inputs._replace(feedback=Feedback.of(run.control, model, 1, steps.total))
+    fixed = 0.0 if method.family is None else steps.dt
+    plan = plan_of(scene, method.name, (q, v), fixed, run.wanted.work, run.wanted.contacts, inputs)
+    carried = plan.unstarted if run.states is None else run_states(model, plan.states, plan.tables, run.states)
+    recorder = Recorder(plan, steps, _every(run.wanted.every, steps.total), carried)
     recorder.put(q, p if recorder.moves_p else v, np.full(model.nv, np.nan))  # its torque may never be computed
     try:
-        asked = torque_of(torque, model.nv, steps)
-        recorder.rows[2][0] = asked.at(0, 0.0, q, v)
-        with reporting(run.progress, "simulate") as report:
+        if torque is None:
+            asked = Torque(np.zeros((1, model.nv)), None, not numba_kernels.PLAIN)
+            recorder.rows[2][0] = 0.0
+        else:
+            asked = torque_of(torque, model.nv, steps)
+            recorder.rows[2][0] = asked.at(0, 0.0, q, v)
+        with nullcontext() if run.progress is False else reporting(run.progress, "simulate") as report:
             run_sample(plan, recorder, (q, v, p), asked, report, tolerances=run.tolerances)
     except KeyboardInterrupt as interrupt:
         trajectory = recorder.trajectory(run.control, interrupted=True)
@@ -315,8 +311,8 @@ def _run(run: _Run, duration: float, dt: float, torque: Any, fext: Any) -> Traje
         error.trajectory = recorder.trajectory(run.control)
         raise
     trajectory = recorder.trajectory(run.control)
-    driven = asked.user is not None or forces is not None or run.control is not None
-    if not driven and "springs" not in scene.acts:  # else the work of what drives it is unknown
+    driven = asked.user is not None or run.control is not None or fext is not None or scene.fext is not None
+    if not driven and not any(x.name == "springs" for x in scene.effects):  # else the work of what drives it is unknown
         _judge(trajectory, recorder, asked)
     return trajectory
 

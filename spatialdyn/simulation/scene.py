@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import json
 import warnings
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any, ParamSpec, TypeVar
@@ -16,11 +15,10 @@ from ..actuation.motors import Motor, check_motor
 from ..calls.arguments import as_array, as_flag, check_model
 from ..constraints.contact_points import Contacts, check_contacts
 from ..constraints.dynamics import stabilization_time
-from ..constraints.kinds import CouplerConstraint
 from ..constraints.table import Constraints, check_constraints
 from ..errors import NonFiniteError, ShapeError, SimulationError, SpatialDynError
 from ..model.model import Model
-from . import scene_toml
+from ..sources import declared_scene, scene_toml
 from .effects import of_scene
 from .effects.effect import Effect
 from .effects.friction import IMPLICIT, STEPPED
@@ -77,7 +75,7 @@ class Scene:
     ('semi_implicit_euler', True)
     """
 
-    __slots__ = (*FIELDS, "effects")
+    __slots__ = (*FIELDS, "effects", "plans")
     model: Model
     constraints: Constraints | None
     stabilization: float | None
@@ -88,7 +86,8 @@ class Scene:
     motor: Motor | None
     drive: str
     fext: Array | None
-    effects: tuple[Effect, ...]  # of friction, motor and springs: no part of the content
+    effects: tuple[Effect, ...]  # of friction, motor and springs: no part of the content, as what follows
+    plans: dict[Any, Any]  # of its runs: see ``plan``
 
     def __init__(
         self,
@@ -121,7 +120,7 @@ class Scene:
             "limits": as_flag("limits", limits), "motor": None if motor is None else check_motor(model, motor),
             "drive": drive, "fext": None if fext is None else _forces(model, fext),
         }  # fmt: skip
-        for name, value in {**given, "effects": effects}.items():
+        for name, value in {**given, "effects": effects, "plans": {}}.items():
             object.__setattr__(self, name, value)
 
     @classmethod
@@ -138,14 +137,7 @@ class Scene:
         <Friction of each freedom: coulomb [0.], viscous [0.1], static [0.]>
         """
         model = model.model if isinstance(model, Scene) else check_model(model)  # itself, not an equal one
-        rubs = bool(model.damping.any() or model.friction.any())
-        stops = bool(np.isfinite(model.lower).any() or np.isfinite(model.upper).any())
-        more = scene_toml.options_of(model, declared_of(model))
-        items = [*couplers_of(model), *more.pop("constraints", ())]
-        return cls(
-            model, friction=True if rubs else None, limits=stops,
-            constraints=Constraints(model, items) if items else None, **more,
-        )  # fmt: skip
+        return cls(model, **declared_scene.options_of(model))
 
     @classmethod
     def from_toml(cls, model: Model, text: str) -> Scene:
@@ -272,32 +264,6 @@ def scene_of(given: Any) -> Scene:
 @functools.lru_cache(maxsize=64)
 def _bare(model: Model) -> Scene:
     return Scene(model)
-
-
-def couplers_of(model: Model) -> list[CouplerConstraint]:
-    """The mimic joints of the robot's file, of a model that does not move them with their leaders."""
-    if model.mimic_matrix is not None:
-        return []
-    moves = {x.name for x in model.robot.joints if x.kind != "fixed"}
-    follow = [(x.name, x.mimic) for x in model.robot.joints if x.mimic is not None and x.name in moves]
-    return [CouplerConstraint(name, m.leader, m.multiplier, m.offset) for name, m in follow if m is not None]
-
-
-def declared_of(model: Model) -> dict[str, Any]:
-    """What the robot's file declares of a scene, as ``scene_toml.options_of`` takes it, of what still moves."""
-    given: dict[str, Any] = json.loads(model.robot.declared or "{}").get("scene", {})
-    moving = {f"{frame.kind}:{frame.name}" for frame in model.frames if frame.joint}
-    moving |= {joint.name for joint in model.joints[1:]}
-    ends = ("frame_a", "frame_b", "joint", "to")
-    held = [x for x in given.pop("constraint", ()) if any(x.get(end) in moving for end in ends)]
-    if held:
-        given["constraint"] = held
-    if "contacts" in given:
-        for name in ("points", "friction"):
-            given["contacts"][name] = {x: y for x, y in given["contacts"][name].items() if x in moving}
-        if not given["contacts"]["points"]:
-            del given["contacts"]
-    return given
 
 
 def _friction(model: Model, friction: Any) -> Friction | bool | None:

@@ -16,6 +16,8 @@ from ..recursions import SPECS
 from ..recursions.derivatives.step_derivatives import MOTION
 from ..recursions.spec import FEXT, TAU, Argument, Q, V
 from .effects import of_run
+from .effects.constraints import constrained_of
+from .effects.contacts import check_start
 from .effects.friction import LUGRE
 from .impulse_derivatives import derivatives as by_impulses
 from .impulse_derivatives import laws_of
@@ -87,7 +89,10 @@ def scene_derivatives(
         calls["minverse"](model, q)  # raises InertiaError at a singular M
         pushed = forces[0] if forces else None
         held = None if pushed is None else pushed.reshape((len(sound), 1, -1))
-        effects = of_run(scene.with_(fext=None), q, v, float(steps.max()), False, held)
+        constrained = None if scene.constraints is None else constrained_of(scene, q, v, float(steps.max()))
+        if scene.contacts is not None or scene.limits:
+            check_start(scene, q)
+        effects = of_run(scene.with_(fext=None), constrained, False, held)
         if scene.solves:
             laws = laws_of(model, effects, scene.touching, pushed is not None)
             found = by_impulses(laws, q, v, tau, steps, pushed, batch, sound)

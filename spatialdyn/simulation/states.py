@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from itertools import pairwise
 from typing import Any
 
@@ -13,9 +14,9 @@ from numpy.typing import NDArray
 
 from ..calls.arguments import as_array, core_shape
 from ..errors import NonFiniteError, ShapeError, SimulationError
+from ..laws.law_specs import own_name
 from ..model.model import Model
 from ..recursions.spec import Argument
-from .effects.control import OWN_INPUT
 
 Array = NDArray[Any]
 HIDDEN = ("violation", "contact_residual", "contact_record", "impulses_before")  # states that a caller does not see
@@ -34,21 +35,16 @@ class RunStates:
     shapes: tuple[tuple[int, ...], ...] = ()
     starts: tuple[Array, ...] = field(default=(), repr=False)
 
-    @property
+    @cached_property
     def names(self) -> list[str]:
         """Names of the states, as a caller knows them."""
-        return [x.name.removeprefix(OWN_INPUT) for x in self.arguments]
+        return [own_name(x.name) for x in self.arguments]
 
-    @property
+    @cached_property
     def slices(self) -> list[slice]:
         """Where each is in their row."""
         ends = np.cumsum([0, *(math.prod(x) for x in self.shapes)]).tolist()
         return [slice(a, b) for a, b in pairwise(ends)]
-
-    @property
-    def size(self) -> int:
-        """Entries of all of them."""
-        return sum(math.prod(x) for x in self.shapes)
 
     def views(self, row: Array) -> list[Array]:
         """The states (..., *shape) in rows (..., size)."""
@@ -69,7 +65,7 @@ def run_states(
     Raises  SimulationError for two states of one name, and for a start of a state that there is none; ShapeError,
             NonFiniteError naming a start.
     """
-    names = [x.name.removeprefix(OWN_INPUT) for x in arguments]
+    names = [own_name(x.name) for x in arguments]
     if len(set(names)) < len(names):
         twice = next(name for k, name in enumerate(names) if name in names[:k])
         raise SimulationError(f"two states of the run are named {twice}, expected different names")

@@ -20,6 +20,7 @@ from ..calls.dynamics import calls
 from ..engines.programs.record.tracer import scratch
 from ..recursions import SPECS
 from ..recursions.coordinates.configuration import integrate, twist
+from ..recursions.coordinates.coordinate_rates import rate_of_displacement, turn
 from ..recursions.joints.friction import DT
 from ..recursions.spec import FEXT, TAU, Argument, Q, Spec, V
 from ..recursions.tree.aba import WORK, aba
@@ -274,7 +275,7 @@ def _integrate(rows: Any, q: Any, v: Any, out: Any) -> int:
 
 
 def _displacement_rate(rows: Any, u: Any, v: Any, out: Any) -> int:
-    explicit.rate_of_displacement(rows, u, v, out)
+    rate_of_displacement(rows, u, v, out)
     return OK
 
 
@@ -296,7 +297,7 @@ def step_specs(
         tau = inputs["tau"].copy() if forced else np.zeros(len(v), object)
         for effect in acting:
             tau = effect.held_torque(at, q, v, tau)
-        kernels = _Kernels(_accelerate, _integrate, _displacement_rate, explicit.turn)
+        kernels = _Kernels(_accelerate, _integrate, _displacement_rate, turn)
         system = System(kernels, held_torque, None, rows, None, inputs.get(FEXT.name), None, None, tau, None)
         state = State(q, v, v, q.copy(), None, np.zeros((10, len(v)), object))
         carried: Power = {x.name: inputs[x.name] for x in own}

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import pytest
 from robots import ROBOTS
-from slow import slow_but
+from slow import slow_but, thinned
 
 import spatialdyn as sd
 from spatialdyn.engines.compiled import numba_kernels
@@ -53,6 +53,7 @@ LONG = {  # programs that take a second and more to compile
     "human", "icub", "icub_reduced", "pr2", "romeo_small", "simple_humanoid", "simple_humanoid_classical",
     "talos_full_v2", "talos_reduced", "tiago", "tiago_dual", "tiago_pro",
 }  # fmt: skip
+SHORT = {*NAMES[::15]} - LONG
 TIPS = slow_but({1e3}, TIP)  # a hundred exact answers each
 compiled = pytest.mark.skipif(numba_kernels.PLAIN, reason="NUMBA_DISABLE_JIT: there are no programs")
 
@@ -62,7 +63,7 @@ def worst(model: sd.Model, name: str, states: int = 1, seed: int = 0) -> float:
     return max(measured(model, name, s) for s in [state(model, rng) for _ in range(states)])
 
 
-@pytest.mark.parametrize("name", slow_but(NAMES[::12], NAMES))
+@pytest.mark.parametrize("name", slow_but(NAMES[::12], thinned(NAMES[::12], NAMES, 2)))
 def test_inverse_dynamics_and_mass_matrix_of_every_robot_are_next_to_exact(name: str) -> None:
     for _, model in accuracy.corpus([name]):
         assert worst(model, "rnea") <= ROBOT["rnea"]
@@ -160,7 +161,7 @@ def test_forward_dynamics_with_light_links(name: str) -> None:
 
 
 @compiled
-@pytest.mark.parametrize("name", slow_but({*NAMES[::15]} - LONG, NAMES))
+@pytest.mark.parametrize("name", slow_but(SHORT, thinned(SHORT, NAMES, 1)))
 def test_float32_on_lanes_answers_every_state_of_a_robot_or_says_which_joint_it_cannot(name: str) -> None:
     """A pivot that float32 loses is judged in float64: there is an acceleration, or an InertiaError, never NaN."""
     with warnings.catch_warnings():

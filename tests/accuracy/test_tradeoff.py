@@ -21,12 +21,12 @@ from trees import random_inertia, random_tree
 import spatialdyn as sd
 from spatialdyn.accuracy import call_errors, integrator_errors, references
 from spatialdyn.accuracy.call_errors import costs
+from spatialdyn.accuracy.reference_motion import exact_motion
 from spatialdyn.accuracy.results import INPUTS, Option, Tradeoff, mark_pareto
 from spatialdyn.accuracy.tradeoff import TASKS, advice
 from spatialdyn.calls.dynamics import calls
 from spatialdyn.commands import cli
 from spatialdyn.engines.compiled import numba_kernels
-from spatialdyn.simulation.reference_motion import exact_motion
 
 pytest.importorskip("mpmath")
 compiled = pytest.mark.skipif(numba_kernels.PLAIN, reason="lanes are programs, and motions heavy")

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from inputs import MAIN_CALLS, options, public, random_inputs, sorted_inputs
 from numpy.typing import NDArray
-from slow import slow_but
+from slow import slow_but, thinned
 from trees import random_tree
 
 import spatialdyn as sd
@@ -71,7 +71,7 @@ def at(values: list[Array], index: Any) -> list[Array]:
 # --- batches --------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", slow_but(MAIN_CALLS, TAKING))
+@pytest.mark.parametrize("name", slow_but(MAIN_CALLS, thinned(MAIN_CALLS, TAKING, 0)))
 @pytest.mark.parametrize("which", WHICH)
 def test_leading_shapes_broadcast(request: pytest.FixtureRequest, which: str, name: str) -> None:
     """(3, 1) with (4,) with none is (3, 4)."""
@@ -87,7 +87,7 @@ def test_leading_shapes_broadcast(request: pytest.FixtureRequest, which: str, na
     assert found.shape[: len(batch)] == batch
 
 
-@pytest.mark.parametrize("name", slow_but(MAIN_CALLS, TAKING))
+@pytest.mark.parametrize("name", slow_but(MAIN_CALLS, thinned(MAIN_CALLS, TAKING, 1)))
 @pytest.mark.parametrize("which", ["model", "gripper"])
 def test_an_empty_batch_has_an_empty_answer(request: pytest.FixtureRequest, which: str, name: str) -> None:
     model: sd.Model = request.getfixturevalue(which)
@@ -136,7 +136,7 @@ def test_a_number_is_a_float_for_one_sample_and_an_array_for_many(model: sd.Mode
     assert type(sd.total_mass(model)) is float
 
 
-@pytest.mark.parametrize("name", slow_but(MAIN_CALLS, TAKING))
+@pytest.mark.parametrize("name", slow_but(MAIN_CALLS, thinned(MAIN_CALLS, TAKING, 2)))
 def test_results_are_float64_whatever_the_input(model: sd.Model, name: str) -> None:
     spec = SPECS[name]
     values = random_inputs(model, spec, 0, (2,))
@@ -188,7 +188,7 @@ def test_the_result_is_written_to_out_and_is_out(request: pytest.FixtureRequest,
         np.testing.assert_array_equal(out, expected)
 
 
-@pytest.mark.parametrize("name", slow_but(MAIN_CALLS, SPECS))
+@pytest.mark.parametrize("name", slow_but(MAIN_CALLS, thinned(MAIN_CALLS, SPECS, 3)))
 def test_an_out_that_does_not_fit_is_refused_and_left_alone(model: sd.Model, name: str) -> None:
     spec = SPECS[name]
     values = random_inputs(model, spec, 0, (2,))
@@ -283,7 +283,7 @@ def test_what_is_no_array_of_real_numbers_is_refused_by_name(model: sd.Model, na
             assert f"{argument.name} " in refusal(lambda values=values: public(model, spec, values))
 
 
-@pytest.mark.parametrize("name", slow_but(MAIN_CALLS, TAKING))
+@pytest.mark.parametrize("name", slow_but(MAIN_CALLS, thinned(MAIN_CALLS, TAKING, 4)))
 def test_none_is_refused_where_it_is_no_default(model: sd.Model, name: str) -> None:
     spec = SPECS[name]
     for k, argument in enumerate(sorted_inputs(spec)):
@@ -366,7 +366,7 @@ def unit_joints(model: sd.Model) -> list[tuple[sd.Joint, slice]]:
     return list(found.values())
 
 
-@pytest.mark.parametrize("name", slow_but({*MAIN_CALLS} & {*JUDGING}, JUDGING))
+@pytest.mark.parametrize("name", slow_but({*MAIN_CALLS} & {*JUDGING}, thinned({*MAIN_CALLS} & {*JUDGING}, JUDGING, 5)))
 def test_a_norm_that_is_not_one_is_refused_by_joint_and_norm(model: sd.Model, name: str) -> None:
     spec = SPECS[name]
     for joint, part in unit_joints(model):
@@ -387,7 +387,7 @@ def test_a_norm_that_is_not_one_is_refused_by_joint_and_norm(model: sd.Model, na
                     assert np.isfinite(public(model, spec, values)).all()
 
 
-@pytest.mark.parametrize("name", slow_but({*MAIN_CALLS} & {*JUDGING}, JUDGING))
+@pytest.mark.parametrize("name", slow_but({*MAIN_CALLS} & {*JUDGING}, thinned({*MAIN_CALLS} & {*JUDGING}, JUDGING, 6)))
 def test_a_norm_within_a_millionth_of_one_passes(model: sd.Model, name: str) -> None:
     spec = SPECS[name]
     for _, part in unit_joints(model):
@@ -425,7 +425,7 @@ def test_normalize_takes_any_norm_but_zero(model: sd.Model) -> None:
 # --- numbers that are not finite ------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", slow_but(MAIN_CALLS, TAKING))
+@pytest.mark.parametrize("name", slow_but(MAIN_CALLS, thinned(MAIN_CALLS, TAKING, 7)))
 @pytest.mark.parametrize("which", WHICH)
 def test_nan_in_a_sample_is_nan_there_and_nowhere_else(request: pytest.FixtureRequest, which: str, name: str) -> None:
     model: sd.Model = request.getfixturevalue(which)
@@ -441,7 +441,7 @@ def test_nan_in_a_sample_is_nan_there_and_nowhere_else(request: pytest.FixtureRe
         np.testing.assert_array_equal(np.isnan(alone), np.isnan(found[2]))
 
 
-@pytest.mark.parametrize("name", slow_but(MAIN_CALLS, TAKING))
+@pytest.mark.parametrize("name", slow_but(MAIN_CALLS, thinned(MAIN_CALLS, TAKING, 8)))
 @pytest.mark.parametrize("bad", [math.nan, *(pytest.param(x, marks=SLOW) for x in (math.inf, -math.inf))])
 def test_one_entry_that_is_not_finite_is_no_error_and_stays_in_its_sample(
     model: sd.Model, name: str, bad: float

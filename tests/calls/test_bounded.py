@@ -14,7 +14,7 @@ from typing import Any
 import mpmath
 import numpy as np
 import pytest
-from slow import slow_but
+from slow import slow_but, thinned
 from trees import random_tree
 
 import spatialdyn as sd
@@ -62,8 +62,10 @@ MODELS: dict[str, Callable[[], sd.Model]] = {
 }
 ARMS = {"two_link", "ur5", "panda", "z1", "xarm7"}
 SHARP = {"rnea": 100.0, "crba": 40.0, "aba": 350.0, "aba_refined": 450.0, "minverse": 350.0}  # medians on arms
-CASES = [(name, call) for name in MODELS for call in CALLS if name not in ("z1", "xarm7") or call in SHARP]
 QUICK = [("ur5", "rnea"), ("ur5", "aba"), ("thin", "crba")]
+PAIRS = [(name, call) for name in MODELS for call in CALLS if name not in ("z1", "xarm7") or call in SHARP]
+ON_ARMS = [(name, call) for name, call in PAIRS if name in ARMS - {"two_link", "xarm7"} and call in SHARP]
+CASES = thinned({*QUICK, *ON_ARMS}, PAIRS, 0)
 
 
 def states(model: sd.Model, call: str, samples: int) -> list[np.ndarray]:

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from slow import slow_but
+from slow import slow_but, thinned
 
 import spatialdyn as sd
 import spatialdyn.compat.pinocchio as ours
@@ -45,7 +45,7 @@ def both() -> tuple[list[Side], list[Side]]:
     return left, right
 
 
-@pytest.mark.parametrize("row", slow_but(CALLS[::16], CALLS), ids=lambda row: row.text)
+@pytest.mark.parametrize("row", slow_but(CALLS[::16], thinned(CALLS[::16], CALLS, 1)), ids=lambda row: row.text)
 def test_a_call_answers_the_second_and_third_time_as_the_wheel(both: tuple[list[Side], list[Side]], row: Row) -> None:
     """With one Data for all, whose fields are held from the first time on."""
     left, right = both

@@ -9,7 +9,7 @@ import pytest
 
 MODULES = (
     "control.gains", "control.inverse_kinematics", "control.laws", "control.monitors", "control.observers",
-    "control.paths", "simulation.effects.control", "accuracy.requires",
+    "control.paths", "laws.control", "accuracy.requires",
 )  # fmt: skip
 
 

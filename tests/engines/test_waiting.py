@@ -91,6 +91,15 @@ def test_a_report_of_progress_says_how_far_the_work_is(said: Said, how: Any) -> 
     assert list(said) == ["shearing takes more than 0.02 s: 2 of 7 steps are done"]
 
 
+def test_a_call_that_compiles_is_named_once_with_what_compiles(said: Said) -> None:
+    with reporting(False, "simulate"):
+        with watch.work("compiling crba", lambda: "; it is kept"), watch.work("compiling a part of it"):
+            assert said.wait()
+        with watch.work("compiling rnea"):
+            pause()
+    assert list(said) == ["simulate takes more than 0.02 s: compiling crba; it is kept"]
+
+
 @pytest.mark.skipif(numba_kernels.PLAIN, reason="NUMBA_DISABLE_JIT: nothing compiles")
 @pytest.mark.parametrize("way", ["program", "kernel"])
 def test_what_compiles_is_named(said: Said, way: str, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -15,13 +15,15 @@ from slow import slow_but
 
 import spatialdyn as sd
 from spatialdyn.constraints.dynamics import constrained_motion
-from spatialdyn.simulation import program_steps
+from spatialdyn.simulation import plan
 from spatialdyn.simulation.effects import constraints
 
 sys.path.append(str(Path(__file__).parents[1] / "constraints"))
 from mechanisms import G, four_bar, four_bar_state, pin_of
 
 EPS = np.finfo(float).eps
+PACKAGE = str(Path(sd.__file__).parent)
+MOST_FILES = 12  # of the package
 METHODS = ("explicit_euler", "semi_implicit_euler", "velocity_verlet", "rk4")
 
 
@@ -77,13 +79,31 @@ def test_the_program_and_the_calls_take_the_same_steps(monkeypatch: pytest.Monke
     model, (q, v) = four_bar(), four_bar_state()
     held, tau = pin_of(model), np.array([0.1, 0.0, -0.1])
     at_once = sd.simulate(sd.Scene(model, constraints=held), q, v, 0.05, 1e-3, torque=tau)
-    assert program_steps._kernel.cache_info().currsize
+    assert plan._kernel.cache_info().currsize
     by_calls = sd.simulate(sd.Scene(model, constraints=held), q, v, 0.05, 1e-3, torque=lambda t, q, v: tau)
     assert abs(at_once.q - by_calls.q).max() <= 1e-13
     pd = sd.PD(kp=[3.0, 0, 0], kd=[0.1, 0, 0], q_ref=[1.0, 0, 0])
     run = sd.rollout(sd.Scene(model, constraints=held), q, v, dt=1e-3, steps=2000, control=pd)
     assert abs(run.v[-1]).max() < abs(run.v).max()
     assert left_open(model, held, run.q, run.v)[0] <= 1e-9
+
+
+def test_a_run_like_an_earlier_one_visits_a_dozen_files() -> None:
+    """What is known from scene and method alone is kept with the scene."""
+    model, (q, v) = four_bar(), four_bar_state()
+    scene, files = sd.Scene(model, constraints=pin_of(model)), set()
+
+    def note(frame: Any, event: str, _: Any) -> None:
+        if event == "call" and frame.f_code.co_filename.startswith(PACKAGE):
+            files.add(frame.f_code.co_filename)
+
+    sd.simulate(scene, q, v, 0.05, 1e-3)
+    sys.setprofile(note)
+    try:
+        sd.simulate(scene, q, v, 0.05, 1e-3)
+    finally:
+        sys.setprofile(None)
+    assert len(files) <= MOST_FILES, sorted(files)
 
 
 def test_stabilization_is_a_time_in_which_errors_die() -> None:

@@ -312,7 +312,7 @@ def test_a_quadruped_with_dry_joints_stands_and_trots() -> None:
     q0 = stance(model, contacts)
     legs_only = np.r_[np.zeros(6), np.ones(12)]
     friction = sd.Friction(2.0 * legs_only, 0.05 * legs_only)
-    law = hold(model, q0)._replace(kp=40.0 * legs_only, kd=0.5 * legs_only)
+    law = sd.PD(40.0 * legs_only, 0.5 * legs_only, q0)
     kept: dict[str, Any] = dict(dt=2e-3, contacts=contacts, friction=friction, record="contacts")
     stood = scenes.rollout(model, q0, np.zeros(18), steps=1000, control=law, **kept)
     assert (stood.v[-500:, 6:] == 0.0).all()

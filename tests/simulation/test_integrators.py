@@ -15,9 +15,9 @@ import spatialdyn as sd
 from spatialdyn.algebra.lie import Quat
 from spatialdyn.engines.compiled import numba_kernels
 from spatialdyn.lagrangian.lie_brackets import structure_constants
+from spatialdyn.recursions.coordinates.coordinate_rates import coordinate_rate
+from spatialdyn.recursions.momenta.canonical_coordinates import nearest
 from spatialdyn.simulation import integrators
-from spatialdyn.simulation.methods.adaptive import coordinate_rate
-from spatialdyn.simulation.methods.canonical_coordinates import nearest
 from spatialdyn.simulation.recorder import Steps
 
 pytestmark = pytest.mark.skipif(numba_kernels.PLAIN, reason="NUMBA_DISABLE_JIT: thousands of steps in plain Python")

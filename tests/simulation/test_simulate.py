@@ -17,10 +17,10 @@ from trees import random_tree
 
 import spatialdyn as sd
 from spatialdyn.engines.compiled import numba_kernels
-from spatialdyn.simulation import fixed_steps, integrators, program_steps
+from spatialdyn.simulation import fixed_steps, integrators, plan
 from spatialdyn.simulation.compiled_loop import compile_loop
-from spatialdyn.simulation.energy import exploded, scale_of
 from spatialdyn.simulation.methods.methods import EXPLICIT_METHODS
+from spatialdyn.simulation.recorder import exploded, scale_of
 
 EPS = np.finfo(float).eps
 COMPILED = pytest.mark.skipif(numba_kernels.PLAIN, reason="NUMBA_DISABLE_JIT: nothing is compiled")
@@ -620,8 +620,9 @@ def test_a_program_steps_as_the_compiled_table_does(monkeypatch: pytest.MonkeyPa
 
 @COMPILED
 def test_a_step_is_one_program_for_each_robot_and_method(arm: sd.Model) -> None:
-    assert program_steps._kernel(arm, "rk4", (), (), ()) is program_steps._kernel(arm, "rk4", (), (), ())
-    assert program_steps._kernel(arm, "rk4", (), (), ()) is not None
+    made = plan.Plan(sd.Scene(arm), "rk4", ())
+    assert made.kernel() is not None
+    assert made.kernel() is plan.Plan(sd.Scene(arm), "rk4", ()).kernel()
 
 
 @COMPILED

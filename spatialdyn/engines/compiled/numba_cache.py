@@ -83,7 +83,7 @@ class InlinedCache:
     """The cache of the package's ``inline`` functions, of whose LLVM code the kernels of any process are made."""
 
     def __init__(self, stamp: str, rooms: tuple[str, ...]) -> None:
-        """Keep functions of some rooms under a stamp of their files; what a process sets in a module goes unseen."""
+        """Keep functions of some packages under a stamp of their files; what a process sets in a module goes unseen."""
         package, _, _ = __name__.partition(".")
         self._stamp, self._rooms = stamp, tuple(f"{package}.{room.replace('/', '.')}." for room in rooms)
 

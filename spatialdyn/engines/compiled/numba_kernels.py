@@ -9,7 +9,7 @@ batch_kernel   many samples, through ``sample_kernel``; an input that does not v
 user_kernel    one sample, for a user's own jitted code: raises instead of returning a status.
 
 They are compiled when first called and cached on disk (``numba_cache``) by a digest of their text and what they
-capture: a hash of the sources of the rooms that hold compiled code (STAMP), so an edited helper changes the digest.
+capture: a hash of the sources of the packages that hold compiled code (STAMP), so an edited helper changes the digest.
 A user's own function in Numba's cache, whose key is its own file only, must capture ``STAMP`` too.
 """
 

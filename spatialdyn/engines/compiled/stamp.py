@@ -8,11 +8,11 @@ from pathlib import Path
 
 COMPILED = (
     "algebra", "bodies", "recursions", "engines", "constraints", "simulation", "compat/native"
-)  # fmt: skip  # the rooms that hold compiled code: an edit elsewhere leaves the cache valid
+)  # fmt: skip  # the packages that hold compiled code: an edit elsewhere leaves the cache valid
 
 
 def package_folder() -> Path:
-    """The folder of the package, wherever in it this module is: a stamp of one room would miss edits in the others."""
+    """The folder of the package, wherever in it this module is: a stamp of one folder would miss edits elsewhere."""
     return Path(str(sys.modules[__name__.partition(".")[0]].__file__)).resolve().parent
 
 

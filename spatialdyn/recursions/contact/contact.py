@@ -51,7 +51,8 @@ from .contact_rows import (
     write_gaps,
     write_point,
 )
-from .impulses import SWEEPS, Impulses, open_laws, residual, solve_impulses, write_responses
+from .impulse_rows import Impulses, open_laws, residual, write_responses
+from .impulses import SWEEPS, solve_impulses
 
 PLACES = table_dtype(X=Pose, R=Mat3, o=Vec)
 

@@ -47,7 +47,7 @@ from .contact_rows import (
     write_gaps,
     write_rows,
 )
-from .impulses import ROWS
+from .impulse_rows import ROWS
 
 
 class Balance(NamedTuple):

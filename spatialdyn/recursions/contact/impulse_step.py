@@ -55,19 +55,8 @@ from .contact_rows import (
     write_point,
 )
 from .coulomb_cone import magnitude
-from .impulses import (
-    ROWS,
-    SWEEPS,
-    SWEEPS_AGAIN,
-    SWEEPS_DRY,
-    Impulses,
-    joint_law,
-    open_laws,
-    residual,
-    solve_impulses,
-    sweep,
-    write_responses,
-)
+from .impulse_rows import ROWS, Impulses, joint_law, open_laws, residual, sweep, write_responses
+from .impulses import SWEEPS, SWEEPS_AGAIN, SWEEPS_DRY, solve_impulses
 
 # of what dry friction changes a velocity by: a load that exceeds it by less leaves a joint at rest, as sweeps leave the
 # shares of stiff legs open by as much

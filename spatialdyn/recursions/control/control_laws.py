@@ -54,6 +54,13 @@ def errors(bodies: Bodies, q: Config, v: Vector, q_ref: Config, v_ref: Vector, e
 
 
 @inline
+def add_springs(kp: Array, kd: Array, e: Vector, de: Vector, tau: Vector) -> None:
+    """τ += Kp e + Kd ė."""
+    for i in range(len(tau)):
+        tau[i] = tau[i] + product(kp, e, i) + product(kd, de, i)
+
+
+@inline
 def pd(
     bodies: Bodies, q: Config, v: Vector, kp: Array, kd: Array, q_ref: Config, v_ref: Vector, tau: Vector, e: Vector,
     de: Vector,
@@ -78,8 +85,7 @@ def pd_gravity(
     """τ = g(q) + Kp e - Kd v."""
     gravity(bodies, work, q, tau)
     errors(bodies, q, v, q_ref, None, e, de)
-    for i in range(len(v)):
-        tau[i] = tau[i] + product(kp, e, i) + product(kd, de, i)
+    add_springs(kp, kd, e, de, tau)
 
 
 @inline
@@ -91,7 +97,8 @@ def cosine_shaping(
     gravity(bodies, work, q, tau)
     errors(bodies, q, v, q_ref, None, e, de)
     for i in range(len(v)):
-        tau[i] = tau[i] + kp[i] * sin(e[i]) + product(kd, de, i)
+        e[i] = sin(e[i])
+    add_springs(kp, kd, e, de, tau)
 
 
 @inline
@@ -105,8 +112,7 @@ def pd_plus(
         w[i] = 0.0 if v_ref is None else v_ref[i]
         a[i] = 0.0 if a_ref is None else a_ref[i]
     modified_rnea(bodies, work, q, v, w, a, tau)
-    for i in range(len(v)):
-        tau[i] = tau[i] + product(kp, e, i) + product(kd, de, i)
+    add_springs(kp, kd, e, de, tau)
 
 
 @inline

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...model.model import Model
-from .constraints import Constrained, constrained_of
+from .constraints import Constrained
 from .contacts import contact_of
 from .effect import Effect
 from .external import ExternalForces
@@ -24,15 +24,19 @@ def of_scene(model: Model, friction: Any, friction_method: str, motor: Any, driv
     return (*friction_effects(model, friction, friction_method, motor, drive), *springs)
 
 
-def of_run(scene: Any, q: Array, v: Array, dt: float, records: bool, forces: Array | None) -> tuple[Effect, ...]:
-    """The effects of a run of a scene from states q (..., nq), v (..., nv) in fixed steps of dt, 0 for none.
+def of_run(scene: Any, constrained: Constrained | None, records: bool, forces: Array | None) -> tuple[Effect, ...]:
+    """The effects of a run of a scene.
 
-    records  whether impulses of contacts are recorded
-    forces   (samples or 1, steps or 1, 6 njoints) external forces of the scene and the run; None for none
-
-    Raises  for a start that does not meet the constraints, or in the ground
+    constrained  its constraints, with their rank at the beginning
+    records      whether impulses of contacts are recorded
+    forces       (samples or 1, steps or 1, 6 njoints) external forces of the scene and the run; None for none
     """
-    return _together(scene, constrained_of(scene, q, v, dt), records, q, forces)
+    acting: tuple[Effect, ...] = scene.effects
+    contact = contact_of(scene, acting, records, constrained)
+    if contact is not None:
+        acting = tuple(x.beside_others() for x in acting)
+    others = constrained, contact, None if forces is None else ExternalForces(forces)
+    return (*acting, *(x for x in others if x is not None))
 
 
 def of_structure(scene: Any) -> tuple[Effect, ...]:
@@ -40,15 +44,4 @@ def of_structure(scene: Any) -> tuple[Effect, ...]:
     rate = None if scene.stabilization is None else 1.0 / scene.stabilization
     held = None if scene.constraints is None else Constrained(scene.constraints, rate, np.zeros(1, np.intp))
     forces = None if scene.fext is None else scene.fext.reshape((1, 1, -1))
-    return _together(scene, held, False, None, forces)
-
-
-def _together(
-    scene: Any, constrained: Constrained | None, records: bool, q: Array | None, forces: Array | None
-) -> tuple[Effect, ...]:
-    acting: tuple[Effect, ...] = scene.effects
-    contact = contact_of(scene, acting, records, q, constrained)
-    if contact is not None:
-        acting = tuple(x.beside_others() for x in acting)
-    others = constrained, contact, None if forces is None else ExternalForces(forces)
-    return (*acting, *(x for x in others if x is not None))
+    return of_run(scene, held, False, forces)

@@ -259,34 +259,39 @@ def _forces(at: Arithmetic) -> Array | None:
     return None if forces is None else np.array(forces)
 
 
-def constrained_of(scene: Any, q: Array, v: Array, dt: float) -> Constrained | None:
-    """Constraints of a run from states q (..., nq), v (..., nv), None for none. Raises if they cannot hold there.
+def constrained_of(scene: Any, q: Array, v: Array, dt: float) -> Constrained:
+    """Constraints of a run from states q (..., nq), v (..., nv). Raises if they cannot hold there.
 
     Steps that find velocities with impulses miss J v = 0 by the order of dt³, or dt² in an impact.
     """
     model, constraints, rate = scene.model, scene.constraints, None
-    if constraints is None:
-        return None
     if scene.stabilization is not None:
         rate = 1.0 / scene.stabilization
         if rate * dt * LEAST_STEPS > 1.0:
             least = f"{LEAST_STEPS:g} dt = {LEAST_STEPS * dt:g} s: shorter times are unstable"
             raise SimulationError(f"stabilization is {scene.stabilization!r} s, expected at least {least}")
     solved = scene.contacts is not None or scene.limits or (scene.solves and scene.friction_method != "lugre")
-    phi = constraint_error(model, constraints, q)
-    raise_if_open(constraints, q, phi, START, " at the beginning; project_configuration or close_loops closes it")
-    J = constraint_jacobian(model, constraints, q)
-    Jv, terms = (J @ v[..., None])[..., 0], rate_terms(constraints, J, v)
-    bad = np.argwhere(abs(Jv) > (START_SOLVED if solved else START) * terms + FLOOR)
+    phi = call(ERROR, model, constraints, q)
+    if constraints.aligns or not (abs(phi) <= START).all():
+        raise_if_open(constraints, q, phi, START, " at the beginning; project_configuration or close_loops closes it")
+    J = call(JACOBIAN, model, constraints, q)
+    Jv = (J @ v[..., None])[..., 0]
+    if not (abs(Jv) <= FLOOR).all():
+        _check_rates(constraints, Jv, (START_SOLVED if solved else START) * rate_terms(constraints, J, v) + FLOOR)
+    rank = np.asarray(call(constrained.ROWS, model, constraints, q, None)[..., -1], np.intp).reshape(-1)
+    return Constrained(constraints, rate, rank[:1] if (rank == rank[:1]).all() else rank)
+
+
+def _check_rates(constraints: Constraints, rates: Array, most: Array) -> None:
+    """Raise ConstraintError naming the first equation and sample that v moves by more than the most."""
+    bad = np.argwhere(abs(rates) > most)
     if len(bad):
         index, k = tuple(int(x) for x in bad[0, :-1]), int(bad[0, -1])
         where = "" if not index else f" of sample {index[0]}"
         raise ConstraintError(
-            f"v0{where} moves {constraints.equations[k].label} at {Jv[(*index, k)]:.3g}, expected 0; "
+            f"v0{where} moves {constraints.equations[k].label} at {rates[(*index, k)]:.3g}, expected 0; "
             "project_velocity gives the nearest velocity that does not"
         )
-    rank = np.asarray(rows_to_keep(model, constraints, q)[1], np.intp)
-    return Constrained(constraints, rate, rank.reshape(-1))
 
 
 # --- symplectic methods ----------------------------------------------------------------------------------

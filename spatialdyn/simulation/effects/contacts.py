@@ -22,7 +22,6 @@ from ...constraints.contact_points import Contacts
 from ...constraints.dynamics import constrained_motion
 from ...engines.programs.record.recording import MOST_TABLE
 from ...errors import ConstraintError, SimulationError
-from ...model.model import Model
 from ...recursions.contact.contact import CONTACT_STEP, CONTACT_STEP_OVER
 from ...recursions.contact.contact_rows import CONTACTS_ARGUMENT, HEIGHTS_ARGUMENT, MU, RESTITUTION
 from ...recursions.contact.impulse_step import START as IMPULSES
@@ -245,14 +244,14 @@ class Contact(Effect):
 
 
 def contact_of(
-    scene: Any, acting: tuple[Effect, ...], records: bool, q: Array | None, constrained: Constrained | None
+    scene: Any, acting: tuple[Effect, ...], records: bool, constrained: Constrained | None
 ) -> Contact | None:
-    """What acts by impulses in a run of a scene from positions (..., nq), which are not checked if None; None for none.
+    """What acts by impulses in a run of a scene; None for none.
 
     acting   the effects of the scene
     records  whether impulses are recorded
 
-    Raises  SimulationError for a start in the ground or beyond a limit, with its depth
+    Raises  SimulationError for contacts that are recorded and do not act
     """
     contacts, stops, rubs = scene.contacts, scene.limits, find(acting, JointFriction)
     if contacts is None and not stops and records:
@@ -261,15 +260,14 @@ def contact_of(
     if contacts is None and not stops and (constrained is None or solved != IMPLICIT):
         return None
     given = scene.touching
-    if q is not None:
-        _check_start(scene.model, given, q)
     table = given.with_dry(dry(acting, scene.model.nv))
     made = Contact(given, records, table, solved, constrained is not None)
     return made if len(table.rows) > 1 or constrained is not None else None
 
 
-def _check_start(model: Model, contacts: Contacts, q: Array) -> None:
-    """Raise SimulationError if a point starts in the ground, or a joint beyond its limits."""
+def check_start(scene: Any, q: Array) -> None:
+    """Raise SimulationError, with the depth, if a point starts in the ground, or a joint beyond its limits."""
+    model, contacts = scene.model, scene.touching
     rows = contacts.table.rows[1 + len(contacts) :]
     x = q[..., rows["q_index"]]
     beyond = np.maximum(rows["lower"] - x, x - rows["upper"])

@@ -12,15 +12,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...algebra.euclidean import rotate
-from ...algebra.lie import Quat, matrix, product
-from ...algebra.scalars import cos, inline, sin
-from ...bodies.kinds import CONTINUED, LENGTHS, PLANAR, SE2, SE3, SO2, SO3
 from ...calls.dynamics import calls
 from ...engines.compiled import numba_kernels
 from ...engines.compiled.table_kernels import kernel
 from ...errors import ConstraintError, NonFiniteError, SimulationError, SpatialDynError, pip_install
-from ...recursions.coordinates.configuration import twist
+from ...recursions.coordinates.coordinate_rates import coordinate_rate
 from ..recorder import Recorder
 from ..system import joint_table
 from ..torques import Torque
@@ -94,35 +90,3 @@ def _record(recorder: Recorder, run: Any, torque: Torque, end: int) -> None:
         q, v = calls["normalize"](model, y[: model.nq]), y[model.nq : model.nq + model.nv].copy()
         recorder.own[:] = y[model.nq + model.nv :]
         recorder.put(q, v, torque.at(int(recorder.kept[recorder.at[1]]), t, q, v))
-
-
-@inline
-def coordinate_rate(bodies: Any, q: Any, v: Any, dq: Any) -> int:
-    """dq (nq) = dq/dt of joints that move with v."""
-    for i in range(1, len(bodies)):
-        b = bodies[i]
-        k = b.q_index
-        if b.kind == CONTINUED:
-            continue
-        m = twist(b, i - 1, v)
-        if b.kind in SO2:
-            dq[k], dq[k + 1] = -q[k + 1] * m.w.z, q[k] * m.w.z
-        elif b.kind in SO3 or b.kind in SE3:
-            k += LENGTHS[b.kind]
-            a = Quat(q[k], q[k + 1], q[k + 2], q[k + 3])
-            e = product(a, Quat(0.5 * m.w.x, 0.5 * m.w.y, 0.5 * m.w.z, 0.0))
-            dq[k], dq[k + 1], dq[k + 2], dq[k + 3] = e.x, e.y, e.z, e.w
-            if b.kind in SE3:
-                u = rotate(matrix(a), m.v)
-                dq[k - 3], dq[k - 2], dq[k - 1] = u.x, u.y, u.z
-        elif b.kind in SE2:
-            if b.kind == PLANAR:
-                c, s = cos(q[k + 2]), sin(q[k + 2])
-                dq[k + 2] = m.w.z
-            else:
-                c, s = q[k + 2], q[k + 3]
-                dq[k + 2], dq[k + 3] = -s * m.w.z, c * m.w.z
-            dq[k], dq[k + 1] = c * m.v.x - s * m.v.y, s * m.v.x + c * m.v.y
-        else:
-            dq[k] = m.w.z
-    return 0

@@ -11,16 +11,15 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from ...algebra.euclidean import add, cross, dot, rotate, scale, unrotate
-from ...algebra.lie import exp_rotation, log_jacobian, log_travel, matrix
+from ...algebra.euclidean import dot
 from ...algebra.scalars import inline, inline_unoptimized
-from ...algebra.spatial import Motion
-from ...bodies.kinds import CONTINUED, NV, SE2, SE3
+from ...bodies.kinds import NV
 from ...engines.compiled import numba_kernels
 from ...engines.compiled.checks import all_finite
 from ...engines.compiled.table_kernels import kernel
 from ...recursions import SPECS
-from ...recursions.coordinates.configuration import put_twist, twist
+from ...recursions.coordinates.configuration import twist
+from ...recursions.coordinates.coordinate_rates import rate_of_displacement, turn
 from ..system import NONFINITE, OK, TURNED, State, System, add_scaled, copy, set_status
 
 HALF_TURN = 9.8696  # π² [rad²]
@@ -82,39 +81,6 @@ def displacement_rate(bodies: Any, u: Any, v: Any, out: Any) -> int:
             if not dot(w, w) < HALF_TURN:
                 status = TURNED
     return status
-
-
-@inline
-def rate_of_displacement(bodies: Any, u: Any, v: Any, out: Any) -> None:
-    """u̇ of q(t) = q0 ∘ exp(u(t)) for joint velocities v: the inverse right Jacobian of exp at u, times v."""
-    for i in range(1, len(bodies)):
-        b = bodies[i]
-        if NV[b.kind] == 1:
-            out[i - 1] = v[i - 1]
-        elif b.kind != CONTINUED:
-            m, rate = twist(b, i - 1, u), twist(b, i - 1, v)
-            T = log_jacobian(m, 1.0)
-            put_twist(b, i - 1, Motion(rotate(T.J, rate.w), add(rotate(T.J, rate.v), rotate(T.K, rate.w))), out)
-
-
-@inline
-def turn(bodies: Any, h: Any, v: Any, w: Any, u: Any) -> int:
-    """u ← the displacement of a step h (nv, all alike) by velocities w = v + h a, and w ← the velocities after it.
-
-    v  velocities by which -ω × v is in a; 0 where a lacks it, and w is in the axes at the beginning
-    """
-    for i in range(1, len(bodies)):
-        b, r = bodies[i], i - 1
-        if b.kind in SE3 or b.kind in SE2:
-            before, after = twist(b, r, v), twist(b, r, w)
-            x = add(after.v, scale(h[r], cross(before.w, before.v)))
-            angle = scale(h[r], after.w)
-            put_twist(b, r, Motion(after.w, unrotate(matrix(exp_rotation(angle)), x)), w)
-            put_twist(b, r, Motion(angle, log_travel(angle, scale(h[r], x))), u)
-        elif b.kind != CONTINUED:
-            for k in range(r, r + NV[b.kind]):
-                u[k] = h[k] * w[k]
-    return OK
 
 
 @inline_unoptimized

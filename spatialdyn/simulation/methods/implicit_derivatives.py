@@ -19,38 +19,25 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...algebra.euclidean import Vec
-from ...algebra.records import table_dtype
-from ...algebra.scalars import inline
-from ...algebra.spatial import Force, Motion, Pose
 from ...calls.dynamics import calls
 from ...calls.failures import sample_of
 from ...engines.compiled import numba_kernels
 from ...errors import SimulationError
 from ...model.model import Model
 from ...recursions import SPECS
-from ...recursions.coordinates.configuration import integrate
-from ...recursions.momenta.hamilton import WORK as WORK_FIELD
-from ...recursions.momenta.hamilton import hamilton_rows, momentum_rate
-from ...recursions.spec import FEXT_OPTIONAL, TAU, Argument, Q, Spec
+from ...recursions.momenta.canonical_coordinates import CHARTS, SLOPE
+from ...recursions.momenta.discrete_momenta import MOMENTA
+from ...recursions.spec import Spec
 from ..compiled_loop import compile_loop, drive
 from ..fixed_steps import failure_message
 from ..system import State, System, held_torque, joint_table, units
 from ..tangents import along, run
-from .canonical_coordinates import chart_rate, from_canonical
 from .methods import DISCRETE, Method
 from .mimic_kernels import mimic_kernels
 from .symplectic import GAUSS2, GAUSS4, GAUSS6, Tableau
-from .variational import momenta_after, sum_before
 
 Array = NDArray[Any]
 TABLEAUX = {"implicit_midpoint": GAUSS2, "gauss4": GAUSS4, "gauss6": GAUSS6}
-
-Z = Argument("z", ("nv+nv",), "", "canonical coordinates")
-CENTRES = Argument("centres", ("nv+1", 6), "1", "centres of the charts")
-XI = Argument("xi", ("nv",), "rad | m", "displacement of the joints in a step")
-DT = Argument("dt", (1,), "s", "step")
-WORK_MOMENTA = table_dtype(X=Pose, x=float, y=float, z=float, w=float, d=Vec, p=Force, v=Motion, g=Vec, f=Force)
 
 
 class Solved(NamedTuple):
@@ -70,61 +57,7 @@ class Solved(NamedTuple):
     centres: Array
 
 
-# --- what programs are made of --------------------------------------------------------------------------
-
-
-@inline
-def canonical_slope(
-    bodies: Any, work: Any, z: Any, tau: Any, fext: Any, centres: Any, dz: Any, q: Any, p: Any, rates: Any, pivots: Any
-) -> None:
-    """ż at z; fext may be None, for zero."""
-    from_canonical(bodies, centres, z, q, p)
-    hamilton_rows(bodies, work, q, p, tau, fext, rates, pivots)
-    chart_rate(bodies, centres, z, p, rates[0], rates[1], dz)
-
-
-@inline
-def chart_map(bodies: Any, z: Any, v: Any, dp: Any, centres: Any, dz: Any, q: Any, p: Any) -> None:
-    """δz of (δq, δp) at z."""
-    from_canonical(bodies, centres, z, q, p)
-    chart_rate(bodies, centres, z, p, v, dp, dz)
-
-
-@inline
-def momenta_at_both_ends(
-    bodies: Any, work: Any, q: Any, xi: Any, tau: Any, fext: Any, dt: Any, out: Any, q1: Any, moved: Any, force: Any,
-    still: Any,
-) -> None:  # fmt: skip
-    """p⁻ and p⁺ of a step of ``variational``, whose torque is held over it."""
-    h = dt[0]
-    still[:] = 0.0
-    sum_before(bodies, work, q, xi, moved, out[0])
-    momentum_rate(bodies, work, q, still, tau, fext, force)
-    for i in range(len(xi)):
-        out[0, i] = out[0, i] / h - 0.5 * h * force[i]
-    integrate(bodies, q, xi, q1)
-    momenta_after(bodies, work, q1, xi, moved, out[1])
-    momentum_rate(bodies, work, q1, still, tau, fext, force)
-    for i in range(len(xi)):
-        out[1, i] = out[1, i] / h + 0.5 * h * force[i]
-
-
-SLOPE = Spec(
-    "canonical_slope", canonical_slope, WORK_FIELD, (Z, TAU, FEXT_OPTIONAL, CENTRES),
-    Argument("dz", ("nv+nv",), "", "rates of canonical coordinates"), "Hamilton's equations in charts.",
-    "see ``simulation.methods.canonical_coordinates``", scratch=(("nq",), ("nv",), (2, "nv"), ("nv",)), composed=True,
-)  # fmt: skip
-CHARTS = Spec(
-    "chart_map", chart_map, None, (Z, Argument("v", ("nv",), "", ""), Argument("dp", ("nv",), "", ""), CENTRES),
-    Argument("dz", ("nv+nv",), "", "change of canonical coordinates"), "The tangent map of charts.",
-    "see ``simulation.methods.canonical_coordinates``", scratch=(("nq",), ("nv",)), composed=True,
-)  # fmt: skip
-MOMENTA = Spec(
-    "momenta_at_both_ends", momenta_at_both_ends, WORK_MOMENTA, (Q, XI, TAU, FEXT_OPTIONAL, DT),
-    Argument("p", (2, "nv"), "kg m²/s | kg m/s", "momenta before and after the step"),
-    "Discrete Legendre transforms of ``variational``.", "see ``simulation.methods.variational``",
-    scratch=(("nq",), ("nv+1", 6), ("nv",), ("nv",)), composed=True,
-)  # fmt: skip
+# --- derivatives by programs ----------------------------------------------------------------------------
 
 
 # --- the steps ------------------------------------------------------------------------------------------

@@ -15,24 +15,17 @@ from numpy.typing import NDArray
 from ...calls.dynamics import calls
 from ...engines.compiled import numba_kernels
 from ...engines.compiled.table_kernels import kernel
-from ...engines.programs.record.mimic_rows import MimicRows, evaluate, rows_of
-from ...engines.programs.record.tracer import scratch, table
+from ...engines.programs.record.mimic_rows import MimicRows
+from ...engines.programs.record.tracer import scratch
 from ...errors import ConfigurationError, InertiaError, NonFiniteError
 from ...model.model import Model
+from ...recursions.momenta.discrete_momenta import WORK_AFTER, WORK_BEFORE, momenta_after, sum_before
 from ...recursions.momenta.hamilton import P
-from ...recursions.spec import Spec
 from ..system import NONFINITE, OK, PIVOT, UNIT, System
 from . import explicit
 from .methods import CANONICAL, EXPLICIT, Family
 from .symplectic import SymplecticKernels
-from .variational import (
-    WORK_AFTER,
-    WORK_BEFORE,
-    VariationalKernels,
-    momenta_after,
-    momenta_before,
-    sum_before,
-)
+from .variational import VariationalKernels, momenta_before
 
 Array = NDArray[np.float64]
 
@@ -74,19 +67,6 @@ def mimic_kernels(model: Model, family: Family, fext: Array | None) -> Any:
     before = _of_tree(model, kernel(momenta_before, 1, 1, 2, 1, work=WORK_BEFORE))
     after = _of_tree(model, kernel(momenta_after, 1, 1, 2, 1, work=WORK_AFTER))
     return own._replace(load=load, static_torque=None, velocity=velocity, before=before, after=after)
-
-
-def reduced_kernel(model: Model, spec: Spec) -> Callable[..., int]:
-    """``(table, *inputs, out) -> status`` of a composed Spec in plain Python, as ``numba_kernels.sample_kernel``."""
-    rows, names = rows_of(table(model.bodies)), [x.name for x in spec.present]
-    pivots = np.empty(model.nv, object)
-
-    def run(_: Any, *arrays: Any) -> int:
-        found = evaluate(spec, rows, arrays[-1].shape, dict(zip(names, arrays[:-1], strict=True)), pivots)
-        arrays[-1][...] = found.astype(np.float64)
-        return OK if np.isfinite(arrays[-1]).all() else NONFINITE
-
-    return run
 
 
 def _of_tree(model: Model, momenta: Callable[..., int]) -> Callable[..., int]:

@@ -22,8 +22,8 @@ from ...algebra.scalars import EPS, inline_unoptimized, no_inline
 from ...engines.compiled import numba_kernels
 from ...engines.compiled.table_kernels import kernel
 from ...recursions import SPECS
+from ...recursions.momenta.canonical_coordinates import chart_rate, from_canonical, recenter, to_canonical
 from ..system import NONFINITE, STALLED, TORQUE, State, System, copy, set_status
-from .canonical_coordinates import chart_rate, from_canonical, recenter, to_canonical
 
 ROWS = 13
 SWEEPS = 100  # at most; reasonable steps take 5 to 20

@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 from inputs import EPS, MAIN_CALLS, PACKAGE, kernel_inputs, options, public, random_inputs, run_python, sorted_inputs
 from numpy.typing import NDArray
-from slow import slow_but
+from slow import slow_but, thinned
 from trees import random_tree
 
 import spatialdyn as sd
@@ -500,7 +500,7 @@ def test_a_stale_cache_is_impossible(tmp_path: Path) -> None:
 USER_KERNELS = {"crba", "kinetic_energy", "integrate"}
 
 
-@pytest.mark.parametrize("name", slow_but(USER_KERNELS, SPECS))
+@pytest.mark.parametrize("name", slow_but(USER_KERNELS, thinned(USER_KERNELS, SPECS, 1)))
 def test_open_kernel_equals_the_public_call(model: sd.Model, name: str) -> None:
     """``kernels.X(bodies, inputs, out)``; the test after this one has the optional inputs."""
     spec = numba_kernels.variant(SPECS[name], frozenset())

@@ -124,8 +124,8 @@ def kernel(
     recorded  what ``record`` returns for it, if that is known
     """
     digest = _digest(specs, key, static, dtype, options, one, stream)
-    what = " and ".join(spec.name for spec in specs)
-    with _lock, watch.work(f"compiling the program of {what}", disk_cache.kept):
+    others = f" and {len(specs) - 1} more" if len(specs) > 1 else ""
+    with _lock, watch.work(f"compiling the program of {specs[0].name}{others}", disk_cache.kept):
         known, made = _at_hand(digest, dtype, one)
         if known:
             return made

@@ -20,6 +20,7 @@ from ..llvm import host_cpu
 from ..llvm.llvm_entry import buffer_size, time_loop_entry
 from ..record.program import Program
 from .batch_kernels import Kernel
+from .batches import NONE
 
 
 class StepInput(NamedTuple):
@@ -36,13 +37,14 @@ class StepInput(NamedTuple):
 @cache
 def _compiled_loop(
     states: tuple[int, ...], inputs: int, workspace: int, width: int, size: int
-) -> tuple[Any, Callable[..., None]]:
-    """The compiled loop, and the loaded code, which must stay referenced."""
+) -> tuple[Any, Callable[..., None], int]:
+    """The loaded code, which must stay referenced, the compiled loop, and the bytes that it needs."""
     loaded = host_cpu.LoadedCode(host_cpu.object_code(time_loop_entry(states, inputs, workspace, width, size)))
     given: list[Any] = [ctypes.c_void_p, ctypes.py_object, *[ctypes.py_object] * len(states)]
     given += [ctypes.py_object, ctypes.c_int64, ctypes.c_int64] * inputs
     given += [ctypes.py_object] * (2 * len(states) + 1) + [ctypes.c_int64] * 6
-    return loaded, ctypes.CFUNCTYPE(None, *given)(loaded.address("time_loop_entry"))
+    space = buffer_size(states, states, workspace, width, size)
+    return loaded, ctypes.CFUNCTYPE(None, *given)(loaded.address("time_loop_entry")), space
 
 
 def run(
@@ -70,10 +72,18 @@ def run(
         return rejected[rejected < n]
     columns = tuple(s.shape[1] for s in states)
     size = kernel.dtype.itemsize
-    _, call = _compiled_loop(columns, len(inputs), kernel.code.workspace, width, size)
+    _, call, space = _compiled_loop(columns, len(inputs), kernel.code.workspace, width, size)
     tiles = -(-n // width)
+    if tiles == 1 and steps <= kernel.reach:
+        buffer, after = np.empty(4 + space, np.uint8), [np.empty_like(s) for s in states]
+        passed: list[Any] = [kernel.code.address, kernel.numbers, *states]
+        for x in inputs:
+            passed += [x.rows, *x.steps()]
+        call(*passed, *records, *after, buffer, 0, 1, n, steps, every, steps // every)
+        whole = (1 << width) - 1
+        ran = int(buffer[:2].view(np.uint16)[0]) & whole
+        return NONE if ran == whole else np.flatnonzero([not ran >> k & 1 for k in range(n)])
     threads = max(1, min(thread_pool.size, kernel.threads(tiles * steps), tiles))
-    space = buffer_size(columns, columns, kernel.code.workspace, width, size)
     bits = np.full(tiles, (1 << width) - 1, np.uint16)
     least = kernel.reach * threads
     group = max(threads, least // steps)
@@ -88,7 +98,7 @@ def run(
         several = min(group, tiles - tile)
         now: Sequence[NDArray[Any]] = states
         for k, (step, count, each) in enumerate(_pieces(steps, every, max(1, least // several))):
-            passed: list[Any] = [kernel.code.address, kernel.numbers, *now]
+            passed = [kernel.code.address, kernel.numbers, *now]
             for x in inputs:
                 passed += [x.rows if x.rows.shape[1] == 1 else x.rows[:, step:], *x.steps()]
             now = reached[k % 2]

@@ -9,10 +9,11 @@ import pytest
 from trees import random_state, random_tree
 
 import spatialdyn as sd
+from spatialdyn.accuracy import reference_motion
+from spatialdyn.accuracy.reference_motion import GOAL, exact_motion
 from spatialdyn.engines.compiled import numba_kernels
+from spatialdyn.engines.numbers.collocation import STAGES, tableau
 from spatialdyn.errors import SimulationError
-from spatialdyn.simulation import reference_motion
-from spatialdyn.simulation.reference_motion import GOAL, STAGES, exact_motion, tableau
 
 pytestmark = pytest.mark.skipif(numba_kernels.PLAIN, reason="heavy: an interpreter in Python")
 EPS = float(np.finfo(float).eps)

@@ -10,18 +10,18 @@ from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
-from ...errors import SimulationError
-from ...recursions.joints.friction import DT
-from ...recursions.spec import TAU, Argument, Q, Spec, V
+from ..errors import SimulationError
+from ..recursions.joints.friction import DT
+from ..recursions.spec import TAU, Argument, Q, Spec, V
 from .control import Control, shown
 from .law_specs import (
     AFTER,
     OF_STEP,
-    OWN_INPUT,
     begun_of,
     check_recordable,
     evaluated,
     given_by_step,
+    in_step,
     law_on,
     with_values,
 )
@@ -103,10 +103,10 @@ def _summed(law: Spec | None, cost: Spec) -> Spec:
         given = dict(zip((x.name for x in inputs), arrays, strict=False))
         tau, *parts, after = arrays[len(inputs) :]
         if law is not None:
-            named = given | {OWN_INPUT + x.name: given[x.name] for x in own}
+            named = given | {in_step(x.name): given[x.name] for x in own}
             tau[:], made = law_on(law, rows, named)(given[Q.name], given[V.name], given[TAU.name], {})
             for part, x in zip(parts, law.states, strict=True):
-                part[:] = made[OWN_INPUT + x.name]
+                part[:] = made[in_step(x.name)]
         known = {x.name: given[x.name if x.name in OF_STEP else OWN + x.name] for x in cost.present}
         if TAU.name in known:
             known[TAU.name] = given[TAU.name] + tau

@@ -22,8 +22,6 @@ A row of ``z`` holds x (nv), then π (nv). Derived here from the definitions.
 
 from __future__ import annotations
 
-from typing import Any
-
 from ...algebra.euclidean import Mat3, Vec, add, cross, dot, rotate, scale, unrotate, zero
 from ...algebra.lie import (
     Quat,
@@ -41,13 +39,16 @@ from ...algebra.public_arrays import read_quat, read_vec, write_quat, write_vec
 from ...algebra.scalars import atan2, cos, inline, sin
 from ...algebra.spatial import Motion
 from ...bodies.kinds import CONTINUED, LENGTHS, PLANAR, SE2, SE3, SO2, SO3
+from ..signatures import Array, Bodies, Config, Matrix, Vector, Work
+from ..spec import FEXT_OPTIONAL, TAU, Argument, Spec
+from .hamilton import WORK, hamilton_rows
 
 FAR = 4.84  # 2.2² [rad²]: well beyond the 90° of a new chart, well before 2π, where exp is singular
 OK, MOVED = 0, 1
 
 
 @inline
-def to_canonical(bodies: Any, centres: Any, q: Any, p: Any, z: Any) -> int:
+def to_canonical(bodies: Bodies, centres: Matrix, q: Config, p: Vector, z: Vector) -> int:
     """z of the state (q, p) in the charts of the nearest centres, which are written too."""
     n = len(bodies) - 1
     for i in range(1, len(bodies)):
@@ -74,7 +75,7 @@ def to_canonical(bodies: Any, centres: Any, q: Any, p: Any, z: Any) -> int:
 
 
 @inline
-def from_canonical(bodies: Any, centres: Any, z: Any, q: Any, p: Any) -> int:
+def from_canonical(bodies: Bodies, centres: Matrix, z: Vector, q: Config, p: Vector) -> int:
     """The state (q, p) of z."""
     n = len(bodies) - 1
     for i in range(1, len(bodies)):
@@ -110,7 +111,7 @@ def from_canonical(bodies: Any, centres: Any, z: Any, q: Any, p: Any) -> int:
 
 
 @inline
-def chart_rate(bodies: Any, centres: Any, z: Any, p: Any, v: Any, dp: Any, dz: Any) -> int:
+def chart_rate(bodies: Bodies, centres: Matrix, z: Vector, p: Vector, v: Vector, dp: Vector, dz: Vector) -> int:
     """ż of joint velocities v and momentum rates dp."""
     n = len(bodies) - 1
     for i in range(1, len(bodies)):
@@ -139,7 +140,7 @@ def chart_rate(bodies: Any, centres: Any, z: Any, p: Any, v: Any, dp: Any, dz: A
 
 
 @inline
-def recenter(bodies: Any, centres: Any, z: Any, p: Any) -> int:
+def recenter(bodies: Bodies, centres: Matrix, z: Vector, p: Vector) -> int:
     """Change to the nearest centre each rotation that is FAR from its own; returns MOVED if any was. p is scratch."""
     n = len(bodies) - 1
     status = OK
@@ -160,7 +161,7 @@ def recenter(bodies: Any, centres: Any, z: Any, p: Any) -> int:
 
 
 @inline
-def _rotation_to_canonical(centres: Any, i: int, a: Quat, p: Any, at: int, z: Any, r: int, n: int) -> None:
+def _rotation_to_canonical(centres: Matrix, i: int, a: Quat, p: Vector, at: int, z: Vector, r: int, n: int) -> None:
     """Chart of rotation a with momentum p[at:at+3] in the body's frame."""
     c = nearest(a)
     write_quat(centres[i], c)
@@ -170,7 +171,7 @@ def _rotation_to_canonical(centres: Any, i: int, a: Quat, p: Any, at: int, z: An
 
 
 @inline
-def _rotation_rate(z: Any, p: Any, v: Any, dp: Any, r: int, dz: Any, n: int) -> None:
+def _rotation_rate(z: Vector, p: Vector, v: Vector, dp: Vector, r: int, dz: Vector, n: int) -> None:
     """ẋ = B⁻¹ ω and π̇ = Bᵀ ṗ + Ḃᵀ p."""
     x = read_vec(z, r)
     rate = rotate(_inverse(x), read_vec(v, r))
@@ -212,3 +213,40 @@ def _about_normal(angle: float) -> Mat3:
     """The rotation of a planar joint."""
     c, s = cos(angle), sin(angle)
     return Mat3(c, -s, 0.0, s, c, 0.0, 0.0, 0.0, 1.0)
+
+
+# --- for derivatives ------------------------------------------------------------------------------------
+
+
+@inline
+def canonical_slope(
+    bodies: Bodies, work: Work, z: Vector, tau: Vector, fext: Array, centres: Matrix, dz: Vector, q: Config, p: Vector,
+    rates: Matrix, pivots: Vector,
+) -> None:  # fmt: skip
+    """ż at z; fext may be None, for zero."""
+    from_canonical(bodies, centres, z, q, p)
+    hamilton_rows(bodies, work, q, p, tau, fext, rates, pivots)
+    chart_rate(bodies, centres, z, p, rates[0], rates[1], dz)
+
+
+@inline
+def chart_map(
+    bodies: Bodies, z: Vector, v: Vector, dp: Vector, centres: Matrix, dz: Vector, q: Config, p: Vector
+) -> None:
+    """δz of (δq, δp) at z."""
+    from_canonical(bodies, centres, z, q, p)
+    chart_rate(bodies, centres, z, p, v, dp, dz)
+
+
+Z = Argument("z", ("nv+nv",), "", "canonical coordinates")
+CENTRES = Argument("centres", ("nv+1", 6), "1", "centres of the charts")
+SLOPE = Spec(
+    "canonical_slope", canonical_slope, WORK, (Z, TAU, FEXT_OPTIONAL, CENTRES),
+    Argument("dz", ("nv+nv",), "", "rates of canonical coordinates"), "Hamilton's equations in charts.",
+    "see ``recursions.momenta.canonical_coordinates``", scratch=(("nq",), ("nv",), (2, "nv"), ("nv",)), composed=True,
+)  # fmt: skip
+CHARTS = Spec(
+    "chart_map", chart_map, None, (Z, Argument("v", ("nv",), "", ""), Argument("dp", ("nv",), "", ""), CENTRES),
+    Argument("dz", ("nv+nv",), "", "change of canonical coordinates"), "The tangent map of charts.",
+    "see ``recursions.momenta.canonical_coordinates``", scratch=(("nq",), ("nv",)), composed=True,
+)  # fmt: skip

@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from ...algebra.scalars import select
-from ...recursions.control.paths import CLOCK as CLOCK
-from ...recursions.joints.friction import DT
-from ...recursions.spec import TAU, Argument, Q, Spec, V
-from .law_specs import AFTER, BEGUN, OWN_INPUT, begun, begun_of, given_by_step, law_on
+from ..algebra.scalars import select
+from ..recursions.control.paths import CLOCK as CLOCK
+from ..recursions.joints.friction import DT
+from ..recursions.spec import TAU, Argument, Q, Spec, V
+from .law_specs import AFTER, BEGUN, begun, begun_of, given_by_step, in_step, law_on, own_name
 
 LIMITS = Argument("limits", ("nv",), "N m | N", "largest torques")
 PERIOD = Argument("period", (1,), "s", "from one sample to the next")
@@ -47,10 +47,10 @@ def called(spec: Spec, rows: Any, given: Mapping[str, Any], names: Mapping[str, 
     inputs: dict[str, Any] = {DT.name: given[DT.name]}
     for x in spec.present:
         if x.name in names:
-            inputs[OWN_INPUT + x.name] = at(names[x.name]) if x.name in states else given[names[x.name]]
+            inputs[in_step(x.name)] = at(names[x.name]) if x.name in states else given[names[x.name]]
     inputs |= {name: given[names.get(of, of) + BEGUN] for name, of in begun_of(spec).items()}
     tau, made = law_on(spec, rows, inputs)(at(Q.name), at(V.name), at(TAU.name), {})
-    return tau, {name.removeprefix(OWN_INPUT): x for name, x in made.items()}
+    return tau, {own_name(name): x for name, x in made.items()}
 
 
 def _composed(

@@ -13,14 +13,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...bodies.static_table import StaticTable
-from ...calls.arguments import as_array
-from ...engines.compiled.numba_kernels import variant
-from ...engines.programs.record.mimic_rows import MimicRows
-from ...engines.programs.record.tracer import evaluate, table
-from ...errors import ModelError, SimulationError, SpatialDynError
-from ...recursions.joints.friction import DT
-from ...recursions.spec import TAU, Argument, Q, Spec, V, shape_in, sizes_of
+from ..bodies.static_table import StaticTable
+from ..calls.arguments import as_array
+from ..engines.compiled.numba_kernels import variant
+from ..engines.programs.record.mimic_rows import MimicRows
+from ..engines.programs.record.tracer import evaluate, table
+from ..errors import ModelError, SimulationError, SpatialDynError
+from ..recursions.joints.friction import DT
+from ..recursions.spec import TAU, Argument, Q, Spec, V, shape_in, sizes_of
 
 Array = NDArray[Any]
 Law = Callable[[Any, Any, Any, Mapping[str, Any]], tuple[Any, dict[str, Any]]]
@@ -31,6 +31,16 @@ OF_STEP = (Q.name, V.name, TAU.name, DT.name)  # inputs that the step gives
 NUMBERS = (int, float, complex, list, dict, np.ndarray, np.generic)  # what a law may not read but as an input
 OWN_MODULES = __name__.partition(".")[0] + "."
 CODE = (types.FunctionType, types.BuiltinFunctionType, types.ModuleType, type)  # what a law may close over
+
+
+def in_step(name: str) -> str:
+    """What an input or state of a law is called in a step."""
+    return OWN_INPUT + name
+
+
+def own_name(name: str) -> str:
+    """What an input or state of a step is called by the law, or by the caller."""
+    return name.removeprefix(OWN_INPUT)
 
 
 def begun(x: Argument) -> Argument:

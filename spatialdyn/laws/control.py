@@ -1,0 +1,303 @@
+"""Control laws: Specs that give joint torques of q, v and states of their own, with values of their other inputs.
+
+A law is written as any recursion is, and recorded into the program of a step. Its numbers are inputs, or are read where
+it is recorded: kernels of a law that carries numbers of its own are kept by the content of the recorded program, never
+by its name, so that another law of the same name does not meet an old kernel.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..calls.arguments import as_array, as_number, broadcast, check_model, core_shape
+from ..engines.compiled import numba_kernels
+from ..engines.programs.record import recording, structure
+from ..engines.programs.record.recording import Recording
+from ..engines.programs.run import batch_kernels
+from ..errors import NonFiniteError, ShapeError, SimulationError
+from ..model.model import Model
+from ..recursions.joints.friction import DT
+from ..recursions.spec import TAU, Q, Spec, V
+from .composed_laws import CLOCK, LIMITS, PERIOD, limited, sampled, total
+from .law_specs import OF_STEP, begun_of, check_parts, check_recordable, in_step, law_on, own_name, with_values
+
+Array = NDArray[Any]
+FROM = 512  # samples from which a call of a law compiles its program; fewer are computed by NumPy, to the same bits
+
+
+class Control:
+    """A control law of a run: a Spec of joint torques, and values of its inputs.
+
+    spec    Spec whose output is tau (nv), or whose parts are tau and then one for each of its states, in their order:
+            NAME_rate, integrated by the method of the run as v is, or NAME_after, the state at the end of a step, of
+            inputs at its beginning. Its inputs are any of q, v, tau (the torque of the arguments alone), dt (the
+            step), its states, and others. A law of time has a clock, a state whose rate is 1
+    values  {name: array} of the others: of the input's shape, with an axis of steps before it, or in a rollout with
+            axes of samples and steps
+    held    False: the law acts wherever the method evaluates forces. True: its torque is that of the beginning
+            of a step, held over it as by a digital controller. A period [s]: it is taken anew once in a period, at the
+            step nearest to it, and held in between, as by a controller slower than the steps
+
+    The torque is added to the argument torque of ``simulate``, or tau of ``rollout``. ``law + other`` is the law of
+    both, each held as it is; ``law.limited_by(limits)`` clips its torque; ``law(model, t, q, v)`` is its torque.
+    Raises  SimulationError for a Spec that is no control law, for values that are missing or unknown, and for a
+            recursion that closes over numbers, which are to be inputs.
+
+    >>> import numpy as np, spatialdyn as sd
+    >>> from spatialdyn.recursions.spec import TAU, Argument, Q, Spec, V
+    >>> def integral(bodies, q, v, reach, past, tau, past_rate):
+    ...     for i in range(len(tau)):
+    ...         tau[i] = 60.0 * (reach[i] - q[i]) - 8.0 * v[i] + 40.0 * past[i]
+    ...         past_rate[i] = reach[i] - q[i]
+    >>> REACH, PAST = Argument("reach", ("nv",), "rad", "goal"), Argument("past", ("nv",), "rad s", "", start=0.0)
+    >>> PARTS = TAU, Argument("past_rate", ("nv",), "rad", "error")
+    >>> law = Spec("integral", integral, None, (Q, V, REACH, PAST), TAU, "PID.", "", parts=PARTS)
+    >>> model = sd.load_urdf("two_link")
+    >>> run = sd.simulate(model, [0, 0], [0, 0], 8.0, 5e-3, control=sd.Control(law, {"reach": [0.5, 0.2]}))
+    >>> bool(abs(run.q[-1] - [0.5, 0.2]).max() < 2e-2), run.states["past"].shape
+    (True, (1601, 2))
+    """
+
+    checks: tuple[Callable[[Model], None], ...] = ()  # of a model that the law meets
+
+    def __init__(self, spec: Spec, values: Mapping[str, Any] | None = None, held: bool | float = False) -> None:
+        """Check the Spec, and keep copies of the values."""
+        check_recordable(spec)
+        check_parts(spec)
+        self.spec, self.values, self.static = with_values(spec, values)
+        self._hold(held)
+
+    @classmethod
+    def of(
+        cls, spec: Spec, values: Mapping[str, Array], static: tuple[Any, ...] = (), held: bool | float = False,
+        checks: tuple[Callable[[Model], None], ...] = (),
+    ) -> Control:  # fmt: skip
+        """A law of a Spec that is made of others, with checks of a model. Raises SimulationError."""
+        if not isinstance(spec, Spec) or not isinstance(values, Mapping):
+            raise SimulationError(f"a law is of {shown(spec)} and {values!r}, expected a Spec and a mapping of arrays")
+        made: Control = Control.__new__(Control)
+        made.spec, made.values, made.static, made.checks = spec, dict(values), static, checks
+        made._hold(held)
+        return made
+
+    def _hold(self, held: Any) -> None:
+        """Keep how the torque is held: with a period, by a Spec that keeps it from step to step."""
+        period = as_number(held)
+        if not isinstance(held, (bool, np.bool_)) and 0.0 < period < math.inf:
+            self.spec, self.values = sampled(self.spec), {**self.values, PERIOD.name: np.array([period])}
+            held = False
+        elif not isinstance(held, (bool, np.bool_)):
+            raise SimulationError(f"held is {held!r}, expected True, False or a period above 0 [s]")
+        self.held = bool(held)
+
+    def __repr__(self) -> str:
+        return f"<Control: {self.spec.name}{', held' if self.held else ''}>"
+
+    def __add__(self, other: Any) -> Control:
+        """The law whose torque is the sum of both, each held as it is; they share a clock."""
+        if not isinstance(other, Control):
+            return NotImplemented
+        laws = (self, other)
+        spec, names = total(tuple(x.spec for x in laws), tuple(x.held for x in laws))
+        values = {named[x]: y for law, named in zip(laws, names, strict=True) for x, y in law.values.items()}
+        return Control.of(spec, values, self.static + other.static, False, self.checks + other.checks)
+
+    def limited_by(self, limits: ArrayLike) -> Control:
+        """This law with its torques within -limits to limits (nv,), above 0 [N m | N]: effort limits, as of a Model.
+
+        Raises SimulationError for limits that are not above 0
+        """
+        most = as_array("limits", limits)
+        if most.ndim != 1 or not (most > 0.0).all():
+            raise SimulationError(f"limits is {most.tolist()}, expected (nv,) numbers above 0")
+        values = {**self.values, LIMITS.name: most}
+        return Control.of(limited(self.spec), values, self.static, self.held, self.checks)
+
+    def __call__(
+        self, model: Model, t: ArrayLike, q: ArrayLike, v: ArrayLike, tau: ArrayLike | None = None,
+        states: Mapping[str, ArrayLike] | None = None,
+    ) -> Array:  # fmt: skip
+        """The torque (..., nv) [N m | N] at times t (...), of states q (..., nq) and v (..., nv).
+
+        tau     (..., nv)  torque of the arguments, of laws that read it; zero if left out
+        states  {name: (..., size)}  the law's own, which otherwise are as at the beginning; its clock is t
+
+        Raises ShapeError, NonFiniteError; SimulationError for a law whose values have axes of steps or samples.
+        """
+        n = check_model(model).nv
+        if self.axes(model):
+            raise SimulationError(
+                f"values of {', '.join(self.axes(model))} have axes of steps, expected none in a call"
+            )
+        when, zero = as_array("t", t), np.zeros(n)
+        given = {
+            Q.name: as_array("q", q),
+            V.name: as_array("v", v),
+            TAU.name: as_array("tau", zero if tau is None else tau),
+        }
+        given[DT.name] = np.ones(1)
+        for x in self.spec.states:
+            start = (
+                when[..., None]
+                if x.name == CLOCK.name
+                else np.full(core_shape(model, x, self.static), float(x.start or 0))
+            )
+            given[x.name] = as_array(x.name, (states or {}).get(x.name, start))
+        cores = {x.name: core_shape(model, x, self.static) for x in self.spec.present if x.name in given}
+        cores |= {Q.name: (model.nq,), V.name: (n,), TAU.name: (n,), DT.name: (1,)}
+        for name, y in given.items():
+            if y.shape[y.ndim - len(cores[name]) :] != cores[name]:
+                raise ShapeError(f"{name} has shape {y.shape}, expected (..., {', '.join(map(str, cores[name]))})")
+            if not np.isfinite(y).all():
+                raise NonFiniteError(f"{name} has numbers that are not finite, expected finite ones")
+        leads = {name: y.shape[: y.ndim - len(cores[name])] for name, y in given.items()}
+        batch = broadcast(["t", *leads], [when.shape, *leads.values()])
+        size = math.prod(batch)
+        rows = {
+            name: np.broadcast_to(y, batch + cores[name]).reshape(size, math.prod(cores[name]))
+            for name, y in given.items()
+        }
+        for name, y in self.rows(model, 1, 1).items():
+            rows[own_name(name)] = np.broadcast_to(y[0], (size, y.shape[2]))
+        return _torques_of(self, model, rows, size).reshape(*batch, n)
+
+    def axes(self, model: Model) -> dict[str, tuple[int, ...]]:
+        """Axes before those of the input, of each value that has any, named: of steps, or of samples and steps."""
+        found = {}
+        for name, (x, core) in zip(self._given, self._cores(check_model(model)), strict=True):
+            found[f'{name} of spec "{self.spec.name}"'] = x.shape[: x.ndim - len(core)]
+        return {name: lead for name, lead in found.items() if lead}
+
+    @property
+    def batched(self) -> bool:
+        """Whether a value has an axis of samples."""
+        inputs = {x.name: x for x in self.spec.present}
+        return any(x.ndim - len(inputs[name].shape) > 1 for name, x in self.values.items())
+
+    @property
+    def _given(self) -> list[str]:
+        """The names of the values, in the order of the Spec."""
+        return [x.name for x in self.spec.present if x.name in self.values]
+
+    def _cores(self, model: Model) -> list[tuple[Array, tuple[int, ...]]]:
+        """The values, and the shapes of their inputs."""
+        spec = self.spec
+        return [(self.values[x.name], core_shape(model, x, self.static)) for x in spec.present if x.name in self.values]
+
+    def rows(self, model: Model, samples: int, steps: int) -> dict[str, Array]:
+        """Values (samples or 1, steps or 1, columns) by the names of a step's inputs. Raises ShapeError."""
+        for check in self.checks:
+            check(model)
+        found = {}
+        for name, (value, core) in zip(self._given, self._cores(check_model(model)), strict=True):
+            lead = value.shape[: value.ndim - len(core)]
+            allowed = [(1, x) for x in (samples, steps)[max(0, 2 - len(lead)) :]]
+            fits = len(lead) <= 2 and all(a in b for a, b in zip(lead, allowed, strict=True))
+            if value.shape[len(lead) :] != core or not fits:
+                shapes = f"{core}, {(steps, *core)} or {(samples, steps, *core)}"
+                raise ShapeError(f'{name} of spec "{self.spec.name}" has shape {value.shape}, expected {shapes}')
+            rows = value.reshape((1,) * (2 - len(lead)) + lead + (-1,))
+            found[in_step(name)] = np.ascontiguousarray(rows)
+        return found
+
+
+def check_control(control: Any) -> Control | None:
+    """The argument ``control``. Raises SimulationError for something else than a Control or None."""
+    if control is not None and not isinstance(control, Control):
+        raise SimulationError(f"control is {shown(control)}, expected a Control or None")
+    return control
+
+
+def shown(given: Any) -> str:
+    """What stands in place of a Control or a Cost: of a Spec, which is long, its name."""
+    return f'the Spec "{given.name}"' if isinstance(given, Spec) else repr(given)
+
+
+# --- kernels and torques --------------------------------------------------------------------------------
+
+
+@lru_cache(maxsize=32)
+def recorded(
+    specs: tuple[Spec, ...], model: Model, static: tuple[Any, ...], dtype: np.dtype
+) -> tuple[Recording | None, str]:
+    """The recording of Specs that have a control law in them, and the digest of its content: their key in caches.
+
+    None if a joint has zero articulated inertia.
+    """
+    try:
+        made = recording.record(specs, model.bodies, static, dtype=dtype)
+    except ZeroDivisionError:
+        return None, model.key
+    found = hashlib.sha256(structure.digest(*made).encode())
+    found.update(structure.Numbers(*made).values(np.float64).tobytes())
+    return made, found.hexdigest()
+
+
+def law_torques(
+    control: Control, model: Model, q: Array, v: Array, tau: Array, states: Mapping[str, Array], steps: Array,
+    dt: float, total: int,
+) -> Array:  # fmt: skip
+    """The law's torques (N, nv) in samples of a run, at the beginning of these steps (N,); tau is that of arguments."""
+    given: dict[str, Array] = {Q.name: q, V.name: v, TAU.name: tau, DT.name: np.full((len(q), 1), dt), **states}
+    for name, rows in control.rows(model, 1, total).items():
+        given[own_name(name)] = rows[0, np.minimum(steps, rows.shape[1] - 1)]
+    return _torques_of(control, model, given, len(q))
+
+
+def _torques_of(control: Control, model: Model, given: Mapping[str, Array], samples: int) -> Array:
+    """The law's torques (samples, nv) by rows of its inputs."""
+    spec = _torque(control.spec)
+    inputs = [
+        given[x.name].reshape((samples, math.prod(given[x.name].shape[1:]))) for x in spec.present if not x.static
+    ]
+    made = recorded((spec,), model, control.static, np.dtype(np.float64))[0]
+    if made is None:
+        raise SimulationError(f'law "{control.spec.name}" divides by an inertia that is 0')
+    out, left = np.empty((samples, model.nv)), np.arange(samples)
+    if samples >= FROM and not numba_kernels.PLAIN:
+        kernel = step_kernel((spec,), model, control.static, by_content=True)
+        left = kernel([np.ascontiguousarray(x) for x in inputs], (out,))
+    if len(left):
+        with np.errstate(all="ignore"):
+            found = made.program.run([y for x in inputs for y in x[left].T])
+        out[left] = np.stack([np.broadcast_to(np.asarray(x, float), len(left)) for x in found[: model.nv]], 1)
+    return out
+
+
+def step_kernel(
+    specs: tuple[Spec, ...], model: Model, static: tuple[Any, ...], dtype: Any = np.float64, one: bool = False,
+    by_content: bool = False,
+) -> Any:  # fmt: skip
+    """The kernel of a step's Specs, None if a joint has zero articulated inertia; by content if a law is in them."""
+    if not by_content:
+        return batch_kernels.kernel(specs, model.bodies, model.key, static, dtype=dtype, one=one)
+    made, key = recorded(specs, model, static, np.dtype(dtype))
+    if made is None:
+        return None
+    return batch_kernels.kernel(specs, model.bodies, key, static, dtype=dtype, one=one, recorded=made)
+
+
+@lru_cache(maxsize=64)
+def _torque(spec: Spec) -> Spec:
+    """The law as a call whose output is the torque alone, at the beginning of a step."""
+    early = begun_of(spec)
+    inputs = tuple(replace(x, unit_norm=False, optional=False) for x in spec.present if x.name not in early)
+    known = {x.name for x in inputs}
+    inputs += tuple(
+        replace(x, unit_norm=False) for x in (Q, V, TAU) if x.name in early.values() and x.name not in known
+    )
+
+    def recursion(rows: Any, *arrays: Any) -> None:
+        given = {(x.name if x.name in OF_STEP else in_step(x.name)): y for x, y in zip(inputs, arrays, strict=False)}
+        arrays[-1][:] = law_on(spec, rows, given)(given.get(Q.name), given.get(V.name), given.get(TAU.name), {})[0]
+
+    made = Spec(f"{spec.name}_torque", recursion, None, inputs, TAU, spec.summary, spec.source, regroup=spec.regroup)
+    return replace(made, composed=True)

@@ -1,0 +1,209 @@
+"""The rows of a step's impulses: what they answer to, the law of each point and joint, and sweeps over them in turn.
+
+Rows and their meaning are those of ``contact_rows``; with w0 = w without impulses, w = w0 + Zᵀ λ and u = b + Y w.
+
+In a sweep (Gauss-Seidel) each point and joint in turn gets the impulse that solves its own law under the others'.
+
+Source: the law as in ``contact``.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from ...algebra.euclidean import Vec, sub
+from ...algebra.records import mat3_of, put_mat3
+from ...algebra.scalars import EPS, Scalar, inline, select
+from ..constraints.constrained import DEPENDENT
+from ..constraints.constraint_rows import carry_axes
+from ..signatures import Array, Bodies, Config, Matrix, Number, Record, Vector, Work
+from ..tree.ltdl import solve_inward
+from .contact_rows import (
+    Contact,
+    allowed,
+    force_of_point,
+    product,
+    push,
+    target,
+    times,
+    velocity,
+    velocity_of_point,
+    write_block,
+    write_gaps,
+    write_rows,
+)
+from .coulomb_cone import factor_block, magnitude, point_impulse, point_residual
+
+ROWS = "np+np+np+nl+nd"
+RES, LEAST, ROUND, EPSILON, COUNT, PHASE = range(6)  # of ``state``
+
+
+class Impulses(NamedTuple):
+    """Scratch of rows, their impulses and what solves for them."""
+
+    L: Matrix = ("nv", "nv")  # M, then its factors, D on the diagonal
+    Y: Matrix = (ROWS, "nv")  # J, then J L⁻¹
+    Z: Matrix = (ROWS, "nv")  # Y D⁻¹, less what constraints take
+    b: Vector = (ROWS,)  # velocities J v, with a point's target c
+    before: Vector = (ROWS,)  # velocities at the beginning
+    force: Vector = (ROWS,)  # λ
+    total: Vector = (ROWS,)  # of both phases
+    best: Vector = (ROWS,)  # that of the least residual
+    f: Vector = (ROWS,)  # of Newton's step
+    first: Vector = (ROWS,)  # of the first phase, beside which λ is that of the second; else 0
+    own: Vector = (ROWS,)  # a row's own response; of joints
+    size: Vector = (ROWS,)  # the same without constraints; also of points
+    slopes: Array = ("np", 3, 3)  # of each point the axes of its ground, as ``slope_axes`` has them
+    B: Array = ("np", 3, 3)  # of each point its own block of G
+    factors: Array = ("np", 5, 3)  # of B, and scratch of solving
+    C: Array = ("np", 3, 3)  # of Newton's step
+    bounces: Vector = ("np",)  # e of a point that bounces, else 0
+    lower: Vector = ("np",)  # the least λ_n: e λ_c in the second phase, else 0
+    load: Vector = ("np",)  # what of λ_c only holds the point against the forces of the step
+    level: Vector = ("nl+nd",)  # h F(v) of each joint
+    rests: Vector = ("nl+nd",)  # 1 of a joint at rest after the step, else 0
+    held: Vector = ("nl+nd",)  # 1 of a joint that Newton's step takes to stick or stop
+    goal: Vector = ("nl+nd",)  # its velocity then, else its impulse
+    off: Vector = ("nl+nd",)  # residuals of joints
+    free: Vector = ("nv",)  # w without impulses
+    x: Vector = ("nv",)  # change of w
+    K: Matrix = ("nv", "nv")
+    T: Matrix = (3, 3)  # derivative of a point's impulse
+    N: Matrix = (3, 3)
+    CY: Matrix = (3, "nv")
+    root: Vector = (4,)  # of ``find_root``
+    state: Vector = (6,)  # residual, the least so far, round, ε, count, phases done
+    left: Vector = (1,)  # of loops: residuals less the tolerance
+    sweeping: Vector = (1,)
+    stepping: Vector = (1,)
+    phase: Vector = (1,)  # above 0 before a phase
+    disc: Vector = (5,)  # of ``disc_impulse``
+
+
+@inline
+def write_responses(
+    bodies: Bodies, work: Work, contact: Contact, v: Vector, gap: Vector, s: Impulses
+) -> None:  # fmt: skip
+    """Gaps, and of the rows velocities without impulses, Y, Z and size; from the places that ``crba`` leaves."""
+    n = len(bodies) - 1
+    put_mat3(work[0].R, mat3_of(contact.contacts[0].axes))
+    carry_axes(bodies, work)
+    write_gaps(bodies, work, contact.contacts, contact.heights, gap, s.slopes)
+    write_rows(bodies, work, contact.contacts, contact.heights, s.slopes, s.Y)
+    for k in range(len(s.b)):
+        s.b[k] = 0.0
+        for i in range(n):
+            s.b[k] = s.b[k] + s.Y[k, i] * v[i]
+        s.before[k] = s.b[k]
+        solve_inward(bodies, s.L, s.Y[k])
+        for i in range(n):
+            s.Z[k, i] = s.Y[k, i] * (1.0 / s.L[i, i])
+        s.size[k] = product(s.Y, s.Z, k, k)
+
+
+@inline
+def open_laws(
+    dt: Number, contact: Contact, gap: Vector, w: Vector, s: Impulses
+) -> None:  # fmt: skip
+    """Blocks of G, their factors, and targets in b; w0 is kept in ``free``."""
+    n, points = len(w), contact.contacts[0].np
+    for i in range(n):
+        s.free[i] = w[i]
+    for p in range(points):
+        k = 3 * p
+        write_block(s.Y, s.Z, p, s.B[p])
+        factor_block(s.B[p], s.size[k] + s.size[k + 1] + s.size[k + 2], n, s.factors[p])
+        free = velocity(s.Y, s.b, w, k)
+        load = select(s.b[k] - free, s.b[k] - free, 0.0)
+        s.load[p] = load * inverse(s.B[p, 0, 0], s.size[k], n)
+        s.lower[p] = 0.0
+        c, s.bounces[p] = target(gap[p], s.b[k], free, dt, contact.restitution[p])
+        s.b[k] = s.b[k] + c
+    for j in range(len(s.level)):
+        k = 3 * points + j
+        s.own[k] = product(s.Y, s.Z, k, k)
+        s.held[j], s.goal[j], s.rests[j] = 0.0, 0.0, 0.0
+
+
+@inline
+def respond(w: Vector, s: Impulses) -> None:
+    """W = w0 + Zᵀ λ."""
+    for i in range(len(w)):
+        w[i] = s.free[i]
+    for k in range(len(s.force)):
+        push(s.Z, k, s.force[k], w)
+
+
+@inline
+def sweep(q: Config, dt: Number, contact: Contact, held: bool, w: Vector, s: Impulses) -> None:
+    """New impulses of each point and joint in turn, and w with them."""
+    points = contact.contacts[0].np
+    for p in range(points):
+        now = force_of_point(s.force, p)
+        r = sub(velocity_of_point(s.Y, s.b, w, p), times(s.B[p], now))
+        solved, _, _ = point_impulse(s.B[p], s.factors[p], r, contact.mu[p], s.lower[p], s.root, s.disc, held)
+        set_point(p, solved, now, w, s)
+    for j in range(len(s.level)):
+        set_joint(q, dt, contact.contacts[1 + points + j], 3 * points + j, j, w, s)
+
+
+@inline
+def set_point(p: int, solved: Vec, now: Vec, w: Vector, s: Impulses) -> None:
+    """A point's impulse in place of the present one, and w with it."""
+    k = 3 * p
+    s.force[k], s.force[k + 1], s.force[k + 2] = solved.x, solved.y, solved.z
+    push(s.Z, k, solved.x - now.x, w)
+    push(s.Z, k + 1, solved.y - now.y, w)
+    push(s.Z, k + 2, solved.z - now.z, w)
+
+
+@inline
+def set_joint(q: Config, dt: Number, c: Record, k: int, j: int, w: Vector, s: Impulses) -> None:
+    """A joint's impulse by its law, and w with it."""
+    was = s.force[k]
+    free = velocity(s.Y, s.b, w, k) - s.own[k] * (s.first[k] + was)
+    wanted, _, _ = joint_law(c, q, dt, free, s.own[k] * s.level[j])
+    s.force[k] = (wanted - free) * inverse(s.own[k], s.size[k], len(w)) - s.first[k]
+    push(s.Z, k, s.force[k] - was, w)
+
+
+@inline
+def residual(q: Config, dt: Number, contact: Contact, w: Vector, s: Impulses) -> Scalar:
+    """The largest of all rows; those of joints are written in ``off``."""
+    worst, points = 0.0, contact.contacts[0].np
+    for p in range(points):
+        u = velocity_of_point(s.Y, s.b, w, p)
+        x = point_residual(s.B[p], u, contact.mu[p], force_of_point(s.force, p), s.lower[p])
+        worst = select(x - worst, x, worst)
+    for j in range(len(s.level)):
+        k = 3 * points + j
+        u = velocity(s.Y, s.b, w, k)
+        free = u - s.own[k] * (s.first[k] + s.force[k])
+        wanted, _, _ = joint_law(contact.contacts[1 + points + j], q, dt, free, s.own[k] * s.level[j])
+        s.off[j] = magnitude(u - wanted)
+        worst = select(s.off[j] - worst, s.off[j], worst)
+    return worst
+
+
+@inline
+def inverse(x: Scalar, size: Scalar, n: int) -> Scalar:
+    """1 / x of a row's own response, 0 of one that nothing moves."""
+    moves = x - (DEPENDENT * n) * EPS * size
+    return select(moves, 1.0 / select(moves, x, 1.0), 0.0)
+
+
+@inline
+def joint_law(c: Record, q: Config, dt: Number, free: Scalar, level: Scalar) -> tuple[Scalar, Scalar, Scalar]:
+    """Velocity of a joint that has ``free`` without an impulse; 1 if it rests, else 0; 1 if it is held there, else 0.
+
+    level  by how much its dry friction changes its velocity
+    """
+    moved = select(free - level, free - level, select(-free - level, free + level, 0.0))
+    sticks = select(level - magnitude(free), 1.0, 0.0)  # 0 of NaN
+    if c.q_index < 0:  # no limits
+        return moved, sticks, sticks
+    least, most = allowed(c, q, dt)
+    low, high = least - moved, moved - most
+    kept = select(low, least, select(high, most, moved))
+    stops = select(low, 1.0, select(high, 1.0, sticks))
+    return kept, select(low, 0.0, select(high, 0.0, sticks)), stops

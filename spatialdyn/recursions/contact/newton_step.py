@@ -1,0 +1,162 @@
+"""A step of Newton's method on all impulses at once, of points and of joints.
+
+It solves λ = T(u - B λ) for all rows, T the local solutions, with a proximal term ε:
+
+    (1 + ε) δ_p = T - λ_p + T' (δu_p - B_p δ_p)    ⇒    δ_p = f_p - C_p δu_p,
+
+so that (D + Σ Y_pᵀ C_p Y_p) δw = Σ Y_pᵀ f_p, which has the zeros of the tree: a dry joint costs what its rows cost, and
+a joint that sticks or stops is one with C = 1 / (ε G_jj). After 4 steps, of the joints only those change their state
+that miss their law most, which ends cycles.
+
+Source: a derivation of our own, semi-smooth as by Alart and Curnier (1991).
+"""
+
+from __future__ import annotations
+
+from ...algebra.euclidean import sub
+from ...algebra.scalars import Scalar, inline, select
+from ..signatures import Config, Matrix, Number, Record, Vector
+from .contact_rows import Contact, force_of_point, times, velocity, velocity_of_point
+from .coulomb_cone import magnitude, point_impulse, point_slope
+from .impulse_rows import COUNT, EPSILON, Impulses, inverse, joint_law, respond
+
+BOLD = 4  # steps in which all joints may change their state
+MISSES_MOST = 0.99  # of the largest residual of a joint, from which it may change its state later
+STIFF = 1e7  # of a constraint's response: how stiff these steps see it
+
+
+@inline
+def newton_step(
+    q: Config, dt: Number, contact: Contact, held: Record, w: Vector, s: Impulses
+) -> None:  # fmt: skip
+    """A step on all impulses at once, and w with them."""
+    n, points, prox = len(w), contact.contacts[0].np, s.state[EPSILON]
+    for i in range(n):
+        s.x[i] = 0.0
+        for j in range(n):
+            s.K[i, j] = 0.0
+        s.K[i, i] = s.L[i, i]
+    for p in range(points):
+        add_point(p, contact.mu[p], prox, held is not None, w, s)
+    most = 0.0
+    for j in range(len(s.level)):
+        k = 3 * points + j
+        u = velocity(s.Y, s.b, w, k)
+        free = u - s.own[k] * (s.first[k] + s.force[k])
+        wanted, _, _ = joint_law(contact.contacts[1 + points + j], q, dt, free, s.own[k] * s.level[j])
+        s.off[j] = magnitude(u - wanted)
+        most = select(s.off[j] - most, s.off[j], most)
+    for j in range(len(s.level)):
+        add_joint(q, dt, contact.contacts[1 + points + j], 3 * points + j, j, most, w, s)
+    if held is not None:
+        for l in range(len(held.N)):
+            stiff = STIFF / select(held.stiffness[l], held.stiffness[l], 1.0)
+            for i in range(n):
+                for j in range(n):
+                    s.K[i, j] = s.K[i, j] + held.N[l, i] * (stiff * held.N[l, j])
+    solve_K(s.K, s.x)
+    for p in range(points):
+        k = 3 * p
+        u0, u1, u2 = along(s.Y, s.x, k), along(s.Y, s.x, k + 1), along(s.Y, s.x, k + 2)
+        for i in range(3):
+            change = s.f[k + i] - (s.C[p, i, 0] * u0 + s.C[p, i, 1] * u1 + s.C[p, i, 2] * u2)
+            s.force[k + i] = s.force[k + i] + change
+    for j in range(len(s.level)):
+        k = 3 * points + j
+        s.force[k] = s.force[k] + (s.f[k] - stick_share(j, k, prox, s) * along(s.Y, s.x, k))
+    respond(w, s)
+
+
+@inline
+def along(Y: Matrix, x: Vector, k: int) -> Scalar:
+    """Y_k x."""
+    total = 0.0
+    for i in range(len(x)):
+        total = total + Y[k, i] * x[i]
+    return total
+
+
+@inline
+def add_point(p: int, mu: Number, prox: Scalar, held: bool, w: Vector, s: Impulses) -> None:
+    """C and f of a point, and its part of K and x."""
+    n, k, now = len(w), 3 * p, force_of_point(s.force, p)
+    r = sub(velocity_of_point(s.Y, s.b, w, p), times(s.B[p], now))
+    solved, sticks, slides = point_impulse(s.B[p], s.factors[p], r, mu, s.lower[p], s.root, s.disc, held)
+    point_slope(s.B[p], s.factors[p], r, mu, s.lower[p], solved, sticks, slides, s.root, s.disc, s.T)
+    T, N = s.T, s.N
+    for i in range(3):  # N = ((1 + ε) 1 + T B)⁻¹
+        for j in range(3):
+            N[i, j] = T[i, 0] * s.B[p, 0, j] + T[i, 1] * s.B[p, 1, j] + T[i, 2] * s.B[p, 2, j]
+        N[i, i] = N[i, i] + (1.0 + prox)
+    invert(N)
+    f0, f1, f2 = solved.x - now.x, solved.y - now.y, solved.z - now.z
+    for i in range(3):
+        s.f[k + i] = N[i, 0] * f0 + N[i, 1] * f1 + N[i, 2] * f2
+        for j in range(3):
+            s.C[p, i, j] = -(N[i, 0] * T[0, j] + N[i, 1] * T[1, j] + N[i, 2] * T[2, j])
+    for j in range(n):
+        for i in range(3):
+            s.CY[i, j] = s.C[p, i, 0] * s.Y[k, j] + s.C[p, i, 1] * s.Y[k + 1, j] + s.C[p, i, 2] * s.Y[k + 2, j]
+    for i in range(n):
+        y0, y1, y2 = s.Y[k, i], s.Y[k + 1, i], s.Y[k + 2, i]
+        s.x[i] = s.x[i] + (y0 * s.f[k] + y1 * s.f[k + 1] + y2 * s.f[k + 2])
+        for j in range(n):
+            s.K[i, j] = s.K[i, j] + (y0 * s.CY[0, j] + y1 * s.CY[1, j] + y2 * s.CY[2, j])
+
+
+@inline
+def add_joint(
+    q: Config, dt: Number, c: Record, k: int, j: int, most: Scalar, w: Vector, s: Impulses
+) -> None:  # fmt: skip
+    """The state of a joint, its f, and its part of K and x.
+
+    most  the largest residual of a joint
+    """
+    n, now, u = len(w), s.force[k], velocity(s.Y, s.b, w, k)
+    each = inverse(s.own[k], s.size[k], n)
+    wanted, _, stays = joint_law(c, q, dt, u - s.own[k] * (s.first[k] + now), s.own[k] * s.level[j])
+    new = select(BOLD - s.state[COUNT], 1.0, select(MISSES_MOST * most - s.off[j], 0.0, 1.0))
+    s.held[j] = select(new, stays, s.held[j])
+    s.goal[j] = select(new, select(stays, wanted, now + (wanted - u) * each), s.goal[j])
+    share = stick_share(j, k, s.state[EPSILON], s)
+    s.f[k] = select(s.held[j], (s.goal[j] - u) * share, s.goal[j] - now)
+    for i in range(n):
+        s.x[i] = s.x[i] + s.Y[k, i] * s.f[k]
+        for l in range(n):
+            s.K[i, l] = s.K[i, l] + s.Y[k, i] * (share * s.Y[k, l])
+
+
+@inline
+def stick_share(j: int, k: int, prox: Scalar, s: Impulses) -> Scalar:
+    """C of a joint."""
+    return s.held[j] * inverse(s.own[k], s.size[k], len(s.x)) / prox
+
+
+@inline
+def invert(N: Matrix) -> None:
+    """N (3, 3) = N⁻¹."""
+    a, b, c = N[0, 0], N[0, 1], N[0, 2]
+    d, e, f = N[1, 0], N[1, 1], N[1, 2]
+    g, h, i = N[2, 0], N[2, 1], N[2, 2]
+    A, B, C = e * i - f * h, f * g - d * i, d * h - e * g
+    each = 1.0 / (a * A + b * B + c * C)
+    N[0, 0], N[0, 1], N[0, 2] = A * each, (c * h - b * i) * each, (b * f - c * e) * each
+    N[1, 0], N[1, 1], N[1, 2] = B * each, (a * i - c * g) * each, (c * d - a * f) * each
+    N[2, 0], N[2, 1], N[2, 2] = C * each, (b * g - a * h) * each, (a * e - b * d) * each
+
+
+@inline
+def solve_K(K: Matrix, x: Vector) -> None:
+    """X = K⁻¹ x in place, from the tips inward: K has the zeros of the tree, and is overwritten."""
+    n = len(x)
+    for k in range(n - 1, -1, -1):
+        each = 1.0 / K[k, k]
+        for i in range(k):
+            share = K[i, k] * each
+            for j in range(k):
+                K[i, j] = K[i, j] - share * K[k, j]
+            x[i] = x[i] - share * x[k]
+    for k in range(n):
+        for j in range(k):
+            x[k] = x[k] - K[k, j] * x[j]
+        x[k] = x[k] * (1.0 / K[k, k])
