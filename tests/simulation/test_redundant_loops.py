@@ -188,16 +188,12 @@ def test_equations_that_stay_open_after_a_projection_are_named() -> None:
     assert model.nv == 4
 
 
-@pytest.mark.parametrize(
-    "duration",
-    [0.6, pytest.param(10.0, marks=pytest.mark.slow(quick="test_bennetts_loop_runs_on_dry_joints"))],
-)
-def test_bennetts_loop_runs_on_dry_joints(duration: float) -> None:
+def test_bennetts_loop_runs_on_dry_joints() -> None:
     """Its rows are chosen beside impulses too: in their order, a small early pivot stops it at 0.3 s."""
     model, held, q, v = bennett()
     scene = sd.Scene(model, constraints=held, friction=sd.Friction(0.02, 0.01))
-    run = sd.rollout(scene, q, v, dt=1e-3, steps=round(1e3 * duration), record=100)
+    run = sd.rollout(scene, q, v, dt=1e-3, steps=10_000, record=100)
     energy = sd.kinetic_energy(model, run.q, run.v) + sd.potential_energy(model, run.q)
     assert abs(sd.constraint_error(model, held, run.q)).max() <= 1e-9
     assert (np.diff(energy) <= 1e-6).all()
-    assert duration < 10.0 or abs(run.v[-1]).max() == 0.0  # it comes to rest
+    assert abs(run.v[-1]).max() == 0.0  # it comes to rest
