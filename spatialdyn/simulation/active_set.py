@@ -231,15 +231,15 @@ class ActiveSet:
         K, held = self.system(self.names, u)
         right = [by.momentum]
         for p in range(self.points):
-            t = by.velocity[3 * p : 3 * p + 3]
+            rate = by.velocity[3 * p : 3 * p + 3]
             if self.names[p] == SEPARATES:
-                right.append(0.0 * t)
+                right.append(0.0 * rate)
             elif self.names[p] == STICKS:
-                right.append(t)
+                right.append(rate)
             else:
                 direction, each = self.direction(p, u)
                 across = np.eye(2) - np.outer(direction, direction)
-                right.append(np.concatenate([t[:1], each * across @ t[1:]]))
+                right.append(np.concatenate([rate[:1], each * across @ rate[1:]]))
         for j, i in enumerate(self.joints):
             k, name = 3 * self.points + j, self.names[self.points + j]
             if name == SLIDES:

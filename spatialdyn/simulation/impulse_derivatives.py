@@ -178,7 +178,7 @@ class _Steps:
         for k, name in enumerate(moving):
             part = unit[k * self.nv : (k + 1) * self.nv]
             along_unit[name] = np.broadcast_to(part, (self.n, self.nv, len(unit)))
-        tangents = [
+        tangents: list[Array | int] = [
             along_unit.get(name, self.nv if name == "q" else y.shape[1]) for name, y in zip(names, given, strict=True)
         ]
         return self._split(along(self.laws.model, self.laws.spec, given, tangents, self.laws.static))
@@ -198,14 +198,15 @@ class _Steps:
             impulse[:] = (self.h[:, None] * out[:, 2])[:, self.of_joint]
             return out[:, 0], impulse, reaction
         has = laws.has - {"fext"} | ({"fext"} if self.fext is not None else set())
-        spec = impulse_step_spec(frozenset(has))
+        kept = self._kept()[0]
+        spec = impulse_step_spec(frozenset(has if kept.all() else {*has, "chosen"}))
         push = self.tau
         if laws.constrained is None:
             push = push + np.einsum("nij,nj->ni", calls["crba"](model, self.q), self.turning())
         rate = (laws.constrained.rate,) if "rate" in has and laws.constrained is not None else ()
         known = {
             "q": self.q, "v": self.v, "tau": push, "fext": self.fext, "dt": self.h, "mu": laws.mu,
-            "restitution": laws.bounces, "rate": rate[0] if rate else None,
+            "restitution": laws.bounces, "rate": rate[0] if rate else None, "chosen": kept.astype(float),
             **dict(zip(("coulomb", "viscous", "static", "stribeck"), laws.law, strict=False)),
         }  # fmt: skip
         values = tuple(known[y.name] for y in spec.present if not y.static)
@@ -300,7 +301,7 @@ class _Steps:
         """Equations of constraints that are kept."""
         if self.laws.constrained is None:
             return [np.zeros(0, np.bool_)] * self.n
-        chosen = rows_to_keep(self.laws.model, self.laws.constrained.constraints, self.q)[0]
+        chosen, _ = rows_to_keep(self.laws.model, self.laws.constrained.constraints, self.q)
         return [x > 0.0 for x in chosen]
 
     def _met(self, first: list[ActiveSet], moved: Array, by_x: Balance) -> Found:

@@ -70,7 +70,8 @@ def scene_derivatives(
             f"method is {method!r} and constraints act, expected one of {', '.join(EXPLICIT_METHODS)}"
         )
     names: list[Argument] = [Q, V, TAU, *([] if fext is None else [FEXT])]
-    given = [as_array(x.name, y) for x, y in zip(names, (q, v, tau, fext), strict=False)]
+    values = [q, v, tau, *([] if fext is None else [fext])]
+    given = [as_array(x.name, y) for x, y in zip(names, values, strict=True)]
     shapes = [batch_shape(model, x, a) for x, a in zip(names, given, strict=True)]
     batch = broadcast([*(x.name for x in names), "dt"], [*shapes, h.shape])
     n, count = model.nv, math.prod(batch)

@@ -168,6 +168,21 @@ def test_falling_quadruped_keeps_momentum_and_turns() -> None:
     assert found["turn"][-1] > 10.0
 
 
+@robots
+@compiled
+def test_standing_lqr_takes_a_push_that_held_torques_do_not() -> None:
+    pytest.importorskip("scipy")
+    found = run("standing_lqr")
+    assert found["left"] < 1e-10  # motions that keep the feet in place stay among themselves
+    assert found["A"].shape == (12, 12)
+    assert found["before"][0] > 1.005
+    assert found["after"][0] < 0.99
+    off = {name: abs(x.q[:, :3] - found["q"][:3]) for name, x in found["runs"].items()}
+    assert off["LQR"].max() < 0.03
+    assert off["LQR"][-1].max() < 1e-4
+    assert off["torques held"][-1].max() > 0.1
+
+
 @compiled
 def test_cart_pole_has_its_textbook_matrices_and_comes_up() -> None:
     pytest.importorskip("scipy")

@@ -11,7 +11,6 @@ import pytest
 from spatialdyn.engines.numbers.multiprecision import arithmetic, numbers
 from spatialdyn.recursions.constraints.dense import (
     choose_rows,
-    factor_chosen,
     factor_dropping,
     quotient,
     solve_backward,
@@ -125,7 +124,7 @@ def test_chosen_rows_solve_beside_a_small_early_pivot(seed: int) -> None:
     kept, count, _ = chosen(G)
     assert count == 3
     C, x = G.copy(), np.zeros(4)
-    factor_chosen(C, np.array(kept))
+    factor_dropping(C, None, 0.0, np.array(kept))
     y = b.copy()
     solve_forward(C, y)
     solve_backward(C, y, x)

@@ -189,7 +189,9 @@ def test_joints_that_stick_in_a_closed_loop_of_legs_are_at_a_switch() -> None:
 
 def along_states(scene: sd.Scene, q: Array, v: Array, dt: float, method: str, atol: float = DIFFERENCE) -> Any:
     """The derivatives, which agree with differences along states that meet the constraints."""
-    model, held, e, rng = scene.model, scene.constraints, 1e-5, np.random.default_rng(0)
+    model, e, rng = scene.model, 1e-5, np.random.default_rng(0)
+    held = scene.constraints
+    assert held is not None
     tau = 0.2 * rng.normal(size=model.nv)
     found = sd.step_derivatives(scene, q, v, tau, dt, method)
     end = sd.step(scene, q, v, tau, dt, method)[0]
@@ -287,6 +289,6 @@ def test_what_has_no_derivative_is_named() -> None:
     with pytest.raises(
         sd.SimulationError, match="method is 'stormer_verlet' and constraints act, expected one of expl"
     ):
-        sd.step_derivatives(held, *start, np.zeros(3), DT, "stormer_verlet")
+        sd.step_derivatives(held, start[0], start[1], np.zeros(3), DT, "stormer_verlet")
     with pytest.raises(sd.SimulationError, match=r"dt is -0\.001, expected more than 0 s in a scene"):
         sd.step_derivatives(scene, q, np.zeros(6), tau, -DT)

@@ -420,3 +420,16 @@ def test_coordinates_change_as_integrate_moves_them(options: dict[str, Any]) -> 
     coordinate_rate(model.bodies, s.q, s.v, found)
     q = [sd.integrate(model, s.q, k * h * s.v) for k in (-2, -1, 1, 2)]
     np.testing.assert_allclose(found, (8.0 * (q[2] - q[1]) - (q[3] - q[0])) / (12.0 * h), rtol=0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("method", ["implicit_midpoint", "stormer_verlet"])
+def test_a_robot_that_comes_to_rest_is_solved_to_the_rounding_of_its_torques(method: str) -> None:
+    """Its momenta vanish, and torques that balance its weight do not: they round to more than 1e-10 of the momenta."""
+    model = sd.load_urdf("two_link")
+
+    def law(t: float, q: Any, v: Any) -> Any:
+        return sd.generalized_gravity(model, q) - 60.0 * (q - [0.5, -0.3]) - 12.0 * v
+
+    scene = sd.Scene(model, friction=False)
+    run = sd.simulate(scene, [0.5 + 2e-9, -0.3], np.zeros(2), 1.0, 1e-2, method=method, torque=law)
+    assert abs(run.v[-1]).max() < 1e-8

@@ -26,7 +26,7 @@ from ..tree.crba import crba
 from ..tree.ltdl import factor_tree, solve_inward, solve_outward
 from ..tree.rnea import rnea
 from .constraint_rows import CONSTRAINTS_ARGUMENT, turn_rows, write_drift, write_error, write_jacobian
-from .dense import choose_rows, factor_chosen, factor_dropping, quotient, solve_backward, solve_forward
+from .dense import choose_rows, factor_dropping, quotient, solve_backward, solve_forward
 
 WORK = table_dtype(
     X=Pose,  # of crba, then of rnea
@@ -218,7 +218,7 @@ def respond(
     else:
         for k in range(m):
             kept[k] = chosen[k]
-        factor_chosen(G, kept)
+        factor_dropping(G, None, 0.0, kept)
 
     # G λ = -γ - Y D⁻¹ L⁻ᵀ r
     solve_inward(bodies, L, x)

@@ -4,7 +4,7 @@ A row that is a combination of the rows before leaves a pivot of 0, up to roundi
 0, and the solution of the other rows solves it too if the right side is consistent. In their given order this is sound
 where every pivot is either far from 0 or rounding: one that is small but kept may leave another row out in its place,
 and that row is met badly. ``choose_rows`` then says which rows to keep, the largest of those that remain each time.
-What is kept is positive definite, and no order harms its factor (``factor_chosen``).
+What is kept is positive definite, and no order harms its factor.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from ..signatures import Matrix, Vector
 def factor_dropping(G: Matrix, size: Vector, tolerance: Scalar, kept: Vector) -> None:
     """G = C Δ Cᵀ in place, from its lower triangle; kept (m) is 1 for a pivot above tolerance times its size, else 0.
 
+    With size None, kept is given: 1 for the rows to keep, else 0.
     Written: C below the diagonal, of unit diagonal, C Δ transposed above, and on the diagonal 1 / Δ, 0 if dropped.
     """
     for k in range(len(G)):
@@ -29,23 +30,8 @@ def factor_dropping(G: Matrix, size: Vector, tolerance: Scalar, kept: Vector) ->
         s = G[k, k]
         for j in range(k):
             s = s - G[j, k] * G[k, j]
-        kept[k] = exceeds(s, tolerance * size[k])
-        G[k, k] = kept[k] / (kept[k] * s + (1.0 - kept[k]))
-
-
-@inline
-def factor_chosen(G: Matrix, kept: Vector) -> None:
-    """As ``factor_dropping``, with kept (m) given."""
-    for k in range(len(G)):
-        for l in range(k):
-            s = G[k, l]
-            for j in range(l):
-                s = s - G[j, k] * G[l, j]
-            G[l, k] = s
-            G[k, l] = s * G[l, l]
-        s = G[k, k]
-        for j in range(k):
-            s = s - G[j, k] * G[k, j]
+        if size is not None:
+            kept[k] = exceeds(s, tolerance * size[k])
         G[k, k] = kept[k] / (kept[k] * s + (1.0 - kept[k]))
 
 

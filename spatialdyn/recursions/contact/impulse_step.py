@@ -22,7 +22,7 @@ from typing import NamedTuple
 
 from ...algebra.regions import repeat, settled
 from ...algebra.scalars import EPS, Scalar, inline, select, sqrt
-from ..constraints.constrained import DEPENDENT, RATE, felt, share, stabilize
+from ..constraints.constrained import CHOSEN, DEPENDENT, RATE, felt, share, stabilize
 from ..constraints.constraint_rows import (
     CONSTRAINTS_ARGUMENT,
     place_rows,
@@ -79,6 +79,14 @@ class ImpulseResult(NamedTuple):
     start: Vector
 
 
+class Held(NamedTuple):
+    """What is held, and how."""
+
+    constraints: Record  # the table
+    rate: Number  # 1/T of the stabilization; None: steps end with a projection
+    chosen: Vector  # (nc) 1 for equations to keep, of ``independent_rows``; None: in their order
+
+
 class HeldScratch(NamedTuple):
     """Scratch of constraints in a step."""
 
@@ -97,14 +105,13 @@ class HeldScratch(NamedTuple):
 @inline
 def impulse_step(
     bodies: Bodies, work: Work, q: Config, v: Vector, z: Vector, tau: Vector, fext: Matrix, dt: Number,
-    contact: Contact, law: BristleLaw, constraints: Record, rate: Number, out: ImpulseResult, pivots: Vector,
-    s: Impulses, h: HeldScratch,
+    contact: Contact, law: BristleLaw, held: Held, out: ImpulseResult, pivots: Vector, s: Impulses, h: HeldScratch,
 ) -> None:  # fmt: skip
     """Velocities after a step, impulses, gaps before it, what impulses leave of the laws, friction, reactions.
 
     z      of bristles, as ``bristle_step``; None: dry friction
     law    of dry friction if z is None; it may be None: no friction
-    fext, constraints, rate  may be None; h is None without constraints
+    fext   may be None; held and h are None without constraints
     out.after, impulse, gap, stop, energy  written, as of ``contact_step``
     out.residual  (np + nl + nd), written: by how much each point and joint misses its law [m/s | rad/s]
     out.friction  (nv), written: dry friction torque [N m | N], 0 with bristles
@@ -117,20 +124,20 @@ def impulse_step(
     points, joints = contacts[0].np, contacts[0].nl + contacts[0].nd
     move_freely(bodies, work, q, v, z, tau, fext, dt, law, out, pivots, s)
     write_responses(bodies, work, contact, v, out.gap, s)
-    if constraints is not None:
-        hold(bodies, work, q, v, dt, constraints, rate, out, s, h)
+    if held is not None:
+        hold(bodies, work, q, v, dt, held, out, s, h)
     rub(v, z, dt, contact, law, s)
     open_laws(dt, contact, out.gap, after, s)
     begin(contact.start, s.force)
     solve_impulses(q, dt, contact, h, SWEEPS if law is None or z is not None else SWEEPS_DRY, after, s)
-    if constraints is not None and rate is None:
-        meet(bodies, work, q, v, dt, constraints, out, s, h)
+    if held is not None and held.rate is None:
+        meet(bodies, work, q, v, dt, held.constraints, out, s, h)
         settle(q, dt, contact, after, s)
     for k in range(len(s.force)):
         s.total[k] = s.first[k] + s.force[k]
     write_laws(q, dt, contact, out, s)
     keep(contact.start, s.total, out.start)
-    if constraints is not None:
+    if held is not None:
         for k in range(len(out.reaction)):
             for l in range(len(s.force)):
                 out.reaction[k] = out.reaction[k] + h.P[l, k] * s.total[l]
@@ -205,19 +212,21 @@ def rub(v: Vector, z: Vector, dt: Number, contact: Contact, law: BristleLaw, s: 
 
 @inline
 def hold(
-    bodies: Bodies, work: Work, q: Config, v: Vector, dt: Number, constraints: Record, rate: Number, out: ImpulseResult,
-    s: Impulses, h: HeldScratch,
+    bodies: Bodies, work: Work, q: Config, v: Vector, dt: Number, held: Held, out: ImpulseResult, s: Impulses,
+    h: HeldScratch,
 ) -> None:  # fmt: skip
-    """Take constraints out: of w, and of Z = D⁻¹ Yᵀ, by which w changes with impulses; rows that depend are dropped.
+    """Take constraints out: of w, and of Z = D⁻¹ Yᵀ, by which w changes with impulses; rows that depend are dropped, in
+    their order or those that are not chosen.
 
     As ``constrained.respond``, whose meaning residual and rank have; w, Z, reaction, missed and P are written.
     """
     n, m, w, L, N, G, gamma = len(bodies) - 1, len(h.gamma), out.after, s.L, h.N, h.G, h.gamma
+    constraints, rate, chosen, force = held.constraints, held.rate, held.chosen, out.reaction
     turn_rows(bodies, work)
     write_jacobian(bodies, work, constraints, N)
     write_drift(bodies, work, constraints, v, gamma)
     if rate is not None:
-        stabilize(bodies, work, q, v, constraints, rate, N, gamma, out.reaction)
+        stabilize(bodies, work, q, v, constraints, rate, N, gamma, force)
     for k in range(m):
         gamma[k] = dt * gamma[k]
         if rate is None:
@@ -229,7 +238,12 @@ def hold(
     share(constraints, h.scale)
     for k in range(m):
         h.stiffness[k] = h.scale[k]
-    factor_dropping(G, h.scale, DEPENDENT * (n + m) * EPS, h.kept)
+    if chosen is None:
+        factor_dropping(G, h.scale, DEPENDENT * (n + m) * EPS, h.kept)
+    else:
+        for k in range(m):
+            h.kept[k] = chosen[k]
+        factor_dropping(G, None, 0.0, h.kept)
 
     whole, lost, rank = 0.0, 0.0, 0.0
     for i in range(n):
@@ -238,17 +252,25 @@ def hold(
         gamma[k] = -gamma[k]
         for i in range(n):
             gamma[k] = gamma[k] - N[k, i] * w[i]
-    solve_forward(G, gamma)
+        force[k] = gamma[k]
+    solve_forward(G, force)
     for k in range(m):
-        square = gamma[k] * gamma[k]
-        whole = whole + square * G[k, k]
-        lost = lost + (1.0 - h.kept[k]) * quotient(square, h.scale[k])
+        whole = whole + force[k] * force[k] * G[k, k]
         rank = rank + h.kept[k]
-    out.missed[0], out.missed[1] = sqrt(quotient(lost, lost + whole)), rank
-    solve_backward(G, gamma, out.reaction)
+        if chosen is None:
+            gamma[k] = force[k]
+    solve_backward(G, force, force)
     for i in range(n):
+        push = 0.0
         for k in range(m):
-            w[i] = w[i] + N[k, i] * out.reaction[k] * (1.0 / L[i, i])
+            push = push + N[k, i] * force[k] * (1.0 / L[i, i])
+        w[i] = w[i] + push
+        if chosen is not None:
+            for k in range(m):
+                gamma[k] = gamma[k] - N[k, i] * push
+    for k in range(m):
+        lost = lost + (1.0 - h.kept[k]) * quotient(gamma[k] * gamma[k], h.scale[k])
+    out.missed[0], out.missed[1] = sqrt(quotient(lost, lost + whole)), rank
     for l in range(len(s.Z)):
         for k in range(m):
             gamma[k] = 0.0
@@ -357,13 +379,13 @@ RESIDUAL = Argument("residual", ("np+nl+nd",), "m/s | rad/s", "by how much each 
 REACTION = Argument("reaction", ("nc",), "N s | N m s", "of each equation, on frame a, in b's axes")
 START = Argument("impulses_before", (ROWS,), "", "impulses of rows in the step before", start=0.0)
 MISSED = Argument("missed", (2,), "1", "of equations that depend on others, and how many are independent")
-ALL = ("heights", "friction", "bristles", "constraints", "rate", "fext", "start")
-OVER, RUBS, BENDS, HOLDS, STEADIES, PUSHED, WARM = ALL
+ALL = ("heights", "friction", "bristles", "constraints", "rate", "chosen", "fext", "start")
+OVER, RUBS, BENDS, HOLDS, STEADIES, CHOOSES, PUSHED, WARM = ALL
 
 
 @cache
 def impulse_step_spec(has: frozenset[str]) -> Spec:
-    """The Spec of a step with some of ALL; bristles beside friction, a rate beside constraints."""
+    """The Spec of a step with some of ALL; bristles beside friction, a rate and choice beside constraints."""
 
     def given(what: str, x: Record) -> Record:
         return x if what in has else None
@@ -373,7 +395,10 @@ def impulse_step_spec(has: frozenset[str]) -> Spec:
     ground = Contact(CONTACTS_ARGUMENT, given(OVER, HEIGHTS_ARGUMENT), MU, RESTITUTION, START if warm else None)
     inputs = (
         Q, V, given(BENDS, BRISTLES), TAU, given(PUSHED, FEXT), DT, ground, rubs,
-        given(HOLDS, CONSTRAINTS_ARGUMENT), given(STEADIES, replace(RATE, optional=False)),
+        Held(
+            given(HOLDS, CONSTRAINTS_ARGUMENT), given(STEADIES, replace(RATE, optional=False)),
+            given(CHOOSES, replace(CHOSEN, optional=False)),
+        ),
     )  # fmt: skip
     parts = ImpulseResult(
         AFTER, IMPULSE, GAP, STOP, RESIDUAL, ENERGY, FRICTION,

@@ -177,7 +177,7 @@ class Contact(Effect):
         has = {"heights": over, "friction": self.way is not None, "bristles": self.way == LUGRE, "fext": pushed}
         has["start"] = self.warm
         if constrained is not None:
-            has |= {"constraints": True, "rate": not constrained.projects}
+            has |= {"constraints": True, "rate": not constrained.projects, "chosen": constrained.chooses}
         return impulse_step_spec(frozenset(name for name, there in has.items() if there))
 
     def _noted(self, parts: dict[str, Any], before: Any) -> Any:

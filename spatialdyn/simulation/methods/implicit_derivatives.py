@@ -126,7 +126,7 @@ def _canonical(
         """δz of (δq, δp)."""
         m = moved.shape[2]
         rows = [np.repeat(z, m, axis=0), *(x.transpose(0, 2, 1).reshape((n * m, nv)) for x in (moved, changed))]
-        made = run(model, CHARTS, "", [*rows, np.repeat(centres, m, axis=0)])
+        made: Array = run(model, CHARTS, "", [*rows, np.repeat(centres, m, axis=0)])
         return made.reshape((n, m, 2 * nv)).transpose(0, 2, 1)
 
     start, step = to_chart(z0, of_q, of_p), h[:, None, None]

@@ -32,6 +32,7 @@ SLOW = 0.25  # a sweep that shrinks the change by less turns acceleration on
 NEW = 0.01  # least part of the square of a difference that is outside the span of earlier ones
 SETTLED = 1e-10  # relative: a change this small that no longer shrinks is rounding
 ACCELERATED_SETTLED = 1e-13  # the same, of an accelerated iteration
+ROUNDING = 16.0 * EPS  # of what rounds where a robot comes to rest: see ``terms``
 
 
 class SymplecticKernels(NamedTuple):
@@ -154,19 +155,35 @@ def _change_charts(system: System, state: State) -> None:
 
 
 @inline_unoptimized
-def converged(system: System, t: float, change: float, before: float, sweep: int, quick: bool = False) -> bool:
+def converged(
+    system: System, t: float, change: float, before: float, sweep: int, still: bool, quick: bool = False
+) -> bool:
     """Whether to stop iterating: the relative change is rounding and shrinks no longer, or the status is a failure.
 
+    still  whether the change is rounding of what a state is made of, though not of a state that vanishes
     quick  whether the iteration is accelerated: its change may then grow long before it is rounding
     """
     if not change <= LARGEST:
         set_status(system, NONFINITE, t)
     if sweep > 0 and system.status[0] != 0 and system.status[0] != TORQUE:
         system.status[0], system.status[1], system.status[2] = STALLED, t, before  # the iterates diverge
-    if sweep == SWEEPS - 1 and not change <= SETTLED:
+    if sweep == SWEEPS - 1 and not (change <= SETTLED or still):
         set_status(system, STALLED, t, change)
-    rounding = change <= (ACCELERATED_SETTLED if quick else SETTLED) and change >= before
-    return system.status[0] != 0 or change <= 2.0 * EPS or rounding
+    rounding = change <= (ACCELERATED_SETTLED if quick else SETTLED) or still
+    return system.status[0] != 0 or change <= 2.0 * EPS or (rounding and change >= before)
+
+
+@inline_unoptimized
+def terms(system: System, c: float, first: int) -> float:
+    """Size of what rounds in the half of z that starts at ``first``: of positions 1, the robot's length or a radian, and
+    of momenta the change by the torque over a time c, which forces of the robot may balance.
+    """
+    n, size = len(system.tau), 0.0
+    if first == 0:
+        return 1.0
+    for i in range(n):
+        size = max(size, system.unit[n + i] * abs(c * system.tau[i]))
+    return size
 
 
 @inline_unoptimized
@@ -251,8 +268,9 @@ def _solve_half(system: System, t: float, c: float, first: int, base: Any, state
             if not abs(new) <= LARGEST:
                 change = math.inf
             y[i] = new
+        still = change <= ROUNDING * terms(system, c, first) * scale
         change = relative(change, size)
-        if converged(system, t, change, before, sweep, known > 0):
+        if converged(system, t, change, before, sweep, still, known > 0):
             break
         if known > 0 or change > SLOW * before:
             anderson_step(known, off, y[first : first + n], F, U)
@@ -308,7 +326,7 @@ def _gauss(system: System, t: float, h: float, state: State, method: Tableau) ->
                 L[a, i] += method.ahead[a][b] * old[b, i]
     before = math.inf
     for sweep in range(SWEEPS):
-        change = 0.0
+        change, still = 0.0, True
         for a in range(stages):
             for i in range(2 * n):
                 y[i] = z[i]
@@ -324,8 +342,9 @@ def _gauss(system: System, t: float, h: float, state: State, method: Tableau) ->
                     if not abs(new) <= LARGEST:
                         moved = math.inf
                     L[a, i] = new
+                still = still and moved <= ROUNDING * terms(system, h * method.b[a], half * n)
                 change = max(change, relative(moved, size))
-        if converged(system, t, change, before, sweep):
+        if converged(system, t, change, before, sweep, still):
             break
         before = change
     for i in range(2 * n):

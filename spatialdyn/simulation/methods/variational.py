@@ -132,7 +132,7 @@ def variational(system: System, t: float, h: float, state: State) -> None:
             moved = max(moved, abs(change[i]))
             size = max(size, system.unit[i] * (abs(xi[i]) + abs(old[i])))
         moved = relative(moved, size)
-        if converged(system, t, moved, before, sweep, known > 0):
+        if converged(system, t, moved, before, sweep, False, known > 0):
             break
         if known > 0 or moved > SLOW * before:
             anderson_step(known, change, xi, F, U)
