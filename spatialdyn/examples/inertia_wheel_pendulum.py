@@ -81,8 +81,7 @@ def main(save: str | None = None) -> dict[str, Any]:
     if save:
         figure, axes = picture(2, width=9.0)
         for name, angle in (("IDA-PBC", 3.0), ("LQR", 3.0)):
-            y = found[name, angle][:, 0]
-            axes[0].plot(DT * np.arange(len(y)), y, linewidth=0.9, label=f"{name} from {angle} rad")
+            axes[0].plot(DT * np.arange(len(found["H_d"])), found[name, angle][:, 0], linewidth=0.9, label=name)
         axes[0].set(xlabel="t [s]", ylabel="angle of the pendulum [rad]")
         axes[0].legend(fontsize="small")
         axes[1].plot(DT * np.arange(len(found["H_d"])), found["H_d"])

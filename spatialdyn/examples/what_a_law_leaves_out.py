@@ -3,9 +3,9 @@
 Learn    computed torque by rnea of three models: the robot's, without velocities (M a + g), without rotors. sd.Rotor
          carries the gear; M has n² J on its diagonal.
 Look at  which of the two costs more. In a direct drive it is C v, and the more the faster the motion. Under a gear of
-         50 the rotors are half of M: a law that does not know them pushes with half of the force that it means to, at any
-         speed, and C v is lost in what they weigh. The chapter's 18.3 has the second half of that; more gain helps, as
-         it says, until noise and the next step speak.
+         50 the rotors are half of M: a law that does not know them pushes with half of the force that it means to, at
+         any speed, and C v is lost in what they weigh. The chapter's 18.3 has the second half of that; more gain helps,
+         as it says, until noise and the next step speak.
 """
 
 from __future__ import annotations
