@@ -1,9 +1,9 @@
-"""Cost of control: laws against their RNEA, closed loops against open ones, inverse kinematics; one thread, one process.
+"""Cost of control: laws against their RNEA, closed loops against open ones, inverse kinematics; one thread.
 
     python benchmarks/control.py [--quick]
 
-Every law's torques are asserted equal to its line with M, C and g formed, every closed loop to its torques fed to single
-steps, and every pose that is reached to forward kinematics, before anything is measured. Needs
+Every law's torques are asserted equal to its line with M, C and g formed, every closed loop to its torques fed to
+single steps, and every pose that is reached to forward kinematics, before anything is measured. Needs
 ``pip install ".[validate,bench]"``.
 """
 
@@ -107,9 +107,9 @@ def reach(rounds: int, seconds: float) -> list[list[str]]:
         q0 = sd.random_configuration(model, 6, (POSES,))
         found = sd.solve_ik(model, {frame: poses}, q0)
         off = abs(sd.frame_placement(model, found.q, frame) - poses).max((1, 2))
-        assert (off[found.reached] < 10.0 * REACHED).all()
+        assert (off[found.converged] < 10.0 * REACHED).all()
         took = interleaved({name: lambda m=model, f=frame, p=poses, s=q0: sd.solve_ik(m, {f: p}, s)}, rounds, seconds)
-        rows.append([name, str(POSES), f"{found.reached.mean():.2%}", f"{1e3 * took[name]:.1f}"])
+        rows.append([name, str(POSES), f"{found.converged.mean():.2%}", f"{1e3 * took[name]:.1f}"])
     return rows
 
 

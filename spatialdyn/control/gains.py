@@ -214,8 +214,10 @@ def closed_step(
             raise ShapeError(f"{name} has shape {x.shape}, expected ({size},)")
     ways = DELTA * np.concatenate([np.eye(2 * n), -np.eye(2 * n)])
     starts = np.asarray(calls["integrate"](model, at, ways[:, :n])), speed + ways[:, n:]
-    run = rollout(scene, *starts, dt=h, steps=1, method=method, control=law)
+    run = rollout(scene, *starts, dt=h, steps=1, method=method, control=law, check=False)  # which would warn of it
     q1, v1 = np.asarray(run.q)[:, 0], np.asarray(run.v)[:, 0]
+    if not (np.isfinite(q1).all() and np.isfinite(v1).all()):
+        raise NonFiniteError(f"a step of {h:g} s ends in a state that is not finite, expected a finite one")
     moved = np.concatenate([calls["difference"](model, q1[2 * n :], q1[: 2 * n]), v1[: 2 * n] - v1[2 * n :]], 1)
     A = moved.T / (2.0 * DELTA)
     values, vectors = np.linalg.eig(A)

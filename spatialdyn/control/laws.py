@@ -30,6 +30,7 @@ class Law(Control):
     """A ``Control`` of this module: its gains, its reference and how it is held."""
 
     path: Path | None = None
+    smooth = True
 
     def __init__(self, core: Spec, gains: dict[str, Array], reference: Any, held: bool | float) -> None:
         """Of the Spec of a law, its gains by name, and a Path, or arrays q_ref, v_ref and a_ref by name."""

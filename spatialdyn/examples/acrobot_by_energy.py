@@ -4,7 +4,7 @@ Learn    crba and nonlinear_effects in a law: V = ½ Ẽ² + ½ kD v₂² + ½ k
          kD M₁₁ + Ẽ Δ never vanishes, which kD > 35.74 ensures for this arm. sd.lqr makes the gains that catch, and xᵀPx
          of its Riccati solution says when to.
 Look at  V in the picture: it never rises until the LQR takes over. Left to itself the energy law needs most of a minute
-         to come near the top at rest; the LQR catches the arm as it flies by, at its second swing.
+         to come near the top at rest; the LQR catches the arm as it flies by, within some swings.
 Needs    pip install scipy
 
 After Xin and Kaneda, Analysis of the energy-based control for swinging up two-link robots (2007).

@@ -2,8 +2,8 @@
 
 Learn    sd.MomentumObserver takes q, v and the motors' torque, no acceleration: its residual is the torque of contacts,
          through a filter of 1/K. detection_thresholds are of free motion; contact_wrench makes a force of the residual.
-Look at  the delay: a few ms, far below 1/K, because a threshold is crossed early. The force is right once the filter has
-         followed. What the model lacks is felt as well: a tool of 0.3 kg that nobody entered is a push that never ends.
+Look at  the delay: a few ms, far below 1/K, because a threshold is crossed early. The force is right once the filter
+         has followed. What the model lacks is felt as well: a tool of 0.3 kg that is not in it is a push without end.
 Needs    pip install example-robot-data for the UR5
 """
 
@@ -27,11 +27,11 @@ def move(model: sd.Model, robot: sd.Model, pushed: bool, seed: int) -> tuple[Arr
     """Residuals (steps, 6), and q as the push ends, of a robot that follows a path by a model of it."""
     path, draws = sd.fourier(0.8 * np.eye(6)[:2], 0.3 * np.eye(6)[2:4], 0.4, HOME), np.random.default_rng(seed)
     observer, residual, (q, v, _) = sd.MomentumObserver(model, GAIN, DT), [], path(0.0)
-    for k in range(TIME):
-        at = path(k * DT)
-        tau = sd.rnea(model, q, v, at.a + 100.0 * (at.q - q) + 20.0 * (at.v - v))
+    here = q
+    for k, (q_d, v_d, a_d) in enumerate(zip(*path(DT * np.arange(TIME)), strict=True)):
+        tau = sd.rnea(model, q, v, a_d + 100.0 * (q_d - q) + 20.0 * (v_d - v))
         residual.append(observer.update(q, v, tau + NOISE * draws.normal(size=6)))
-        here = q if k <= END else here
+        here = q if k == END else here
         force = sd.wrench_at(model, q, "tool0", PUSH) if pushed and BEGIN <= k < END else None
         q, v = sd.step(robot, q, v, tau, DT, fext=force)
     return np.array(residual), here

@@ -3,8 +3,8 @@
 Learn    sd.solve_ik takes any batch of targets, keeps to the limits, restarts what is stuck, and says why it stopped;
          all_solutions=True returns the distinct arms of one pose.
 Look at  the picture: a ring. Too far out the arm is stretched, too near its own axis it cannot fold; behind it, far
-         from where searches begin, some need a second start. A pose inside has up to eight arms: shoulder left or right,
-         elbow up or down, wrist flipped or not; each in several turns of its joints, which are counted once here.
+         from where searches begin, some need a second start. A pose inside has up to eight arms: shoulder left or
+         right, elbow up or down, wrist flipped or not; each in several turns of its joints, which count once here.
 Needs    pip install example-robot-data for the UR5
 """
 
@@ -41,7 +41,7 @@ def arms(solutions: Array) -> int:
 def main(quick: bool = False, save: str | None = None) -> dict[str, Any]:
     """Print how many poses of the grid are reached, and the arms of one; returns the result, poses and arms."""
     model, grid = sd.load_urdf("ur5"), poses(16 if quick else 60)
-    found = sd.solve_ik(model, {TOOL: grid}, restarts=6 if quick else 20)
+    found = sd.solve_ik(model, {TOOL: grid}, restarts=20)
     out = np.linalg.norm(grid[..., :2, 3], axis=-1)
     good = found.converged
     print(f"{good.sum()} of {good.size} poses are reached, from {out[good].min():.2f} to {out[good].max():.2f} m")

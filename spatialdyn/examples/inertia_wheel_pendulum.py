@@ -3,8 +3,8 @@
 Learn    interconnection and damping assignment makes another Hamiltonian system of this one, H_d = ½ pᵀ M_d⁻¹ p + V_d;
          what the wheel cannot push has to match by itself, a condition that the tests hold in symbols. sd.lqr asks for
          nothing but A and B, and knows nothing far from them.
-Look at  H_d, which falls all the way: that is why the pendulum comes up from 3 rad. The LQR brings it up from there too,
-         sooner and with four times the torque, and no line of its theory says that it will.
+Look at  H_d, which falls all the way: that is why the pendulum comes up from 3 rad. The LQR brings it up from there
+         too, sooner and with four times the torque, and no line of its theory says that it will.
 Needs    pip install scipy
 
 After Ortega, Spong, Gómez-Estern and Blankenstein (2002); the gains are others.
@@ -22,9 +22,8 @@ from spatialdyn.examples.gallery import need, picture, start, write
 from spatialdyn.examples.swing_up_by_energy import DT, play
 
 Array = np.ndarray
-I1, I2, M3 = 0.1, 0.2, 10.0  # of the pendulum with the wheel's mass, of the wheel [kg m²]; weight times lever [N m]
+I1, I2, M3, TIME = 0.1, 0.2, 10.0, 35.0  # of pendulum and wheel [kg m²], weight times lever [N m]; [s]
 A1, A2, A3, K, KV = 0.1, -0.2, 0.5, 0.1, 0.05  # M_d = [[A1, A2], [A2, A3]], stiffness and damping
-TIME = 35.0
 C = -I1 * (A2 + A3) / (I2 * (A1 + A2))
 
 
@@ -61,31 +60,28 @@ def main(save: str | None = None) -> dict[str, Any]:
     A, B = sd.linearize(model, rest, rest, rest)
     gains = sd.lqr(A, B[:, [1]], np.diag([10.0, 0.1, 1.0, 0.1]), np.eye(1))
     turn = np.array([[1.0, 0.0], [1.0, 1.0]])  # from angles of joints to those from the vertical
-    laws: dict[str, Callable[[Array, Array], float]] = {
-        "IDA-PBC": lambda q, v: assigned(np.concatenate([turn @ q, turn @ v])),
-        "LQR": lambda q, v: float(-gains.K[0] @ np.concatenate([q, v])),
-    }
-    found: dict[str, Any] = {"poles": gains.poles, "model": model}
-    for name, angle in (("IDA-PBC", 3.0), ("LQR", 0.2), ("LQR", 3.0)):
-        u: list[float] = []
+    gain = gains.K[0] @ np.kron(np.eye(2), np.linalg.inv(turn))
+    found: dict[Any, Any] = {"poles": gains.poles, "model": model}
 
-        def torque(q: Array, v: Array, law: Any = laws[name], u: list[float] = u) -> Array:
-            u.append(float(law(q, v)))
-            return np.array([0.0, u[-1]])
+    def linear(x: Array) -> Any:
+        return -gain @ x
+
+    for name, law, angle in (("IDA-PBC", assigned, 3.0), ("LQR", linear, 0.2), ("LQR", linear, 3.0)):
+
+        def torque(q: Array, v: Array, law: Callable[[Array], Any] = law) -> Array:
+            return np.array([0.0, law(np.concatenate([turn @ q, turn @ v]))])
 
         q, v = play(model, torque, np.array([angle, -angle]), rest, TIME)
         found[name, angle] = x = np.hstack([q @ turn.T, v @ turn.T])
-        found["torque", name, angle] = most = max(map(abs, u))
-        off = abs(x * [1.0, 1.0, I1, I2]).max(1) > 0.05
-        print(f"{name:8} from {angle} rad: (q, p) below 0.05 from {DT * (1 + np.flatnonzero(off)[-1]):5.2f} s on, "
-              f"torque up to {most:5.1f} N m")  # fmt: skip
+        found["torque", name, angle] = most = abs(law(x.T)).max()
+        calm = DT * (1 + np.flatnonzero(abs(x * [1.0, 1.0, I1, I2]).max(1) > 0.05)[-1])
+        print(f"{name:8} from {angle} rad: (q, p) below 0.05 from {calm:5.2f} s on, torque up to {most:5.1f} N m")
     found["H_d"] = shaped(found["IDA-PBC", 3.0].T)
     print(f"H_d falls from {found['H_d'][0]:.3f} to {found['H_d'][-1]:.3f}, rises by {np.diff(found['H_d']).max():.0e}")
     if save:
         figure, axes = picture(2, width=9.0)
         for name, angle in (("IDA-PBC", 3.0), ("LQR", 3.0)):
-            y = found[name, angle][:, 0]
-            axes[0].plot(DT * np.arange(len(y)), y, linewidth=0.9, label=f"{name} from {angle} rad")
+            axes[0].plot(DT * np.arange(len(found["H_d"])), found[name, angle][:, 0], linewidth=0.9, label=name)
         axes[0].set(xlabel="t [s]", ylabel="angle of the pendulum [rad]")
         axes[0].legend(fontsize="small")
         axes[1].plot(DT * np.arange(len(found["H_d"])), found["H_d"])

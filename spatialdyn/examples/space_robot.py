@@ -65,7 +65,9 @@ def main(save: str | None = None) -> dict[str, Any]:
     if save:
         figure, axes = picture()
         for name, y in found.items():
-            axes.plot(np.linspace(0.0, 1.0, STEPS + 1), np.degrees(y), label=name, linestyle="--" if "1 s" in name else "-")
+            axes.plot(
+                np.linspace(0.0, 1.0, STEPS + 1), np.degrees(y), label=name, linestyle="--" if "1 s" in name else "-"
+            )
         axes.set(xlabel="part of the cycle", ylabel="angle of the base [degrees]")
         axes.legend(fontsize="small")
         write(figure, save)

@@ -1,7 +1,7 @@
 """Swing-up of a pendulum and of a cart-pole by their energy, the cart-pole caught by an LQR.
 
-Learn    a law of one's own in a loop of sd.step; sd.linearize and sd.lqr make the gains that catch, and xᵀPx of the same
-         Riccati solution says when to: inside its ellipsoid.
+Learn    a law of one's own in a loop of sd.step; sd.linearize and sd.lqr make the gains that catch, and xᵀPx of the
+         same Riccati solution says when to: inside its ellipsoid.
 Look at  the times: the pendulum, whose motor is too weak to lift it, has the energy of the upright rest at 5.55 s, the
          cart-pole is caught after a few swings. Energy alone pumps: v (E - E*) < 0 is all that the law knows.
 Needs    pip install scipy

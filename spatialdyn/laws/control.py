@@ -67,6 +67,7 @@ class Control:
     """
 
     checks: tuple[Callable[[Model], None], ...] = ()  # of a model that the law meets
+    smooth = False  # whether its torque is known to have derivatives, so that a closed step may be judged by them
 
     def __init__(self, spec: Spec, values: Mapping[str, Any] | None = None, held: bool | float = False) -> None:
         """Check the Spec, and keep copies of the values."""
@@ -108,7 +109,9 @@ class Control:
         laws = (self, other)
         spec, names = total(tuple(x.spec for x in laws), tuple(x.held for x in laws))
         values = {named[x]: y for law, named in zip(laws, names, strict=True) for x, y in law.values.items()}
-        return Control.of(spec, values, self.static + other.static, False, self.checks + other.checks)
+        made = Control.of(spec, values, self.static + other.static, False, self.checks + other.checks)
+        made.smooth = self.smooth and other.smooth
+        return made
 
     def limited_by(self, limits: ArrayLike) -> Control:
         """This law with its torques within -limits to limits (nv,), above 0 [N m | N]: effort limits, as of a Model.
@@ -119,7 +122,9 @@ class Control:
         if most.ndim != 1 or not (most > 0.0).all():
             raise SimulationError(f"limits is {most.tolist()}, expected (nv,) numbers above 0")
         values = {**self.values, LIMITS.name: most}
-        return Control.of(limited(self.spec), values, self.static, self.held, self.checks)
+        made = Control.of(limited(self.spec), values, self.static, self.held, self.checks)
+        made.smooth = self.smooth
+        return made
 
     def __call__(
         self, model: Model, t: ArrayLike, q: ArrayLike, v: ArrayLike, tau: ArrayLike | None = None,

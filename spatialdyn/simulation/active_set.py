@@ -164,11 +164,11 @@ class ActiveSet:
         """What is left of the equations of the states."""
         found = [momentum]
         for p in range(self.points):
-            k = slice(3 * p, 3 * p + 3)
             if names[p] == SEPARATES:
-                found.append(self.own[k] * self.impulse[k])
+                rows = slice(3 * p, 3 * p + 3)
+                found.append(self.own[rows] * self.impulse[rows])
             elif names[p] == STICKS:
-                found.append(u[k])
+                found.append(u[3 * p : 3 * p + 3])
             else:
                 direction, _ = self.direction(p, u)
                 f = self.impulse[3 * p + 1 : 3 * p + 3] + self.mu[p] * self.impulse[3 * p] * direction

@@ -174,12 +174,14 @@ class _Steps:
         """Their derivatives by those of "q", "v", "x" that are named."""
         given = [np.ascontiguousarray(y) for y in self._inputs(x, impulse, reaction)]
         names = [y.name for y in self.laws.spec.present if not y.static]
-        unit, along_unit = np.eye(len(moving) * self.nv), {}
+        unit = np.eye(len(moving) * self.nv)
+        along_unit: dict[str, Array | int] = {}
         for k, name in enumerate(moving):
             part = unit[k * self.nv : (k + 1) * self.nv]
             along_unit[name] = np.broadcast_to(part, (self.n, self.nv, len(unit)))
         tangents: list[Array | int] = [
-            along_unit.get(name, self.nv if name == "q" else y.shape[1]) for name, y in zip(names, given, strict=True)
+            along_unit.get(name, self.nv if name == "q" else int(y.shape[1]))
+            for name, y in zip(names, given, strict=True)
         ]
         return self._split(along(self.laws.model, self.laws.spec, given, tangents, self.laws.static))
 

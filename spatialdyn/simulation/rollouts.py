@@ -29,6 +29,7 @@ from .plan import Inputs, plan_of, way_of
 from .rollout_result import Rollout
 from .scene import Scene, effects_in_scene, scene_of, warn_of_friction
 from .states import run_states
+from .stiff_laws import warn_of_stiff_law
 
 Array = NDArray[Any]
 
@@ -66,7 +67,7 @@ def rollout(
     dtype   float64, or float32: faster, with errors of some 1e-6 a step; numbers below its range, 1e-38, are flushed to
             0, and robots with inertias outside 1e-18 to 1e18 (kg, kg m²) are computed in float64
     check   whether a state that is not finite is an error, and friction or a contact that is not solved; if not, it
-            stays
+            stays. Also whether a law of the library that is too stiff for dt is warned of, as in ``simulate``
     control  a Control, whose torque is added to tau; its values may have axes of samples and steps
     states   {name: (B, ...) or (...)}  states beside q and v at the beginning, of the control law and "bristles": those
              left out start as their Spec says
@@ -132,6 +133,8 @@ def rollout(
             check_springs(model, method, now[0][0], float(dt))
         if model.nq != model.nv:
             calls["potential_energy"](model, now[0])  # raises ConfigurationError naming the joint
+        if check:
+            warn_of_stiff_law(plan, control, (now[0][0], now[1][0]), tau_rows, float(dt))
         run_samples(plan, initial, now, tau_rows, records, (float(dt), T, every), check)
     single = single and all(len(x) == 1 for x in initial.starts)
     if isinstance(record, str):

@@ -35,6 +35,7 @@ from .plan import Inputs, Way, plan_of, way_of
 from .recorder import Recorder, Steps, exploded, scale_of
 from .scene import Scene, effects_in_scene, scene_of, warn_of_friction
 from .states import run_states
+from .stiff_laws import warn_of_stiff_law
 from .torques import Torque, check_force, torque_of
 from .trajectory import Trajectory
 
@@ -84,7 +85,9 @@ def simulate(
               gaps and residuals, ``trajectory.contacts``
     progress  True for a bar (needs rich), or a function of the number of steps done and their total
     rtol, atol  tolerances of dop853 and radau
-    control   a ``Control``: a law whose torque is added to ``torque``, with states of its own
+    control   a ``Control``: a law whose torque is added to ``torque``, with states of its own. Of a law of the library
+              that is too stiff for dt a warning names the joint, once: there errors grow in a step of an explicit
+              method as the motion has none (for PD where ω h is 2 √(1 + ζ²) - 2 ζ or more, ``largest_step``)
     states    {name: array}  states beside q and v at the beginning: of the control law, "bristles" and, if recorded,
               work. Those left out start as their Spec says; ``Trajectory.end`` has those of a run that is to go on
     fext      external forces that vary, beside those of the scene: (steps, njoints, 6), each held over its step, or a
@@ -290,6 +293,7 @@ def _run(run: _Run, duration: float, dt: float, torque: Any, fext: Any) -> Traje
     plan = plan_of(scene, method.name, (q, v), fixed, run.wanted.work, run.wanted.contacts, inputs)
     initial = plan.unstarted if run.states is None else run_states(model, plan.states, plan.tables, run.states)
     recorder = Recorder(plan, steps, _every(run.wanted.every, steps.total), initial)
+    warn_of_stiff_law(plan, run.control, (q, v), np.zeros((1, 1, model.nv)), steps.dt, 5)
     recorder.put(q, p if recorder.moves_p else v, np.full(model.nv, np.nan))  # its torque may never be computed
     try:
         if torque is None:

@@ -95,7 +95,7 @@ def scene_derivatives(
             check_start(scene, q)
         effects = of_run(scene.with_(fext=None), constrained, False, held)
         if scene.solves:
-            laws = laws_of(model, effects, scene.touching, pushed is not None)
+            laws = laws_of(model, effects, scene.unilateral, pushed is not None)
             found = by_impulses(laws, q, v, tau, steps, pushed, batch, sound)
             made[sound], labels = found.derivatives, laws.labels
         else:

@@ -285,5 +285,39 @@ def test_a_closed_step_is_stable_below_the_bound_and_names_its_joint() -> None:
     assert sd.closed_step(arm, stiff, np.zeros(6), np.zeros(6), 0.02, "semi_implicit_euler").joint == arm.joints[6].name
 
 
+@pytest.mark.parametrize("call", ["simulate", "rollout"])
+def test_a_law_too_stiff_for_its_step_is_warned_of_once_by_joint(call: str) -> None:
+    """At the bound of one joint without gravity; not of a law that lets a pendulum fall, which is no fault of dt."""
+    solid = (1.0, (0.0, 0.0, 0.5), 0.1 * np.eye(3))
+    model = sd.ModelBuilder("rod").add_body("rod", None, axis=(0, 0, 1), inertia=solid).build()
+    inertia, h = float(sd.crba(model, [0.0])[0, 0]), 0.01 if call == "simulate" else 0.02
+
+    def run(law: sd.Control, dt: float = h, check: bool = True) -> None:
+        if call == "simulate":
+            sd.simulate(model, [0.0], [0.0], 3 * dt, dt, "semi_implicit_euler", control=law)
+        else:
+            sd.rollout(model, np.zeros((2, 1)), [0.0], dt=dt, steps=3, control=law, check=check)
+
+    def law(part: float, zeta: float) -> sd.Control:
+        Kp, Kd = sd.critical_gains(part * float(sd.largest_step(1.0, zeta)) / h, zeta)
+        return sd.PD([inertia * float(Kp)], [inertia * float(Kd)], [0.0])
+
+    for zeta in (0.1, 0.7):
+        run(law(0.999, zeta))  # warnings are errors here
+        stiff = law(1.001, zeta)
+        if call == "rollout":
+            run(stiff, check=False)
+        said = rf'too stiff for steps of {h:g} s .* joint "rod.*or a dt of {0.5 * h:g} s'
+        with pytest.warns(UserWarning, match=said):
+            run(stiff)
+        run(stiff)
+        run(stiff, 0.5 * h)
+    with pytest.warns(UserWarning, match="too stiff"):
+        run((stiff + sd.Gravity()).limited_by([50.0]))
+    falling = sd.ModelBuilder("falling").add_body("rod", None, axis=(0, 1, 0), inertia=solid).build()
+    for method in ("rk4", "semi_implicit_euler"):
+        sd.simulate(falling, [0.0], [0.0], 0.2, 0.05, method, control=sd.PD([0.1], [0.01], [0.0]))
+
+
 def test_the_stiffness_of_gravity_is_that_of_the_notes() -> None:
     assert sd.gravity_stiffness_bound(sd.load_urdf("ur5"), 20000) == pytest.approx(64.4, abs=1.0)

@@ -175,8 +175,8 @@ def converged(
 
 @inline_unoptimized
 def terms(system: System, c: float, first: int) -> float:
-    """Size of what rounds in the half of z that starts at ``first``: of positions 1, the robot's length or a radian, and
-    of momenta the change by the torque over a time c, which forces of the robot may balance.
+    """Size of what rounds in the half of z that starts at ``first``: of positions 1, the robot's length or a radian,
+    and of momenta the change by the torque over a time c, which forces of the robot may balance.
     """
     n, size = len(system.tau), 0.0
     if first == 0:
