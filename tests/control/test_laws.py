@@ -307,7 +307,8 @@ def test_a_law_too_stiff_for_its_step_is_warned_of_once_by_joint(call: str) -> N
         stiff = law(1.001, zeta)
         if call == "rollout":
             run(stiff, check=False)
-        with pytest.warns(UserWarning, match=rf'too stiff for steps of {h:g} s .* joint "rod.*or a dt of {0.5 * h:g} s'):
+        words = rf'too stiff for steps of {h:g} s .* joint "rod.*or a dt of {0.5 * h:g} s'
+        with pytest.warns(UserWarning, match=words):
             run(stiff)
         run(stiff)
         run(stiff, 0.5 * h)
