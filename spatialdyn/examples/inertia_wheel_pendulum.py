@@ -1,7 +1,7 @@
 """An inertia-wheel pendulum: raised by IDA-PBC, with a proof, and by an LQR, without one.
 
 Learn    interconnection and damping assignment makes another Hamiltonian system of this one, H_d = ½ pᵀ M_d⁻¹ p + V_d;
-         what the wheel cannot push has to match by itself, a condition that the tests hold in symbols. sd.lqr asks for
+         what the wheel cannot push has to match by itself, a condition that the tests hold in symbols. sd.lqr takes
          nothing but A and B, and knows nothing far from them.
 Look at  H_d, which falls all the way: that is why the pendulum comes up from 3 rad. The LQR brings it up from there
          too, sooner and with four times the torque, and no line of its theory says that it will.

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Hashable
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -22,7 +24,6 @@ HALVINGS = 10  # of dt: the errors of a step of a thousandth of it are those of 
 GROWTH, ROUNDING = 1.1, 1e-6  # beyond what the motion lets errors grow; beyond 1 where they change their sign each step
 MOST = 8  # sets of numbers that are judged of one kind of law: loops that plan make a new one each time
 REFERENCES = ("q_ref", "v_ref", "a_ref", "hold", "centre", "way", "times", "coefficients", "scale", "cosines", "sines")
-_judged: dict[Any, set[bytes]] = {}
 
 
 def warn_of_stiff_law(
@@ -40,7 +41,7 @@ def warn_of_stiff_law(
         return
     kind = plan.model.key, plan.method, plan.structure, dt
     gains = b"".join(x.tobytes() for name, x in control.values.items() if not name.startswith(REFERENCES))
-    seen = _judged.setdefault(kind, set())
+    seen = _judged(kind)
     if gains in seen or len(seen) >= MOST:
         return
     seen.add(gains)
@@ -53,6 +54,12 @@ def warn_of_stiff_law(
             f'{size:.4g} in each, most in joint "{joint}", where the motion itself has {own:.4g}; {cure}',
             stacklevel=level,
         )
+
+
+@lru_cache(maxsize=256)
+def _judged(kind: Hashable) -> set[bytes]:
+    """Numbers that have been judged of laws of a kind."""
+    return set()
 
 
 def _growth(
