@@ -9,6 +9,7 @@ on disk by then, is the one that counts: its processor time, start of Python and
 
 from __future__ import annotations
 
+import argparse
 import inspect
 import json
 import os
@@ -64,9 +65,12 @@ def shrink(path: Path) -> None:
 
 def main() -> None:
     """Measure the examples that are named, or all, and write what was found."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("names", nargs="*", metavar="NAME", help="examples; all if none is named")
+    names = parser.parse_args().names
     PICTURES.mkdir(parents=True, exist_ok=True)
     found = json.loads(TIMES.read_text(encoding="utf-8")) if TIMES.exists() else {"examples": {}}
-    for name in sys.argv[1:] or gallery.names():
+    for name in names or gallery.names():
         try:
             found["examples"][name] = measured(name)
             print(name, found["examples"][name], flush=True)

@@ -9,13 +9,13 @@ it is printed again, not that it is right.
 
 from __future__ import annotations
 
+import argparse
 import contextlib
 import io
 import json
 import os
 import re
 import shutil
-import sys
 import tempfile
 from pathlib import Path
 from typing import Any
@@ -170,7 +170,11 @@ def shrink(path: Path, to: Path) -> None:
 
 def main() -> None:
     """Write the page of figures, or fill pages."""
-    names = blocks.pages() if sys.argv[1:] == ["--all"] else sys.argv[1:]
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("pages", nargs="*", metavar="PAGE", help="pages to fill; the page of figures if none is named")
+    parser.add_argument("--all", action="store_true", help="fill all pages")
+    asked = parser.parse_args()
+    names = blocks.pages() if asked.all else asked.pages
     if not names:
         PAGE.write_text(figures(), encoding="utf-8")
     for name in names:

@@ -49,9 +49,7 @@ def main(save: str | None = None) -> dict[str, Any]:
     before, after = (np.sort(abs(np.linalg.eigvals(x)))[::-1] for x in (a, a - b @ gain.K))
     print(f"feet: {', '.join(f'{name} {state}' for name, state in zip(found.labels, found.active, strict=True))}")
     print(f"{2 * n} states, of which {len(a)} keep the feet in place, and stay there to {left:.0e}")
-    print(
-        f"largest eigenvalues of a step: {before[:3].round(5)} with torques that are held, {after[:3].round(5)} by LQR"
-    )
+    print(f"largest eigenvalues of a step: {before[:3].round(5)}, torques held, {after[:3].round(5)}, by LQR")
 
     push = np.zeros((STEPS, model.njoints, 6))
     push[:PUSHED, 1, :3] = 0.25 * sd.total_mass(model) * 9.81 * np.array([0.5, 0.8, 0.0])

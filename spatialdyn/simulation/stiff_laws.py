@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ..calls.dynamics import calls
 from ..engines.programs.run import time_loop
 from ..laws.control import Control, recorded
-from ..laws.law_specs import OWN_INPUT
+from ..laws.law_specs import in_step
 from ..recursions.control.paths import CLOCK
 from .plan import Plan
 from .steps import step_specs
@@ -37,7 +37,7 @@ def warn_of_stiff_law(
     """
     if control is None or not control.smooth or control.axes(plan.model) or not plan.is_program or plan.scene.solves:
         return
-    if {x.name for x in (*plan.states,)} - {OWN_INPUT + CLOCK.name} or not all(np.isfinite(x).all() for x in start):
+    if {x.name for x in (*plan.states,)} - {in_step(CLOCK.name)} or not all(np.isfinite(x).all() for x in start):
         return
     kind = plan.model.key, plan.method, plan.structure, dt
     gains = b"".join(x.tobytes() for name, x in control.values.items() if not name.startswith(REFERENCES))
