@@ -216,7 +216,12 @@ def _kernel(
     specs = step_specs(method, effects, works, forced)
     if not recording.fits(specs, model.bodies, static=static):
         return None
-    return step_kernel(specs, model, static, dtype, one=one, by_content=find(effects, Feedback) is not None)
+    return step_kernel(specs, model, static, dtype, one=one, by_content=any(map(_is_users, effects)))
+
+
+def _is_users(effect: Effect) -> bool:
+    """Whether the package's own sources, which kept code is named by, do not say what an effect computes."""
+    return isinstance(effect, Feedback) or not type(effect).__module__.startswith(f"{__name__.partition('.')[0]}.")
 
 
 @lru_cache(maxsize=batch_kernels.CACHE_SIZE)

@@ -97,9 +97,9 @@ def free_of(
     constrained = None
     for effect in acting:
         made = effect.torque(at, q, v)
-        if made is not None and effect.work is not None:
-            powers[effect.work.name] = made * v
+        if made is not None:
             tau = tau + made
+            powers |= {} if effect.work is None else {effect.work.name: made * v}
         if isinstance(effect, Constrained):
             constrained = effect
     if constrained is None:
