@@ -134,18 +134,19 @@ class Constrained(Effect):
             a[:], force, residual, rank = by_rows(constrained.MOTION, model, held, *values)
             self.check_rank(rank, at.given[RANK.name])
             if first and residual > CONTRADICTS:
-                self._raise_contradiction(q, v, tau, residual, at)
+                self.raise_contradiction(q, v, tau, residual, at)
             return force
         made = at.evaluate(constrained.MOTION, q=q, v=v, tau=tau)
         self._judge_motion(at, made, chosen, first)
         a[:] = made["a"]
         return made["force"]
 
-    def _raise_contradiction(self, q: Any, v: Any, tau: Any, residual: float, at: Any) -> None:
-        """Raise ConstraintError, with the names of equations that contradict others if a call finds them."""
+    def raise_contradiction(self, q: Any, v: Any, tau: Any, residual: float, at: Any) -> None:
+        """Raise ConstraintError: equations that contradict others by name if a call finds them, or another rank."""
         held, time = self.constraints, None if self.rate is None else 1.0 / self.rate
         q, v, tau = (np.array(x, float) for x in (q, v, tau))
-        constrained_motion(held.model, held, q, v, tau, time, fext=_forces(at))
+        found = constrained_motion(held.model, held, q, v, tau, time, fext=_forces(at))
+        self.check_rank(int(found.rank), at.given[RANK.name])
         raise ConstraintError(
             f"equations of {', '.join(x.label for x in held)} contradict each other by {residual:.2g} of the "
             "motion, expected fewer constraints, or a state that meets them"
@@ -169,7 +170,7 @@ class Constrained(Effect):
             if known[CHOSEN] is None:
                 self.check_rank(int(out[-1]), at.given[RANK.name])
             elif out[-2] > CONTRADICTS:
-                self._raise_contradiction(at.given["q"], at.given["v"], tau, out[-2], at)
+                self.raise_contradiction(at.given["q"], at.given["v"], tau, out[-2], at)
             return out[:n], out[n : 2 * n], out[2 * n : -2]
         made = at.evaluate(HELD_BRISTLES, tau=tau)
         self._judge_motion(at, made, at.given.get(CHOSEN), True)

@@ -19,9 +19,8 @@ from ...calls.dynamics import calls
 from ...calls.failures import joint_of_velocity
 from ...constraints.contact_dynamics import contact_gaps
 from ...constraints.contact_points import Contacts
-from ...constraints.dynamics import constrained_motion
 from ...engines.programs.record.recording import MOST_TABLE
-from ...errors import ConstraintError, SimulationError
+from ...errors import SimulationError
 from ...recursions.contact.contact import CONTACT_STEP, CONTACT_STEP_OVER
 from ...recursions.contact.contact_rows import CONTACTS_ARGUMENT, HEIGHTS_ARGUMENT, MU, RESTITUTION
 from ...recursions.contact.impulse_step import START as IMPULSES
@@ -200,16 +199,7 @@ class Contact(Effect):
             constrained.judge(at, residual, rank, CONTRADICTS)
             return
         if residual > CONTRADICTS:
-            given, held = at.given, constrained.constraints
-            time = None if constrained.rate is None else 1.0 / constrained.rate
-            q, v, torque = (np.array(x, float) for x in (given["q"], given["v"], tau))
-            constrained_motion(
-                held.model, held, q, v, torque, time, fext=given.get(FEXT.name)
-            )  # raises, with their names
-            raise ConstraintError(
-                f"equations of {', '.join(x.label for x in held)} contradict each other by {residual:.2g} of the "
-                "motion, expected fewer constraints, or a state that meets them"
-            )
+            constrained.raise_contradiction(at.given["q"], at.given["v"], tau, residual, at)
         if np.isfinite(rank):
             constrained.check_rank(int(rank), at.given["rank"])
 
