@@ -133,7 +133,7 @@ def rollout(
             check_springs(model, method, now[0][0], float(dt))
         if model.nq != model.nv:
             calls["potential_energy"](model, now[0])  # raises ConfigurationError naming the joint
-        if check:
+        if check and control is not None:
             warn_of_stiff_law(plan, control, (now[0][0], now[1][0]), tau_rows, float(dt))
         run_samples(plan, initial, now, tau_rows, records, (float(dt), T, every), check)
     single = single and all(len(x) == 1 for x in initial.starts)

@@ -293,7 +293,8 @@ def _run(run: _Run, duration: float, dt: float, torque: Any, fext: Any) -> Traje
     plan = plan_of(scene, method.name, (q, v), fixed, run.wanted.work, run.wanted.contacts, inputs)
     initial = plan.unstarted if run.states is None else run_states(model, plan.states, plan.tables, run.states)
     recorder = Recorder(plan, steps, _every(run.wanted.every, steps.total), initial)
-    warn_of_stiff_law(plan, run.control, (q, v), np.zeros((1, 1, model.nv)), steps.dt, 5)
+    if run.control is not None:
+        warn_of_stiff_law(plan, run.control, (q, v), np.zeros((1, 1, model.nv)), steps.dt, 5)
     recorder.put(q, p if recorder.moves_p else v, np.full(model.nv, np.nan))  # its torque may never be computed
     try:
         if torque is None:

@@ -27,7 +27,7 @@ REFERENCES = ("q_ref", "v_ref", "a_ref", "hold", "centre", "way", "times", "coef
 
 
 def warn_of_stiff_law(
-    plan: Plan, control: Control | None, start: tuple[Array, Array], tau: Array | None, dt: float, level: int = 4
+    plan: Plan, control: Control, start: tuple[Array, Array], tau: Array | None, dt: float, level: int = 4
 ) -> None:
     """Warn, once for a law, scene and dt, of errors that grow in a step of an explicit method as the motion has none.
 
@@ -35,7 +35,7 @@ def warn_of_stiff_law(
 
     Judged are smooth laws of this library whose numbers are those of all samples and steps, in scenes without impulses.
     """
-    if control is None or not control.smooth or control.axes(plan.model) or not plan.is_program or plan.scene.solves:
+    if not control.smooth or control.axes(plan.model) or not plan.is_program or plan.scene.solves:
         return
     if {x.name for x in (*plan.states,)} - {in_step(CLOCK.name)} or not all(np.isfinite(x).all() for x in start):
         return
