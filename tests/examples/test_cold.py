@@ -17,7 +17,7 @@ from spatialdyn.examples import gallery
 MOST_SECONDS = 30.0  # of CPU, most of it LLVM's: 20 on a quiet machine, more where others share its cores
 # of an implicit method, the table kernel of aba_square_root, and a solver of its own: 21 to 26 on two shared cores
 HEAVY = {"double_pendulum": 45.0, "price_of_a_digit": 45.0, "ilqr": 50.0}
-# these compile what double_pendulum does, an implicit method of a robot, and next to nothing else: 24 s each, as it takes
+# what they compile is what double_pendulum compiles, an implicit method of a robot: 24 s, as it takes
 ALIKE = {"troubleshooting", "spinning_top", "last_exercise_5_single_body", "exercise_5_hamilton"}
 SCRIPT = """
 import resource, subprocess, sys
