@@ -19,7 +19,8 @@ A spring from a joint to the world, whole:
             k = at.given["world_stiffness"]
             return np.array([-k[i] * q[i] for i in range(len(v))], v.dtype)
 
-It acts in every method, in programs and by kernels, and its work is in the ledger.
+It acts in every method, in programs and by kernels. Its work is recorded; the ledger shows works that ``effects.work``
+names.
 """
 
 from __future__ import annotations
