@@ -120,6 +120,7 @@ if TYPE_CHECKING:
     from .lagrangian.symbolic_manipulator import SymbolicManipulator
     from .laws.control import Control
     from .laws.cost import Cost
+    from .linearization.step_derivatives import linearize, step_derivatives
     from .model.builder import ModelBuilder
     from .model.transmission import Transmission
     from .pictures.comparison_plots import plot
@@ -132,7 +133,6 @@ if TYPE_CHECKING:
     from .simulation.runs import hamilton_simulation, simulate
     from .simulation.scene import Scene
     from .simulation.single_step import step
-    from .simulation.step_derivatives import linearize, step_derivatives
     from .simulation.trajectory import Trajectory
     from .sources.load import load
     from .sources.mjmodel import from_mjmodel
@@ -201,21 +201,22 @@ _LATE = {  # {module: public names}, imported when one is asked for: half the ti
     "lagrangian.check_conservation": "check_conservation", "lagrangian.conserved": "conserved_quantities",
     "lagrangian.coriolis_constructions": "ChristoffelC verify_skew_symmetry",
     "lagrangian.hamiltonian": "hamilton_equations poisson_bracket",
-    "lagrangian.symbolic_manipulator": "SymbolicManipulator", "model.builder": "ModelBuilder",
+    "lagrangian.symbolic_manipulator": "SymbolicManipulator",
+    "linearization.step_derivatives": "linearize step_derivatives", "model.builder": "ModelBuilder",
     "model.transmission": "Transmission", "urdf.transmissions": "read_transmissions",
     "pictures.comparison_plots": "plot", "pictures.view": "view",
     "laws.control": "Control", "laws.cost": "Cost", "simulation.contact_record": "ContactRecord",
     "simulation.ledger": "EnergyLedger energy_ledger",
     "simulation.methods.methods": "integrators", "simulation.rollout_result": "Rollout",
     "simulation.rollouts": "rollout", "simulation.runs": "hamilton_simulation simulate", "simulation.scene": "Scene",
-    "simulation.single_step": "step", "simulation.step_derivatives": "linearize step_derivatives",
-    "simulation.trajectory": "Trajectory", "sources.load": "load", "sources.mjmodel": "from_mjmodel",
-    "sources.to_mjcf": "to_mjcf", "sources.to_urdf": "to_urdf", "validate.comparison": "compare_with_pinocchio",
+    "simulation.single_step": "step", "simulation.trajectory": "Trajectory", "sources.load": "load",
+    "sources.mjmodel": "from_mjmodel", "sources.to_mjcf": "to_mjcf", "sources.to_urdf": "to_urdf",
+    "validate.comparison": "compare_with_pinocchio",
 }  # fmt: skip
 _MODULE_OF = {name: module for module, names in _LATE.items() for name in names.split()}
 _ROOMS = (
-    "accuracy", "actuation", "constraints", "control", "interop", "lagrangian", "laws", "pictures", "sources",
-    "simulation", "validate",
+    "accuracy", "actuation", "constraints", "control", "interop", "lagrangian", "laws", "linearization", "pictures",
+    "sources", "simulation", "validate",
 )  # fmt: skip
 
 

@@ -132,7 +132,8 @@ GROUPS = {
 # where a name that no group lists goes, by the package that it is of
 BY_PACKAGE = {
     "accuracy": "accuracy", "actuation": "actuation", "calls": "dynamics", "constraints": "constraints",
-    "control": "control", "interop": "conversion", "laws": "control", "lagrangian": "mechanics", "model": "robots",
+    "control": "control", "interop": "conversion", "laws": "control", "lagrangian": "mechanics",
+    "linearization": "derivatives", "model": "robots",
     "pictures": "pictures", "recursions": "dynamics", "simulation": "simulation", "sources": "robots",
     "urdf": "robots", "identification": "identification", "studies": "simulation", "operational": "control",
 }  # fmt: skip

@@ -34,11 +34,11 @@ from ..recursions.contact.impulse_balance import Balance, impulse_balance_spec
 from ..recursions.contact.impulse_step import impulse_step_spec
 from ..recursions.joints.friction import FRICTION_STEP
 from ..recursions.spec import Spec, shape_in
+from ..simulation.effects.constraints import Constrained
+from ..simulation.effects.contacts import Contact
+from ..simulation.effects.effect import find
+from ..simulation.effects.friction import DryFriction
 from .active_set import ActiveSet
-from .effects.constraints import Constrained
-from .effects.contacts import Contact
-from .effects.effect import find
-from .effects.friction import DryFriction
 from .tangents import along, run
 
 Array = NDArray[Any]

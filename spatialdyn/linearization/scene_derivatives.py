@@ -15,17 +15,17 @@ from ..errors import SimulationError
 from ..recursions import SPECS
 from ..recursions.derivatives.step_derivatives import MOTION
 from ..recursions.spec import FEXT, TAU, Argument, Q, V
-from .effects import of_run
-from .effects.constraints import constrained_of
-from .effects.contacts import check_start
-from .effects.friction import LUGRE
+from ..simulation.effects import of_run
+from ..simulation.effects.constraints import constrained_of
+from ..simulation.effects.contacts import check_start
+from ..simulation.effects.friction import LUGRE
+from ..simulation.methods.methods import EXPLICIT_METHODS, integrators
+from ..simulation.plan import Plan
+from ..simulation.rollouts import rollout
+from ..simulation.scene import Scene, check_method
+from ..simulation.steps import step_specs
 from .impulse_derivatives import derivatives as by_impulses
 from .impulse_derivatives import laws_of
-from .methods.methods import EXPLICIT_METHODS, integrators
-from .plan import Plan
-from .rollouts import rollout
-from .scene import Scene, check_method
-from .steps import step_specs
 from .tangents import along
 
 Array = NDArray[np.float64]

@@ -19,22 +19,22 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...calls.dynamics import calls
-from ...calls.failures import sample_of
-from ...engines.compiled import numba_kernels
-from ...errors import SimulationError
-from ...model.model import Model
-from ...recursions import SPECS
-from ...recursions.momenta.canonical_coordinates import CHARTS, SLOPE
-from ...recursions.momenta.discrete_momenta import MOMENTA
-from ...recursions.spec import Spec
-from ..compiled_loop import compile_loop, drive
-from ..fixed_steps import failure_message
-from ..system import State, System, held_torque, joint_table, units
-from ..tangents import along, run
-from .methods import DISCRETE, Method
-from .mimic_kernels import mimic_kernels
-from .symplectic import GAUSS2, GAUSS4, GAUSS6, Tableau
+from ..calls.dynamics import calls
+from ..calls.failures import sample_of
+from ..engines.compiled import numba_kernels
+from ..errors import SimulationError
+from ..model.model import Model
+from ..recursions import SPECS
+from ..recursions.momenta.canonical_coordinates import CHARTS, SLOPE
+from ..recursions.momenta.discrete_momenta import MOMENTA
+from ..recursions.spec import Spec
+from ..simulation.compiled_loop import compile_loop, drive
+from ..simulation.fixed_steps import failure_message
+from ..simulation.methods.methods import DISCRETE, Method
+from ..simulation.methods.mimic_kernels import mimic_kernels
+from ..simulation.methods.symplectic import GAUSS2, GAUSS4, GAUSS6, Tableau
+from ..simulation.system import State, System, held_torque, joint_table, units
+from .tangents import along, run
 
 Array = NDArray[Any]
 TABLEAUX = {"implicit_midpoint": GAUSS2, "gauss4": GAUSS4, "gauss6": GAUSS6}
