@@ -36,7 +36,7 @@ from .errors import (
     UrdfError,
 )
 from .model.model import Frame, Joint, Model, assemble
-from .model.robot import Robot, Rotor
+from .model.robot import JointLimits, Robot, Rotor
 from .urdf.load import load_urdf
 
 if TYPE_CHECKING:
@@ -148,25 +148,24 @@ __all__ = [
     "ConstrainedImpact", "ConstrainedMotion", "ConstraintError", "Constraints", "ContactRecord", "ContactStep",
     "ContactWrench", "Contacts", "Control", "Cost", "CouplerConstraint", "Diagnosis", "DistanceConstraint",
     "EnergyLedger", "EnergyShaping", "Exact", "Finding", "Frame", "Friction", "Gains", "Gravity", "Heightfield",
-    "HingeConstraint", "IKResult", "Impact", "InertiaError", "Joint", "LQR", "LyapunovRecord", "Mobility", "Model",
-    "ModelBuilder", "ModelError", "MomentumObserver", "Motor", "NonFiniteError", "Option", "PD", "PDGravity",
-    "PDPlus", "Passivity", "PassivityRecord", "Path", "PathPeaks", "PathPoint", "Plane", "PointConstraint",
-    "Promise", "Recommendation", "Requirement", "Robot", "RollingConstraint", "Rollout", "Rotor", "Scene",
-    "ShapeError", "SimulationError", "SimulationInterrupt", "SpatialDynError", "Specialized", "StateFeedback",
-    "SymbolicManipulator", "Tradeoff", "Trajectory", "Transmission", "UrdfError", "VelocityConstraint",
-    "WeldConstraint", "assemble", "base_velocity", "bounded", "check_conservation", "close_loops", "closed_step",
-    "compare_with_pinocchio", "compile", "conserved_quantities", "constrained_dynamics",
-    "constrained_dynamics_derivatives", "constraint_drift", "constraint_error", "constraint_jacobian",
-    "contact_gaps", "contact_step", "contact_wrench", "critical_gains", "delassus", "detection_thresholds",
-    "diagnose", "energy_ledger", "exact", "forward_dynamics", "fourier", "friction_regressor", "friction_torque",
-    "from_drake", "from_mjmodel", "from_mujoco", "from_pinocchio", "gravity_stiffness_bound", "hamilton_equations",
-    "hamilton_simulation", "impact", "independent_joints", "integrators", "kernels", "largest_step", "linearize",
-    "load", "load_urdf", "lqr", "lyapunov", "mobility", "momentum_observer_step", "passivity", "plot",
-    "poisson_bracket", "project_configuration", "project_velocity", "quintic", "random_configuration",
-    "read_transmissions", "recommend", "requires", "rollout", "simplify", "simulate", "solve_ik", "specialize",
-    "spline", "spring_energy", "spring_torque", "step", "step_derivatives", "to_actuators", "to_drake", "to_joints",
-    "to_mjcf", "to_mujoco", "to_urdf", "torque_limits", "trade", "trapezoid", "verify_skew_symmetry", "view",
-    "wrench_at",
+    "HingeConstraint", "IKResult", "Impact", "InertiaError", "Joint", "JointLimits", "LQR", "LyapunovRecord",
+    "Mobility", "Model", "ModelBuilder", "ModelError", "MomentumObserver", "Motor", "NonFiniteError", "Option", "PD",
+    "PDGravity", "PDPlus", "Passivity", "PassivityRecord", "Path", "PathPeaks", "PathPoint", "Plane", "PointConstraint",
+    "Promise", "Recommendation", "Requirement", "Robot", "RollingConstraint", "Rollout", "Rotor", "Scene", "ShapeError",
+    "SimulationError", "SimulationInterrupt", "SpatialDynError", "Specialized", "StateFeedback", "SymbolicManipulator",
+    "Tradeoff", "Trajectory", "Transmission", "UrdfError", "VelocityConstraint", "WeldConstraint", "assemble",
+    "base_velocity", "bounded", "check_conservation", "close_loops", "closed_step", "compare_with_pinocchio", "compile",
+    "conserved_quantities", "constrained_dynamics", "constrained_dynamics_derivatives", "constraint_drift",
+    "constraint_error", "constraint_jacobian", "contact_gaps", "contact_step", "contact_wrench", "critical_gains",
+    "delassus", "detection_thresholds", "diagnose", "energy_ledger", "exact", "forward_dynamics", "fourier",
+    "friction_regressor", "friction_torque", "from_drake", "from_mjmodel", "from_mujoco", "from_pinocchio",
+    "gravity_stiffness_bound", "hamilton_equations", "hamilton_simulation", "impact", "independent_joints",
+    "integrators", "kernels", "largest_step", "linearize", "load", "load_urdf", "lqr", "lyapunov", "mobility",
+    "momentum_observer_step", "passivity", "plot", "poisson_bracket", "project_configuration", "project_velocity",
+    "quintic", "random_configuration", "read_transmissions", "recommend", "requires", "rollout", "simplify", "simulate",
+    "solve_ik", "specialize", "spline", "spring_energy", "spring_torque", "step", "step_derivatives", "to_actuators",
+    "to_drake", "to_joints", "to_mjcf", "to_mujoco", "to_urdf", "torque_limits", "trade", "trapezoid",
+    "verify_skew_symmetry", "view", "wrench_at",
 ]  # fmt: skip
 
 _LATE = {  # {module: public names}, imported when one is asked for: half the time of an import

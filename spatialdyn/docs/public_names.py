@@ -25,8 +25,8 @@ GROUPS = {
     "robots": Group(
         "Load, build and change robots",
         "From a file, from another library, or without a file; and back to a file.",
-        "load load_urdf from_mjmodel from_pinocchio ModelBuilder Model Frame Joint Rotor Robot assemble to_urdf "
-        "to_mjcf total_mass inertial_parameters",
+        "load load_urdf from_mjmodel from_pinocchio ModelBuilder Model Frame Joint JointLimits Rotor Robot assemble "
+        "to_urdf to_mjcf total_mass inertial_parameters",
     ),
     "dynamics": Group(
         "Inverse and forward dynamics",
