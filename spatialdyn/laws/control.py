@@ -7,7 +7,6 @@ by its name, so that another law of the same name does not meet an old kernel.
 
 from __future__ import annotations
 
-import hashlib
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -19,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..calls.arguments import as_array, as_number, broadcast, check_model, core_shape
 from ..engines.compiled import numba_kernels
-from ..engines.programs.record import recording, structure
+from ..engines.programs.record import recording
 from ..engines.programs.record.recording import Recording
 from ..engines.programs.run import batch_kernels
 from ..errors import NonFiniteError, ShapeError, SimulationError
@@ -230,20 +229,12 @@ def shown(given: Any) -> str:
 
 
 @lru_cache(maxsize=32)
-def recorded(
-    specs: tuple[Spec, ...], model: Model, static: tuple[Any, ...], dtype: np.dtype
-) -> tuple[Recording | None, str]:
-    """The recording of Specs that have a control law in them, and the digest of its content: their key in caches.
-
-    None if a joint has zero articulated inertia.
-    """
+def recorded(specs: tuple[Spec, ...], model: Model, static: tuple[Any, ...], dtype: np.dtype) -> Recording | None:
+    """The recording of Specs that have a control law in them; None if a joint has zero articulated inertia."""
     try:
-        made = recording.record(specs, model.bodies, static, dtype=dtype)
+        return recording.record(specs, model.bodies, static, dtype=dtype)
     except ZeroDivisionError:
-        return None, model.key
-    found = hashlib.sha256(structure.digest(*made).encode())
-    found.update(structure.Numbers(*made).values(np.float64).tobytes())
-    return made, found.hexdigest()
+        return None
 
 
 def law_torques(
@@ -263,31 +254,18 @@ def _torques_of(control: Control, model: Model, given: Mapping[str, Array], samp
     inputs = [
         given[x.name].reshape((samples, math.prod(given[x.name].shape[1:]))) for x in spec.present if not x.static
     ]
-    made = recorded((spec,), model, control.static, np.dtype(np.float64))[0]
+    made = recorded((spec,), model, control.static, np.dtype(np.float64))
     if made is None:
         raise SimulationError(f'law "{control.spec.name}" divides by an inertia that is 0')
     out, left = np.empty((samples, model.nv)), np.arange(samples)
     if samples >= FROM and not numba_kernels.PLAIN:
-        kernel = step_kernel((spec,), model, control.static, by_content=True)
+        kernel: Any = batch_kernels.kernel((spec,), model.bodies, model.key, control.static, recorded=made)
         left = kernel([np.ascontiguousarray(x) for x in inputs], (out,))
     if len(left):
         with np.errstate(all="ignore"):
             found = made.program.run([y for x in inputs for y in x[left].T])
         out[left] = np.stack([np.broadcast_to(np.asarray(x, float), len(left)) for x in found[: model.nv]], 1)
     return out
-
-
-def step_kernel(
-    specs: tuple[Spec, ...], model: Model, static: tuple[Any, ...], dtype: Any = np.float64, one: bool = False,
-    by_content: bool = False,
-) -> Any:  # fmt: skip
-    """The kernel of a step's Specs, None if a joint has zero articulated inertia; by content if a law is in them."""
-    if not by_content:
-        return batch_kernels.kernel(specs, model.bodies, model.key, static, dtype=dtype, one=one)
-    made, key = recorded(specs, model, static, np.dtype(dtype))
-    if made is None:
-        return None
-    return batch_kernels.kernel(specs, model.bodies, key, static, dtype=dtype, one=one, recorded=made)
 
 
 @lru_cache(maxsize=64)

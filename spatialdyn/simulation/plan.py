@@ -19,7 +19,7 @@ from ..calls.specialize import specialize
 from ..calls.specialized import Specialized
 from ..engines.programs.record import recording
 from ..engines.programs.run import batch_kernels
-from ..laws.control import step_kernel
+from ..laws.control import recorded
 from ..model.model import Model
 from ..recursions.spec import Argument
 from .effects import of_run, work
@@ -216,12 +216,8 @@ def _kernel(
     specs = step_specs(method, effects, works, forced)
     if not recording.fits(specs, model.bodies, static=static):
         return None
-    return step_kernel(specs, model, static, dtype, one=one, by_content=any(map(_is_users, effects)))
-
-
-def _is_users(effect: Effect) -> bool:
-    """Whether the package's own sources, which kept code is named by, do not say what an effect computes."""
-    return isinstance(effect, Feedback) or not type(effect).__module__.startswith(f"{__name__.partition('.')[0]}.")
+    made = None if specs[0].stamped else recorded(specs, model, static, dtype)  # which a check of the law has too
+    return batch_kernels.kernel(specs, model.bodies, model.key, static, dtype=dtype, one=one, recorded=made)
 
 
 @lru_cache(maxsize=batch_kernels.CACHE_SIZE)

@@ -327,7 +327,7 @@ def step_specs(
         Spec(
             f"{label}_{x.name}", state_after(k), None, given, replace(x, name=f"{x.name}_after", unit_norm=False),
             "A step of a rollout.", "see explicit", regroup=feedback is None or feedback.spec.regroup,
-            composed=True,
+            composed=True, stamped=all(x.stamped for x in acting),
         )
         for k, x in enumerate((Q, V, *own))
     )  # fmt: skip

@@ -67,9 +67,7 @@ def _growth(
 ) -> tuple[str, float, float, float | None] | None:
     """The joint, the growth of errors in a step, that of the motion, and a step that would do; None if all is well."""
     model, n = plan.model, plan.model.nv
-    made = recorded(step_specs(plan.method, plan.structure, (), tau is not None), model, plan.tables, np.dtype(float))[
-        0
-    ]
+    made = recorded(step_specs(plan.method, plan.structure, (), tau is not None), model, plan.tables, np.dtype(float))
     if made is None:
         return None
     times = dt * 0.5 ** np.arange(HALVINGS + 1.0)

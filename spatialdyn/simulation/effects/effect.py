@@ -9,7 +9,7 @@ A spring from a joint to the world, whole:
         stiffness: Array  # (nv,) [N m/rad | N/m]
         name = "world spring"
         inputs = (Argument("world_stiffness", ("nv",), "N m/rad | N/m", "to the world"),)
-        work = Argument("work_world_spring", ("nv",), "J", "of the springs to the world", start=0.0)
+        work = work_of("world_spring", ("nv",), "of the springs to the world")
 
         @property
         def values(self):
@@ -19,8 +19,7 @@ A spring from a joint to the world, whole:
             k = at.given["world_stiffness"]
             return np.array([-k[i] * q[i] for i in range(len(v))], v.dtype)
 
-It acts in every method, in programs and by kernels. Its work is recorded; the ledger shows works that ``effects.work``
-names.
+It acts in every method, in programs and by kernels; its work is recorded, and the ledger shows it as "world_spring".
 """
 
 from __future__ import annotations
@@ -30,6 +29,7 @@ from typing import Any
 from numpy.typing import NDArray
 
 from ...bodies.static_table import StaticTable
+from ...engines.compiled.stamp import covers
 from ...recursions.spec import Argument
 from ..arithmetic import Arithmetic
 
@@ -45,9 +45,11 @@ class Effect:
     states  that the run carries from step to step
     work    the state of its work; None if it does none
     form    what a step depends on beside the inputs and states
+    drives  whether it may add to the energy, by which runs are else found to diverge
     """
 
     name = ""
+    drives = True
 
     @property
     def inputs(self) -> tuple[Argument, ...]:
@@ -78,6 +80,11 @@ class Effect:
     def tables(self) -> tuple[StaticTable, ...]:
         """Of the inputs that are tables, in their order."""
         return ()
+
+    @property
+    def stamped(self) -> bool:
+        """Whether the stamp of the package's sources covers what it adds to a program, which is then kept by name."""
+        return covers(type(self))
 
     @property
     def solves(self) -> bool:
