@@ -411,7 +411,7 @@ def impulse_step_spec(has: frozenset[str]) -> Spec:
         "_".join(["impulse_step", *(x for x in ALL if x in has)]), impulse_step, WORK, inputs,
         Argument("result", (width,), "", ", ".join(x.name for x in parts)),
         "A step of the velocities under contact, limits, dry friction and constraints.",
-        "see ``recursions.contact.impulse_step``", pivots=True, regroup=True, composed=True,
+        "see ``recursions.contact.impulse_step``", pivots=True, regroup=True, composed=True, as_program=True,
         scratch=(Impulses(), HeldScratch() if HOLDS in has else None),
         parts=parts,
     )  # fmt: skip
