@@ -55,6 +55,7 @@ class JointFriction(Effect):
 
     friction: Friction
     name = "friction"
+    drives = False
     way = ""
     inputs: ClassVar[tuple[Argument, ...]] = LAW
     work = work.FRICTION

@@ -29,6 +29,7 @@ class Drive(Effect):
     motor: Motor
     given: str
     name = "motor"
+    drives = False  # beyond the torques that are wanted
 
     @property
     def inputs(self) -> Any:
