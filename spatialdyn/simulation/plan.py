@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..calls.arguments import core_shape
-from ..calls.dynamics import calls
+from ..calls.dynamics import python_calls
 from ..calls.specialize import specialize
 from ..calls.specialized import Specialized
 from ..engines.programs.record import recording
@@ -222,7 +222,7 @@ def _kernel(
 
 @lru_cache(maxsize=batch_kernels.CACHE_SIZE)
 def _specialized(model: Model, names: tuple[str, ...]) -> Specialized:
-    return specialize(model, [calls[name] for name in names])
+    return specialize(model, [python_calls[name] for name in names])  # builtins would be made for their names alone
 
 
 # --- of a run -------------------------------------------------------------------------------------------

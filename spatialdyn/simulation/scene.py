@@ -18,7 +18,6 @@ from ..constraints.dynamics import stabilization_time
 from ..constraints.table import Constraints, check_constraints
 from ..errors import NonFiniteError, ShapeError, SimulationError, SpatialDynError
 from ..model.model import Model
-from ..sources import declared_scene, scene_toml
 from .effects import of_scene
 from .effects.effect import Effect
 from .effects.friction import IMPLICIT, STEPPED
@@ -136,6 +135,8 @@ class Scene:
         >>> sd.Scene.of(builder.build()).friction
         <Friction of each freedom: coulomb [0.], viscous [0.1], static [0.]>
         """
+        from ..sources import declared_scene
+
         model = model.model if isinstance(model, Scene) else check_model(model)  # itself, not an equal one
         return cls(model, **declared_scene.options_of(model))
 
@@ -156,10 +157,14 @@ class Scene:
         >>> scene.acts, sd.Scene.from_toml(model, scene.to_toml()) == scene
         (('contacts', 'limits'), True)
         """
+        from ..sources import scene_toml
+
         return cls(scene_of(model).model, **scene_toml.read(model, text))
 
     def to_toml(self) -> str:
         """The scene, without its model, as a TOML text, which ``from_toml`` reads to the same bits."""
+        from ..sources import scene_toml
+
         return scene_toml.write(self._given(), DEFAULTS)
 
     def with_(self, **changes: Any) -> Scene:

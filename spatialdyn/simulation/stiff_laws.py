@@ -40,9 +40,8 @@ def warn_of_stiff_law(
     if {x.name for x in (*plan.states,)} - {in_step(CLOCK.name)} or not all(np.isfinite(x).all() for x in start):
         return
     kind = plan.model.key, plan.method, plan.structure, dt
-    gains = b"".join(x.tobytes() for name, x in control.values.items() if not name.startswith(REFERENCES))
     seen = _judged(kind)
-    if gains in seen or len(seen) >= MOST:
+    if len(seen) >= MOST or (gains := _gains(control)) in seen:
         return
     seen.add(gains)
     found = _growth(plan, start, tau, dt)
@@ -54,6 +53,12 @@ def warn_of_stiff_law(
             f'{size:.4g} in each, most in joint "{joint}", where the motion itself has {own:.4g}; {cure}',
             stacklevel=level,
         )
+
+
+@lru_cache(maxsize=32)
+def _gains(control: Control) -> bytes:
+    """The numbers of a law, its references left out; of one and the same law once."""
+    return b"".join(x.tobytes() for name, x in control.values.items() if not name.startswith(REFERENCES))
 
 
 @lru_cache(maxsize=256)
