@@ -29,8 +29,10 @@ def spec_of(call: Any) -> Spec | None:
     if isinstance(named, Spec):
         return named
     name = getattr(call, "__name__", None)
-    known = [dict.get(made, name) for made in (public, python_calls)]  # made at their first use: this makes none
-    return SPECS[name] if isinstance(name, str) and name in SPECS and any(x is call for x in known) else None
+    if not isinstance(name, str) or name not in SPECS:
+        return None
+    known = (public.get(name), python_calls.get(name))  # made at their first use: get makes none
+    return SPECS[name] if any(x is call for x in known) else None
 
 
 def specs_of(calls: Any) -> tuple[Spec, ...]:

@@ -97,6 +97,7 @@ def laws_of(model: Model, effects: tuple[Any, ...], touching: Any, forced: bool)
         table, heights = contact.table, contact.contacts.tables[1:]
         names = [contact.label(k) for k in range(len(table.rows) - 1)]
     else:
+        assert rubs is not None  # what is solved for and is no contact
         coulomb, _, static, _ = rubs.friction.law
         table = touching.with_dry((coulomb > 0.0) | (static > 0.0))
         named = Contact(touching, False, table, rubs.way)

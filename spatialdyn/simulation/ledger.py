@@ -96,15 +96,15 @@ def energy_ledger(trajectory: Trajectory) -> EnergyLedger:
         raise SimulationError(f"trajectory is a {type(trajectory).__name__}, expected a Trajectory of simulate")
     own = () if trajectory.scene is None else (x.work for x in trajectory.scene.effects if x.work is not None)
     shapes = {x.name: x.shape for x in (*works.KNOWN, *own)}
-    found = {name: trajectory.states[name] for name in shapes if name in trajectory.states}
-    if not found:
+    states = {name: trajectory.states[name] for name in shapes if name in trajectory.states}
+    if not states:
         raise SimulationError('trajectory has no work, expected one of simulate(..., record="work")')
-    kinds = {name: name.removeprefix(works.PREFIX) for name in found}
-    work = {kinds[name]: x - x[:1] for name, x in found.items()}
+    kinds = {name: name.removeprefix(works.PREFIX) for name in states}
+    work = {kinds[name]: x - x[:1] for name, x in states.items()}
     energy = trajectory.energy if trajectory.spring_energy is None else trajectory.energy - trajectory.spring_energy
     change = energy - energy[:1]
     error = change - sum(x.sum(axis=1) for x in work.values())
-    labels = {kinds[name]: _labels(kinds[name], shapes[name], x.shape[1], trajectory) for name, x in found.items()}
+    labels = {kinds[name]: _labels(kinds[name], shapes[name], x.shape[1], trajectory) for name, x in states.items()}
     return EnergyLedger(trajectory.t, change, work, labels, error, trajectory.robot, trajectory.method)
 
 

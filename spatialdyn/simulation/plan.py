@@ -50,12 +50,12 @@ class Way(NamedTuple):
 
 def way_of(scene: Scene, method: Any) -> Way:
     """The method of a run, None for that of the scene. Raises SpatialDynError, SimulationError."""
-    known = scene._plans.get(method) if method is None or isinstance(method, str) else None
-    if known is None:
+    kept = scene._plans.get(method) if method is None or isinstance(method, str) else None
+    if kept is None:
         name = check_method(scene, scene.method if method is None else method, integrators)
-        found = Way(integrators[name], any(isinstance(x, (SmoothFriction, Springs)) for x in scene.effects))
-        known = scene._plans.setdefault(method, found)
-    return known  # type: ignore[no-any-return]
+        way = Way(integrators[name], any(isinstance(x, (SmoothFriction, Springs)) for x in scene.effects))
+        kept = scene._plans.setdefault(method, way)
+    return kept  # type: ignore[no-any-return]
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,32 +98,29 @@ class Plan:
     @cached_property
     def feedback(self) -> Feedback | None:
         """The control law."""
-        found: Feedback | None = find(self.effects, Feedback)
-        return found
+        return find(self.effects, Feedback)
 
     @cached_property
     def constrained(self) -> Constrained | None:
         """The constraints."""
-        found: Constrained | None = find(self.effects, Constrained)
-        return found
+        return find(self.effects, Constrained)
 
     @cached_property
     def contact(self) -> Contact | None:
         """What acts by impulses."""
-        found: Contact | None = find(self.effects, Contact)
-        return found
+        return find(self.effects, Contact)
 
     @cached_property
     def work(self) -> tuple[Argument, ...]:
         """The states of the work that is recorded. Symplectic methods integrate no work of constraints: it is 0."""
         if not self.works:
             return ()
-        found = [x.work for x in self.effects if x.work is not None]
+        works = [x.work for x in self.effects if x.work is not None]
         if self.constrained is not None and self.method not in (*EXPLICIT_METHODS, *SCIPY_METHODS):
-            found.remove(work.CONSTRAINTS)
+            works.remove(work.CONSTRAINTS)
         elif self.constrained is not None and self.constrained.projects:
-            found.append(work.PROJECTION)
-        return (work.TORQUE, *found)
+            works.append(work.PROJECTION)
+        return (work.TORQUE, *works)
 
     @cached_property
     def states(self) -> tuple[Argument, ...]:
@@ -159,8 +156,8 @@ class Plan:
     def _cores(self) -> dict[str, tuple[int, ...]]:
         """Shapes of the inputs that are no tables."""
         tables = [x for x in self.tables if hasattr(x, "sizes")]
-        found = (x for effect in self.effects for x in effect.inputs if x.name in self.values)
-        return {x.name: core_shape(self.model, x, tables) for x in found}
+        inputs = (x for effect in self.effects for x in effect.inputs if x.name in self.values)
+        return {x.name: core_shape(self.model, x, tables) for x in inputs}
 
     def given(self, sample: int, step: int) -> dict[str, Any]:
         """The inputs of one step of one sample, by name."""
@@ -178,7 +175,7 @@ class Plan:
 
     def failure(self, states: dict[str, Array], dt: float, t: float) -> str:
         """What is wrong with the steps until t, by states (flat) after them; "" if nothing is."""
-        return next((found for x in self.judged if (found := x.failure(states, dt, t))), "")
+        return next((reason for x in self.judged if (reason := x.failure(states, dt, t))), "")
 
     # --- programs ---------------------------------------------------------------------------------------
 

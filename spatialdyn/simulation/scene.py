@@ -187,8 +187,8 @@ class Scene:
     @property
     def acts(self) -> tuple[str, ...]:
         """Names of what acts: of ``EFFECTS``, and "springs"."""
-        found = [name for name in EFFECTS if getattr(self, name) is not None and getattr(self, name) is not False]
-        return (*found, *(x.name for x in self.effects if x.name == "springs"))
+        names = [name for name in EFFECTS if getattr(self, name) is not None and getattr(self, name) is not False]
+        return (*names, *(x.name for x in self.effects if x.name == "springs"))
 
     @property
     def unilateral(self) -> Contacts:
@@ -262,8 +262,8 @@ def scene_of(given: Any) -> Scene:
     """A scene as it is, or that of a Model on which nothing else acts. Raises ModelError."""
     if isinstance(given, Scene):
         return given
-    found = _bare(check_model(given))
-    return found if found.model is given else Scene(given)  # models of the same numbers may be of two files
+    bare = _bare(check_model(given))
+    return bare if bare.model is given else Scene(given)  # models of the same numbers may be of two files
 
 
 @functools.lru_cache(maxsize=64)

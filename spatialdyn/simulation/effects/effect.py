@@ -24,7 +24,7 @@ It acts in every method, in programs and by kernels; its work is recorded, and t
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, TypeVar
 
 from numpy.typing import NDArray
 
@@ -34,6 +34,7 @@ from ...recursions.spec import Argument
 from ..arithmetic import Arithmetic
 
 Array = NDArray[Any]
+Kind = TypeVar("Kind", bound="Effect")
 Forces = dict[str, Any]  # by names of states of work: torques (nv,), or functions of the way h (v + v⁺)/2 to the work
 
 
@@ -129,6 +130,6 @@ class Effect:
         return hash(self._key)
 
 
-def find(acting: tuple[Effect, ...], kind: type[Any]) -> Any:
+def find(acting: tuple[Effect, ...], kind: type[Kind]) -> Kind | None:
     """The effect of that class; None if there is none."""
     return next((x for x in acting if isinstance(x, kind)), None)
