@@ -37,8 +37,6 @@ SHARE = 10**9 if numba_kernels.PLAIN else 128  # least samples of a thread: some
 FEW, FEW_NUMBERS = 512, 1 << 20  # most samples, and numbers of their results, that NumPy computes in some 10 ms to 1 s
 FEW_ALONE = 16  # of a recursion that branches on values, which takes them one by one, 1 to 20 ms each
 MOST_STEPS = 200_000  # rows of the table times numbers of a result, 2 us each at most, that NumPy is given
-    200_000  # rows of the table times numbers of a result, 2 us each at most, beyond which NumPy takes too long
-)
 MANY = 8192  # samples of a batch to prepare for
 _lock = locks.new()
 STATIC = "rows" if numba_kernels.PLAIN else "address"  # the attribute of a StaticTable that kernels take
