@@ -20,7 +20,7 @@ EXTRAS: dict[str, tuple[str, ...]] = {  # the packages of each extra of pyprojec
     "mujoco": ("mujoco",),
     "ros": ("xacrodoc",),
     "descriptions": ("robot_descriptions",),
-    "cluster": ("dask[distributed]",),
+    "cluster": ("dask", "distributed"),
     "docs": ("sphinx", "myst-parser", "furo"),
 }
 

@@ -19,12 +19,14 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from ..calls.arguments import as_finite, as_flag
 from ..errors import StudyError
 
 Array = NDArray[Any]
 State = dict[str, Array]
 MANTISSA = 52  # bits of a float64
 MOST_BITS = 20
+MOST = 2**62  # samples
 
 
 class Reduction(Protocol):
@@ -78,6 +80,9 @@ class Moments:
 
     output: str
 
+    def __post_init__(self) -> None:
+        names_of("output", [self.output])
+
     def of(self, arrays: Mapping[str, Array], first: int) -> State:
         """The state of a chunk."""
         x = numbers(arrays, self.output, first)
@@ -89,6 +94,7 @@ class Moments:
 
     def merge(self, a: State, b: State) -> State:
         """Of both."""
+        _check(("count", "mean", "squares", "least", "greatest"), a, b)
         n, m = a["count"], b["count"]
         change = b["mean"] - a["mean"]
         return {
@@ -101,6 +107,7 @@ class Moments:
 
     def finish(self, state: State) -> Statistics:
         """The ``Statistics``."""
+        _check(("count", "mean", "squares", "least", "greatest"), state)
         count = int(state["count"])
         return Statistics(count, state["mean"], np.asarray(state["squares"] / count), state["least"], state["greatest"])
 
@@ -128,10 +135,12 @@ class Quantiles:
     bits: int = 10
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "at", tuple(float(x) for x in np.atleast_1d(self.at)))
-        if not self.at or not all(0.0 <= x <= 1.0 for x in self.at):
-            raise StudyError(f"at is {self.at}, expected quantiles in [0, 1]")
-        if self.bits not in range(1, MOST_BITS + 1):
+        names_of("output", [self.output])
+        at = np.atleast_1d(as_finite("at", self.at))
+        if at.ndim > 1 or not len(at) or not ((at >= 0.0) & (at <= 1.0)).all():
+            raise StudyError(f"at is {self.at!r}, expected quantiles in [0, 1]")
+        object.__setattr__(self, "at", tuple(at.tolist()))
+        if not is_whole(self.bits, 1) or self.bits > MOST_BITS:
             raise StudyError(f"bits is {self.bits!r}, expected 1 to {MOST_BITS}")
 
     def of(self, arrays: Mapping[str, Array], first: int) -> State:
@@ -145,6 +154,7 @@ class Quantiles:
 
     def merge(self, a: State, b: State) -> State:
         """Of both."""
+        _check(("column", "code", "count", "shape"), a, b)
         column, code, count = (np.concatenate([a[name], b[name]]) for name in ("column", "code", "count"))
         return self._counted(column, code, count, a["shape"])
 
@@ -162,6 +172,7 @@ class Quantiles:
 
     def finish(self, state: State) -> Array:
         """The quantiles (len(at), ...)."""
+        _check(("column", "code", "count", "shape"), state)
         shape = tuple(int(k) for k in state["shape"])
         made = np.empty((len(self.at), int(np.prod(shape))))
         for k in range(made.shape[1]):
@@ -218,8 +229,10 @@ class Worst:
     least: bool = False
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "beside", (self.beside,) if isinstance(self.beside, str) else tuple(self.beside))
-        if isinstance(self.count, bool) or not isinstance(self.count, (int, np.integer)) or self.count < 1:
+        names_of("output", [self.output])
+        object.__setattr__(self, "beside", names_of("beside", self.beside))
+        object.__setattr__(self, "least", as_flag("least", self.least))
+        if not is_whole(self.count, 1):
             raise StudyError(f"count is {self.count!r}, expected a number of samples, at least 1")
 
     def of(self, arrays: Mapping[str, Array], first: int) -> State:
@@ -232,6 +245,7 @@ class Worst:
 
     def merge(self, a: State, b: State) -> State:
         """Of both."""
+        _check(("value", "sample"), a, b)
         return self._first({name: np.concatenate([a[name], b[name]]) for name in a})
 
     def _first(self, state: State) -> State:
@@ -240,6 +254,7 @@ class Worst:
 
     def finish(self, state: State) -> Extremes:
         """The ``Extremes``."""
+        _check(("value", "sample"), state)
         return Extremes(state["value"], state["sample"], {name: state[f"beside {name}"] for name in self.beside})
 
 
@@ -263,6 +278,9 @@ class TallQR:
 
     output: str
 
+    def __post_init__(self) -> None:
+        names_of("output", [self.output])
+
     def of(self, arrays: Mapping[str, Array], first: int) -> State:
         """The state of a chunk."""
         x = numbers(arrays, self.output, first)
@@ -272,10 +290,12 @@ class TallQR:
 
     def merge(self, a: State, b: State) -> State:
         """Of both."""
+        _check(("R",), a, b)
         return {"R": _triangle(np.concatenate([a["R"], b["R"]]))}
 
     def finish(self, state: State) -> Array:
         """R (c, c)."""
+        _check(("R",), state)
         return state["R"]
 
 
@@ -288,6 +308,26 @@ def _triangle(rows: Array) -> Array:
     return made
 
 
+def names_of(what: str, given: Any) -> tuple[str, ...]:
+    """Names of outputs, or one, as a tuple. Raises StudyError."""
+    names = (given,) if isinstance(given, str) else given
+    if not isinstance(names, (tuple, list)) or not all(isinstance(x, str) and x for x in names):
+        raise StudyError(f"{what} is {given!r}, expected names of outputs")
+    return tuple(names)
+
+
+def is_whole(x: Any, least: int) -> bool:
+    """Whether it is an integer from ``least`` to MOST."""
+    return isinstance(x, (int, np.integer)) and not isinstance(x, bool) and least <= int(x) <= MOST
+
+
+def _check(names: tuple[str, ...], *states: Any) -> None:
+    """Raise StudyError unless they are states, which have arrays of these names."""
+    for x in states:
+        if not isinstance(x, dict) or not all(isinstance(x.get(name), (np.ndarray, np.generic)) for name in names):
+            raise StudyError(f"a state is {x!r}, expected what of() or merge() returned")
+
+
 def array_of(arrays: Mapping[str, Array], name: str) -> Array:
     """An output by name. Raises StudyError."""
     if name not in arrays:
@@ -297,7 +337,11 @@ def array_of(arrays: Mapping[str, Array], name: str) -> Array:
 
 def numbers(arrays: Mapping[str, Array], name: str, first: int) -> Array:
     """An output as finite float64. Raises StudyError that names a sample."""
-    given = array_of(arrays, name)
+    if not isinstance(arrays, Mapping):
+        raise StudyError(f"arrays is {arrays!r}, expected a dict of arrays (n, ...)")
+    if not is_whole(first, 0):
+        raise StudyError(f"first is {first!r}, expected the number of a sample")
+    given = np.asarray(array_of(arrays, name))
     if given.dtype.kind not in "fiub":
         raise StudyError(f"{name} has dtype {given.dtype}, expected real numbers")
     x = given.astype(np.float64, copy=False)

@@ -11,13 +11,13 @@ from typing import Any
 
 import numpy as np
 
-from ..calls.arguments import check_model
+from ..calls.arguments import as_flag, check_model
 from ..calls.progress import Progress, Steps, check_progress, reporting
 from ..errors import StudyError
 from ..simulation.scene import Scene
 from .chunks import Function, Job, Outcome, host_of, manifest_of, path_of, run_chunk
 from .folder import Folder, Stored
-from .reductions import merged, reductions_of
+from .reductions import is_whole, merged, names_of, reductions_of
 
 AHEAD = 256  # chunks that an executor is given before they are done
 TRIES = 3  # of a chunk whose worker is lost
@@ -89,7 +89,7 @@ class Study:
         if not isinstance(scene, Scene):
             check_model(scene)
         for name, value, least in (("samples", samples, 1), ("chunk", chunk, 1), ("seed", seed, 0)):
-            if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < least:
+            if not is_whole(value, least):
                 raise StudyError(f"{name} is {value!r}, expected an integer, at least {least}")
         self._job = Job(
             fn, scene, int(samples), int(chunk), int(seed), path_of(folder), _names(keep), reductions_of(reduce),
@@ -190,7 +190,7 @@ class Study:
 
         Raises  StudyError for chunks that are missing, with what the first of them raised
         """
-        states = self._states(partial)
+        states = self._states(as_flag("partial", partial))
         return {label: x.finish(states[label]) for label, x in self._job.reductions.items()}
 
     def digest(self) -> str:
@@ -233,9 +233,9 @@ class Study:
 
 
 def _names(keep: Any) -> tuple[str, ...]:
-    given = (keep,) if isinstance(keep, str) else tuple(keep)
+    given = names_of("keep", keep)
     for name in given:
-        if not isinstance(name, str) or not name.isidentifier() or name in RESERVED:
+        if not name.isidentifier() or name in RESERVED:
             raise StudyError(f"keep holds {name!r}, expected names of outputs, no {', '.join(RESERVED)}")
     return given
 

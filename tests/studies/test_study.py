@@ -287,6 +287,7 @@ print(study.digest())
 """
 
 
+@pytest.mark.slow(quick="test_a_study_is_taken_up_where_it_ended")
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGKILL")
 def test_a_study_killed_twice_has_the_digest_of_one_that_was_not(whole: sd.Study, tmp_path: Path) -> None:
     code = SCRIPT.format(tests=str(Path(__file__).parent))
