@@ -171,7 +171,7 @@ class Control:
             for name, y in given.items()
         }
         for name, y in self.rows(model, 1, 1).items():
-            rows[own_name(name)] = np.broadcast_to(y[0], (size, y.shape[2]))
+            rows[own_name(name)] = y[0]
         return _torques_of(self, model, rows, size).reshape(*batch, n)
 
     def axes(self, model: Model) -> dict[str, tuple[int, ...]]:
@@ -260,33 +260,39 @@ def law_torques(
 def _torques_of(control: Control, model: Model, given: Mapping[str, Array], samples: int) -> Array:
     """The law's torques (samples, nv) by rows of its inputs."""
     spec = _torque(control.spec)
-    inputs = [
-        given[x.name].reshape((samples, math.prod(given[x.name].shape[1:]))) for x in spec.present if not x.static
-    ]
+    found = [given[x.name] for x in spec.present if not x.static]
+    inputs = [x.reshape((len(x), math.prod(x.shape[1:]))) for x in found]
     made = recorded((spec,), model, control.static, np.dtype(np.float64))[0]
     if made is None:
         raise SimulationError(f'law "{control.spec.name}" divides by an inertia that is 0')
     out, left = np.empty((samples, model.nv)), np.arange(samples)
     if samples >= FROM and not numba_kernels.PLAIN:
-        kernel = step_kernel((spec,), model, control.static, by_content=True)
-        left = kernel([np.ascontiguousarray(x) for x in inputs], (out,))
+        common = tuple(k for k, x in enumerate(inputs) if len(x) == 1)
+        if all(np.isfinite(inputs[k]).all() for k in common):
+            kernel = step_kernel((spec,), model, control.static, by_content=True, common=common)
+            left = kernel([np.ascontiguousarray(x) for x in inputs], (out,))
     if len(left):
         with np.errstate(all="ignore"):
-            found = made.program.run([y for x in inputs for y in x[left].T])
-        out[left] = np.stack([np.broadcast_to(np.asarray(x, float), len(left)) for x in found[: model.nv]], 1)
+            results = made.program.run([y for x in inputs for y in (x[left] if len(x) > 1 else x).T])
+        out[left] = np.stack([np.broadcast_to(np.asarray(x, float), len(left)) for x in results[: model.nv]], 1)
     return out
 
 
 def step_kernel(
     specs: tuple[Spec, ...], model: Model, static: tuple[Any, ...], dtype: Any = np.float64, one: bool = False,
-    by_content: bool = False,
+    by_content: bool = False, common: tuple[int, ...] = (),
 ) -> Any:  # fmt: skip
-    """The kernel of a step's Specs, None if a joint has zero articulated inertia; by content if a law is in them."""
+    """The kernel of a step's Specs, None if a joint has zero articulated inertia; by content if a law is in them.
+
+    common  indices of inputs with one row, of finite numbers, for all samples; only by content
+    """
     if not by_content:
         return batch_kernels.kernel(specs, model.bodies, model.key, static, dtype=dtype, one=one)
     made, key = recorded(specs, model, static, np.dtype(dtype))
     if made is None:
         return None
+    if common:
+        made, key = Recording(made.program, replace(made.layout, common=common)), f"{key} {common}"
     return batch_kernels.kernel(specs, model.bodies, key, static, dtype=dtype, one=one, recorded=made)
 
 

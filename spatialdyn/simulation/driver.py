@@ -47,7 +47,7 @@ def run_samples(
             reason = _alone(plan, initial, start, held, rows, steps, b)
         if reason and check:
             raise SimulationError(f"sample {b}: {reason}{several}")
-    if check and plan.states and records[0].shape[1]:
+    if check and plan.judged and records[0].shape[1]:
         _check_solved(plan, records, dt, every)
 
 
