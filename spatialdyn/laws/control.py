@@ -135,13 +135,12 @@ class Control:
         tau     (..., nv)  torque of the arguments, of laws that read it; zero if left out
         states  {name: (..., size)}  the law's own, which otherwise are as at the beginning; its clock is t
 
-        Raises ShapeError, NonFiniteError; SimulationError for a law whose values have axes of steps or samples.
+        Of a law whose values have an axis of samples (B,) they are of those samples. Raises ShapeError, NonFiniteError;
+        SimulationError for a law whose values have an axis of steps.
         """
-        n = check_model(model).nv
-        if self.axes(model):
-            raise SimulationError(
-                f"values of {', '.join(self.axes(model))} have axes of steps, expected none in a call"
-            )
+        n, axes = check_model(model).nv, self.axes(model)
+        if stepped := [name for name, lead in axes.items() if lead[-1] != 1]:
+            raise SimulationError(f"values of {', '.join(stepped)} have axes of steps, expected none in a call")
         when, zero = as_array("t", t), np.zeros(n)
         given = {
             Q.name: as_array("q", q),
@@ -164,14 +163,15 @@ class Control:
             if not np.isfinite(y).all():
                 raise NonFiniteError(f"{name} has numbers that are not finite, expected finite ones")
         leads = {name: y.shape[: y.ndim - len(cores[name])] for name, y in given.items()}
+        leads |= {name: lead[:-1] for name, lead in axes.items()}
         batch = broadcast(["t", *leads], [when.shape, *leads.values()])
-        size = math.prod(batch)
-        rows = {
-            name: np.broadcast_to(y, batch + cores[name]).reshape(size, math.prod(cores[name]))
-            for name, y in given.items()
-        }
-        for name, y in self.rows(model, 1, 1).items():
-            rows[own_name(name)] = y[0]
+        size, rows = math.prod(batch), {}
+        for name, y in given.items():
+            one, columns = math.prod(leads[name]) == 1, math.prod(cores[name])  # a row for all samples, or one for each
+            whole = y if one else np.broadcast_to(y, batch + cores[name])
+            rows[name] = whole.reshape(1 if one else size, columns)
+        for name, y in self.rows(model, size, 1).items():
+            rows[own_name(name)] = np.ascontiguousarray(y[:, 0])
         return _torques_of(self, model, rows, size).reshape(*batch, n)
 
     def axes(self, model: Model) -> dict[str, tuple[int, ...]]:
@@ -253,7 +253,7 @@ def law_torques(
     """The law's torques (N, nv) in samples of a run, at the beginning of these steps (N,); tau is that of arguments."""
     given: dict[str, Array] = {Q.name: q, V.name: v, TAU.name: tau, DT.name: np.full((len(q), 1), dt), **states}
     for name, rows in control.rows(model, 1, total).items():
-        given[own_name(name)] = rows[0, np.minimum(steps, rows.shape[1] - 1)]
+        given[own_name(name)] = rows[0] if rows.shape[1] == 1 else rows[0, np.minimum(steps, rows.shape[1] - 1)]
     return _torques_of(control, model, given, len(q))
 
 
