@@ -36,7 +36,7 @@ class Law(Control):
         """Of the Spec of a law, its gains by name, and a Path, or arrays q_ref, v_ref and a_ref by name."""
         if isinstance(reference, Path):
             self.path = reference
-            spec, values, self.static = following(core, reference.spec), {**gains, **reference.values}, ()
+            spec, values, self.static = following(core, reference.spec), {**gains, **reference.rows}, ()
             self.checks = (reference.check_model,)
         else:
             given = {**gains, **{name: x for name, x in reference.items() if x is not None}}

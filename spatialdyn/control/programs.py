@@ -19,27 +19,6 @@ from ..model.model import Model
 from ..recursions.spec import Spec
 
 Array = NDArray[np.float64]
-FROM = 64  # samples from which a kernel is compiled; fewer are computed by NumPy, to the same bits
-
-
-def columns(
-    spec: Spec, model: Model, static: tuple[Any, ...], inputs: Sequence[Array], samples: int, compiled: bool = False
-) -> Array:
-    """The output (samples, columns) of a Spec at inputs (samples or 1, columns) in C order.
-
-    compiled  by its kernel, however few the samples are: of calls in loops
-    """
-    made, kernel = _recorded(spec, model, hashable(static)), None
-    out = np.empty((samples, sum(map(len, made.layout.outputs))))
-    if samples and (compiled or samples >= FROM):
-        kernel = _kernel(spec, model, hashable(static))
-    left = None if kernel is None else kernel(inputs, (out,))
-    again = np.arange(samples) if left is None else left
-    if len(again):
-        given = [y for x in inputs for y in (x[again] if len(x) == samples else x).T]
-        found = made.program.run(given)
-        out[again] = np.stack([np.broadcast_to(np.asarray(x, float), len(again)) for x in found], 1)
-    return out
 
 
 def _values(static: tuple[bytes | int, ...]) -> tuple[Any, ...]:

@@ -22,6 +22,7 @@ from ..engines.compiled import numba_kernels
 from ..engines.programs.record import recording, structure
 from ..engines.programs.record.recording import Recording
 from ..engines.programs.run import batch_kernels
+from ..engines.programs.run.tiered_program import TieredProgram
 from ..errors import NonFiniteError, ShapeError, SimulationError
 from ..model.model import Model
 from ..recursions.joints.friction import DT
@@ -30,7 +31,6 @@ from .composed_laws import CLOCK, LIMITS, PERIOD, limited, sampled, total
 from .law_specs import OF_STEP, begun_of, check_parts, check_recordable, in_step, law_on, own_name, with_values
 
 Array = NDArray[Any]
-FROM = 512  # samples from which a call of a law compiles its program; fewer are computed by NumPy, to the same bits
 
 
 class Control:
@@ -258,24 +258,31 @@ def law_torques(
 
 
 def _torques_of(control: Control, model: Model, given: Mapping[str, Array], samples: int) -> Array:
-    """The law's torques (samples, nv) by rows of its inputs."""
+    """The law's torques (samples, nv) by rows of its inputs, one or as many as samples: of any number the same bits."""
     spec = _torque(control.spec)
-    found = [given[x.name] for x in spec.present if not x.static]
-    inputs = [x.reshape((len(x), math.prod(x.shape[1:]))) for x in found]
-    made = recorded((spec,), model, control.static, np.dtype(np.float64))[0]
-    if made is None:
-        raise SimulationError(f'law "{control.spec.name}" divides by an inertia that is 0')
-    out, left = np.empty((samples, model.nv)), np.arange(samples)
-    if samples >= FROM and not numba_kernels.PLAIN:
-        common = tuple(k for k, x in enumerate(inputs) if len(x) == 1)
-        if all(np.isfinite(inputs[k]).all() for k in common):
-            kernel = step_kernel((spec,), model, control.static, by_content=True, common=common)
-            left = kernel([np.ascontiguousarray(x) for x in inputs], (out,))
+    names = [x.name for x in spec.present if not x.static]
+    inputs = [np.ascontiguousarray(given[name].reshape(len(given[name]), -1)) for name in names]
+    common = tuple(k for k, x in enumerate(inputs) if len(x) == 1 and names[k] in control.values)
+    made, left = _program(spec, model, control.static, common), np.arange(samples)
+    out = np.empty((samples, model.nv))
+    if samples and not numba_kernels.PLAIN and all(np.isfinite(inputs[k]).all() for k in common):
+        rejected = made.batch(samples)(inputs, (out,))
+        left = left if rejected is None else rejected
     if len(left):
         with np.errstate(all="ignore"):
-            results = made.program.run([y for x in inputs for y in (x[left] if len(x) > 1 else x).T])
-        out[left] = np.stack([np.broadcast_to(np.asarray(x, float), len(left)) for x in results[: model.nv]], 1)
+            found = made.recording.program.run([y for x in inputs for y in (x[left] if len(x) > 1 else x).T])
+        out[left] = np.stack([np.broadcast_to(np.asarray(x, float), len(left)) for x in found[: model.nv]], 1)
     return out
+
+
+@lru_cache(maxsize=64)
+def _program(spec: Spec, model: Model, static: tuple[Any, ...], common: tuple[int, ...]) -> TieredProgram:
+    """The program of a law's torque, whose inputs ``common`` have one row for all samples."""
+    made, key = recorded((spec,), model, static, np.dtype(np.float64))
+    if made is None:
+        raise SimulationError(f'law "{spec.name}" divides by an inertia that is 0')
+    made = Recording(made.program, replace(made.layout, common=common))
+    return TieredProgram((spec,), model.bodies, f"{key} {common}", static, recorded=made)
 
 
 def step_kernel(
