@@ -150,6 +150,8 @@ class PD(Law):
             if isinstance(reference, Path):
                 raise SimulationError("v_ref is given beside a path, expected one of them")
             reference["v_ref"] = as_array("v_ref", v_ref)
+            if not np.isfinite(reference["v_ref"]).all():
+                raise NonFiniteError(f"v_ref is {reference['v_ref'].tolist()}, expected finite numbers")
         core = law_spec("pd", _is_matrix(one), _is_matrix(two))
         super().__init__(core, {"kp": one, "kd": two}, reference, held)
 

@@ -31,6 +31,7 @@ from .composed_laws import CLOCK, LIMITS, PERIOD, limited, sampled, total
 from .law_specs import OF_STEP, begun_of, check_parts, check_recordable, in_step, law_on, own_name, with_values
 
 Array = NDArray[Any]
+MOST = 1e30  # N m, N: a limit of none, in float32 too
 
 
 class Control:
@@ -114,14 +115,15 @@ class Control:
         return made
 
     def limited_by(self, limits: ArrayLike) -> Control:
-        """This law with its torques within -limits to limits (nv,), above 0 [N m | N]: effort limits, as of a Model.
+        """This law with its torques within -limits to limits (nv,), above 0 [N m | N]: effort limits, as of a Model,
+        infinite where there is none.
 
         Raises SimulationError for limits that are not above 0
         """
         most = as_array("limits", limits)
         if most.ndim != 1 or not (most > 0.0).all():
             raise SimulationError(f"limits is {most.tolist()}, expected (nv,) numbers above 0")
-        values = {**self.values, LIMITS.name: most}
+        values = {**self.values, LIMITS.name: np.minimum(most, MOST)}
         made = Control.of(limited(self.spec), values, self.static, self.held, self.checks)
         made.smooth = self.smooth
         return made
@@ -198,7 +200,9 @@ class Control:
         return [(self.values[x.name], core_shape(model, x, self.static)) for x in spec.present if x.name in self.values]
 
     def rows(self, model: Model, samples: int, steps: int) -> dict[str, Array]:
-        """Values (samples or 1, steps or 1, columns) by the names of a step's inputs. Raises ShapeError."""
+        """Values (samples or 1, steps or 1, columns) by the names of a step's inputs. Raises ShapeError, and
+        NonFiniteError for those of all samples.
+        """
         for check in self.checks:
             check(model)
         found = {}
@@ -210,6 +214,10 @@ class Control:
                 shapes = f"{core}, {(steps, *core)} or {(samples, steps, *core)}"
                 raise ShapeError(f'{name} of spec "{self.spec.name}" has shape {value.shape}, expected {shapes}')
             rows = value.reshape((1,) * (2 - len(lead)) + lead + (-1,))
+            if len(rows) == 1 and not np.isfinite(rows).all():
+                raise NonFiniteError(
+                    f'{name} of spec "{self.spec.name}" has numbers that are not finite, expected finite ones'
+                )
             found[in_step(name)] = np.ascontiguousarray(rows)
         return found
 

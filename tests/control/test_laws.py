@@ -227,6 +227,29 @@ def test_references_may_vary_by_sample_and_step(arm: sd.Model) -> None:
     assert (found.q[2] == alone.q).all()
 
 
+def test_samples_follow_paths_and_clocks_of_their_own(arm: sd.Model) -> None:
+    draw = np.random.default_rng(7)
+    path = sd.spline([0.0, 0.04, 0.08, 0.12, 0.2], 0.3 * draw.normal(size=(4, 5, N)))
+    q, v = 0.1 * draw.normal(size=(4, N)), np.zeros((4, N))
+    run = sd.rollout(arm, q, v, dt=0.01, steps=15, control=sd.ComputedTorque(30.0, 8.0, path))
+    of_one = sd.ComputedTorque(30.0, 8.0, path[2])
+    alone = sd.rollout(arm, q[2], v[2], dt=0.01, steps=15, control=of_one)
+    assert (run.q[2] == alone.q).all()
+    torque = sd.ComputedTorque(30.0, 8.0, path)(arm, 0.05, q, v)
+    assert (torque[2] == of_one(arm, 0.05, q[2], v[2])).all()
+    clocks = draw.uniform(-0.05, 0.2, (4, 1))  # so that lanes are in other segments
+    run = sd.rollout(arm, q, v, dt=0.01, steps=15, control=of_one, states={"clock": clocks})
+    for b in range(4):
+        alone = sd.rollout(arm, q[b], v[b], dt=0.01, steps=15, control=of_one, states={"clock": clocks[b]})
+        assert (run.q[b] == alone.q).all()
+    single = sd.simulate(
+        arm, q[1], v[1], 0.15, 0.01, "semi_implicit_euler", control=of_one, states={"clock": clocks[1]}
+    )
+    assert (run.q[1] == single.q[1:]).all()
+    with pytest.raises(sd.ShapeError, match=r"centre of spec .* has shape \(4, 1, 3\)"):
+        sd.simulate(arm, q[0], v[0], 0.1, 0.01, control=sd.PDPlus(1.0, 1.0, path))
+
+
 # --- gains ----------------------------------------------------------------------------------------------
 
 
@@ -245,6 +268,34 @@ def test_gains_that_are_none_are_refused_by_their_eigenvalue(arm: sd.Model) -> N
         sd.simulate(arm, [0.0] * N, [0.0] * N, 0.1, 0.01, control=sd.PDPlus(1.0, 1.0, sd.quintic([0, 0], [1, 1], 1.0)))
     with pytest.raises(sd.SimulationError, match="held is -1"):
         sd.Gravity(held=-1)
+    with pytest.raises(sd.NonFiniteError, match=r"v_ref is \[nan"):
+        sd.PD(1.0, 1.0, [0.0] * N, [np.nan] * N)
+
+
+def test_values_that_are_not_finite_are_refused_by_name(arm: sd.Model) -> None:
+    from spatialdyn.recursions.spec import TAU, Argument, Q, Spec
+
+    def pull(bodies: Any, q: Any, reach: Any, tau: Any) -> None:
+        for i in range(len(tau)):
+            tau[i] = reach[i] - q[i]
+
+    spec, rest = Spec("pull", pull, None, (Q, Argument("reach", ("nv",), "rad", "")), TAU, "", ""), np.zeros(N)
+    law = sd.Control(spec, {"reach": [0.0, np.nan, 0.0]})
+    for run in (sd.rollout, sd.simulate):
+        with pytest.raises(sd.NonFiniteError, match='reach of spec "pull" has numbers that are not finite'):
+            run(
+                arm,
+                rest,
+                rest,
+                **({"steps": 2, "dt": 0.01} if run is sd.rollout else {"duration": 0.1, "dt": 0.01}),
+                control=law,
+            )
+    goals = np.zeros((5, 2, N))
+    goals[3, 1, 0] = np.nan
+    with pytest.raises(sd.SimulationError, match='sample 3: reach of spec "pull" has numbers that are not finite'):
+        sd.rollout(arm, rest, rest, dt=0.01, control=sd.Control(spec, {"reach": goals}))
+    found = sd.rollout(arm, rest, rest, dt=0.01, control=sd.Control(spec, {"reach": goals}), check=False)
+    assert np.isfinite(found.q).all((1, 2)).tolist() == [True, True, True, False, True]
 
 
 def test_lqr_holds_what_falls() -> None:
