@@ -140,7 +140,7 @@ class Control:
         Of a law whose values have an axis of samples (B,) they are of those samples. Raises ShapeError, NonFiniteError;
         SimulationError for a law whose values have an axis of steps.
         """
-        n, axes = check_model(model).nv, self.axes(model)
+        n, axes = check_model(model).nv, self.axes(model) if self._deepest else {}
         if stepped := [name for name, lead in axes.items() if lead[-1] != 1]:
             raise SimulationError(f"values of {', '.join(stepped)} have axes of steps, expected none in a call")
         when, zero = as_array("t", t), np.zeros(n)
@@ -162,8 +162,6 @@ class Control:
         for name, y in given.items():
             if y.shape[y.ndim - len(cores[name]) :] != cores[name]:
                 raise ShapeError(f"{name} has shape {y.shape}, expected (..., {', '.join(map(str, cores[name]))})")
-            if not np.isfinite(y).all():
-                raise NonFiniteError(f"{name} has numbers that are not finite, expected finite ones")
         leads = {name: y.shape[: y.ndim - len(cores[name])] for name, y in given.items()}
         leads |= {name: lead[:-1] for name, lead in axes.items()}
         batch = broadcast(["t", *leads], [when.shape, *leads.values()])
@@ -174,7 +172,12 @@ class Control:
             rows[name] = whole.reshape(1 if one else size, columns)
         for name, y in self.rows(model, size, 1).items():
             rows[own_name(name)] = np.ascontiguousarray(y[:, 0])
-        return _torques_of(self, model, rows, size).reshape(*batch, n)
+        made, left = _torques_of(self, model, rows, size)
+        read = {x.name for x in self.spec.present}
+        for name, y in given.items():  # what the law reads has been looked at, unless samples are left
+            if (len(left) or name not in read) and not np.isfinite(y).all():
+                raise NonFiniteError(f"{name} has numbers that are not finite, expected finite ones")
+        return made.reshape(*batch, n)
 
     def axes(self, model: Model) -> dict[str, tuple[int, ...]]:
         """Axes before those of the input, of each value that has any, named: of steps, or of samples and steps."""
@@ -186,8 +189,13 @@ class Control:
     @property
     def batched(self) -> bool:
         """Whether a value has an axis of samples."""
-        inputs = {x.name: x for x in self.spec.present}
-        return any(x.ndim - len(inputs[name].shape) > 1 for name, x in self.values.items())
+        return self._deepest > 1
+
+    @property
+    def _deepest(self) -> int:
+        """The most axes that a value has before those of its input."""
+        sizes = {x.name: len(x.shape) for x in self.spec.present}
+        return max((x.ndim - sizes[name] for name, x in self.values.items()), default=0)
 
     @property
     def _given(self) -> list[str]:
@@ -262,11 +270,16 @@ def law_torques(
     given: dict[str, Array] = {Q.name: q, V.name: v, TAU.name: tau, DT.name: np.full((len(q), 1), dt), **states}
     for name, rows in control.rows(model, 1, total).items():
         given[own_name(name)] = rows[0] if rows.shape[1] == 1 else rows[0, np.minimum(steps, rows.shape[1] - 1)]
-    return _torques_of(control, model, given, len(q))
+    return _torques_of(control, model, given, len(q))[0]
 
 
-def _torques_of(control: Control, model: Model, given: Mapping[str, Array], samples: int) -> Array:
-    """The law's torques (samples, nv) by rows of its inputs, one or as many as samples: of any number the same bits."""
+def _torques_of(
+    control: Control, model: Model, given: Mapping[str, Array], samples: int
+) -> tuple[Array, NDArray[np.intp]]:
+    """The law's torques (samples, nv) by rows of its inputs, one or as many as samples: of any number the same bits.
+
+    Also the samples that the program rejects, for what is not finite or an angle out of range: NumPy computes those.
+    """
     spec = _torque(control.spec)
     names = [x.name for x in spec.present if not x.static]
     inputs = [np.ascontiguousarray(given[name].reshape(len(given[name]), -1)) for name in names]
@@ -280,7 +293,7 @@ def _torques_of(control: Control, model: Model, given: Mapping[str, Array], samp
         with np.errstate(all="ignore"):
             found = made.recording.program.run([y for x in inputs for y in (x[left] if len(x) > 1 else x).T])
         out[left] = np.stack([np.broadcast_to(np.asarray(x, float), len(left)) for x in found[: model.nv]], 1)
-    return out
+    return out, left
 
 
 @lru_cache(maxsize=64)
