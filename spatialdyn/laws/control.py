@@ -187,6 +187,13 @@ class Control:
         return {name: lead for name, lead in found.items() if lead}
 
     @property
+    def torque_spec(self) -> Spec:
+        """The Spec of its torque alone at the beginning of a step, which ``sd.exact`` and ``sd.specialize`` take a law
+        for: its inputs are q, v, what the law reads besides, its clock among them, and ``values`` by name.
+        """
+        return _torque(self.spec)
+
+    @property
     def batched(self) -> bool:
         """Whether a value has an axis of samples."""
         return self._deepest > 1

@@ -63,6 +63,25 @@ def test_a_law_is_its_line_in_the_textbook(name: str, arm: sd.Model) -> None:
     assert (laws(path)[name](arm, t[7], q[7], v[7]) == found[7]).all()  # to the bit, alone
 
 
+def test_a_law_is_exact_a_program_its_derivative_and_c() -> None:
+    model = sd.load_urdf("two_link")
+    path = sd.spline([0.0, 0.5, 1.0, 1.5], [[0.0, 0.0], [1.0, 0.5], [0.2, 0.1], [0.3, 0.3]])
+    law, t, q, v = sd.ComputedTorque(10.0, 5.0, path), 0.7, np.array([0.3, 0.4]), np.array([0.1, 0.2])
+    names = [x.name for x in law.torque_spec.present]
+    given = [np.asarray({"q": q, "v": v, "clock": [t]}.get(x, law.values.get(x))) for x in names]
+    found = law(model, t, q, v)
+    truth = sd.exact(model, law)(*given).astype(float)
+    assert abs(found - truth).max() < ROUNDING
+    program = sd.specialize(model, law, derivative="jvp")
+    along = [np.ones(1) if x == "clock" else np.zeros_like(y, float) for x, y in zip(names, given, strict=True)]
+    torque, rate = program(*given, *along)
+    step = 1e-6
+    slope = (law(model, t + step, q, v) - law(model, t - step, q, v)) / (2.0 * step)
+    assert (torque == found).all()
+    assert abs(rate - slope).max() < 1e-6 * abs(slope).max()
+    assert "coefficients[" in sd.specialize(model, law).c_code()
+
+
 def test_laws_of_groups_and_of_mimic_joints_are_theirs() -> None:
     solid = (1.0, (0.1, 0.0, 0.2), 0.1 * np.eye(3))
     free = sd.ModelBuilder("free", "world").add_body("base", None, "floating", inertia=solid)
@@ -289,18 +308,14 @@ def test_values_that_are_not_finite_are_refused_by_name(arm: sd.Model) -> None:
 
     spec, rest = Spec("pull", pull, None, (Q, Argument("reach", ("nv",), "rad", "")), TAU, "", ""), np.zeros(N)
     law = sd.Control(spec, {"reach": [0.0, np.nan, 0.0]})
-    for run in (sd.rollout, sd.simulate):
-        with pytest.raises(sd.NonFiniteError, match='reach of spec "pull" has numbers that are not finite'):
-            run(
-                arm,
-                rest,
-                rest,
-                **({"steps": 2, "dt": 0.01} if run is sd.rollout else {"duration": 0.1, "dt": 0.01}),
-                control=law,
-            )
+    said = 'reach of spec "pull" has numbers that are not finite'
+    with pytest.raises(sd.NonFiniteError, match=said):
+        sd.rollout(arm, rest, rest, dt=0.01, steps=2, control=law)
+    with pytest.raises(sd.NonFiniteError, match=said):
+        sd.simulate(arm, rest, rest, 0.1, 0.01, control=law)
     goals = np.zeros((5, 2, N))
     goals[3, 1, 0] = np.nan
-    with pytest.raises(sd.SimulationError, match='sample 3: reach of spec "pull" has numbers that are not finite'):
+    with pytest.raises(sd.SimulationError, match=f"sample 3: {said}"):
         sd.rollout(arm, rest, rest, dt=0.01, control=sd.Control(spec, {"reach": goals}))
     found = sd.rollout(arm, rest, rest, dt=0.01, control=sd.Control(spec, {"reach": goals}), check=False)
     assert np.isfinite(found.q).all((1, 2)).tolist() == [True, True, True, False, True]
@@ -342,6 +357,11 @@ def test_a_closed_step_is_stable_below_the_bound_and_names_its_joint() -> None:
     arm = sd.load_urdf("ur5")
     stiff = sd.PD(np.r_[100.0, 100.0, 100.0, 10.0, 10.0, 500.0], 1.0, np.zeros(6))
     assert sd.closed_step(arm, stiff, np.zeros(6), np.zeros(6), 0.02, "semi_implicit_euler").joint == arm.joints[6].name
+    two = sd.load_urdf("two_link")  # whose second joint is shaken more by a stiff first one than that itself
+    for k in (0, 1):
+        gains = np.where(np.arange(2) == k, 1e5, 10.0)
+        found = sd.closed_step(two, sd.PD(gains, 1.0, np.zeros(2)), np.zeros(2), np.zeros(2), 0.05)
+        assert found.joint == two.joints[1 + k].name
 
 
 @pytest.mark.parametrize("call", ["simulate", "rollout"])
