@@ -52,8 +52,7 @@ def assigned(x: Any, numbers: Any, sine: Callable[[Any], Any]) -> Any:
     z, p1, p2 = x[1] + c * x[0], i1 * x[2], i2 * x[3]
     slope1, slope2 = k * c * z - i1 * m3 / (a1 + a2) * sine(x[0]), k * z
     d1, d2 = -m3 * sine(x[0]) - a1 * slope1 / i1 - a2 * slope2 / i2, -a2 * slope1 / i1 - a3 * slope2 / i2
-    spin = ((a1 + a2) * p2 - (a2 + a3) * p1) / (a1 * a3 - a2 * a2)
-    return 0.5 * (d2 - d1) - kv * spin
+    return 0.5 * (d2 - d1) - kv * ((a1 + a2) * p2 - (a2 + a3) * p1) / (a1 * a3 - a2 * a2)
 
 
 def on_the_wheel(bodies: Any, q: Any, v: Any, numbers: Any, tau: Any) -> None:
@@ -75,15 +74,15 @@ def main(save: str | None = None) -> dict[str, Any]:
         run = sd.simulate(model, [angle, -angle], rest, TIME, DT, "rk4", control=law)
         found[name, angle] = x = np.hstack([run.q @ turn.T, run.v @ turn.T])
         found["torque", name, angle] = most = float(abs(run.tau).max())
-        calm = float(run.t[1 + np.flatnonzero(abs(x * [1.0, 1.0, I1, I2]).max(1) > 0.05)[-1]])
-        found["calm", name, angle] = calm
+        found["calm", name, angle] = calm = float(
+            run.t[1 + np.flatnonzero(abs(x * [1.0, 1.0, I1, I2]).max(1) > 0.05)[-1]]
+        )
         print(f"{name:8} from {angle} rad: (q, p) below 0.05 from {calm:5.2f} s on, torque up to {most:5.1f} N m")
     found["H_d"] = shaped(found["IDA-PBC", 3.0].T)
     print(f"H_d falls from {found['H_d'][0]:.3f} to {found['H_d'][-1]:.3f}, rises by {np.diff(found['H_d']).max():.0e}")
     if save:
         figure, axes = picture(2, width=9.0)
-        for name, angle in (("IDA-PBC", 3.0), ("LQR", 3.0)):
-            axes[0].plot(run.t, found[name, angle][:, 0], linewidth=0.9, label=name)
+        axes[0].plot(run.t, np.stack([found[x, 3.0][:, 0] for x in ("IDA-PBC", "LQR")], 1), label=["IDA-PBC", "LQR"])
         axes[0].set(xlabel="t [s]", ylabel="angle of the pendulum [rad]")
         axes[0].legend(fontsize="small")
         axes[1].plot(run.t, found["H_d"])
