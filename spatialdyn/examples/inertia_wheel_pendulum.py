@@ -74,18 +74,17 @@ def main(save: str | None = None) -> dict[str, Any]:
         run = sd.simulate(model, [angle, -angle], rest, TIME, DT, "rk4", control=law)
         found[name, angle] = x = np.hstack([run.q @ turn.T, run.v @ turn.T])
         found["torque", name, angle] = most = float(abs(run.tau).max())
-        found["calm", name, angle] = calm = float(
-            run.t[1 + np.flatnonzero(abs(x * [1.0, 1.0, I1, I2]).max(1) > 0.05)[-1]]
-        )
+        large = abs(x * [1.0, 1.0, I1, I2]).max(1) > 0.05
+        found["calm", name, angle] = calm = float(run.t[1 + np.flatnonzero(large)[-1]])
         print(f"{name:8} from {angle} rad: (q, p) below 0.05 from {calm:5.2f} s on, torque up to {most:5.1f} N m")
-    found["H_d"] = shaped(found["IDA-PBC", 3.0].T)
-    print(f"H_d falls from {found['H_d'][0]:.3f} to {found['H_d'][-1]:.3f}, rises by {np.diff(found['H_d']).max():.0e}")
+    found["H_d"] = H = shaped(found["IDA-PBC", 3.0].T)
+    print(f"H_d falls from {H[0]:.3f} to {H[-1]:.3f}, between samples by {-np.diff(H).max():.0e} or more")
     if save:
         figure, axes = picture(2, width=9.0)
         axes[0].plot(run.t, np.stack([found[x, 3.0][:, 0] for x in ("IDA-PBC", "LQR")], 1), label=["IDA-PBC", "LQR"])
         axes[0].set(xlabel="t [s]", ylabel="angle of the pendulum [rad]")
         axes[0].legend(fontsize="small")
-        axes[1].plot(run.t, found["H_d"])
+        axes[1].plot(run.t, H)
         axes[1].set(xlabel="t [s]", ylabel="H_d, shaped energy [J]")
         write(figure, save)
     return found
