@@ -22,7 +22,6 @@ from spatialdyn.algebra.scalars import sin
 from spatialdyn.examples.gallery import need, picture, start, write
 from spatialdyn.recursions.spec import TAU, Argument, Q, Spec, V
 
-Array = np.ndarray
 I1, I2, M3, DT, TIME = 0.1, 0.2, 10.0, 2e-3, 30.0  # of pendulum and wheel [kg m²], weight times lever [N m]; [s]
 A1, A2, A3, K, KV = 0.1, -0.2, 0.5, 0.1, 0.05  # M_d = [[A1, A2], [A2, A3]], stiffness and damping
 NUMBERS = np.array([I1, I2, M3, A1, A2, A3, K, KV])
@@ -38,7 +37,7 @@ def wheel_pendulum() -> sd.Model:
     return builder.build()
 
 
-def shaped(x: Array) -> Any:
+def shaped(x: Any) -> Any:
     """H_d of (q₁, q₂, q̇₁, q̇₂), q₂ the wheel's angle from the vertical."""
     z, p1, p2 = x[1] - I1 * (A2 + A3) / (I2 * (A1 + A2)) * x[0], I1 * x[2], I2 * x[3]
     kinetic = 0.5 * (A3 * p1**2 - 2.0 * A2 * p1 * p2 + A1 * p2**2) / (A1 * A3 - A2**2)
@@ -73,10 +72,10 @@ def main(save: str | None = None) -> dict[str, Any]:
     for name, law, angle in (("IDA-PBC", raised, 3.0), ("LQR", caught, 0.2), ("LQR", caught, 3.0)):
         run = sd.simulate(model, [angle, -angle], rest, TIME, DT, "rk4", control=law)
         found[name, angle] = x = np.hstack([run.q @ turn.T, run.v @ turn.T])
-        found["torque", name, angle] = most = float(abs(run.tau).max())
-        large = abs(x * [1.0, 1.0, I1, I2]).max(1) > 0.05
-        found["calm", name, angle] = calm = float(run.t[1 + np.flatnonzero(large)[-1]])
+        most, large = float(abs(run.tau).max()), abs(x * [1.0, 1.0, I1, I2]).max(1) > 0.05
+        found["torque", name, angle], calm = most, float(run.t[1 + np.flatnonzero(large)[-1]])
         print(f"{name:8} from {angle} rad: (q, p) below 0.05 from {calm:5.2f} s on, torque up to {most:5.1f} N m")
+        found["calm", name, angle] = calm
     found["H_d"] = H = shaped(found["IDA-PBC", 3.0].T)
     print(f"H_d falls from {H[0]:.3f} to {H[-1]:.3f}, between samples by {-np.diff(H).max():.0e} or more")
     if save:
