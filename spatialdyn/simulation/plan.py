@@ -195,10 +195,11 @@ class Plan:
         return self.kernel(self.work) if self.is_program else None
 
     def kernel(
-        self, works: tuple[Argument, ...] = (), forced: bool = True, dtype: Any = np.float64, one: bool = True
-    ) -> Any:
+        self, works: tuple[Argument, ...] = (), forced: bool = True, dtype: Any = np.float64, one: bool = True,
+        common: tuple[int, ...] = (),
+    ) -> Any:  # fmt: skip
         """The kernel of a step; None for a robot too long for a program. As of ``step_specs`` and ``step_kernel``."""
-        parts = self.method, self.structure, works, self.tables, forced, np.dtype(dtype), one
+        parts = self.method, self.structure, works, self.tables, forced, np.dtype(dtype), one, common
         return _kernel(self.model, *parts)
 
     @cached_property
@@ -211,12 +212,12 @@ class Plan:
 @lru_cache(maxsize=batch_kernels.CACHE_SIZE)
 def _kernel(
     model: Model, method: str, effects: tuple[Effect, ...], works: tuple[Argument, ...], static: tuple[Any, ...],
-    forced: bool, dtype: Any, one: bool,
+    forced: bool, dtype: Any, one: bool, common: tuple[int, ...],
 ) -> Any:  # fmt: skip
     specs = step_specs(method, effects, works, forced)
     if not recording.fits(specs, model.bodies, static=static):
         return None
-    return step_kernel(specs, model, static, dtype, one=one, by_content=any(map(_is_users, effects)))
+    return step_kernel(specs, model, static, dtype, one=one, by_content=any(map(_is_users, effects)), common=common)
 
 
 def _is_users(effect: Effect) -> bool:
