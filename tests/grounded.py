@@ -8,8 +8,10 @@ from typing import Any
 
 import numpy as np
 from dense import Array
+from scipy.linalg import expm
 
 import spatialdyn as sd
+from spatialdyn.recursions.coordinates.coordinate_rates import add_begun
 
 G = 9.81
 DT = 1e-3
@@ -99,6 +101,23 @@ def jacobian(contacts: sd.Contacts, q: Array) -> Array:
     return np.array(rows).reshape((-1, 3, model.nv))
 
 
+def in_first_axes(model: sd.Model, after: Array, v: Array, dt: float) -> tuple[Array, Array]:
+    """Velocities after a step in the axes at its beginning, and what a step adds to v there without any force.
+
+    Floating and planar joints turn by dt ω of the velocities after it; of free bodies, the form that keeps momenta.
+    """
+    x, d = after.copy(), np.zeros(model.nv)
+    for joint in model.joints[1:]:
+        k = joint.idx_v
+        if joint.kind == "floating":
+            x[k : k + 3] = expm(dt * np.cross(np.eye(3), after[k + 3 : k + 6])) @ after[k : k + 3]
+        elif joint.kind == "planar":
+            c, s = math.cos(dt * after[k + 2]), math.sin(dt * after[k + 2])
+            x[k : k + 2] = np.array([[c, -s], [s, c]]) @ after[k : k + 2]
+    add_begun(model.bodies, dt, v, d)
+    return x, d
+
+
 def off_the_law(contacts: sd.Contacts, q: Array, v: Array, tau: Array, dt: float, step: Any) -> float:
     """By how much a step misses the equation of motion, Signorini's condition and Coulomb's law, without restitution.
 
@@ -107,12 +126,13 @@ def off_the_law(contacts: sd.Contacts, q: Array, v: Array, tau: Array, dt: float
     model = contacts.model
     M, bias, J = sd.crba(model, q), sd.nonlinear_effects(model, q, v), jacobian(contacts, q)
     normal = np.array(contacts.terrain.normal)
-    momentum = M @ (step.v - v) - dt * (tau - bias) - np.einsum("kin,ki->n", J, step.impulse)
+    x, begun = in_first_axes(model, step.v, v, dt)
+    momentum = M @ (x - v - begun) - dt * (tau - bias) - np.einsum("kin,ki->n", J, step.impulse)
     worst = abs(np.linalg.solve(M, momentum)).max()
     centres = [sd.frame_placement(model, q, name)[:3, 3] for name in contacts.names]
     for k, (centre, mu) in enumerate(zip(centres, contacts.friction, strict=True)):
         gap = float(centre @ normal) - contacts.terrain.height - contacts.radii[k]
-        u, f = J[k] @ step.v, step.impulse[k]
+        u, f = J[k] @ x, step.impulse[k]
         scale = float(normal @ J[k] @ np.linalg.solve(M, J[k].T) @ normal)
         fn, un = float(f @ normal), float(u @ normal) + (gap / dt if gap > 0.0 else gap / max(5.0 * dt, 1e-2))
         ft, ut = f - fn * normal, u - float(u @ normal) * normal
