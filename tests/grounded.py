@@ -39,21 +39,29 @@ def box(slope: float = 0.0, size: tuple[float, float, float] = (0.4, 0.3, 0.2)) 
     return made.build(gravity=(G * math.sin(slope), 0.0, -G * math.cos(slope))), names
 
 
-def quadruped() -> tuple[sd.Model, dict[str, float]]:
-    """A quadruped of 13 kg that is symmetric in x and in y, and the radii of its feet."""
+def about(x: float, by: float, most: float) -> tuple[float, float]:
+    """Limits about a position, at most ±most."""
+    return max(x - by, -most), min(x + by, most)
+
+
+def quadruped(trunk: float = 8.0, limits: float = math.inf) -> tuple[sd.Model, dict[str, float]]:
+    """A quadruped of 13 kg that is symmetric in x and in y, and the radii of its feet.
+
+    limits  of its thighs and knees, about their stance; by default wide ones
+    """
     made = sd.ModelBuilder("quadruped", root="trunk")
-    made.set_inertia("trunk", (8.0, (0, 0, 0), np.diag([0.06, 0.2, 0.24])))
+    made.set_inertia("trunk", (trunk, (0, 0, 0), trunk / 8.0 * np.diag([0.06, 0.2, 0.24])))
     for name, a, b in (("lf", 1, 1), ("lh", -1, 1), ("rf", 1, -1), ("rh", -1, -1)):
         hip, thigh, shank = (f"{name}_{part}" for part in ("hip", "thigh", "shank"))
         at = {"hip": (0.25 * a, 0.1 * b, 0), "thigh": (0, 0.07 * b, 0), "shank": (0, 0, -0.25)}
         made.add_body(hip, "trunk", "revolute", (1, 0, 0), at["hip"], (0.5, (0, 0, 0), 1e-3 * np.eye(3)))
         made.add_body(
             thigh, hip, "revolute", (0, 1, 0), at["thigh"], (0.6, (0, 0, -0.1), np.diag([4e-3, 4e-3, 6e-4])),
-            limits=(-1.5, 1.5),
+            limits=about(0.7 * a, limits, 1.5),
         )  # fmt: skip
         made.add_body(
             shank, thigh, "revolute", (0, 1, 0), at["shank"], (0.15, (0, 0, -0.1), np.diag([1e-3, 1e-3, 1e-4])),
-            limits=(-2.5, 2.5),
+            limits=about(-1.4 * a, limits, 2.5),
         )  # fmt: skip
         made.add_body(f"{name}_foot", shank, "fixed", placement=(0, 0, -0.25))
     return made.build(root="floating"), {f"{name}_foot": 0.02 for name in ("lf", "lh", "rf", "rh")}

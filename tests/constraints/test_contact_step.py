@@ -333,7 +333,7 @@ def test_a_point_over_heights_feels_the_slope_below_it() -> None:
 
 
 @pytest.mark.slow(quick="test_heights_on_a_plane_are_that_plane")
-def test_more_heights_than_a_program_holds_are_read_by_the_table_kernel() -> None:
+def test_more_heights_than_a_program_holds_are_read_all_the_same() -> None:
     model, feet = quadruped()
     x = 0.05 * np.arange(81) - 2.0
     heights = sd.Heightfield(0.2 * x[:, None] + 0.1 * x, 0.05, (-2.0, -2.0))
@@ -425,6 +425,7 @@ def test_limits_and_feet_are_solved_together() -> None:
 
 @pytest.mark.slow(quick="test_heights_between_four_are_bilinear_in_every_engine")
 def test_the_table_kernel_agrees_with_the_program_and_with_plain_python() -> None:
+    """Calls do not wait for it; runs without a program do, after their first steps."""
     model, feet = quadruped()
     contacts = sd.Contacts(model, feet, friction=0.5, restitution=0.3).with_limits()
     q, v, tau = states(model, contacts, 12, 7)
@@ -432,7 +433,7 @@ def test_the_table_kernel_agrees_with_the_program_and_with_plain_python() -> Non
     spec = CONTACT_STEP
     (width,) = recording.shape_of(spec.output, model.bodies, (contacts.table,))
     program, kernel = np.empty((12, width)), np.empty((12, width))
-    for made, function in ((program, run.batch), (kernel, run.run_table_kernel)):
+    for made, function in ((program, run.batch), (kernel, run._run_table_kernel)):
         assert not len(function(spec, model, [q, v, tau, *rest], (contacts.table,), made).samples)
     np.testing.assert_allclose(kernel, program, rtol=0.0, atol=1e4 * SAME)
     one = sd.contact_step(model, contacts, q[3], v[3], tau[3], DT)

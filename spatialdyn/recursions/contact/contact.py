@@ -135,7 +135,7 @@ CONTACT_STEP = Spec(
     "contact_step", contact_step, WORK, (Q, V, TAU, DT, Contact(CONTACTS_ARGUMENT, None, MU, RESTITUTION)),
     Argument("result", ("nv+np+np+np+np+np+nl+nl+np+nl",), "", "v, impulse, gap, stop, residual, energy"),
     "A step of the velocities under contact with Coulomb friction.", "see ``recursions.contact.contact``",
-    pivots=True, regroup=True, composed=True, scratch=(Impulses(),),
+    pivots=True, regroup=True, composed=True, large=True, scratch=(Impulses(),),
     parts=ContactResult(
         Argument("v", ("nv",), "rad/s | m/s", "after the step, in the axes at its beginning"), IMPULSE, GAP, STOP, RESIDUAL,
         ENERGY,

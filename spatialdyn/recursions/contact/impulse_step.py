@@ -419,6 +419,6 @@ def impulse_step_spec(has: frozenset[str]) -> Spec:
         Argument("result", (width,), "", ", ".join(x.name for x in parts)),
         "A step of the velocities under contact, limits, dry friction and constraints.",
         "see ``recursions.contact.impulse_step``", pivots=True, regroup=True, composed=True,
-        scratch=(Impulses(), HeldScratch() if HOLDS in has else None),
+        large=True, scratch=(Impulses(), HeldScratch() if HOLDS in has else None),
         parts=parts,
     )  # fmt: skip
