@@ -7,7 +7,8 @@ derivative solves them once more. Where a state is about to change, the derivati
 step is.
 
 Rows that depend on others, of boxes on four corners, leave impulses undetermined, and velocities not: the least change
-in the metric of M is taken.
+in the metric of M is taken. Where such points slide, how friction turns with the velocity depends on how they share the
+load: their derivative is that of the impulses found, and the result says so.
 
 A derivation of our own, after Alart and Curnier (1991) for the equations of sliding.
 """
@@ -82,11 +83,14 @@ class Laws:
 
 
 class Found(NamedTuple):
-    """Derivatives of n steps: (n, 2 nv, 3 nv); states of points and joints (n, rows), and which are at a switch."""
+    """Derivatives of n steps: (n, 2 nv, 3 nv); states of points and joints (n, rows), which are at a switch, and which
+    slide with a load that others could take.
+    """
 
     derivatives: Array
     active: Array
     switching: Array
+    undetermined: Array
 
 
 def laws_of(model: Model, effects: tuple[Any, ...], touching: Any, forced: bool) -> Laws:
@@ -365,7 +369,7 @@ class _Steps:
             here = by_q @ here + by_step @ by_back
         return Found(
             np.concatenate([here, changed], axis=1), np.array([s.names for s in solved]),
-            np.array([s.switching for s in solved]),
+            np.array([s.switching for s in solved]), np.array([s.undetermined() for s in solved]),
         )  # fmt: skip
 
     def _moved(self, x: Array, moved: Array) -> tuple[Array, Array, Array, Array]:
