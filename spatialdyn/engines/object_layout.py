@@ -90,9 +90,17 @@ def api(name: str) -> int:
     return ctypes.cast(getattr(ctypes.pythonapi, name), ctypes.c_void_p).value or 0
 
 
+def vectorcall() -> int:
+    """The address of what calls a Python function with its arguments in an array.
+
+    CPython 3.10 exports no PyObject_Vectorcall, which is inline in its headers; there it is the function's own slot.
+    """
+    return api("PyObject_Vectorcall" if hasattr(ctypes.pythonapi, "PyObject_Vectorcall") else "_PyFunction_Vectorcall")
+
+
 def array_maker() -> int:
     """The address of NumPy's PyArray_New."""
-    core = sys.modules["numpy._core" if "numpy._core" in sys.modules else "numpy.core"]
+    core = sys.modules["numpy._core" if np.lib.NumpyVersion(np.__version__) >= "2.0.0" else "numpy.core"]
     get: Any = ctypes.pythonapi.PyCapsule_GetPointer
     get.restype, get.argtypes = ctypes.c_void_p, [ctypes.py_object, ctypes.c_char_p]
     return words_at(get(core.multiarray._ARRAY_API, None), _NEW + 1)[_NEW]
