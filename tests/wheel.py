@@ -11,7 +11,7 @@ try:
 except ImportError:
 
     class _Absent:
-        """Skips the test that asks for a name of it."""
+        """Skips the test that reads a name of it."""
 
         def __getattr__(self, name: str) -> Any:
             return pytest.importorskip("pinocchio")

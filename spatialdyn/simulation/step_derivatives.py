@@ -132,9 +132,9 @@ def linearize(
 ) -> StepDerivatives:
     """The linear system of a robot near a state: continuous, d/dt δx = A δx + B δτ, or of a step with dt and method.
 
-    Arguments as of ``step_derivatives``; in continuous time constraints act alone, and nothing by impulses. About a
-    state that moves, δx is the difference from the motion of that state, in the frames of its bodies, which turn: with
-    v of a body d/dt δq = δv - v × δq, the commutator of twists.
+    Arguments are those of ``step_derivatives``; in continuous time a scene may have constraints, but nothing that acts
+    by impulses. About a moving state δx is the difference from that motion, in the frames of its bodies, which turn:
+    for a body with velocity v, d/dt δq = δv - v × δq, the commutator of twists.
 
     Returns A (..., 2 nv, 2 nv) and B (..., 2 nv, nv), views of one array; with dt and method as ``step_derivatives``.
     Raises  SpatialDynError for one of dt and method without the other; the errors of ``step_derivatives``.

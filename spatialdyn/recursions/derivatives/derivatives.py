@@ -393,15 +393,15 @@ SPECS = (
             f"∂a/∂q {_ALONG}, ∂a/∂v and ∂a/∂tau = M⁻¹",
         ),
         "Derivatives of the forward dynamics a = aba(q, v, tau): ``da_dq, da_dv, Minv = aba_derivatives(...)``.\n\n"
-        "    A program of them grows with the cube of nv: of more than 25, batches run sample by sample unless\n"
-        "    ``specialize`` is asked for one, which is several times faster and takes half a minute to compile.",
+        "    Their program grows with nv³: above nv = 25 batches run sample by sample, unless ``specialize`` records\n"
+        "    one, which is several times faster and takes half a minute to compile.",
         _SOURCE, pivots=True, regroup=True, term_shape=("nv",) * 3, scratch=(("nv",), ("nv", "nv")),
         through_M=aba_derivatives_through_M,
     ),
     Spec(
         "generalized_gravity_derivatives", static_torque_derivatives, WORK_STATIC, (TURNED_Q, None),
         Argument("dg", ("nv", "nv"), _BY_Q, f"∂g_i/∂q_k {_ALONG}"),
-        "Derivatives of the gravity torque g(q): the stiffness that gravity makes.", _SOURCE, regroup=True,
+        "Derivatives of the gravity torque g(q): the stiffness due to gravity.", _SOURCE, regroup=True,
     ),
     Spec(
         "static_torque_derivatives", static_torque_derivatives, WORK_STATIC, (TURNED_Q, FEXT),
