@@ -84,8 +84,8 @@ class Specialized:
 
     float32 has a range of 1e-38 to 3e38. Samples that may lose more than rounding in it (inputs above 1e9, results
     above 1e19, results below 1e-18 that depend on inputs other than positions) and models with a body outside 1e-18
-    to 1e18 (kg, kg m, kg m²) are computed in float64 from the inputs as given, some fifty times slower. Their results
-    are then rounded to float32, below 1e-38 to a multiple of 1e-45 or 0; above 3e38 NonFiniteError is raised.
+    to 1e18 (kg, kg m, kg m²) are computed in float64 from the inputs as given, far slower. Their results are then
+    rounded to float32, below 1e-38 to a multiple of 1e-45 or 0; above 3e38 NonFiniteError is raised.
 
     signature        remaining inputs and results, with their shapes
     engine           "lanes", or "untraced" without a program: too many degrees of freedom to record, a joint with zero

@@ -1,8 +1,8 @@
 """Memory layout of CPython's and NumPy's objects, for compiled functions that read their argument objects themselves.
 
 Such a function has the calling convention of CPython's builtins. It checks type, size and layout of its arguments in
-memory and has NumPy make the result: to unpack an array costs Numba 0.1 µs, to make one costs Python as much, and the
-dynamics of an arm take no longer. The GIL is held throughout, so no other thread changes an argument meanwhile.
+memory and has NumPy make the result: unpacking an array in Numba and making one in Python would each cost as much as
+the dynamics of an arm. The GIL is held throughout, so no other thread changes an argument meanwhile.
 
 The layout of arrays is part of NumPy's C interface and the same since 1.0; the others are CPython's. Tried on CPython
 3.11 and NumPy 2.4, 64 bits, little endian, with the GIL. ``READY`` says whether this process has that layout; where not

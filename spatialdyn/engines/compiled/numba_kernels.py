@@ -4,7 +4,7 @@ Each recursion becomes three kernels, generated from its Spec:
 
 sample_kernel  one sample: checks the arguments, allocates scratch, runs the recursion, checks the result, and
                returns a status. It has one explicit signature, so no input makes it compile again, and it takes the
-               table by its address: 0.1 µs less a call than as an array.
+               table by its address, which is cheaper to pass than an array.
 batch_kernel   many samples, through ``sample_kernel``; an input that does not vary has a step of 0.
 user_kernel    one sample, for a user's own jitted code: raises instead of returning a status.
 

@@ -265,7 +265,8 @@ def static_torque_derivatives(bodies: Bodies, work: Work, q: Config, fext: Matri
 
 @inline
 def _negative_product(A: Matrix, B: Matrix, out: Matrix) -> None:
-    """out = -A B, rows of B added by four: the loops over a row become SIMD code, and half as slow as by one."""
+    """out = -A B, rows of B added by four: the loops over a row become SIMD code, which is faster than one row at a
+    time."""
     n = len(A)
     for i in range(n):
         row = out[i]
@@ -312,8 +313,8 @@ def aba_derivatives_by_factor(
 ) -> None:  # fmt: skip
     """``aba_derivatives`` by M = LᵀD L, for programs: of 7 joints 4218 operations instead of 5355, as accurate.
 
-    The derivatives at no acceleration have M, and leave the bias in the forces of the subtrees. What of them the
-    acceleration does not change is one line in a program, which a kernel computes twice: 9 % slower for 32 freedoms.
+    The derivatives at no acceleration have M, and leave the bias in the forces of the subtrees. What does not depend on
+    the acceleration is one line of the program; a kernel would compute it twice.
     """
     n = len(bodies) - 1
     for i in range(n):
