@@ -307,7 +307,7 @@ def _samples(
         return made[0], made[1], (q, v)
     n = max(len(x) if x.ndim == 2 else 1 for x in (q, v))
     if any(x.ndim == 2 and len(x) != n for x in (q, v)):
-        raise ShapeError(f"q0 and v0 have {len(q)} and {len(v)} states, expected as many of each")
+        raise ShapeError(f"q0 and v0 have {len(q)} and {len(v)} states, expected the same number of each")
     if n < 2:
         raise ShapeError("q0 and v0 have one state with an axis, expected several, or one without")
     q, v = (np.array(np.broadcast_to(x, (n, x.shape[-1]))) for x in (q, v))

@@ -140,7 +140,7 @@ class Promise:
             call = self._spec.name
             bounds = f", or with its error sd.bounded(model, sd.{call}).{name}"
             raise AttributeError(
-                f"a Promise has no {name}: each sample has a program of its own choice; expected that of one program, "
+                f"a Promise has no {name}: each sample chooses its program; expected that of one program, "
                 f"sd.specialize(model, sd.{call}).{name}{bounds * (name not in ('to_jax', 'to_torch'))}"
             )
 

@@ -156,7 +156,7 @@ def lqr(A: ArrayLike, B: ArrayLike, Q: ArrayLike, R: ArrayLike, *, discrete: boo
     try:
         P = solve(a, b, q, r)
     except (np.linalg.LinAlgError, ValueError) as error:
-        raise SpatialDynError(f"no feedback stabilizes A, B ({error}), expected a system that motors reach") from error
+        raise SpatialDynError(f"no feedback stabilizes A, B ({error}), expected a stabilizable system") from error
     K = np.linalg.solve(r + b.T @ P @ b, b.T @ P @ a) if discrete else np.linalg.solve(r, b.T @ P)
     return LQR(K, P, np.linalg.eigvals(a - b @ K), discrete)
 

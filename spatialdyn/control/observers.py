@@ -208,8 +208,8 @@ def contact_wrench(
         blind = U[at][:, int(rank[at]) :].T / scale
         what = "; ".join(str((x / abs(x).max()).round(3).tolist()) for x in blind)
         raise ConstraintError(
-            f'the joints upstream of "{frame}" tell {int(rank[at])} of 6 directions of a wrench, expected 6: blind to '
-            f"{what} (force, torque in its axes); least=True gives the least wrench"
+            f'the joints upstream of "{frame}" determine {int(rank[at])} of 6 directions of a wrench, '
+            f"expected 6: they miss {what} (force, torque in its axes); least=True gives the least wrench"
         )
     way = np.einsum("...ij,...j->...i", Vt, r)[..., :k]
     gains = np.where(told, way / np.where(told, s, 1.0), 0.0)

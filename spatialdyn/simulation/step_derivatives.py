@@ -254,7 +254,7 @@ def _implicit(
         raise SpatialDynError(f"method is {method!r}, expected one of {', '.join(known)}")
     if method not in known:
         raise SpatialDynError(
-            f"method is {method!r}, whose steps adapt to a tolerance, so that one is no smooth map; expected one of "
+            f"method is {method!r}, whose steps adapt to a tolerance and have no derivative; expected one of "
             f"{', '.join(known)}"
         )
     specs, values = [Q, V, TAU], [q, v, tau]
