@@ -18,7 +18,6 @@ from ..engines.compiled import numba_kernels
 from ..engines.programs.record import tracer
 from ..engines.programs.record.mimic_rows import evaluate, rows_of
 from ..model.model import Model
-from ..recursions import SPECS
 from ..recursions.spec import Spec, shape_in, sizes_of
 from .system import System, set_status
 
@@ -100,7 +99,7 @@ class Computed:
             finite = all(np.isfinite(x).all() for x in found.values())
             set_status(self.system, numba_kernels.OK if finite else numba_kernels.NONFINITE, self.t)
             return found
-        if spec.as_program or SPECS.get(spec.name) is spec:
+        if spec.large:
             static = tuple(known[x.name] for x in spec.present if x.static)
             if run.program(numba_kernels.variant(spec, self._optional(spec, known)), self.model, static) is not None:
                 return self._by_program(spec, known)
