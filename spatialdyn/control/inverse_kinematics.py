@@ -40,7 +40,8 @@ class IKResult(NamedTuple):
     converged   (...)      whether both are within the tolerance
     iterations  (...)      steps, of all starts together
     starts      (...)      starts that were tried
-    why         (...)      "converged", or of the best start "stuck" where its steps got nowhere, "exhausted" otherwise
+    why         (...)      "converged"; otherwise of the best start "stuck" if its steps made no progress, "exhausted"
+                if they ran out
     solutions   a list of the distinct (k, nq) of each target, flat, if all were asked for, else None
     """
 
@@ -77,13 +78,13 @@ def solve_ik(
     all_solutions  whether every start is tried, and all distinct configurations that they find are returned
 
     Damped Gauss-Newton steps on the joints' group, the targets side by side on SIMD lanes; a start whose residual no
-    longer falls is given up. What a target gets does not depend on the others. Redundant robots have infinitely many
-    solutions, of which a few are found. For whole tasks with priorities, velocity limits and collisions see pink
-    or mink.
+    longer falls is abandoned. The result for a target does not depend on the others. Redundant robots have infinitely
+    many solutions, of which a few are found. For tasks with priorities, velocity limits and collisions see pink or
+    mink.
 
     Returns IKResult.
-    Raises  ModelError for an unknown frame; ShapeError, NonFiniteError; SpatialDynError for a target whose rotation is
-            none, and for settings out of range
+    Raises  ModelError for an unknown frame; ShapeError, NonFiniteError; SpatialDynError for a target that is no pose,
+            and for settings out of range
     Source  Sugihara, Solvability-unconcerned inverse kinematics by the Levenberg-Marquardt method (2011).
 
     >>> import numpy as np, spatialdyn as sd

@@ -53,12 +53,12 @@ class PathPeaks(NamedTuple):
 class Path:
     """A motion to follow: ``path(t)`` is q, v and a. Or B motions, one for each sample of a batch.
 
-    model     whose coordinates it has; None where they are numbers
+    model     Model whose coordinates the path has; None if each coordinate is a plain number
     spec      Spec of a clock and values (``recursions.control.paths``), which control laws record into their program
     values    {name: array} of its inputs beside the clock; of B paths centre has an axis (B,) before its own, the
               others may
-    duration  [s]; of a Fourier series its period, which repeats. Others rest at their end, as before 0. Of B paths the
-              longest
+    duration  [s]; a Fourier series repeats with this period, other paths rest before 0 and after their end. Of B paths
+              the longest
 
     ``path[b]`` is one of B paths, ``path.batch`` their shape (B,), () of one alone.
 
@@ -148,8 +148,8 @@ class Path:
         return _line(self.values["centre"].shape[-1]) if self.model is None else self.model
 
     def peaks(self) -> PathPeaks:
-        """Largest velocities and accelerations, least and largest positions: of polynomials where coordinates are
-        numbers from the roots of their derivatives, else from 1000 samples of a segment or period.
+        """Largest velocities and accelerations, least and largest positions: of polynomials in plain numbers from the
+        roots of their derivatives, else from 1000 samples in each segment or period.
         """
         plain = all(x.kind in R1 for x in self._table.bodies[1:])
         if "times" not in self.values or not plain:
@@ -276,13 +276,13 @@ def _second_derivatives(widths: Array, slope: Array, rest: bool) -> Array:
 
 
 def quintic(q0: ArrayLike, q1: ArrayLike, T: float, model: Model | None = None, limits: bool = True) -> Path:
-    """The path from rest at q0 to rest at q1 in time T of least jerk, with s(t) = 10 x³ - 15 x⁴ + 6 x⁵, x = t/T.
+    """The minimum-jerk path from rest at q0 to rest at q1 in time T: s(t) = 10 x³ - 15 x⁴ + 6 x⁵, x = t/T.
 
     q0, q1  (nq,)  configurations [rad | m]; one or both (B, nq) for B paths
     T       [s]
     model, limits  as in ``spline``
 
-    The way is that of ``interpolate``: rotations turn about a fixed axis.
+    It follows ``interpolate``: rotations turn about a fixed axis.
     Source  Flash and Hogan, The coordination of arm movements (1985).
 
     >>> import spatialdyn as sd
@@ -298,13 +298,13 @@ def quintic(q0: ArrayLike, q1: ArrayLike, T: float, model: Model | None = None, 
 def trapezoid(
     q0: ArrayLike, q1: ArrayLike, v_max: ArrayLike, a_max: ArrayLike, model: Model | None = None, limits: bool = True
 ) -> Path:
-    """The fastest path from rest at q0 to rest at q1 within velocities and accelerations, all joints in step.
+    """The fastest path from rest at q0 to rest at q1 within limits of velocity and acceleration, in step.
 
     q0, q1        (nq,)  configurations [rad | m]; one or both (B, nq) for B paths, each as fast as it may be
     v_max, a_max  numbers or (nv,)  largest velocities and accelerations, above 0
     model, limits as in ``spline``
 
-    Accelerations jump: a method of order 4 is one of order 1 or 2 in the steps that a jump falls into.
+    Accelerations jump: in a step with a jump, a method of order 4 has order 1 or 2.
 
     >>> import spatialdyn as sd
     >>> path = sd.trapezoid([0.0, 0.0], [1.0, 0.2], 0.5, 1.0)

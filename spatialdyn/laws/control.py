@@ -35,22 +35,23 @@ MOST = 1e30  # N m, N: a limit of none, in float32 too
 
 
 class Control:
-    """A control law of a run: a Spec of joint torques, and values of its inputs.
+    """A control law for a run: a Spec of joint torques, and values of its inputs.
 
-    spec    Spec whose output is tau (nv), or whose parts are tau and then one for each of its states, in their order:
-            NAME_rate, integrated by the method of the run as v is, or NAME_after, the state at the end of a step, of
-            inputs at its beginning. Its inputs are any of q, v, tau (the torque of the arguments alone), dt (the
-            step), its states, and others. A law of time has a clock, a state whose rate is 1
+    spec    Spec whose output is tau (nv), or whose parts are tau and then one for each of its states, in order:
+            NAME_rate, which the run's method integrates as it integrates v, or NAME_after, the state at the end of a
+            step as a function of the inputs at its beginning. Its inputs are any of q, v, tau (the argument torque
+            without the law's), dt (the step), its states, and others. A law that depends on time has a clock, a state
+            whose rate is 1
     values  {name: array} of the others: of the input's shape, with an axis of steps before it, or in a rollout with
             axes of samples and steps
-    held    False: the law acts wherever the method evaluates forces. True: its torque is that of the beginning
-            of a step, held over it as by a digital controller. A period [s]: it is taken anew once in a period, at the
-            step nearest to it, and held in between, as by a controller slower than the steps
+    held    False: the law is evaluated wherever the method evaluates forces. True: it is evaluated at the beginning of
+            a step and held over it, as by a digital controller. A period [s]: it is evaluated once in a period, at the
+            nearest step, and held in between, as by a controller slower than the steps
 
     The torque is added to the argument torque of ``simulate``, or tau of ``rollout``. ``law + other`` is the law of
     both, each held as it is; ``law.limited_by(limits)`` clips its torque; ``law(model, t, q, v)`` is its torque.
-    Raises  SimulationError for a Spec that is no control law, for values that are missing or unknown, and for a
-            recursion that closes over numbers, which are to be inputs.
+    Raises  SimulationError for a Spec that is no control law, for missing or unknown values, and for a recursion that
+            closes over numbers: they have to be inputs.
 
     >>> import numpy as np, spatialdyn as sd
     >>> from spatialdyn.recursions.spec import TAU, Argument, Q, Spec, V
@@ -82,7 +83,7 @@ class Control:
         cls, spec: Spec, values: Mapping[str, Array], static: tuple[Any, ...] = (), held: bool | float = False,
         checks: tuple[Callable[[Model], None], ...] = (),
     ) -> Control:  # fmt: skip
-        """A law of a Spec that is made of others, with checks of a model. Raises SimulationError."""
+        """A law whose Spec is composed of others, with checks of a model. Raises SimulationError."""
         if not isinstance(spec, Spec) or not isinstance(values, Mapping):
             raise SimulationError(f"a law is of {shown(spec)} and {values!r}, expected a Spec and a mapping of arrays")
         made: Control = Control.__new__(Control)
@@ -180,7 +181,7 @@ class Control:
         return made.reshape(*batch, n)
 
     def axes(self, model: Model) -> dict[str, tuple[int, ...]]:
-        """Axes before those of the input, of each value that has any, named: of steps, or of samples and steps."""
+        """For each value that has any, by name, its axes before those of the input: steps, or samples and steps."""
         found = {}
         for name, (x, core) in zip(self._given, self._cores(check_model(model)), strict=True):
             found[f'{name} of spec "{self.spec.name}"'] = x.shape[: x.ndim - len(core)]

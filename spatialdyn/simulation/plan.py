@@ -17,6 +17,7 @@ from ..calls.arguments import core_shape
 from ..calls.dynamics import calls
 from ..calls.specialize import specialize
 from ..calls.specialized import Specialized
+from ..engines.compiled import numba_kernels
 from ..engines.programs.record import recording
 from ..engines.programs.run import batch_kernels
 from ..laws.control import step_kernel
@@ -188,6 +189,13 @@ class Plan:
         contact, constraints = self.contact, self.scene.constraints
         few = constraints is None or constraints.nc <= recording.MOST_EQUATIONS
         return self.method in EXPLICIT_METHODS and few and self.force is None and not (contact and contact.is_long)
+
+    @cached_property
+    def is_large(self) -> bool:
+        """Whether steps have no program, and the kernel of what acts by impulses takes long to compile."""
+        tables = () if self.contact is None else self.contact.tables
+        explicit = self.method in EXPLICIT_METHODS and not numba_kernels.PLAIN
+        return explicit and any(len(x.rows) > recording.MOST_TABLE + 1 for x in tables)
 
     @cached_property
     def single(self) -> Any:
