@@ -20,6 +20,7 @@ EXTRAS: dict[str, tuple[str, ...]] = {  # the packages of each extra of pyprojec
     "mujoco": ("mujoco",),
     "ros": ("xacrodoc",),
     "descriptions": ("robot_descriptions",),
+    "cluster": ("dask", "distributed"),
     "docs": ("sphinx", "myst-parser", "furo"),
 }
 
@@ -65,6 +66,10 @@ class SimulationError(SpatialDynError):
     """A simulation that cannot go on; its ``trajectory`` is what was recorded so far, None if nothing was."""
 
     trajectory: Any = None
+
+
+class StudyError(SpatialDynError):
+    """A study that cannot be what was asked: its arguments, its folder, what its function returns, its workers."""
 
 
 class SimulationInterrupt(KeyboardInterrupt):

@@ -14,9 +14,10 @@ from ..bodies.kinds import ANGLE, KINDS, PAIR, QUATERNION, SE2, SE3
 from ..errors import NonFiniteError, ShapeError, SpatialDynError
 from ..model.model import Frame, Model
 from ..model.robot_checks import masked
+from ..recursions.coordinates.coordinate_rates import TURN
 from ..recursions.spec import FEXT, LOCAL, TAU, WORLD, Argument, Q, V
 from .arguments import as_array, batch_shape, broadcast, check_model, reference_code
-from .dynamics import calls
+from .dynamics import calls, checked_call
 
 Array = NDArray[np.float64]
 
@@ -213,23 +214,12 @@ def _explicit_euler(model: Model, q: Array, v: Array, tau: Array, h: Array, fext
 def _semi_implicit_euler(
     model: Model, q: Array, v: Array, tau: Array, h: Array, fext: Array | None
 ) -> tuple[Array, Array]:
-    a = calls["aba"](model, q, v, tau, fext)
-    turning = [j for j in model.joints[1:] if j.nv > 1 and int(model.bodies[j.row - j.nv + 1]["kind"]) in (*SE2, *SE3)]
-    if not turning:
-        v = v + a * h
-        return calls["integrate"](model, q, v * h), v
-    w, along = v + a * h, np.zeros(model.nv, np.bool_)
-    for j in turning:
-        k, d = j.idx_v, j.nv - (1 if j.nv == 3 else 3)
-        along[k : k + d] = True
-        if j.nv == 3:
-            w[..., k : k + 2] += h * v[..., k + 2 : k + 3] * np.stack([-v[..., k + 1], v[..., k]], axis=-1)
-        else:
-            w[..., k : k + 3] += h * np.cross(v[..., k + 3 : k + 6], v[..., k : k + 3])
-    moved = calls["integrate"](model, q, np.where(along, h * w, 0.0))
-    angle = np.where(along, 0.0, h * w)
-    back = calls["dintegrate"](model, q, angle)[..., 0, :, :]
-    return calls["integrate"](model, moved, angle), np.where(along, (back @ w[..., None])[..., 0], w)
+    w = v + calls["aba"](model, q, v, tau, fext) * h
+    kinds = {int(x) for x in model.bodies["kind"]}
+    if kinds.isdisjoint((*SE2, *SE3)):
+        return calls["integrate"](model, q, w * h), w
+    found = checked_call(TURN, model, (v, w, h), (), None)
+    return calls["integrate"](model, q, found[..., model.nv :]), found[..., : model.nv].copy()
 
 
 def _rk4(model: Model, q: Array, v: Array, tau: Array, h: Array, fext: Array | None) -> tuple[Array, Array]:

@@ -9,10 +9,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..calls.arguments import as_array, as_number
-from ..calls.dynamics import calls
+from ..bodies.kinds import SE2, SE3
+from ..calls.dynamics import calls, checked_call
 from ..errors import SimulationError
 from ..model.model import Model
 from ..recursions.contact.contact import CONTACT_GAPS, CONTACT_GAPS_OVER, CONTACT_STEP, CONTACT_STEP_OVER
+from ..recursions.coordinates.coordinate_rates import TURN
 from ..recursions.spec import Spec
 from .calls import answer
 from .contact_points import Contacts, check_contacts
@@ -51,8 +53,8 @@ def contact_step(
         gap       (..., k)     distance of each sphere from the ground before the step, negative in it [m]
         residual  (...)        largest violation of the law by the impulses [m/s]: at most the contacts' tolerance where
                   the step is solved
-    A step depends on its state alone. ``simulate`` and ``rollout`` take the same steps, but for floating and planar
-    joints, whose linear velocity turns with the body: here through -dt ω × v in v⁺, there by a rotation after the step.
+    A step depends on its state alone. ``simulate`` and ``rollout`` take the same steps: the linear velocity of floating
+    and planar joints is that in the axes at the beginning, turned with the body.
     Raises
         SimulationError for a dt that is no number above 0
         InertiaError naming a joint with zero articulated inertia, such as that of a massless leg
@@ -76,7 +78,11 @@ def contact_step(
     n, k, stops = model.nv, len(contacts), int(contacts.table.sizes["nl"])
     ends = np.cumsum([n, 3 * k, k, stops, k + stops])
     after, impulse, gap, _, residual, _ = np.split(out, ends, axis=-1)
-    moved = calls["integrate"](model, q, h * after)
+    if {int(x) for x in model.bodies["kind"]}.isdisjoint((*SE2, *SE3)):
+        moved = calls["integrate"](model, q, h * after)
+    else:
+        found = checked_call(TURN, model, (np.zeros(n), after, np.full(1, h)), (), None)
+        after, moved = found[..., :n].copy(), calls["integrate"](model, q, found[..., n:])
     worst = abs(residual).max(axis=-1, initial=0.0)
     return ContactStep(
         moved, after, impulse.reshape((*impulse.shape[:-1], k, 3)), gap, worst if worst.shape else float(worst)

@@ -16,6 +16,7 @@ from ..laws.control import Control
 from ..model.model import Model
 from ..simulation.rollouts import rollout
 from ..simulation.scene import Scene, scene_of
+from ..simulation.stiff_laws import joint_of_mode
 from .laws import StateFeedback
 
 Array = NDArray[np.float64]
@@ -166,7 +167,7 @@ class ClosedStep(NamedTuple):
 
     A       (2 nv, 2 nv)  δx⁺ = A δx, δx = (δq, δv)
     radius  the largest |eigenvalue|: errors grow by it in each step if it is above 1
-    joint   the name of the joint that moves most in that mode
+    joint   the name of the joint that takes most part in that mode
     """
 
     A: Array
@@ -223,7 +224,5 @@ def closed_step(
     A = moved.T / (2.0 * DELTA)
     values, vectors = np.linalg.eig(A)
     worst = int(abs(values).argmax())
-    share = abs(vectors[:n, worst]) + h * abs(vectors[n:, worst])
-    k = int(share.argmax())
-    joint = next(x.name for x in model.joints[1:] if x.idx_v <= k < x.idx_v + x.nv)
+    joint = joint_of_mode(model, A, values[worst], vectors[:, worst])
     return ClosedStep(A, float(abs(values[worst])), joint)

@@ -36,7 +36,7 @@ class Law(Control):
         """Of the Spec of a law, its gains by name, and a Path, or arrays q_ref, v_ref and a_ref by name."""
         if isinstance(reference, Path):
             self.path = reference
-            spec, values, self.static = following(core, reference.spec), {**gains, **reference.values}, ()
+            spec, values, self.static = following(core, reference.spec), {**gains, **reference.rows}, ()
             self.checks = (reference.check_model,)
         else:
             given = {**gains, **{name: x for name, x in reference.items() if x is not None}}
@@ -150,6 +150,8 @@ class PD(Law):
             if isinstance(reference, Path):
                 raise SimulationError("v_ref is given beside a path, expected one of them")
             reference["v_ref"] = as_array("v_ref", v_ref)
+            if not np.isfinite(reference["v_ref"]).all():
+                raise NonFiniteError(f"v_ref is {reference['v_ref'].tolist()}, expected finite numbers")
         core = law_spec("pd", _is_matrix(one), _is_matrix(two))
         super().__init__(core, {"kp": one, "kd": two}, reference, held)
 

@@ -54,7 +54,7 @@ def step_derivatives(
 
     Source: see ``recursions.derivatives.step_derivatives`` and ``simulation.methods.implicit_derivatives``.
 
-    scene   Scene or Model, without motors, springs and bristles. A Friction with ``smoothing`` that acts alone acts by
+    scene   Scene or Model, without motors and bristles; springs act in explicit methods. A Friction with ``smoothing`` that acts alone acts by
             its smooth law, in explicit methods; any other one, contacts and limits act by impulses, whose laws have a
             derivative on each side of a switch; constraints act in the methods of ``explicit`` and beside impulses
     q       (..., nq)          joint positions [rad | m]
@@ -77,11 +77,11 @@ def step_derivatives(
     velocity_verlet and 12 with rk4, by the table kernel. Implicit methods solve sample by sample and differentiate on
     lanes.
 
-    Returns StepDerivatives: A (..., 2 nv, 2 nv) and B (..., 2 nv, nv), views of one array, with ``labels``, ``active``
-            and ``switching`` of what acts by impulses. NaN or infinity in a sample's state, torque or forces gives NaN
+    Returns StepDerivatives: A (..., 2 nv, 2 nv) and B (..., 2 nv, nv), views of one array, with ``labels``, ``active``,
+            ``switching`` and ``undetermined`` of what acts by impulses. NaN or infinity in a sample's state, torque or forces gives NaN
             in that sample alone, where it counts.
     Raises  SpatialDynError for another method or a dt that is not finite; SimulationError
-            for bristles, motors, springs, a point that bounces, a step that does not converge, and a joint of several
+            for bristles, motors, a point that bounces, a step that does not converge, and a joint of several
             freedoms that turns by π or more in a step, each naming the first sample and how many; the errors of
             ``aba``, and of ``step`` under constraints.
 
@@ -103,7 +103,8 @@ def step_derivatives(
     """
     scene, fext = _scene(scene, fext)
     model = scene.model
-    if scene.constraints is not None or (scene.solves and not _is_smooth(scene)):
+    acts = scene.constraints is not None or (scene.solves and not _is_smooth(scene))
+    if acts or (has_springs(model) and scene.friction is None):
         return scene_derivatives(scene, q, v, tau, _steps(dt), method, fext)
     turns, law = _checked(scene)
     spec = (TURNING_STEPS if turns else STEPS).get(method) if isinstance(method, str) else None
