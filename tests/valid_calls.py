@@ -170,6 +170,25 @@ def passive() -> sd.PassivityRecord:
     return sd.passivity(run())
 
 
+@cache
+def adaptive() -> sd.SlotineLi:
+    """Of two hinges, with friction."""
+    friction = sd.Friction([0.1, 0.1], smoothing=0.1)
+    return sd.SlotineLi(model(), 5.0, 4.0, q(), sd.inertial_parameters(model()), 0.1, friction=friction)
+
+
+@cache
+def natural() -> sd.NaturalAdaptation:
+    """Of a slide and two hinges, with friction."""
+    friction = sd.Friction([0.1, 0.1, 0.1], smoothing=0.1)
+    pi = sd.inertial_parameters(other())
+    return sd.NaturalAdaptation(other(), 5.0, 4.0, np.zeros(3), pi, 10.0, friction=friction)
+
+
+def _naturally() -> sd.Trajectory:
+    return sd.simulate(other(), np.zeros(3), np.ones(3), 0.02, 0.01, control=natural())
+
+
 def observer() -> sd.MomentumObserver:
     """That has seen a state."""
     made = sd.MomentumObserver(model(), 50.0, 1e-3)
@@ -283,6 +302,17 @@ ROWS: dict[str, Callable[[], dict[str, Any]]] = {
     "ModelBuilder.add_series_elastic": lambda: {"joint": "b_joint", "stiffness": 100.0, "rotor": 0.1, "ratio": 2.0},
     "ModelBuilder.build": lambda: {"gravity": (0.0, 0.0, -9.81), "root": "fixed"},
     "ModelBuilder.robot": dict,
+    "NaturalAdaptation": lambda: {"model": other(), "rates": 5.0, "gain": np.ones(3), "path": np.zeros(3),
+                                  "parameters": sd.inertial_parameters(other()), "gamma": 10.0},
+    **{f"SlotineLi.{name}": lambda: {"run": sd.simulate(model(), q(), v(), 0.02, 0.01, control=adaptive())}
+       for name in ("estimates", "frictions")},
+    **{f"NaturalAdaptation.{name}": lambda: {"run": _naturally()}
+       for name in ("estimates", "frictions", "pseudo_inertias")},
+    "NaturalAdaptation.excitation": lambda: {"q": np.zeros((2, 3)), "v": np.ones((2, 3)), "a": np.ones((2, 3))},
+    "SlotineLi": lambda: {"model": model(), "rates": 5.0, "gain": np.array([4.0, 4.0]), "path": q(),
+                          "parameters": sd.inertial_parameters(model()), "Gamma": 0.1,
+                          "friction": sd.Friction([0.1, 0.1], smoothing=0.1)},
+    "SlotineLi.excitation": lambda: {"q": np.zeros((2, 2)), "v": np.ones((2, 2)), "a": np.ones((2, 2))},
     "ModelBuilder.set_inertia": lambda: {"link": "b", "inertia": SOLID},
     "MomentumObserver": lambda: {"model": model(), "gain": np.array([50.0, 50.0]), "dt": 1e-3},
     "MomentumObserver.update": lambda: {"q": q(), "v": v(), "tau": tau()},
@@ -453,6 +483,7 @@ INSTANCES: dict[str, Callable[[], Any]] = {
     "LyapunovRecord": lambda: sd.lyapunov(run(), run().energy),
     "Model": model,
     "ModelBuilder": elastic_builder,
+    "NaturalAdaptation": natural,
     "MomentumObserver": observer,
     "Motor": motor,
     "PassivityRecord": passive,
@@ -462,6 +493,7 @@ INSTANCES: dict[str, Callable[[], Any]] = {
     "Recommendation": recommendation,
     "Requirement": requirement,
     "Rollout": samples,
+    "SlotineLi": adaptive,
     "Specialized": program,
     "SymbolicManipulator": symbols,
     "Tradeoff": lambda: recommendation().tradeoff,

@@ -86,7 +86,8 @@ GROUPS = {
         "Control",
         "Paths, laws, gains, observers, and checks of a run.",
         "Path PathPoint PathPeaks quintic trapezoid spline fourier PD PDGravity PDPlus ComputedTorque Passivity "
-        "EnergyShaping StateFeedback Gravity Gains critical_gains gravity_stiffness_bound lqr LQR closed_step "
+        "EnergyShaping StateFeedback Gravity SlotineLi NaturalAdaptation Excitation "
+        "Gains critical_gains gravity_stiffness_bound lqr LQR closed_step "
         "ClosedStep largest_step MomentumObserver momentum_observer_step detection_thresholds ContactWrench "
         "contact_wrench base_velocity passivity PassivityRecord lyapunov LyapunovRecord",
     ),

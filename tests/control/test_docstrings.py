@@ -8,8 +8,8 @@ from importlib import import_module
 import pytest
 
 MODULES = (
-    "control.gains", "control.inverse_kinematics", "control.laws", "control.monitors", "control.observers",
-    "control.paths", "laws.control", "accuracy.requires", "operational.hierarchy", "operational.space",
+    "control.adaptive", "control.gains", "control.inverse_kinematics", "control.laws", "control.monitors",
+    "control.observers", "control.paths", "laws.control", "accuracy.requires", "operational.hierarchy", "operational.space",
     "operational.tasks",
 )  # fmt: skip
 
