@@ -9,8 +9,8 @@ import pytest
 
 MODULES = (
     "control.adaptive", "control.gains", "control.inverse_kinematics", "control.laws", "control.monitors",
-    "control.observers", "control.paths", "laws.control", "accuracy.requires", "operational.hierarchy", "operational.space",
-    "operational.tasks",
+    "control.observers", "control.paths", "laws.control", "accuracy.requires", "operational.hierarchy",
+    "operational.space", "operational.tasks",
 )  # fmt: skip
 
 
