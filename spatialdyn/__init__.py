@@ -100,6 +100,7 @@ if TYPE_CHECKING:
         largest_step,
         lqr,
     )
+    from .control.impedance import Impedance, cartesian_damping
     from .control.inverse_kinematics import IKResult, solve_ik
     from .control.laws import PD, ComputedTorque, EnergyShaping, Gravity, Passivity, PDGravity, PDPlus, StateFeedback
     from .control.monitors import LyapunovRecord, PassivityRecord, lyapunov, passivity
@@ -124,8 +125,10 @@ if TYPE_CHECKING:
     from .model.builder import ModelBuilder
     from .model.transmission import Transmission
     from .operational.hierarchy import TaskTorque, task_torque
+    from .operational.quadratic import Relaxation
     from .operational.space import OperationalSpace, operational_space, operational_space_coupling
     from .operational.tasks import ComTask, FrameTask, PostureTask
+    from .operational.whole_body import WholeBody, WholeBodyMotion
     from .pictures.comparison_plots import plot
     from .pictures.view import view
     from .simulation.contact_record import ContactRecord
@@ -152,26 +155,26 @@ __all__ = [
     "ConstrainedDerivatives", "ConstrainedImpact", "ConstrainedMotion", "ConstraintError", "Constraints",
     "ContactRecord", "ContactStep", "ContactWrench", "Contacts", "Control", "Cost", "CouplerConstraint", "Diagnosis",
     "DistanceConstraint", "EnergyLedger", "EnergyShaping", "Exact", "Excitation", "Finding", "Frame", "FrameTask",
-    "Friction", "Gains", "Gravity", "Heightfield", "HingeConstraint", "IKResult", "Impact", "InertiaError", "Joint",
-    "LQR", "LyapunovRecord", "Mobility", "Model", "ModelBuilder", "ModelError", "MomentumObserver", "Motor",
+    "Friction", "Gains", "Gravity", "Heightfield", "HingeConstraint", "IKResult", "Impact", "Impedance", "InertiaError",
+    "Joint", "LQR", "LyapunovRecord", "Mobility", "Model", "ModelBuilder", "ModelError", "MomentumObserver", "Motor",
     "NaturalAdaptation", "NonFiniteError", "OperationalSpace", "Option", "PD", "PDGravity", "PDPlus", "Passivity",
     "PassivityRecord", "Path", "PathPeaks", "PathPoint", "Plane", "PointConstraint", "PostureTask", "Promise",
-    "Recommendation", "Requirement", "Robot", "RollingConstraint", "Rollout", "Rotor", "Scene", "ShapeError",
-    "SimulationError", "SimulationInterrupt", "SlotineLi", "SpatialDynError", "Specialized", "StateFeedback",
-    "SymbolicManipulator", "TaskTorque", "Tradeoff", "Trajectory", "Transmission", "UrdfError", "VelocityConstraint",
-    "WeldConstraint", "assemble", "base_velocity", "bounded", "check_conservation", "close_loops", "closed_step",
-    "compare_with_pinocchio", "compile", "conserved_quantities", "constrained_dynamics",
-    "constrained_dynamics_derivatives", "constraint_drift", "constraint_error", "constraint_jacobian", "contact_gaps",
-    "contact_step", "contact_wrench", "critical_gains", "delassus", "detection_thresholds", "diagnose", "energy_ledger",
-    "exact", "forward_dynamics", "fourier", "friction_regressor", "friction_torque", "from_drake", "from_mjmodel",
-    "from_mujoco", "from_pinocchio", "gravity_stiffness_bound", "hamilton_equations", "hamilton_simulation", "impact",
-    "independent_joints", "integrators", "kernels", "largest_step", "linearize", "load", "load_urdf", "lqr", "lyapunov",
-    "mobility", "momentum_observer_step", "operational_space", "operational_space_coupling", "passivity", "plot",
-    "poisson_bracket", "project_configuration", "project_velocity", "quintic", "random_configuration",
-    "read_transmissions", "recommend", "requires", "rollout", "simplify", "simulate", "solve_ik", "specialize",
-    "spline", "spring_energy", "spring_torque", "step", "step_derivatives", "task_torque", "to_actuators", "to_drake",
-    "to_joints", "to_mjcf", "to_mujoco", "to_urdf", "torque_limits", "trade", "trapezoid", "verify_skew_symmetry",
-    "view", "wrench_at",
+    "Recommendation", "Relaxation", "Requirement", "Robot", "RollingConstraint", "Rollout", "Rotor", "Scene",
+    "ShapeError", "SimulationError", "SimulationInterrupt", "SlotineLi", "SpatialDynError", "Specialized",
+    "StateFeedback", "SymbolicManipulator", "TaskTorque", "Tradeoff", "Trajectory", "Transmission", "UrdfError",
+    "VelocityConstraint", "WeldConstraint", "WholeBody", "WholeBodyMotion", "assemble", "base_velocity", "bounded",
+    "cartesian_damping", "check_conservation", "close_loops", "closed_step", "compare_with_pinocchio", "compile",
+    "conserved_quantities", "constrained_dynamics", "constrained_dynamics_derivatives", "constraint_drift",
+    "constraint_error", "constraint_jacobian", "contact_gaps", "contact_step", "contact_wrench", "critical_gains",
+    "delassus", "detection_thresholds", "diagnose", "energy_ledger", "exact", "forward_dynamics", "fourier",
+    "friction_regressor", "friction_torque", "from_drake", "from_mjmodel", "from_mujoco", "from_pinocchio",
+    "gravity_stiffness_bound", "hamilton_equations", "hamilton_simulation", "impact", "independent_joints",
+    "integrators", "kernels", "largest_step", "linearize", "load", "load_urdf", "lqr", "lyapunov", "mobility",
+    "momentum_observer_step", "operational_space", "operational_space_coupling", "passivity", "plot", "poisson_bracket",
+    "project_configuration", "project_velocity", "quintic", "random_configuration", "read_transmissions", "recommend",
+    "requires", "rollout", "simplify", "simulate", "solve_ik", "specialize", "spline", "spring_energy", "spring_torque",
+    "step", "step_derivatives", "task_torque", "to_actuators", "to_drake", "to_joints", "to_mjcf", "to_mujoco",
+    "to_urdf", "torque_limits", "trade", "trapezoid", "verify_skew_symmetry", "view", "wrench_at",
 ]  # fmt: skip
 
 _LATE = {  # {module: public names}, imported when one is asked for: half the time of an import
@@ -196,6 +199,8 @@ _LATE = {  # {module: public names}, imported when one is asked for: half the ti
     "constraints.loops": "Mobility close_loops independent_joints mobility project_configuration project_velocity",
     "constraints.table": "Constraints",
     "control.adaptive": "Excitation NaturalAdaptation SlotineLi",
+    "control.impedance": "Impedance cartesian_damping",
+    "operational.whole_body": "WholeBody WholeBodyMotion", "operational.quadratic": "Relaxation",
     "control.inverse_kinematics": "IKResult solve_ik",
     "control.observers": "ContactWrench MomentumObserver base_velocity contact_wrench detection_thresholds "
     "momentum_observer_step",

@@ -287,6 +287,8 @@ ROWS: dict[str, Callable[[], dict[str, Any]]] = {
     "Friction.of": lambda: {"model": model(), "coulomb": [0.1, 0.1]},
     "Gravity": dict,
     "Heightfield": lambda: {"z": np.zeros((3, 4)), "spacing": 0.5},
+    "Impedance": lambda: {"model": model(), "frame": "tip", "target": _reached(), "K": 50.0, "D": np.full(6, 5.0),
+                          "velocity": np.zeros(6), "acceleration": np.zeros(6)},
     "HingeConstraint": lambda: {**CONSTRAINT, **PLACES},
     "LQR.feedback": lambda: {"q": np.zeros(1), "v": np.zeros(1), "tau": np.zeros(1)},
     "LyapunovRecord.plot": dict,
@@ -375,11 +377,15 @@ ROWS: dict[str, Callable[[], dict[str, Any]]] = {
     "Trajectory.save": lambda: {"path": "run.npz"},
     "Transmission": lambda: {"joints": ("joint1", "joint2"), "matrix": [[0.5, 0.5], [0.5, -0.5]]},
     "VelocityConstraint": lambda: {"A": [1.0, 2.0]},
+    "WholeBody": lambda: {"scene": sd.Scene(model(), contacts=touching()), "tasks": sd.PostureTask(q())},
+    "WholeBody.__call__": lambda: {"t": 0.0, "q": q(), "v": v()},
+    "WholeBody.solve": lambda: {"q": q(), "v": v(), "tasks": [sd.PostureTask(q())]},
     "WeldConstraint": lambda: {**CONSTRAINT, **PLACES},
     "assemble": lambda: {"robot": model().robot},
     "base_velocity": lambda: {"model": floating(), "q": sd.neutral(floating()), "v_joints": np.ones(1),
                               "momentum": np.zeros(6)},
     "bounded": lambda: {"model": model(), "call": sd.crba},
+    "cartesian_damping": lambda: {"Lambda": np.eye(2), "K": np.array([1.0, 2.0]), "zeta": 0.7},
     "check_conservation": lambda: {"trajectory": run()},
     "close_loops": lambda: _held("q"),
     "closed_step": lambda: {"scene": model(), "law": sd.PD(9.0, 6.0, q()), "q": q(), "v": v(), "dt": 0.01,
@@ -499,6 +505,7 @@ INSTANCES: dict[str, Callable[[], Any]] = {
     "Tradeoff": lambda: recommendation().tradeoff,
     "Trajectory": run,
     "Transmission": lambda: sd.Transmission(("joint1",), 2.0),
+    "WholeBody": lambda: sd.WholeBody(model(), sd.PostureTask(q()), limits=()),
 }
 
 

@@ -1,8 +1,8 @@
-"""Quadratic programs min ½ xᵀP x + gᵀx with A x = b, G x <= h, least <= x <= most: solved by qpsolvers, verified here."""
+"""Quadratic programs, min ½ xᵀP x + gᵀx with A x = b, G x <= h, least <= x <= most: qpsolvers solves, we verify."""
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray

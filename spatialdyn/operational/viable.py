@@ -2,7 +2,7 @@
 
 At a step h, a takes v to v + h a and q to q + h v + ½ h² a. Below the upper limit b with brakes ā,
 
-    v + h a <= v_max,    (v + h a)² <= 2 ā (b - q - h v - ½ h² a)  or  v + h a <= 0,
+    v + h a <= v_max,    h v + ½ h² a <= b - q,    (v + h a)² <= 2 ā (b - q - h v - ½ h² a)  or  v + h a <= 0,
 
 and a >= -ā is always allowed: a joint that is beyond what ā stops is braked by ā, and asked for no more.
 Source: after Del Prete, Joint position and velocity bounds in discrete-time acceleration/torque control of robot
@@ -23,6 +23,7 @@ def upper(gap: Array, v: Array, fastest: Array, brake: float, h: float) -> Array
     inside = brake * h * h * brake - 4.0 * brake * h * v + 8.0 * brake * room
     stop = (np.sqrt(np.maximum(inside, 0.0)) - 2.0 * v - brake * h) / (2.0 * h)
     stop = np.where(inside < 0.0, -np.inf, stop)
-    by_position = np.where(gap < np.inf, np.maximum(stop, -v / h), np.inf)
+    next_one = np.where(gap >= 0.0, 2.0 * (room - h * v) / (h * h), np.inf)  # the step itself ends before the limit
+    by_position = np.where(gap < np.inf, np.minimum(np.maximum(stop, -v / h), next_one), np.inf)
     found: Array = np.maximum(np.minimum(by_position, (fastest - v) / h), -brake)
     return found

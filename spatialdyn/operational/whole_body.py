@@ -25,9 +25,10 @@ from ..calls.dynamics import calls
 from ..constraints.contact_dynamics import contact_gaps
 from ..errors import ConstraintError, ModelError, ShapeError, SpatialDynError
 from ..simulation.scene import Scene
-from .feet import Foot, Stance, feet_of, ground_axes, stance
+from .feet import Stance, feet_of, ground_axes, stance
 from .hierarchy import check_tasks
 from .quadratic import Program, Relaxation, available, relax, residual, solve
+from .standing import Standing
 from .tasks import Rows, Task
 from .viable import upper
 
@@ -89,8 +90,8 @@ class WholeBody:
     >>> scene = sd.Scene(model, contacts=sd.Contacts(model, {f"corner{k}": 0.0 for k in range(4)}))
     >>> q = sd.neutral(model)
     >>> q[2] = 0.1
-    >>> stand = sd.WholeBody(scene, sd.ComTask([0, 0, 0.1]))  # doctest: +SKIP
-    >>> float(stand.solve(q, np.zeros(6)).forces[:, 2].sum().round(3))  # doctest: +SKIP
+    >>> stand = sd.WholeBody(scene, sd.ComTask([0, 0, 0.1]))
+    >>> float(stand.solve(q, np.zeros(6)).forces[:, 2].sum().round(3))
     19.62
     """
 
@@ -127,11 +128,11 @@ class WholeBody:
         self.base = 6 if floats else 0
         self.weight = max(float(np.linalg.norm(model.gravity)) * model.total_mass, 1e-300)
         self._names = [joint.name for joint in model.joints[1:] for _ in range(joint.nv)]
-        self._feet: dict[tuple[int, ...], _Standing] = {}
+        self._feet: dict[tuple[int, ...], Standing] = {}
         contacts = self.scene.contacts
         if contacts is not None and len(contacts):
             self._axes = ground_axes(contacts)
-            for k, name in enumerate(contacts.names):
+            for name in contacts.names:
                 _carries(model, name)
             self._at(tuple(range(len(contacts))))
 
@@ -161,13 +162,13 @@ class WholeBody:
 
     # --- the program ----------------------------------------------------------------------------------------
 
-    def _at(self, at: tuple[int, ...]) -> _Standing:
+    def _at(self, at: tuple[int, ...]) -> Standing:
         """What is constant of these points."""
         if at not in self._feet:
             contacts = self.scene.contacts
             feet = feet_of(self.model, contacts, at) if contacts is not None and at else []
             order = [k for foot in feet for k in foot.at]
-            self._feet[at] = _Standing.of(self, feet, order)
+            self._feet[at] = Standing.of(self, feet, order)
         return self._feet[at]
 
     def _standing(self, q: Array) -> tuple[int, ...]:
@@ -234,7 +235,7 @@ class WholeBody:
         softer, listed = relax(self.solver, program)
         if not listed:
             raise SpatialDynError(
-                f"solver {self.solver} gives no answer to a feasible program, residual {off:.2g}; expected another solver"
+                f"solver {self.solver} gives no answer to a feasible program, residual {off:.2g}; expected another"
             )
         if self.infeasible == "raise":
             raise ConstraintError(
@@ -298,65 +299,7 @@ class _State(NamedTuple):
     M: Array
     h: Array
     feet: Stance
-    fixed: _Standing
-
-
-class _Standing(NamedTuple):
-    """What is constant of some points: rows of the pyramids, limits, names and sizes."""
-
-    feet: list[Foot]
-    order: list[int]
-    G: Array
-    h: Array
-    torque_rows: tuple[tuple[slice, float], ...]
-    driven: Array
-    effort: Array
-    least: Array
-    most: Array
-    bounded: bool
-    fastest: Array
-    groups: tuple[tuple[str, str], ...]
-    size: Array
-    bounds: tuple[tuple[str, str], ...]
-    scale: Array
-
-    @classmethod
-    def of(cls, body: WholeBody, feet: list[Foot], order: list[int]) -> _Standing:
-        """Of the points in that order."""
-        model, n, k = body.model, body.model.nv, len(order)
-        effort, fastest = np.array(model.effort_limit), np.array(model.velocity_limit)
-        driven = np.flatnonzero((effort > 0.0) & np.isfinite(effort) & (np.arange(n) >= body.base))
-        if "torque" not in body.limits:
-            driven = driven[:0]
-        if "velocity" not in body.limits:
-            fastest = np.full(n, np.inf)
-        fastest = np.where(fastest > 0.0, fastest, np.inf)
-        m = len(driven)
-        G, h = np.zeros((4 * k + 2 * m, n + 3 * k)), np.zeros(4 * k + 2 * m)
-        groups: list[tuple[str, str]] = []
-        contacts = body.scene.contacts
-        for i, point in enumerate(order):
-            assert contacts is not None
-            for j, (axis, sign) in enumerate(((1, 1.0), (1, -1.0), (2, 1.0), (2, -1.0))):
-                G[4 * i + j, n + 3 * i + axis] = sign
-                G[4 * i + j, n + 3 * i] = -contacts.friction[point] / math.sqrt(2.0)
-            groups += [(f'friction at point "{contacts.names[point]}"', "N")] * 4
-        torque_rows = (slice(4 * k, 4 * k + m), 1.0), (slice(4 * k + m, 4 * k + 2 * m), -1.0)
-        h[4 * k :] = 1.0
-        groups += [(f'torque limit of joint "{body._names[i]}"', "N m | N") for i in driven] * 2
-        least, most = np.full(n + 3 * k, -np.inf), np.full(n + 3 * k, np.inf)
-        least[n::3], most[n::3] = 0.0, body.largest / body.weight
-        size = np.r_[np.full(4 * k, body.weight), np.tile(effort[driven], 2)]
-        bounds = [(f'position or velocity limit of joint "{name}"', "rad/s² | m/s²") for name in body._names]
-        for point in order:
-            assert contacts is not None
-            bounds += [(f'push of the ground at point "{contacts.names[point]}"', "N")] * 3
-        scale = np.r_[np.ones(n), np.full(3 * k, body.weight)]
-        bounded = "position" in body.limits or bool(np.isfinite(fastest).any())
-        return cls(
-            feet, order, G, h, torque_rows if m else (), driven, effort[driven], least, most, bounded, fastest,
-            tuple(groups), size, tuple(bounds), scale,
-        )  # fmt: skip
+    fixed: Standing
 
 
 def _with(program: Program, tasks: list[tuple[Any, Rows]], small: Array) -> Program:
