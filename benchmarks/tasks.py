@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable
-from time import perf_counter
+from time import process_time
 from typing import Any
 
 import numpy as np
@@ -27,13 +27,13 @@ SAME = 1e-5  # of accelerations [m/s²] between solvers
 
 
 def least(function: Callable[[], Any], count: int, rounds: int) -> float:
-    """Least time of a call [s], of some rounds of ``count`` calls each."""
+    """Least processor time of a call [s], of some rounds of ``count`` calls each."""
     best = np.inf
     for _ in range(rounds):
-        begin = perf_counter()
+        begin = process_time()
         for _ in range(count):
             function()
-        best = min(best, (perf_counter() - begin) / count)
+        best = min(best, (process_time() - begin) / count)
     return best
 
 

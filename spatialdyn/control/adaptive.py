@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -228,8 +228,8 @@ class NaturalAdaptation(Adaptive):
 
 
 def _state_of(run: Any, name: str) -> Array:
-    states = getattr(run, "states", None)
-    if not isinstance(states, dict) and not hasattr(states, "__getitem__"):
+    states: Any = getattr(run, "states", None)
+    if not isinstance(states, Mapping):
         raise SimulationError(f"run is {run!r}, expected a Trajectory or Rollout of this law")
     if name not in states:
         raise SimulationError(f"run has states {', '.join(states) or 'none'}, expected one of this law, with {name}")

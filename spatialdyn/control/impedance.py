@@ -63,7 +63,7 @@ class Impedance(Law):
         joints = gain_of("joint_damping", joint_damping, model.nv, None)
         if joints.shape != (model.nv,):
             raise ShapeError(f"joint_damping has shape {joints.shape}, expected a number or ({model.nv},)")
-        values = {
+        values: dict[str, Any] = {
             "stiffness": stiffness, "damping": damping, "joint_damping": joints, "frame_in_body": np.array(placement),
             "target": _target(target), "row": row,
         }  # fmt: skip

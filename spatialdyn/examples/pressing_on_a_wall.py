@@ -56,8 +56,8 @@ def swing(seconds: float) -> tuple[float, float]:
         return sd.task_torque(model, q, v, hold, aside).tau
 
     run = sd.simulate(scene, POSE, np.zeros(9), seconds, 4e-3, torque=torque)
-    ends = [sd.frame_placement(model, run.q, name)[:, :3, 3] for name in ("panda_link4", "panda_hand")]
-    return tuple(float(np.linalg.norm(x - x[0], axis=1).max()) for x in ends)
+    elbow, hand = (sd.frame_placement(model, run.q, name)[:, :3, 3] for name in ("panda_link4", "panda_hand"))
+    return float(np.linalg.norm(elbow - elbow[0], axis=1).max()), float(np.linalg.norm(hand - hand[0], axis=1).max())
 
 
 def main(quick: bool = False, save: str | None = None) -> dict[str, Any]:

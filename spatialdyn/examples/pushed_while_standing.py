@@ -45,9 +45,10 @@ def solo() -> tuple[sd.Model, dict[str, float], Any]:
     """Solo12, the spheres of its feet, and bent knees."""
     model = sd.load_urdf("solo12", root="floating")
     q = sd.neutral(model).copy()
-    for leg, bend in (("FL", 1), ("FR", 1), ("HL", -1), ("HR", -1)):
+    legs = {"FL": 1, "FR": 1, "HL": -1, "HR": -1}
+    for leg, bend in legs.items():
         q[model.joint(f"{leg}_HFE").idx_q], q[model.joint(f"{leg}_KFE").idx_q] = 0.7 * bend, -1.4 * bend
-    return model, dict.fromkeys((f"{leg}_FOOT" for leg in ("FL", "FR", "HL", "HR")), 0.016), q
+    return model, {f"{leg}_FOOT": 0.016 for leg in legs}, q
 
 
 def stand(robot: Any, frame: str, impulse: float, seconds: float) -> tuple[Any, Any, float]:
@@ -70,12 +71,10 @@ def stand(robot: Any, frame: str, impulse: float, seconds: float) -> tuple[Any, 
 
 def main(quick: bool = False, save: str | None = None) -> dict[str, Any]:
     """Print how far each robot is moved by its push and where it ends; returns those motions."""
-    robots: dict[str, Any] = {"Solo12": (solo, "base_link", 1.0)} | (
-        {} if quick else {"Talos": (talos, "torso_2_link", 20.0)}
-    )
-    found = {}
-    for name, (make, frame, impulse) in robots.items():
-        found[name] = t, off, _ = stand(make(), frame, impulse, 1.5 if quick else 10.0)
+    robots: dict[str, Any] = {"Solo12": (solo, "base_link", 1.0), "Talos": (talos, "torso_2_link", 20.0)}
+    found, seconds = {}, 1.5 if quick else 10.0
+    for name, (make, frame, impulse) in list(robots.items())[: 1 if quick else 2]:
+        found[name] = _, off, _ = stand(make(), frame, impulse, seconds)
         print(f"{name}: {impulse:g} N s move its centre of mass by {off.max():.3f} m, {off[-1]:.1e} m at the end")
     if save:
         figure, axes = picture()

@@ -28,16 +28,18 @@ class Foot(NamedTuple):
     frame   name of a frame of the body, whose coordinates are the body's
     joint   index of its joint
     at      indices of its points among those of the contacts
-    points  (k, 3) in the body
-    radii   (k,)
+    levers  (k, 3, 3) p̃ of its points in the body
+    radii   (k,) of their spheres
+    rolls   whether one of them is not 0
     rows    (r, 6) B
     """
 
     frame: str
     joint: int
     at: tuple[int, ...]
-    points: Array
+    levers: Array
     radii: Array
+    rolls: bool
     rows: Array
 
 
@@ -49,11 +51,13 @@ def feet_of(model: Model, contacts: Contacts, at: tuple[int, ...]) -> list[Foot]
     found = []
     for joint, points in groups.items():
         p = np.array([model.frame(contacts.names[k]).placement[:3, 3] for k in points])
-        stacked = np.concatenate([np.hstack([np.eye(3), -cross_matrix(x)]) for x in p])
+        levers = np.array([cross_matrix(x) for x in p])
+        stacked = np.concatenate([np.hstack([np.eye(3), -x]) for x in levers])
         _, s, Vt = np.linalg.svd(stacked)
         rank = int((s > INDEPENDENT * s[0]).sum())
         radii = np.array([contacts.radii[k] for k in points])
-        found.append(Foot(f"joint:{model.joints[joint].name}", joint, tuple(points), p, radii, Vt[:rank]))
+        name = f"joint:{model.joints[joint].name}"
+        found.append(Foot(name, joint, tuple(points), levers, radii, bool(radii.any()), Vt[:rank]))
     return found
 
 
@@ -93,11 +97,13 @@ def stance(model: Model, feet: list[Foot], axes: Array, q: Array, v: Array) -> S
         body = calls["frame_jacobian"](model, q, foot.frame)
         R = calls["frame_placement"](model, q, foot.frame)[:3, :3]
         D = R.T @ axes  # the ground's axes in the body
-        points = foot.points - foot.radii[:, None] * D[:, 0]  # where the spheres touch
-        wrench = np.empty((6, len(points), 3))
+        wrench = np.empty((6, len(foot.at), 3))
         wrench[:3] = D[:, None, :]
-        wrench[3:] = np.cross(points[:, None], D.T[None], axis=-1).transpose(2, 0, 1)
-        m, n = len(foot.rows), 3 * len(points)
+        wrench[3:] = (foot.levers @ D).transpose(1, 0, 2)
+        if foot.rolls:  # a sphere touches below its centre: p - r n, and n × n is 0
+            wrench[3:, :, 1] -= np.multiply.outer(np.cross(D[:, 0], D[:, 1]), foot.radii)
+            wrench[3:, :, 2] -= np.multiply.outer(np.cross(D[:, 0], D[:, 2]), foot.radii)
+        m, n = len(foot.rows), 3 * len(foot.at)
         J[i : i + m] = foot.rows @ body
         drift[i : i + m] = foot.rows @ calls["jacobian_dot_times_v"](model, q, v, foot.frame)
         pull[:, j : j + n] = body.T @ wrench.reshape(6, n)

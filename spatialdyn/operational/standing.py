@@ -21,7 +21,7 @@ class Standing(NamedTuple):
     G: Array
     h: Array
     torque_rows: tuple[tuple[slice, float], ...]
-    driven: Array
+    driven: NDArray[np.intp]
     effort: Array
     least: Array
     most: Array

@@ -128,6 +128,9 @@ class WholeBody:
         self.base = 6 if floats else 0
         self.weight = max(float(np.linalg.norm(model.gravity)) * model.total_mass, 1e-300)
         self._names = [joint.name for joint in model.joints[1:] for _ in range(joint.nv)]
+        self._far = np.full(model.nv, np.inf)
+        stops = [(x.idx_v, x.idx_q) for x in model.joints[1:] if x.nq == x.nv == 1 and "position" in self.limits]
+        self._stops = tuple(np.array(stops, np.intp).reshape(-1, 2).T)
         self._feet: dict[tuple[int, ...], Standing] = {}
         contacts = self.scene.contacts
         if contacts is not None and len(contacts):
@@ -175,7 +178,7 @@ class WholeBody:
         contacts = self.scene.contacts
         if contacts is None:
             return ()
-        if self.standing == "all":
+        if isinstance(self.standing, str):
             return tuple(range(len(contacts)))
         gaps = np.asarray(contact_gaps(self.model, contacts, q))
         return tuple(np.flatnonzero(gaps <= self.standing).tolist())
@@ -213,19 +216,15 @@ class WholeBody:
 
     def _gaps(self, q: Array) -> tuple[Array, Array]:
         """What each freedom has left to its upper and its lower limit; infinite where there is none."""
-        n = self.model.nv
-        up, down = np.full(n, np.inf), np.full(n, np.inf)
-        if "position" in self.limits:
-            for joint in self.model.joints[1:]:
-                if joint.nq == joint.nv == 1:
-                    up[joint.idx_v] = self.model.upper[joint.idx_q] - q[joint.idx_q]
-                    down[joint.idx_v] = q[joint.idx_q] - self.model.lower[joint.idx_q]
+        up, down, (at_v, at_q) = self._far.copy(), self._far.copy(), self._stops
+        up[at_v], down[at_v] = self.model.upper[at_q] - q[at_q], q[at_q] - self.model.lower[at_q]
         return up, down
 
     def _weights(self, made: _State) -> Array:
         """The diagonal of what is small."""
         n, k = self.model.nv, made.feet.pull.shape[1]
-        return np.r_[np.full(n, self.motion_weight), np.full(k, self.force_weight)]
+        small: Array = np.r_[np.full(n, self.motion_weight), np.full(k, self.force_weight)]
+        return small
 
     def _settled(self, program: Program) -> tuple[Array, tuple[Program, list[Relaxation]]]:
         """The answer, with limits relaxed if need be."""

@@ -345,9 +345,8 @@ def adaptive_spec(natural_law: bool, matrix_rates: bool, matrix_gain: bool, fric
     by: Any = Natural(first, Argument("step", ("njoints",), "", "1/γ of each body"), DEADZONE)
     if not natural_law:
         step = Argument("step", TABLE, "", "Γ of each parameter")
-        by = Euclidean(
-            first, step, *(Argument(x, TABLE, _UNIT, "of the estimates") for x in ("least", "most")), DEADZONE
-        )
+        least, most = (Argument(x, TABLE, _UNIT, "of the estimates") for x in ("least", "most"))
+        by = Euclidean(first, step, least, most, DEADZONE)
     aim = Aim(
         Argument("rates", MATRIX if matrix_rates else DIAGONAL, "1/s", "Λ"),
         Argument("gain", MATRIX if matrix_gain else DIAGONAL, "N m s/rad | N s/m", "K"), Q_REF, V_REF, A_REF,
