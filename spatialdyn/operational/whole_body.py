@@ -78,6 +78,7 @@ class WholeBody:
 
     ``solve(q, v)`` is a WholeBodyMotion; the object itself is a torque function of ``simulate``, held over a step:
     ``sd.simulate(scene, q, v, 5.0, 2e-3, torque=whole_body)``. Whatever the solver says, its answer is checked.
+    Friction and motors of the scene's joints are not compensated.
     Raises  ModelError, ConstraintError and SpatialDynError naming what does not fit; ``solve`` ConstraintError with the
             smallest relaxation, by name, where the limits leave nothing
 
