@@ -30,7 +30,7 @@ and ``velocity`` are *carried*: all arrays and records of scratch or output that
 follows reads, entry by entry what they were where a sample does not need the body. NaN is not above 0: it ends a loop.
 Plain Python, compiled kernels and exact numbers run what is written. A program has the body once, as a loop over a
 register of samples that ends when none needs it, and a sample that is done keeps its bits: it does not see the others.
-Regions nest. Sines and cosines of a body are taken before it; derivatives, bounds, double-double and symbols refuse
+Regions nest. The sine of an angle that lanes do not reach, above 1e5, is NaN in a region; derivatives, bounds, double-double and symbols refuse
 programs that have regions, by name.
 
 Three recursions do branch on values. ``aba_square_root`` and ``kkt`` choose pivots: the Spec of the one says that it

@@ -210,7 +210,7 @@ class _Writer:
                     t.store_vector(values[k], "%ws", slots[k])
                 continue
             form, given = FORMS[op.code], [value(operand) for operand in signed(op)]
-            if form.angle and op.a not in angles:
+            if form.angle and not before and op.a not in angles:  # in regions an angle out of range is NaN
                 angles.add(op.a)
                 x = given[0]
                 reach = t.fused(x, x, reach) if reach else t.binary("fmul", x, x)
