@@ -26,8 +26,8 @@ from .compiled_loop import compile_loop, drive
 from .kernel_steps import KernelSteps, rates_of
 from .methods import explicit
 from .methods.call_kernels import call_kernels
+from .methods.iteration import SETTLED, SWEEPS
 from .methods.methods import EXPLICIT, EXPLICIT_METHODS, Family, Method
-from .methods.symplectic import SETTLED, SWEEPS
 from .momenta_steps import begun, places
 from .plan import Plan
 from .recorder import FAST, Recorder
@@ -90,11 +90,13 @@ class FixedSteps:
 
     @functools.cached_property
     def _by_kernels(self) -> tuple[System, Callable[..., None]]:
-        """A System, and a step, by the kernels of the family, which take seconds to compile."""
-        if self.simple:
+        """A System, and a step, by the kernels of the family, which take seconds to compile, or by calls."""
+        if self.simple and (self.family is EXPLICIT or self.torque.compiled or numba_kernels.PLAIN):
             made, step = self.family.kernels(len(self.forces) > 0), self.recorder.method.advance
             assert step is not None
             return self.bare._replace(kernels=made), step
+        if self.simple:
+            return self._in_python
         steps = KernelSteps(self.plan, self.recorder, self.forces, self.sample)
         return self.bare._replace(kernels=steps.kernels), steps.step
 
@@ -184,9 +186,9 @@ class FixedSteps:
             for x, kept in zip(self.now, self.marked, strict=True):
                 x[...] = kept
             done = int(recorder.at[0])
-            with np.errstate(all="ignore"):
-                system = self.bare if at_once is not None else self._by_kernels[0]
-                self.family.observe(system, steps.time(done), self.state)
+            if at_once is None:  # a program's states are q, and v or p
+                with np.errstate(all="ignore"):
+                    self.family.observe(self._by_kernels[0], steps.time(done), self.state)
             recorder.end(steps.time(done), self.state.q, self.state.w, self.torque.unasked(done))
             raise
 

@@ -34,8 +34,9 @@ from ..recursions.momenta.hamilton import WORK as HAMILTON
 from ..recursions.momenta.hamilton import P, hamilton_rows, momentum_rate
 from ..recursions.spec import FEXT, TAU, Argument, Q, Spec
 from .effects.effect import Effect
+from .methods.iteration import LARGEST, SETTLED, Sweeps
 from .methods.methods import CANONICAL, DISCRETE, integrators
-from .methods.symplectic import LARGEST, SETTLED, Sweeps, SymplecticKernels
+from .methods.symplectic import SymplecticKernels
 from .methods.variational import TURN, VariationalKernels
 from .steps import specs_of
 from .system import OK, State, System, held_torque
@@ -128,7 +129,8 @@ def _end(system: System, t: Any, s: Sweeps, y: Any) -> None:
 
 
 def _field(n: int, system: System, q: Any, p: Any, rates: Any) -> int:
-    hamilton_rows(system.table, scratch(HAMILTON, n + 1), q, p, None, system.fext, rates, np.full(n, 0.0, object))
+    still = np.full(n, 0.0, object)
+    hamilton_rows(system.table, scratch(HAMILTON, n + 1), q, p, still, system.fext, rates, still.copy())
     return OK
 
 
@@ -146,7 +148,7 @@ def _discrete(n: int, fext: Any) -> VariationalKernels:
 
     def velocity(rows: Any, q: Any, p: Any, v: Any) -> int:
         rates = np.full((2, n), 0.0, object)
-        hamilton_rows(rows, scratch(HAMILTON, n + 1), q, p, None, None, rates, np.full(n, 0.0, object))
+        hamilton_rows(rows, scratch(HAMILTON, n + 1), q, p, still, None, rates, still.copy())
         v[:] = rates[0]
         return OK
 

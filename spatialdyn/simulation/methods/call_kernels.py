@@ -23,10 +23,11 @@ from ...recursions.momenta.canonical_coordinates import chart_rate, from_canonic
 from ...recursions.momenta.discrete_momenta import ENDS, WORK_AFTER, WORK_BEFORE, momenta_after, sum_before
 from ...recursions.momenta.hamilton import P
 from ..system import NONFINITE, OK, PIVOT, TURNED, UNIT, System
-from ..tangents import run
+from ..tangents import OneByOne
 from . import explicit
+from .iteration import end
 from .methods import CANONICAL, EXPLICIT, Family
-from .symplectic import SymplecticKernels, end
+from .symplectic import SymplecticKernels
 from .variational import TURN, VariationalKernels
 
 Array = NDArray[np.float64]
@@ -63,8 +64,8 @@ def call_kernels(model: Model, family: Family, fext: Array | None) -> Any:
         return explicit.kernels_of(accelerate)
     rows = rows_of(tracer.table(model.bodies))
     if family is CANONICAL:
-        chart = (_on(rows, x) for x in (to_canonical, from_canonical, chart_rate, recenter))
-        return SymplecticKernels(field, None, *chart, end)
+        to, back, rate, nearer = (_on(rows, x) for x in (to_canonical, from_canonical, chart_rate, recenter))
+        return SymplecticKernels(field, None, to, back, rate, nearer, end)
     return VariationalKernels(load, None, velocity, _on(rows, _integrate), *_ends(model), end)
 
 
@@ -80,10 +81,10 @@ def _integrate(rows: Any, q: Any, xi: Any, out: Any) -> int:
 
 def _ends(model: Model) -> tuple[Callable[..., int], Callable[..., int]]:
     """The kernels of momenta before and after a step; the latter gives those of the step of the former's last call."""
-    n, after = model.nv, np.zeros(model.nv)
+    n, after, ends = model.nv, np.zeros(model.nv), OneByOne(model, ENDS)
 
     def before(table: Any, q: Any, xi: Any, moved: Any, out: Any) -> int:
-        (found,) = run(model, ENDS, "", [q[None], xi[None]])
+        found = ends(q, xi)
         out[:], after[:] = found[:n], found[n : 2 * n]
         return (OK if found[2 * n] > TURN else TURNED) if np.isfinite(found).all() else NONFINITE
 

@@ -5,11 +5,7 @@ equations are solved: they are iterated until the iterates change by rounding on
 sum z with compensation; their energy error grows like √t.
 
 Sources: Hairer, Lubich, Wanner, Geometric Numerical Integration (2006), II.1 and VI.3; for rounding, Hairer, McLachlan,
-Razakarivony, Achieving Brouwer's law with implicit Runge-Kutta methods (2008); for slow iterations, Walker, Ni,
-Anderson acceleration for fixed-point iterations (2011).
-
-No step branches on a value: sweeps are a region of ``algebra.regions``, so that one source is compiled, and recorded
-into a program in which samples run side by side, each until its own equations are solved.
+Razakarivony, Achieving Brouwer's law with implicit Runge-Kutta methods (2008).
 
 Rows of ``work``: 0 z, 1 remainder of the compensated sum, 2 a stage, 3 its slope, 4 and 5 momenta and rates of the
 joints, 6 scratch, 7 to 9 increments of the stages, 10 to 12 those of the previous step; in methods without stages, 8 to
@@ -22,21 +18,16 @@ import math
 from typing import Any, NamedTuple
 
 from ...algebra.regions import repeat, settled, when
-from ...algebra.scalars import EPS, inline_unoptimized, no_inline, select, sqrt
+from ...algebra.scalars import EPS, inline_unoptimized, select
 from ...engines.compiled import numba_kernels
 from ...engines.compiled.table_kernels import kernel
 from ...recursions import SPECS
 from ...recursions.momenta.canonical_coordinates import chart_rate, from_canonical, recenter, to_canonical
-from ..system import NONFINITE, STALLED, TORQUE, State, System, copy, set_status
+from ..system import State, System, copy, set_status
+from .iteration import LARGEST, SWEEPS, anderson_step, end, judge, largest, relative, sweeps_of
 
 ROWS = 18
 NUMBERS = 13  # first of the rows with a number each
-SWEEPS = 100  # at most; reasonable steps take 5 to 20
-LARGEST = 1e300
-SLOW = 0.25  # a sweep that shrinks the change by less turns acceleration on
-NEW = 0.01  # least part of the square of a difference that is outside the span of earlier ones
-SETTLED = 1e-10  # relative: a change this small that no longer shrinks is rounding
-ACCELERATED_SETTLED = 1e-13  # the same, of an accelerated iteration
 ROUNDING = 16.0 * EPS  # of what rounds where a robot comes to rest: see ``terms``
 
 
@@ -50,23 +41,6 @@ class SymplecticKernels(NamedTuple):
     chart_rate: Any
     recenter: Any
     end: Any
-
-
-class Sweeps(NamedTuple):
-    """The numbers (1,) of an iteration.
-
-    left    above 0 while it goes on
-    change  relative, of the last sweep
-    before  the same, of the sweep before
-    known   sweeps in the memory of ``anderson_step``
-    still   1 if the last change is rounding of what a state is made of, though not of a state that vanishes; else 0
-    """
-
-    left: Any
-    change: Any
-    before: Any
-    known: Any
-    still: Any
 
 
 class Tableau(NamedTuple):
@@ -170,139 +144,28 @@ def observe(system: System, t: float, state: State) -> None:
 def _change_charts(system: System, state: State) -> None:
     """Change to nearer chart centres where due, and clear ``work``: its rows but z refer to the old charts."""
     moved = system.kernels.recenter(system.table, state.by_row, state.work[0], state.work[6])
-    for row in range(1, NUMBERS):
-        for i in range(state.work.shape[1]):
-            state.work[row, i] = select(moved, 0.0, state.work[row, i])
+    rows = state.work[1:NUMBERS]
+    for _ in when(moved, rows):
+        for row in range(len(rows)):
+            for i in range(rows.shape[1]):
+                rows[row, i] = 0.0
 
 
 # --- equations ------------------------------------------------------------------------------------------
 
 
 @inline_unoptimized
-def sweeps_of(rows: Any) -> Sweeps:
-    """The numbers of an iteration that begins."""
-    left, change, before, known, still = rows[0][:1], rows[1][:1], rows[2][:1], rows[3][:1], rows[4][:1]
-    left[0], change[0], before[0], known[0], still[0] = 1.0, 0.0, math.inf, 0.0, 0.0
-    return Sweeps(left, change, before, known, still)
-
-
-@inline_unoptimized
-def judge(system: System, s: Sweeps, change: Any, still: Any) -> Any:
-    """Say whether the iteration goes on: until the relative change is rounding and shrinks no longer, or a failure.
-
-    still  1 if the change is rounding, see ``Sweeps``, else 0
-
-    Returns a number above 0 if it goes on and shrinks so slowly that it is to be accelerated. An accelerated one may
-    grow long before its change is rounding.
-    """
-    rounding = select(change - select(s.known[0], ACCELERATED_SETTLED, SETTLED), still, 1.0)
-    ends = select(change - 2.0 * EPS, select(rounding, select(s.before[0] - change, 0.0, 1.0), 0.0), 1.0)
-    left = select(ends, 0.0, select(LARGEST - change, 1.0, 0.0))
-    if system.status[0] != 0:
-        left = 0.0
-    slow = select(left, select(s.known[0], 1.0, select(change - SLOW * s.before[0], 1.0, 0.0)), 0.0)
-    s.before[0] = select(left, change, s.before[0])
-    s.left[0], s.change[0], s.still[0] = left, change, still
-    return slow
-
-
-@inline_unoptimized
-def end(system: System, t: float, s: Sweeps, y: Any) -> None:
-    """Set the status if an iteration has failed; y, what it solves for, is only for those that record."""
-    if not s.change[0] <= LARGEST:
-        set_status(system, NONFINITE, t)
-    if s.before[0] <= LARGEST and system.status[0] != 0 and system.status[0] != TORQUE:
-        system.status[0], system.status[1], system.status[2] = STALLED, t, s.before[0]  # the iterates diverge
-    if s.left[0] > 0.0 and not (s.change[0] <= SETTLED or s.still[0] > 0.0):
-        set_status(system, STALLED, t, s.change[0])
-
-
-@inline_unoptimized
-def magnitude(x: Any) -> Any:
-    """|x|."""
-    return select(-x, -x, x)
-
-
-@inline_unoptimized
-def larger(x: Any, y: Any) -> Any:
-    """The larger of x and y; x if y is NaN."""
-    return select(y - x, y, x)
-
-
-@inline_unoptimized
-def at_most(x: Any, change: Any) -> Any:
-    """change, but infinite where x is beyond LARGEST, or NaN."""
-    return select(LARGEST - magnitude(x), change, math.inf)
-
-
-@inline_unoptimized
-def terms(system: System, c: Any, first: int) -> Any:
+def terms(system: System, c: Any, first: int, sizes: Any) -> Any:
     """Size of what rounds in the half of z that starts at ``first``: of positions 1, the robot's length or a radian,
     and of momenta the change by the torque over a time c, which forces of the robot may balance.
+
+    sizes  (nv,)  scratch
     """
-    n, size = len(system.tau), 0.0
     if first == 0:
         return 1.0
-    for i in range(n):
-        size = larger(size, system.unit[n + i] * magnitude(c * system.tau[i]))
-    return size
-
-
-@inline_unoptimized
-def relative(change: Any, size: Any) -> Any:
-    """change / size; 0 if nothing changes, infinite for NaN."""
-    return select(LARGEST - change, select(change, change / select(size, size, 1.0), 0.0), math.inf)
-
-
-@no_inline
-def anderson_step(known: Any, f: Any, y: Any, F: Any, U: Any) -> None:
-    """One step of Anderson acceleration of y = G(x), f = G(x) - x: y moves to where f is least by the last sweeps.
-
-    The terms of size h |v| that couple the rotation of a fast body with its translation make a plain iteration circle
-    or diverge.
-
-    known  (1,)  written: sweeps in the memory
-    y      written: next x
-    F, U   (1 + memory, n)  written: orthonormal differences of f and the matching ones of y, the newest first; f and y
-           in the last row
-    """
-    n, last = len(f), len(F) - 1
-    first, several = select(known[0], 0.0, 1.0), select(known[0], 1.0, 0.0)
-    for j in range(last - 1, 0, -1):
-        for i in range(n):
-            F[j, i], U[j, i] = select(first, 0.0, F[j - 1, i]), select(first, 0.0, U[j - 1, i])
-    whole = square = 0.0
-    for i in range(n):
-        F[0, i], U[0, i] = select(several, f[i] - F[last, i], 0.0), select(several, y[i] - U[last, i], 0.0)
-        whole = whole + F[0, i] * F[0, i]
-        F[last, i], U[last, i] = F[0, i], U[0, i]
-    for j in range(1, last):
-        part = 0.0
-        for i in range(n):
-            part = part + F[j, i] * F[0, i]
-        for i in range(n):
-            F[0, i] = F[0, i] - part * F[j, i]
-            U[0, i] = U[0, i] - part * U[j, i]
-    for i in range(n):
-        square = square + F[0, i] * F[0, i]
-    fresh = select(
-        NEW * whole - square, 1.0, 0.0
-    )  # nearly dependent: drop older differences, the remainder is rounding
-    square = select(fresh, whole, square)
-    size = select(square, 1.0 / sqrt(select(square, square, 1.0)), 0.0)
-    for i in range(n):
-        F[0, i] = size * select(fresh, F[last, i], F[0, i])
-        U[0, i] = size * select(fresh, U[last, i], U[0, i])
-        F[last, i], U[last, i] = f[i], y[i]
-        for j in range(1, last):
-            F[j, i], U[j, i] = select(fresh, 0.0, F[j, i]), select(fresh, 0.0, U[j, i])
-    for j in range(last):
-        part = 0.0
-        for i in range(n):
-            part = part + F[j, i] * f[i]
-        for i in range(n):
-            y[i] = y[i] - part * U[j, i]
-    known[0] = known[0] + 1.0
+    for i in range(len(sizes)):
+        sizes[i] = system.unit[len(sizes) + i] * abs(c * system.tau[i])
+    return largest(sizes)
 
 
 @inline_unoptimized
@@ -312,29 +175,31 @@ def _solve_half(system: System, t: Any, c: Any, first: int, base: Any, state: St
     dy  a guess of the slope; written: the slope at the solution
     """
     n = len(system.tau)
-    off, F, U = state.work[6][:n], state.work[8:13, :n], state.work[8:13, n:]
-    half = y[first : first + n]
-    for i in range(first, first + n):
-        y[i] = base[i] + c * dy[i]
-    largest = 0.0
-    for i in range(first, first + n):
-        largest = larger(largest, system.unit[i] * (magnitude(base[i]) + magnitude(c * dy[i])))
-    inverse = 1.0 / select(largest, largest, 1.0)
-    scale = select(largest - 1.0 / LARGEST, select(LARGEST - largest, inverse, 1.0), 1.0)  # keeps squares in range
+    off, sizes, F, U = state.work[6][:n], state.work[6][n:], state.work[8:13, :n], state.work[8:13, n:]
+    half, start, unit = y[first : first + n], base[first : first + n], system.unit[first : first + n]
+    slopes = dy[first : first + n]
+    for i in range(n):
+        half[i] = start[i] + c * slopes[i]
+        sizes[i] = unit[i] * (abs(start[i]) + abs(c * slopes[i]))
+    most = largest(sizes)
+    inverse = 1.0 / select(most, most, 1.0)
+    scale = select(most - 1.0 / LARGEST, select(LARGEST - most, inverse, 1.0), 1.0)  # keeps squares in range
+    F[:], U[:] = 0.0, 0.0
     s = sweeps_of(state.work[NUMBERS:])
     for _ in repeat(SWEEPS, s.left, s.change, s.before, s.known, s.still, half, dy, F, U):
         if settled(s.left[0]):
             break
         slope(system, t, y, state, dy)
-        change = size = 0.0
-        for i in range(first, first + n):
-            new = base[i] + c * dy[i]
-            off[i - first] = system.unit[i] * (new - y[i]) * scale
-            change = at_most(new, larger(change, magnitude(off[i - first])))
-            size = larger(size, system.unit[i] * (magnitude(base[i]) + magnitude(c * dy[i])) * scale)
-            y[i] = new
-        still = select(change - ROUNDING * terms(system, c, first) * scale, 0.0, 1.0)
-        slow = judge(system, s, relative(change, size), still)
+        still = ROUNDING * terms(system, c, first, sizes) * scale
+        moved = state.work[5][:n]
+        for i in range(n):
+            new = start[i] + c * slopes[i]
+            off[i] = unit[i] * (new - half[i]) * scale
+            moved[i] = abs(off[i])
+            sizes[i] = unit[i] * (abs(start[i]) + abs(c * slopes[i])) * scale
+            half[i] = new
+        change = largest(moved)
+        slow = judge(system, s, relative(change, largest(sizes)), select(change - still, 0.0, 1.0))
         for _ in when(slow, s.known, half, F, U):
             anderson_step(s.known, off, half, F, U)
     system.kernels.end(system, t, s, half)
@@ -378,7 +243,7 @@ def _gauss(system: System, t: Any, h: Any, state: State, method: Tableau) -> Non
     _change_charts(system, state)
     stages, n = len(method.b), len(system.tau)
     z, rest, y, dy, L = state.work[0], state.work[1], state.work[2], state.work[3], state.work[7 : 7 + stages]
-    old = state.work[10:13]
+    old, moved, sizes = state.work[10:13], state.work[6][:n], state.work[6][n:]
     for a in range(stages):
         copy(old[a], L[a])
     for a in range(stages):
@@ -391,7 +256,7 @@ def _gauss(system: System, t: Any, h: Any, state: State, method: Tableau) -> Non
     for _ in repeat(SWEEPS, s.left, s.change, s.before, s.still, L):
         if settled(s.left[0]):
             break
-        change, moves = 0.0, 0.0
+        change, still = 0.0, 1.0
         for a in range(stages):
             for i in range(2 * n):
                 y[i] = z[i]
@@ -399,16 +264,18 @@ def _gauss(system: System, t: Any, h: Any, state: State, method: Tableau) -> Non
                     y[i] = y[i] + method.mu[a][b] * L[b, i]
             slope(system, t + method.c[a] * h, y, state, dy)
             for half in range(2):
-                moved = size = 0.0
-                for i in range(half * n, half * n + n):
-                    new = h * method.b[a] * dy[i]
-                    moved = at_most(new, larger(moved, system.unit[i] * magnitude(new - L[a, i])))
-                    size = larger(size, system.unit[i] * (magnitude(z[i]) + magnitude(new)))
-                    L[a, i] = new
-                rounding = ROUNDING * terms(system, h * method.b[a], half * n)
-                moves = select(moved - rounding, 1.0, moves)
-                change = larger(change, relative(moved, size))
-        judge(system, s, change, 1.0 - moves)
+                first = half * n
+                rounding = ROUNDING * terms(system, h * method.b[a], first, sizes)
+                for i in range(n):
+                    new = h * method.b[a] * dy[first + i]
+                    moved[i] = system.unit[first + i] * abs(new - L[a, first + i])
+                    sizes[i] = system.unit[first + i] * (abs(z[first + i]) + abs(new))
+                    L[a, first + i] = new
+                most = largest(moved)
+                still = select(most - rounding, 0.0, still)
+                ratio = relative(most, largest(sizes))
+                change = select(ratio - change, ratio, change)
+        judge(system, s, change, still)
     system.kernels.end(system, t, s, z)
     for i in range(2 * n):
         step = rest[i]

@@ -26,7 +26,7 @@ from ...engines.compiled.table_kernels import kernel
 from ...recursions import SPECS
 from ...recursions.momenta.discrete_momenta import WORK_AFTER, WORK_BEFORE, momenta_after, sum_before
 from ..system import OK, TURNED, State, System, copy, set_status
-from .symplectic import SWEEPS, anderson_step, at_most, end, judge, larger, magnitude, relative, sweeps_of
+from .iteration import SWEEPS, anderson_step, end, judge, largest, relative, sweeps_of
 
 NUMBERS = 17  # first of the rows with a number each, of ``Sweeps``
 ROWS = 22
@@ -98,13 +98,13 @@ def variational(system: System, t: float, h: float, state: State) -> None:
     xi, old, older = state.work[0], state.work[1], state.work[2]
     mean, g, left, change = state.work[3], state.work[4], state.work[5], state.work[6]
     F, U = state.work[7:12], state.work[12:17]
-    known = 0.0
     for i in range(n):
-        known = known + magnitude(old[i])
-    straight = select(known, 1.0, 0.0)  # 1 once two displacements are known: the guess extrapolates them
+        mean[i] = abs(old[i])
+    straight = select(largest(mean), 1.0, 0.0)  # 1 once two displacements are known: the guess extrapolates them
     for i in range(n):
         older[i], old[i], xi[i] = old[i], xi[i], xi[i] + straight * (xi[i] - old[i])
     set_status(system, k.load(system, state.q, g), t)
+    F[:], U[:] = 0.0, 0.0
     s = sweeps_of(state.work[NUMBERS:])
     for _ in repeat(SWEEPS, s.left, s.change, s.before, s.known, s.still, xi, F, U):
         if settled(s.left[0]):
@@ -116,14 +116,13 @@ def variational(system: System, t: float, h: float, state: State) -> None:
         for i in range(n):
             left[i] = left[i] / h - state.w[i] - 0.5 * h * (system.tau[i] - g[i])
         set_status(system, k.velocity(system.table, state.q, left, change), t)
-        moved = size = 0.0
         for i in range(n):
             change[i] = -h * change[i]
             xi[i] = xi[i] + change[i]
-            moved = at_most(change[i], larger(moved, magnitude(system.unit[i] * change[i])))
             change[i] = change[i] * system.unit[i]
-            size = larger(size, system.unit[i] * (magnitude(xi[i]) + magnitude(old[i])))
-        slow = judge(system, s, relative(moved, size), 0.0)
+            left[i] = abs(change[i])
+            mean[i] = system.unit[i] * (abs(xi[i]) + abs(old[i]))
+        slow = judge(system, s, relative(largest(left), largest(mean)), 0.0)
         for _ in when(slow, s.known, xi, F, U):
             anderson_step(s.known, change, xi, F, U)
     k.end(system, t, s, xi)

@@ -22,6 +22,7 @@ from ....recursions.spec import Spec
 from ...polynomials import MAX_ANGLE
 from .constants import error_of
 from .operations import (
+    ABS,
     ADD,
     AGAIN,
     ATAN2,
@@ -163,6 +164,9 @@ class Number:
 
     def __neg__(self) -> Number:
         return Number(self.tape, self.line, not self.minus)
+
+    def __abs__(self) -> Number:
+        return Number(self.tape, self.tape.line((ABS, self.line, 0, 0, 0.0)), False)
 
     def __add__(self, other: Any) -> Any:
         if not isinstance(other, Number):
