@@ -37,6 +37,13 @@ def add_by(A, x, out):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True)
+def put(x, out):  # type: ignore[no-untyped-def]
+    """Write x; ``out[...] = x`` takes Numba seconds to compile."""
+    for i in range(len(x)):
+        out[i] = x[i]
+
+
+@numba.njit(cache=True)
 def add_product(A, B, out):  # type: ignore[no-untyped-def]
     """out + Aᵀ B, written in place."""
     for k in range(len(A)):
@@ -74,8 +81,9 @@ def free_inverse(H, free):  # type: ignore[no-untyped-def]
     """H⁻¹ of the free unknowns, 0 elsewhere, by Gauss and Jordan; and whether H is positive there."""
     n, X = len(H), H.copy()
     for k in range(n):
-        if not free[k]:
-            X[k], X[:, k] = 0.0, 0.0
+        for j in range(n):
+            if not free[k]:
+                X[k, j] = X[j, k] = 0.0
     for k in range(n):
         pivot = X[k, k]
         if free[k] and not pivot > 0.0:
@@ -129,10 +137,12 @@ def backward(C, slope, W, g, H, low, high, mu, k, K):  # type: ignore[no-untyped
         Q = W + np.dot(C[t].T, np.dot(H, C[t], HC))
         r = add_by(C[t], g, slope[t].copy())
         Hux, Huu, gb = Q[n:, :n].copy(), Q[n:, n:].copy(), r[n:]
-        k[t], inverse, positive = box_minimum(Huu + mu * np.eye(len(gb)), gb, low[t], high[t])
+        step, inverse, positive = box_minimum(Huu + mu * np.eye(len(gb)), gb, low[t], high[t])
         if not positive:
             return np.nan
-        K[t] = add_product(-inverse, Hux, np.zeros_like(Hux))
+        put(step, k[t])
+        K[t].fill(0.0)
+        add_product(-inverse, Hux, K[t])
         by_k = add_by(Huu, k[t], np.zeros(len(gb)))
         less -= k[t] @ (gb + 0.5 * by_k)
         g = add_by(Hux, k[t], add_by(K[t], gb + by_k, r[:n].copy()))
