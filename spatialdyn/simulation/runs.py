@@ -103,10 +103,11 @@ def simulate(
     motors is what was wanted.
     A law's states that have rates move, in methods in momenta, half a step before and half a step after the motion,
     which has order 2. Work is integrated as the motion is; in methods in momenta by their stages, or the trapezoidal
-    rule. Explicit methods step a robot by one program if neither torque nor fext is a function and the robot is short
-    enough (its freedoms times the evaluations of ``integrators`` at most 128). The program is compiled once per scene
-    and method, 0.1 s for a two-link arm, 0.6 s for a Panda, 3 s for a humanoid by rk4, and cached on disk. All else
-    runs in the table kernel, or, with effects, in Python. The choice, and so every bit of the result, does not depend
+    rule. Explicit methods, and those in momenta where nothing but tau and fext acts, step a robot by one program if
+    neither torque nor fext is a function and the robot is short enough (its freedoms times the evaluations of
+    ``integrators`` at most 128). The program is compiled once per scene and method, 0.1 s for a two-link arm, 0.6 s for
+    a Panda, 3 s for a humanoid by rk4, and cached on disk. All else runs in the table kernel, or, with effects, and in
+    momenta with a function in Python, in Python. The choice, and so every bit of the result, does not depend
     on the number of steps, nor, but for SciPy's methods, on that of samples in a ``rollout``.
 
     Returns Trajectory.

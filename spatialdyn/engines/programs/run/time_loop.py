@@ -117,8 +117,8 @@ def run(
             cuts = pairwise(tile + several * j // threads for j in range(threads + 1))
             thread_pool.run([partial(part, passed, numbers, *cut) for cut in cuts])
         here = slice(min(tile * width, n - width), min((tile + several) * width, n))
-        for after, made in zip(ends, now, strict=False):
-            after[here] = made[here]
+        for end, reach in zip(ends, now, strict=False):
+            end[here] = reach[here]
     starts = np.minimum(np.arange(tiles) * width, n - width)
     lane = np.arange(width)
     return np.unique((starts[:, None] + lane)[(bits[:, None] >> lane & 1) == 0])
