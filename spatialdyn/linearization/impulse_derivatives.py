@@ -39,8 +39,8 @@ from ..simulation.effects.constraints import Constrained
 from ..simulation.effects.contacts import Contact
 from ..simulation.effects.effect import find
 from ..simulation.effects.friction import DryFriction
+from ..simulation.tangents import along, run
 from .active_set import ActiveSet
-from .tangents import along, run
 
 Array = NDArray[Any]
 SWITCH = 1e-6  # [m/s | rad/s] margin of a state below which it is at a switch: a solved step leaves as much open

@@ -26,9 +26,9 @@ from ..simulation.plan import Plan
 from ..simulation.rollouts import rollout
 from ..simulation.scene import Scene, check_method
 from ..simulation.steps import step_specs
+from ..simulation.tangents import along
 from .impulse_derivatives import derivatives as by_impulses
 from .impulse_derivatives import laws_of
-from .tangents import along
 
 Array = NDArray[np.float64]
 
