@@ -91,9 +91,10 @@ GROUPS = {
         "contact_wrench base_velocity passivity PassivityRecord lyapunov LyapunovRecord",
     ),
     "identification": Group(
-        "Regressors",
-        "Torques, forces and energies as linear functions of masses, centres of mass and inertias.",
-        "joint_torque_regressor body_regressor kinetic_energy_regressor potential_energy_regressor static_regressor",
+        "Regressors and identification",
+        "Torques, forces and energies as linear functions of masses, centres of mass and inertias; these from logs.",
+        "identify Identified Validation Recording excitation base_parameters Base joint_torque_regressor "
+        "body_regressor kinetic_energy_regressor potential_energy_regressor static_regressor",
     ),
     "mechanics": Group(
         "Lagrange and Hamilton",
@@ -126,7 +127,7 @@ GROUPS = {
         "Errors",
         "All derive from SpatialDynError, a ValueError.",
         "SpatialDynError ShapeError ConfigurationError NonFiniteError UrdfError InertiaError ModelError "
-        "ConstraintError SimulationError SimulationInterrupt",
+        "ConstraintError IdentificationError SimulationError SimulationInterrupt",
     ),
 }
 # where a name that no group lists goes, by the package that it is of
