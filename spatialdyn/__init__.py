@@ -128,6 +128,9 @@ if TYPE_CHECKING:
     from .laws.cost import Cost
     from .model.builder import ModelBuilder
     from .model.transmission import Transmission
+    from .operational.hierarchy import TaskTorque, task_torque
+    from .operational.space import OperationalSpace, operational_space, operational_space_coupling
+    from .operational.tasks import ComTask, FrameTask, PostureTask
     from .pictures.comparison_plots import plot
     from .pictures.view import view
     from .simulation.contact_record import ContactRecord
@@ -150,30 +153,31 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 __all__ = [
     *_dynamics.__all__,
-    "Base", "ChristoffelC", "ClosedStep", "ComputedTorque", "ConfigurationError", "Constrained",
+    "Base", "ChristoffelC", "ClosedStep", "ComTask", "ComputedTorque", "ConfigurationError", "Constrained",
     "ConstrainedDerivatives", "ConstrainedImpact", "ConstrainedMotion", "ConstraintError", "Constraints",
     "ContactRecord", "ContactStep", "ContactWrench", "Contacts", "Control", "Cost", "CouplerConstraint", "Diagnosis",
-    "DistanceConstraint", "EnergyLedger", "EnergyShaping", "Exact", "Finding", "Frame", "Friction", "Gains",
-    "Gravity", "Heightfield", "HingeConstraint", "IKResult", "IdentificationError", "Identified", "Impact",
+    "DistanceConstraint", "EnergyLedger", "EnergyShaping", "Exact", "Finding", "Frame", "FrameTask", "Friction",
+    "Gains", "Gravity", "Heightfield", "HingeConstraint", "IKResult", "IdentificationError", "Identified", "Impact",
     "InertiaError", "Joint", "LQR", "LyapunovRecord", "Mobility", "Model", "ModelBuilder", "ModelError",
-    "MomentumObserver", "Motor", "NonFiniteError", "Option", "PD", "PDGravity", "PDPlus", "Passivity",
-    "PassivityRecord", "Path", "PathPeaks", "PathPoint", "Plane", "PointConstraint", "Promise", "Recommendation",
-    "Recording", "Requirement", "Robot", "RollingConstraint", "Rollout", "Rotor", "Scene", "ShapeError",
-    "SimulationError", "SimulationInterrupt", "SpatialDynError", "Specialized", "StateFeedback",
-    "SymbolicManipulator", "Tradeoff", "Trajectory", "Transmission", "UrdfError", "Validation", "VelocityConstraint",
-    "WeldConstraint", "assemble", "base_parameters", "base_velocity", "bounded", "check_conservation", "close_loops",
-    "closed_step", "compare_with_pinocchio", "compile", "conserved_quantities", "constrained_dynamics",
-    "constrained_dynamics_derivatives", "constraint_drift", "constraint_error", "constraint_jacobian", "contact_gaps",
-    "contact_step", "contact_wrench", "critical_gains", "delassus", "detection_thresholds", "diagnose",
-    "energy_ledger", "exact", "excitation", "forward_dynamics", "fourier", "friction_regressor", "friction_torque",
-    "from_drake", "from_mjmodel", "from_mujoco", "from_pinocchio", "gravity_stiffness_bound", "hamilton_equations",
-    "hamilton_simulation", "identify", "impact", "independent_joints", "integrators", "kernels", "largest_step",
-    "linearize", "load", "load_urdf", "lqr", "lyapunov", "mobility", "momentum_observer_step", "passivity", "plot",
-    "poisson_bracket", "project_configuration", "project_velocity", "quintic", "random_configuration",
+    "MomentumObserver", "Motor", "NonFiniteError", "OperationalSpace", "Option", "PD", "PDGravity", "PDPlus",
+    "Passivity", "PassivityRecord", "Path", "PathPeaks", "PathPoint", "Plane", "PointConstraint", "PostureTask",
+    "Promise", "Recommendation", "Recording", "Requirement", "Robot", "RollingConstraint", "Rollout", "Rotor",
+    "Scene", "ShapeError", "SimulationError", "SimulationInterrupt", "SpatialDynError", "Specialized",
+    "StateFeedback", "SymbolicManipulator", "TaskTorque", "Tradeoff", "Trajectory", "Transmission", "UrdfError",
+    "Validation", "VelocityConstraint", "WeldConstraint", "assemble", "base_parameters", "base_velocity", "bounded",
+    "check_conservation", "close_loops", "closed_step", "compare_with_pinocchio", "compile", "conserved_quantities",
+    "constrained_dynamics", "constrained_dynamics_derivatives", "constraint_drift", "constraint_error",
+    "constraint_jacobian", "contact_gaps", "contact_step", "contact_wrench", "critical_gains", "delassus",
+    "detection_thresholds", "diagnose", "energy_ledger", "exact", "excitation", "forward_dynamics", "fourier",
+    "friction_regressor", "friction_torque", "from_drake", "from_mjmodel", "from_mujoco", "from_pinocchio",
+    "gravity_stiffness_bound", "hamilton_equations", "hamilton_simulation", "identify", "impact",
+    "independent_joints", "integrators", "kernels", "largest_step", "linearize", "load", "load_urdf", "lqr",
+    "lyapunov", "mobility", "momentum_observer_step", "operational_space", "operational_space_coupling", "passivity",
+    "plot", "poisson_bracket", "project_configuration", "project_velocity", "quintic", "random_configuration",
     "read_transmissions", "recommend", "requires", "rollout", "simplify", "simulate", "solve_ik", "specialize",
-    "spline", "spring_energy", "spring_torque", "step", "step_derivatives", "to_actuators", "to_drake", "to_joints",
-    "to_mjcf", "to_mujoco", "to_urdf", "torque_limits", "trade", "trapezoid", "verify_skew_symmetry", "view",
-    "wrench_at",
+    "spline", "spring_energy", "spring_torque", "step", "step_derivatives", "task_torque", "to_actuators", "to_drake",
+    "to_joints", "to_mjcf", "to_mujoco", "to_urdf", "torque_limits", "trade", "trapezoid", "verify_skew_symmetry",
+    "view", "wrench_at",
 ]  # fmt: skip
 
 _LATE = {  # {module: public names}, imported when one is asked for: half the time of an import
@@ -213,6 +217,9 @@ _LATE = {  # {module: public names}, imported when one is asked for: half the ti
     "lagrangian.hamiltonian": "hamilton_equations poisson_bracket",
     "lagrangian.symbolic_manipulator": "SymbolicManipulator", "model.builder": "ModelBuilder",
     "model.transmission": "Transmission", "urdf.transmissions": "read_transmissions",
+    "operational.hierarchy": "TaskTorque task_torque",
+    "operational.space": "OperationalSpace operational_space operational_space_coupling",
+    "operational.tasks": "ComTask FrameTask PostureTask",
     "pictures.comparison_plots": "plot", "pictures.view": "view",
     "laws.control": "Control", "laws.cost": "Cost", "simulation.contact_record": "ContactRecord",
     "simulation.ledger": "EnergyLedger energy_ledger",
@@ -224,8 +231,8 @@ _LATE = {  # {module: public names}, imported when one is asked for: half the ti
 }  # fmt: skip
 _MODULE_OF = {name: module for module, names in _LATE.items() for name in names.split()}
 _ROOMS = (
-    "accuracy", "actuation", "constraints", "control", "identification", "interop", "lagrangian", "laws", "pictures",
-    "sources", "simulation", "validate",
+    "accuracy", "actuation", "constraints", "control", "identification", "interop", "lagrangian", "laws",
+    "operational", "pictures", "simulation", "sources", "validate",
 )  # fmt: skip
 
 

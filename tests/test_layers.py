@@ -39,12 +39,13 @@ BELOW: dict[str, tuple[str, ...]] = {
     "sources": ("constraints", "actuation", "urdf"),
     "simulation": ("lagrangian", "sources", "laws"),
     "control": ("simulation",),
+    "operational": ("simulation",),
     "identification": ("control",),
     "accuracy": ("identification",),
     "validate": ("interop", "urdf"),
     "pictures": ("validate", "accuracy", "control"),
     "compat": ("pictures", "accuracy", "interop", "urdf", "sources"),
-    "__init__": ("accuracy", "control", "validate", "pictures", "sources"),
+    "__init__": ("accuracy", "control", "operational", "validate", "pictures", "sources"),
     "examples": ("__init__", "compat"),
     "docs": ("examples",),
     "commands": ("docs",),
@@ -96,12 +97,13 @@ SHARED = {
     "tree.square_root_inertia", "coordinates.configuration_off_norm", "tree.rnea_off_norm", "steps", "signatures",
     "constraints.constraint_rows", "constraints.dense", "tree.rotors", "constraints.constrained",
     "contact.coulomb_cone", "joints.friction", "coordinates.configuration", "contact.contact_rows", "tree.aba_motors",
-    "contact.impulses", "contact.impulse_rows", "contact.newton_step", "control.paths",
+    "tree.regressor", "contact.impulses", "contact.impulse_rows", "contact.newton_step", "control.paths",
 }  # fmt: skip
 TOUCH_FILES = {"urdf", "sources", "engines", "pictures", "docs"}  # pictures reads meshes, both write pages
 # themselves, a script, and loops in TOML; one reads an environment variable
 SAVE = {
-    "simulation.trajectory", "identification.recording", "compat.pinocchio.model.serialization_format", "commands.port", "commands.robots",
+    "simulation.trajectory", "identification.recording", "compat.pinocchio.model.serialization_format",
+    "commands.port", "commands.robots",
     "compat.pinocchio.coverage.strictness", "examples.c_export",
 }  # fmt: skip
 NAME_FILES = {"validate", "commands", "examples"}  # pass a file name to Pinocchio; width of the terminal; pictures

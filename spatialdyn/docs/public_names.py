@@ -90,11 +90,18 @@ GROUPS = {
         "ClosedStep largest_step MomentumObserver momentum_observer_step detection_thresholds ContactWrench "
         "contact_wrench base_velocity passivity PassivityRecord lyapunov LyapunovRecord",
     ),
+    "tasks": Group(
+        "Operational space and tasks",
+        "Inertia and forces of a frame; tasks in strict order.",
+        "operational_space OperationalSpace operational_space_inertia_inverse operational_space_coupling task_torque "
+        "TaskTorque FrameTask ComTask PostureTask",
+    ),
     "identification": Group(
         "Regressors and identification",
         "Torques, forces and energies as linear functions of masses, centres of mass and inertias; these from logs.",
         "identify Identified Validation Recording excitation base_parameters Base joint_torque_regressor "
-        "body_regressor kinetic_energy_regressor potential_energy_regressor static_regressor",
+        "body_regressor kinetic_energy_regressor potential_energy_regressor static_regressor "
+        "modified_torque_regressor momentum_regressor coriolis_transpose_regressor",
     ),
     "mechanics": Group(
         "Lagrange and Hamilton",
