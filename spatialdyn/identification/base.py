@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..calls.arguments import as_count, as_word
+from ..calls.arguments import as_word
 from ..calls.dynamics import calls
 from ..calls.states import random_configuration
 from ..errors import IdentificationError
 from ..model.model import Model
-from .unknowns import Unknowns, unknowns_of
+from .unknowns import Unknowns, unknowns_of, whole_number
 
 Array = NDArray[np.float64]
 ROWS = ("all", "base")
@@ -23,7 +23,6 @@ ROUNDED = 1e-9  # of the largest column: a smaller one is what a rounded angle o
 GAP = 1e3  # between the last pivot that counts and the first that does not
 STATES = 20  # rows for each column
 CHUNK = 1024  # states at a time
-MOST = 1 << 20
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -50,7 +49,8 @@ class Base:
         return "\n".join(f"{self.text(k)}" for k in range(self.rank))
 
     def text(self, k: int) -> str:
-        """Base parameter k as a sum of parameters."""
+        """Base parameter k as a sum of parameters. Raises IdentificationError for one that there is not."""
+        k = whole_number("k", k, 0, self.rank - 1)
         parts = []
         order = [int(self.columns[k]), *(j for j in np.flatnonzero(self.K[k]) if j != self.columns[k])]
         for j in order:
@@ -95,11 +95,8 @@ def base_parameters(
     as_word("rows", rows, ROWS)
     if rows == "base" and model.options.root != "floating":
         raise IdentificationError(f'rows is "base", expected "all": robot "{model.name}" has a fixed root')
-    if samples != 0 and not as_count(samples, MOST):
-        raise IdentificationError(f"samples is {samples!r}, expected 0, or a number of states up to {MOST}")
-    if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or seed < 0:
-        raise IdentificationError(f"seed is {seed!r}, expected a whole number of 0 or more")
-    return base_of_columns(factor_of_random_motions(unknowns, rows, int(samples), int(seed)), unknowns.names)
+    n, start = whole_number("samples", samples, 0), whole_number("seed", seed, 0)
+    return base_of_columns(factor_of_random_motions(unknowns, rows, n, start), unknowns.names)
 
 
 @lru_cache(maxsize=16)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .equations import Equations, Rows
-from .least_squares import Factors, added, factors_of, solve
+from .least_squares import Factors, added, factors_of, solve, triangle
 
 Array = NDArray[np.float64]
 MOST = 25  # samples, either way
@@ -35,16 +35,16 @@ def whole_delay(equations: Sequence[Equations], columns: NDArray[np.intp], most:
         Y = np.stack([tau[first + k - s] for s in shifts], -1) - known[k, :, None]
         for i in range(known.shape[1]):
             use = keep[k, i]
-            R = np.linalg.qr(np.concatenate([W[k][:, i][:, columns], Y[:, i]], 1)[use], mode="r")
+            R = triangle(np.concatenate([W[k][:, i][:, columns], Y[:, i]], 1)[use])
             if len(kept) <= i:
                 kept.append(R)
             else:
-                kept[i] = np.linalg.qr(np.concatenate([kept[i], R]), mode="r")
+                kept[i] = triangle(np.concatenate([kept[i], R]))
     if not kept:
         return 0
     sigma, best = np.array([max(np.sqrt(np.mean(R[:, count:] ** 2)), 1e-300) for R in kept]), most
     for _ in range(3):
-        R = np.linalg.qr(np.concatenate([x / s for x, s in zip(kept, sigma, strict=True)]), mode="r")
+        R = triangle(np.concatenate([x / s for x, s in zip(kept, sigma, strict=True)]))
         beta = np.linalg.lstsq(R[:count, :count], R[:count, count:], rcond=None)[0]
         squares = np.array([((x[:, :count] @ beta - x[:, count:]) ** 2).sum(0) for x in kept])
         best = int(np.log(np.maximum(squares, 1e-300)).sum(0).argmin())

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,7 +49,7 @@ class Settings:
 
 
 class Rows(NamedTuple):
-    """Rows of some times: W (n, nv, count), y (n, nv), which of them count (n, nv), t (n,) [s], and τ (n, nv) measured."""
+    """Rows of some times: W (n, nv, count), y (n, nv), which count (n, nv), t (n,) [s], and τ (n, nv) measured."""
 
     W: Array
     y: Array
@@ -94,12 +94,11 @@ class Equations:
                 if window == 1:
                     yield made
                 else:
-                    if rest is not None:
-                        made = Rows(*(np.concatenate(pair) for pair in zip(rest, made, strict=True)))
-                    whole_windows = len(made.y) // window * window
-                    rest = Rows(*(x[whole_windows:] for x in made))
-                    if whole_windows:
-                        yield _means(Rows(*(x[:whole_windows] for x in made)), window)
+                    made = made if rest is None else _joined(rest, made)
+                    end = len(made.y) // window * window
+                    rest = _cut(made, end, len(made.y))
+                    if end:
+                        yield _means(_cut(made, 0, end), window)
             at += n
 
     def left_sides(self, most: int) -> Iterator[tuple[Array, Array, NDArray[np.bool_]]]:
@@ -163,7 +162,7 @@ class Equations:
         """Regressor of Cᵀ v - g."""
         still = np.zeros_like(x.v)
         gravity = np.asarray(calls["joint_torque_regressor"](self.model, x.q, still, still))
-        return np.asarray(calls["coriolis_transpose_regressor"](self.model, x.q, x.v)) - gravity
+        return np.asarray(calls["coriolis_transpose_regressor"](self.model, x.q, x.v) - gravity)
 
     def _known(
         self, W: Array, whole: Array, v: Array, sign: Array, still: NDArray[np.bool_], forces: Array | None
@@ -202,10 +201,21 @@ class Equations:
         return total
 
 
+def _joined(one: Rows, other: Rows) -> Rows:
+    pairs: Any = [np.concatenate(pair) for pair in zip(one, other, strict=True)]
+    return Rows(*pairs)
+
+
+def _cut(rows: Rows, first: int, last: int) -> Rows:
+    parts: Any = [x[first:last] for x in rows]
+    return Rows(*parts)
+
+
 def _means(rows: Rows, window: int) -> Rows:
     n = len(rows.y) // window
     W, y, tau = (x.reshape(n, window, *x.shape[1:]).mean(1) for x in (rows.W, rows.y, rows.tau))
-    return Rows(W, y, rows.keep.reshape(n, window, -1).all(1), rows.t.reshape(n, window).mean(1), tau)
+    keep = np.asarray(rows.keep.reshape(n, window, -1).all(1))
+    return Rows(W, y, keep, rows.t.reshape(n, window).mean(1), tau)
 
 
 def refuse_flight(recording: Recording, settings: Settings) -> None:

@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..bodies.kinds import R1
-from ..calls.arguments import as_array, as_count, as_finite, as_flag, as_number, as_word
+from ..calls.arguments import as_array, as_finite, as_flag, as_number, as_word
 from ..calls.dynamics import calls
 from ..control.paths import Path, fourier
 from ..errors import IdentificationError, ShapeError, SpatialDynError
 from ..model.model import Model
 from .base import structural_base
-from .unknowns import DEFAULT, Unknowns, unknowns_of
+from .unknowns import DEFAULT, Unknowns, unknowns_of, whole_number
 
 Array = NDArray[np.float64]
 CRITERIA = ("logdet", "cond")
@@ -26,7 +26,6 @@ MARGIN = 0.999  # of a limit: between two points a path goes on by less than the
 FREE = (math.pi, 3.0)  # amplitude and speed of a joint without limits [rad, rad/s | m, m/s]
 RIDGE = 1e-9  # of the largest diagonal entry of WᵀW: what is not moved counts as log of this, not as -inf
 STEP = 1e-6  # of central differences of the regressor
-MOST = 1 << 16
 
 
 def excitation(
@@ -74,18 +73,12 @@ def excitation(
     unknowns = unknowns_of(model, parameters, payload)
     if any(row["kind"] not in R1 for row in model.bodies[1:]):
         raise IdentificationError(f'positions of robot "{model.name}" are not all numbers, expected one that has such')
-    period, count = as_number(duration), as_count(harmonics, 100)
+    period, count = as_number(duration), whole_number("harmonics", harmonics, 2, 100)
     if not 0.0 < period < math.inf:
         raise IdentificationError(f"duration is {duration!r}, expected a finite number above 0")
-    if count < 2:
-        raise IdentificationError(f"harmonics is {harmonics!r}, expected a number of 2 or more")
     as_word("criterion", criterion, CRITERIA)
-    tried, turns = as_count(starts, MOST), 0 if steps == 0 and not isinstance(steps, bool) else as_count(steps, MOST)
-    if not tried or (not turns and (isinstance(steps, bool) or steps != 0)):
-        name, value = ("starts", starts) if not tried else ("steps", steps)
-        raise IdentificationError(f"{name} is {value!r}, expected a whole number{' above 0' if not tried else ''}")
-    if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or seed < 0:
-        raise IdentificationError(f"seed is {seed!r}, expected a whole number of 0 or more")
+    tried, turns = whole_number("starts", starts, 1), whole_number("steps", steps, 0)
+    rng = np.random.default_rng(whole_number("seed", seed, 0))
     if allowed is not None and not callable(allowed):
         raise IdentificationError(f"allowed is {allowed!r}, expected a function of a Path")
     words = tuple(parameters.split("+")) if isinstance(parameters, str) else tuple(parameters)
@@ -97,7 +90,7 @@ def excitation(
         rates = search.free @ x
         return fourier(rates[:count], rates[count:], 1.0 / period, search.centre, model, limits=search.limits)
 
-    rng, best, value = np.random.default_rng(int(seed)), None, -math.inf
+    best, value = None, -math.inf
     for _ in range(tried):
         x = search.within(search.random(rng))
         if x is None or (allowed is not None and not allowed(path_of(x))):
@@ -134,7 +127,7 @@ class _Search:
     ) -> None:
         self.unknowns, self.columns, self.criterion, self.limits = unknowns, columns, criterion, limits
         self.harmonics = harmonics
-        rates = 2.0 * np.pi / period * np.arange(1, harmonics + 1)
+        rates: Array = 2.0 * np.pi / period * np.arange(1.0, harmonics + 1.0)
         ends = np.zeros((2, 2 * harmonics))  # v(0) and a(0)
         ends[0, :harmonics], ends[1, harmonics:] = 1.0, rates
         self.free = np.linalg.svd(ends)[2][2:].T

@@ -183,14 +183,16 @@ class Identified:
             own = {k for kind, k in unknowns.joints if kind == "armature"}
             made = made.with_(armature={name: float(new[k]) for name, k in at.items() if k in own})
         changes = {"viscous": "damping", "coulomb": "friction"}
-        wanted = {changes[kind]: unknowns.values(kind, self.parameters) for kind in changes if kind in kinds}
+        wanted: dict[str, Any] = {
+            changes[kind]: unknowns.values(kind, self.parameters) for kind in changes if kind in kinds
+        }
         if not wanted:
             return made
-        joints = tuple(
-            replace(j, **{name: float(x[at[j.name]]) for name, x in wanted.items()}) if j.name in at else j
-            for j in made.robot.joints
-        )
-        return Model(replace(made.robot, joints=joints), made.options)
+        joints = []
+        for j in made.robot.joints:
+            own_values: dict[str, Any] = {name: float(x[at[j.name]]) for name, x in wanted.items() if j.name in at}
+            joints.append(replace(j, **own_values))
+        return Model(replace(made.robot, joints=tuple(joints)), made.options)
 
     def scene(self) -> Scene:
         """The Scene of the model and its friction, that which was known too. Raises as ``model``."""

@@ -159,9 +159,10 @@ def identify(
             )
     fit = _least_squares(factors, base, extra, weighted, share, method, inflation, fit)
     present = unknowns.present
+    bounds: tuple[str, ...] = ()
     if method in ("ols", "wls"):
         pi = _nearest(base, fit.beta, present)
-        beta, steps, bounds, ok = fit.beta, 0, (), False
+        beta, steps, ok = fit.beta, 0, False
     else:
         made = _consistent(method, fit, base, unknowns, weight)
         pi, steps, ok = made.pi, made.steps, True
@@ -170,8 +171,8 @@ def identify(
         bounds = tuple(unknowns.names[offset + k] for k in np.flatnonzero(made.held))
     return Identified(
         robot, method, base, beta, fit.deviation, fit.deviation * quantile(float(factors.n.sum() - base.rank)),
-        fit.covariance, pi, ok, fit.solution.sigma, white, residuals, t, factors.n, late, fit.late, fit.values, fit.seen,
-        tuple(base.labels[k] for k in fit.removed), bounds, tuple(notes), steps, settings,
+        fit.covariance, pi, ok, fit.solution.sigma, white, residuals, t, factors.n, late, fit.late, fit.values,
+        fit.seen, tuple(base.labels[k] for k in fit.removed), bounds, tuple(notes), steps, settings,
     )  # fmt: skip
 
 
@@ -216,11 +217,11 @@ def _least_squares(
     seen = np.zeros(base.rank, bool)
     seen[used[order[: int((pivots > UNSEEN * pivots[0]).sum())]]] = True
     if not seen.all() and method in ("ols", "wls") and share is None:
-        lost = [base.text(k) for k in np.flatnonzero(~seen)]
+        lost = [base.text(int(k)) for k in np.flatnonzero(~seen)]
         table = "\n".join(f"  {x}" for x in lost[:20])
         raise IdentificationError(
-            f"recording tells {int(seen.sum())} of {base.rank} base parameters, expected all: a motion that moves these "
-            f'too, method="log_cholesky", whose prior has them, or remove= to leave them out\n{table}'
+            f"recording tells {int(seen.sum())} of {base.rank} base parameters, expected all: a motion that moves "
+            f'these too, method="log_cholesky", whose prior has them, or remove= to leave them out\n{table}'
         )
     kept, removed = np.flatnonzero(seen), []
     while True:

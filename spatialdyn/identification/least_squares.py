@@ -1,7 +1,7 @@
 """Least squares of many rows by small triangular factors, one of each freedom, weighted by its own noise.
 
-A factor R of [W_b | y] of a freedom has all that least squares needs of its rows: ||W_b β - y|| = ||R (β, -1)||. Factors
-of more rows are added by another QR, so a log need not fit into memory, and weights change without its rows.
+A factor R of [W_b | y] of a freedom has all that least squares needs of its rows: ||W_b β - y|| = ||R (β, -1)||.
+Factors of more rows are added by another QR, so a log need not fit into memory, and weights change without its rows.
 """
 
 from __future__ import annotations
@@ -23,6 +23,11 @@ LAGS = 10  # of the test for whiteness
 WHITE = 0.01  # probability below which a residual is not white
 
 
+def triangle(A: Array) -> Array:
+    """The triangular factor of a QR."""
+    return np.asarray(np.linalg.qr(A, mode="r"))
+
+
 @dataclass(frozen=True)
 class Factors:
     """A triangular factor (columns + 1, columns + 1) of each freedom, and how many rows it is of."""
@@ -33,16 +38,16 @@ class Factors:
     @property
     def size(self) -> int:
         """Number of columns beside y."""
-        return self.R[0].shape[1] - 1
+        return int(self.R[0].shape[1]) - 1
 
     def part(self, columns: NDArray[np.intp]) -> Factors:
         """The factors of some columns, and y."""
         at = [*columns.tolist(), self.size]
-        return Factors(tuple(np.linalg.qr(R[:, at], mode="r") for R in self.R), self.n)
+        return Factors(tuple(triangle(R[:, at]) for R in self.R), self.n)
 
     def joined(self, sigma: Array) -> Array:
         """R (columns + 1, columns + 1) of all rows, those of each freedom divided by its deviation."""
-        return np.linalg.qr(np.concatenate([R / s for R, s in zip(self.R, sigma, strict=True)]), mode="r")
+        return triangle(np.concatenate([R / s for R, s in zip(self.R, sigma, strict=True)]))
 
     def squares(self, beta: Array) -> Array:
         """Sum of squares (nv,) of each freedom's residuals."""
@@ -72,7 +77,7 @@ def _factor(A: Array) -> Array:
     """Triangular factor, square, of rows of which many columns are 0: those of bodies that a freedom does not carry."""
     used = np.flatnonzero(A.any(0))
     R = np.zeros((A.shape[1], A.shape[1]))
-    small = np.linalg.qr(A[:, used], mode="r")
+    small = triangle(A[:, used])
     R[: len(small), used] = small
     return R
 
@@ -107,11 +112,11 @@ def solve(factors: Factors, weighted: bool, inflation: Array | None = None) -> S
     for _ in range(ITERATIONS):
         R = factors.joined(sigma)
         T, z = R[:p, :p], R[:p, p]
-        inverse = np.linalg.inv(T)
+        inverse: Array = np.asarray(np.linalg.inv(T))
         beta = inverse @ z
         shares = np.array([np.sum((F[:, :p] @ inverse) ** 2) for F in factors.R]) / sigma**2
         left = np.maximum(factors.n - shares, 1.0)
-        noise = np.sqrt(np.maximum(factors.squares(beta) / left, np.finfo(float).tiny))
+        noise: Array = np.sqrt(np.maximum(factors.squares(beta) / left, np.finfo(float).tiny))
         found = beta, inverse, noise
         if not weighted or abs(noise / sigma - 1.0).max() < SETTLED:
             break
@@ -126,7 +131,7 @@ def solve(factors: Factors, weighted: bool, inflation: Array | None = None) -> S
 
 
 def quantile(freedoms: float) -> float:
-    """Of Student's t at 97.5 %, after the first terms of its expansion by 1/freedoms (Abramowitz and Stegun, 26.7.5)."""
+    """Of Student's t at 97.5 %, from its expansion by 1/freedoms (Abramowitz and Stegun, 26.7.5)."""
     z, n = NORMAL, max(freedoms, 1.0)
     first, second = (z**3 + z) / 4.0, (5.0 * z**5 + 16.0 * z**3 + 3.0 * z) / 96.0
     return z + first / n + second / n**2

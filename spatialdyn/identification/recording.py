@@ -128,6 +128,8 @@ class Recording:
         cls, columns: Mapping[str, ArrayLike], model: Model | None = None, *, resample: bool = False
     ) -> Recording:
         """The Recording of named columns, as of a pandas DataFrame: see ``load``."""
+        if not isinstance(columns, Mapping) and not hasattr(columns, "columns"):
+            raise IdentificationError(f"columns is a {type(columns).__name__}, expected a mapping, or a DataFrame")
         try:
             table = {str(name): np.asarray(columns[name], float) for name in columns}
         except (TypeError, ValueError, KeyError) as error:
@@ -195,7 +197,7 @@ class Recording:
 
     def torques(self, model: Model) -> Array:
         """(N, nv) of all freedoms: 0 for a floating base whose torques were left out."""
-        missing = model.nv - self.tau.shape[1]
+        missing = check_model(model).nv - self.tau.shape[1]
         return np.concatenate([np.zeros((len(self), missing)), self.tau], axis=1) if missing > 0 else self.tau
 
 

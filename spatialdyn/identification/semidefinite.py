@@ -1,6 +1,7 @@
-"""Inertias that bodies can have, by a semidefinite program: the same cost as ``log_cholesky``, for a solver of its own.
+"""Inertias that bodies can have, by a semidefinite program: the cost of ``log_cholesky`` for a solver of its own.
 
-The pseudo-inertia is linear in the parameters and has to be positive semidefinite. Source: Wensing, Kim, Slotine (2018).
+The pseudo-inertia is linear in the parameters and has to be positive semidefinite. Source: Wensing, Kim, Slotine,
+Linear matrix inequalities for physically consistent inertial parameter identification (2018).
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ AT_BOUND = 1e-7  # of the largest linear parameter
 
 
 def fit(A: Array, z: Array, start: Array, bodies: int, bounded: NDArray[np.bool_], weight: float) -> Consistent:
-    """``log_cholesky.fit`` by cvxpy and Clarabel. Raises SpatialDynError where they are missing, IdentificationError."""
+    """``log_cholesky.fit`` by cvxpy and Clarabel. Raises SpatialDynError where they are missing."""
     cvxpy = need_cvxpy()
     ten, basis = 10 * bodies, pseudo_inertia(np.eye(10))
     size = np.maximum(abs(start), 1e-3)  # of each column: numbers of one size converge

@@ -123,6 +123,13 @@ def unknowns_of(model: Model, parameters: Any, payload: Any = None, bodies: Any 
     return Unknowns(model, tuple(made), tuple(joints))
 
 
+def whole_number(name: str, value: Any, least: int, most: int = 1 << 20) -> int:
+    """A whole number within bounds. Raises IdentificationError naming the argument."""
+    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or not least <= value <= most:
+        raise IdentificationError(f"{name} is {value!r}, expected a whole number of {least} to {most}")
+    return int(value)
+
+
 def _names(argument: str, given: Any) -> list[str]:
     if isinstance(given, str):
         return [given]
