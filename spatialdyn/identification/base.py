@@ -14,7 +14,7 @@ from ..calls.dynamics import calls
 from ..calls.states import random_configuration
 from ..errors import IdentificationError
 from ..model.model import Model
-from .unknowns import Unknowns, unknowns_of, whole_number
+from .unknowns import Unknowns, floats, unknowns_of, whole_number
 
 Array = NDArray[np.float64]
 ROWS = ("all", "base")
@@ -52,9 +52,10 @@ class Base:
         """Base parameter k as a sum of parameters. Raises IdentificationError for one that there is not."""
         k = whole_number("k", k, 0, self.rank - 1)
         parts = []
-        order = [int(self.columns[k]), *(j for j in np.flatnonzero(self.K[k]) if j != self.columns[k])]
+        first = int(self.columns[k])
+        order = [first, *(int(j) for j in np.flatnonzero(self.K[k]) if j != first)]
         for j in order:
-            x = self.K[k, j]
+            x = float(self.K[k, j])
             size = "" if abs(abs(x) - 1.0) < 1e-12 else f"{abs(x):.6g} "
             parts.append(("- " if x < 0.0 else "+ ") + size + self.names[j])
         return " ".join(parts).removeprefix("+ ")
@@ -93,8 +94,8 @@ def base_parameters(
     """
     unknowns = unknowns_of(model, parameters, payload)
     as_word("rows", rows, ROWS)
-    if rows == "base" and model.options.root != "floating":
-        raise IdentificationError(f'rows is "base", expected "all": robot "{model.name}" has a fixed root')
+    if rows == "base" and not floats(model):
+        raise IdentificationError(f'rows is "base", expected "all": robot "{model.name}" has no floating base')
     n, start = whole_number("samples", samples, 0), whole_number("seed", seed, 0)
     return base_of_columns(factor_of_random_motions(unknowns, rows, n, start), unknowns.names)
 
@@ -111,14 +112,15 @@ def factor_of_random_motions(unknowns: Unknowns, rows: str, samples: int, seed: 
     model, count = unknowns.model, len(unknowns.names)
     height = 6 if rows == "base" else model.nv
     wanted = samples or -(-STATES * count // height)
-    rng, R = np.random.default_rng(seed), np.zeros((0, count))
+    R: Array = np.zeros((0, count))
+    rng = np.random.default_rng(seed)
     for first in range(0, wanted, CHUNK):
         n = min(CHUNK, wanted - first)
         q = np.asarray(random_configuration(model, rng, (n,)))
         v, a = rng.normal(size=(2, n, model.nv))
         Y = np.asarray(calls["joint_torque_regressor"](model, q, v, a))
         W = unknowns.stacked(Y, a, v, np.sign(v))[:, :height].reshape(-1, count)
-        R = np.linalg.qr(np.concatenate([R, W]), mode="r")
+        R = np.asarray(np.linalg.qr(np.concatenate([R, W]), mode="r"))
     return R
 
 

@@ -21,7 +21,7 @@ from .identified import Identified
 from .least_squares import Factors, Solution, added, factors_of, quantile, solve, whiteness
 from .pseudo_inertia import consistent, pseudo_inertia
 from .recording import Recording
-from .unknowns import DEFAULT, unknowns_of
+from .unknowns import DEFAULT, floats, unknowns_of
 
 Array = NDArray[np.float64]
 METHODS = ("ols", "wls", "log_cholesky", "sdp")
@@ -95,8 +95,8 @@ def identify(
     robot, weight = scene.model, _prior(method, prior)
     unknowns = unknowns_of(robot, parameters, payload, bodies)
     as_word("rows", rows, ROWS)
-    if rows == "base" and robot.options.root != "floating":
-        raise IdentificationError(f'rows is "base", expected "all": robot "{robot.name}" has a fixed root')
+    if rows == "base" and not floats(robot):
+        raise IdentificationError(f'rows is "base", expected "all": robot "{robot.name}" has no floating base')
     logs, once = _recordings(recording)
     first, logs = _peeked(logs)
     settings = Settings(

@@ -14,6 +14,7 @@ from ..calls.files import check_ending
 from ..errors import IdentificationError, ShapeError, SpatialDynError
 from ..model.model import Model
 from ..simulation.trajectory import Trajectory
+from .unknowns import floats
 
 Array = NDArray[np.float64]
 TABLES = (".csv", ".parquet")
@@ -163,7 +164,7 @@ class Recording:
         nq, nv = check_model(model).nq, model.nv
         widths = {
             "q": (nq,),
-            "tau": (nv, nv - 6) if model.options.root == "floating" else (nv,),
+            "tau": (nv, nv - 6) if floats(model) else (nv,),
             "v": (nv,),
             "a": (nv,),
         }

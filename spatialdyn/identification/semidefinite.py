@@ -24,9 +24,11 @@ def fit(A: Array, z: Array, start: Array, bodies: int, bounded: NDArray[np.bool_
     cvxpy = need_cvxpy()
     ten, basis = 10 * bodies, pseudo_inertia(np.eye(10))
     size = np.maximum(abs(start), 1e-3)  # of each column: numbers of one size converge
+    free = (
+        start + size * np.linalg.lstsq(A * size, z - A @ start, rcond=1e-13)[0]
+    )  # the cost is told from its least one
     pi = cvxpy.Variable(len(start))
-    scale = 1.0 / max(1.0, float(z @ z))
-    cost: Any = 0.5 * scale * cvxpy.sum_squares((A * size) @ pi - z)
+    cost: Any = 0.5 * cvxpy.sum_squares((A * size) @ (pi - free / size))
     limits = [pi[ten + k] >= 0.0 for k in np.flatnonzero(bounded)]
     for k in range(bodies):
         at = slice(10 * k, 10 * k + 10)
@@ -35,7 +37,7 @@ def fit(A: Array, z: Array, start: Array, bodies: int, bounded: NDArray[np.bool_
         parts = inner @ basis @ inner.T * size[at, None, None]  # of P in units of P₀: well scaled
         P = cvxpy.reshape(parts.reshape(10, 16).T @ pi[at], (4, 4), order="C")
         P = 0.5 * (P + P.T)
-        cost += 0.5 * weight * scale * (cvxpy.trace(P) - cvxpy.log_det(P))
+        cost += 0.5 * weight * (cvxpy.trace(P) - cvxpy.log_det(P))
     problem = cvxpy.Problem(cvxpy.Minimize(cost), limits)
     problem.solve(solver="CLARABEL")
     if pi.value is None:
@@ -44,7 +46,7 @@ def fit(A: Array, z: Array, start: Array, bodies: int, bounded: NDArray[np.bool_
     found[ten:] = np.where(bounded, np.maximum(found[ten:], 0.0), found[ten:])
     held = bounded & (found[ten:] <= AT_BOUND * max(1.0, abs(found[ten:]).max(initial=0.0)))
     steps = int(problem.solver_stats.num_iters or 0)
-    return Consistent(found, float(problem.value) / scale, steps, held)
+    return Consistent(found, float(problem.value), steps, held)
 
 
 def need_cvxpy() -> Any:

@@ -123,6 +123,11 @@ def unknowns_of(model: Model, parameters: Any, payload: Any = None, bodies: Any 
     return Unknowns(model, tuple(made), tuple(joints))
 
 
+def floats(model: Model) -> bool:
+    """Whether the robot's first joint is that of a floating base: its six freedoms are the first."""
+    return model.njoints > 1 and model.joints[1].kind == "floating"
+
+
 def whole_number(name: str, value: Any, least: int, most: int = 1 << 20) -> int:
     """A whole number within bounds. Raises IdentificationError naming the argument."""
     if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or not least <= value <= most:
