@@ -232,7 +232,7 @@ _LATE = {  # {module: public names}, imported when one is asked for: half the ti
 _MODULE_OF = {name: module for module, names in _LATE.items() for name in names.split()}
 _ROOMS = (
     "accuracy", "actuation", "constraints", "control", "identification", "interop", "lagrangian", "laws",
-    "operational", "pictures", "simulation", "sources", "validate",
+    "operational", "pictures", "sources", "simulation", "validate",
 )  # fmt: skip
 
 

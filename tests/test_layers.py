@@ -103,7 +103,7 @@ TOUCH_FILES = {"urdf", "sources", "engines", "pictures", "docs"}  # pictures rea
 # themselves, a script, and loops in TOML; one reads an environment variable
 SAVE = {
     "simulation.trajectory", "identification.recording", "compat.pinocchio.model.serialization_format",
-    "commands.port", "commands.robots",
+    "commands.port", "commands.robots", "commands.excite", "commands.identify",
     "compat.pinocchio.coverage.strictness", "examples.c_export",
 }  # fmt: skip
 NAME_FILES = {"validate", "commands", "examples"}  # pass a file name to Pinocchio; width of the terminal; pictures

@@ -24,9 +24,7 @@ def fit(A: Array, z: Array, start: Array, bodies: int, bounded: NDArray[np.bool_
     cvxpy = need_cvxpy()
     ten, basis = 10 * bodies, pseudo_inertia(np.eye(10))
     size = np.maximum(abs(start), 1e-3)  # of each column: numbers of one size converge
-    free = (
-        start + size * np.linalg.lstsq(A * size, z - A @ start, rcond=1e-13)[0]
-    )  # the cost is told from its least one
+    free = start + size * np.linalg.lstsq(A * size, z - A @ start, rcond=1e-13)[0]  # whose own cost would hide the rest
     pi = cvxpy.Variable(len(start))
     cost: Any = 0.5 * cvxpy.sum_squares((A * size) @ (pi - free / size))
     limits = [pi[ten + k] >= 0.0 for k in np.flatnonzero(bounded)]

@@ -29,7 +29,7 @@ def report_identified(found: Identified, path: Any, validation: Recording | None
         ("The fit", facts({**_facts(found), **made_by()}) + _notes(found)),
         ("Parameters", picture(("base parameters with 95 % intervals", plot_intervals(found))) + _table(found)),
         ("Residuals", _residuals(found)),
-        ("What the recording tells", _told(found)),
+        ("What the recording shows", _seen(found)),
         *([] if not found.eigenvalues else [("Inertias", _inertias(found))]),
         *([] if judged is None else [("Another motion", _validation(found, judged))]),
     ]
@@ -83,10 +83,10 @@ def _residuals(found: Identified) -> str:
     return table(("freedom", "equations", "deviation", "white", "probability"), rows, numbers=(1, 2, 4)) + drawn
 
 
-def _told(found: Identified) -> str:
+def _seen(found: Identified) -> str:
     parts = [picture(("singular values and correlation", plot_information(found)))]
     poor = [f"{x}: its deviation is over 30 % of it, or the motion does not move it" for x in found.poor]
-    parts.append(heading("Hardly told") + bullets(poor) if poor else line("each base parameter is told"))
+    parts.append(heading("Hardly seen") + bullets(poor) if poor else line("each base parameter is seen"))
     if found.removed:
         parts.append(heading("Removed, the worst first") + bullets(found.removed))
     if found.bounds:

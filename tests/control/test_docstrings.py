@@ -9,7 +9,8 @@ import pytest
 
 MODULES = (
     "control.gains", "control.inverse_kinematics", "control.laws", "control.monitors", "control.observers",
-    "control.paths", "laws.control", "accuracy.requires", "operational.hierarchy", "operational.space",
+    "control.paths", "laws.control", "accuracy.requires", "identification.base", "identification.excitation",
+    "identification.identify", "identification.recording", "operational.hierarchy", "operational.space",
     "operational.tasks",
 )  # fmt: skip
 

@@ -1,4 +1,4 @@
-"""Base parameters: ranks by hand and of known robots, torques of the base alone, and where no rank can be told."""
+"""Base parameters: ranks by hand and of known robots, torques of the base alone, and where there is no rank."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def of_gravity(name: str, gravity: tuple[float, float, float]) -> int:
 
 @robots
 @compiled
-@pytest.mark.slow("test_ranks_of_arms")
+@pytest.mark.slow(quick="test_ranks_of_arms")
 def test_ranks_of_larger_robots_and_other_gravity() -> None:
     assert of_gravity("ur5_robot", (3.0, 1.0, -9.0)) == 38
     assert of_gravity("ur5_robot", (0.0, 0.0, 0.0)) == 34

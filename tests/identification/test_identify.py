@@ -125,7 +125,7 @@ def test_positions_alone_are_enough_and_windows_average() -> None:
     np.testing.assert_allclose(alone.noise, NOISE / np.sqrt(5.0), rtol=0.3)
 
 
-def test_noise_of_each_joint_weighs_and_is_told() -> None:
+def test_noise_of_each_joint_weighs_and_is_found() -> None:
     log = measured(model(), 0.0)
     sigma = np.array([0.3, 0.01])
     tau = log.tau + sigma * np.random.default_rng(1).normal(size=log.tau.shape)
@@ -305,12 +305,12 @@ def test_a_missing_solver_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
 # --- intervals and pages ------------------------------------------------------------------------------------
 
 
-def covered(seeds: range, delay: bool, **options: Any) -> float:
+def covered(seeds: range, delay: bool, noise: float = NOISE, **options: Any) -> float:
     """The share of base parameters that lie in their intervals, over seeds of white noise."""
     log, other = held(3 if delay else 0)
     log, share = other if delay else log, []
     for seed in seeds:
-        tau = log.tau + NOISE * np.random.default_rng(seed).normal(size=log.tau.shape)
+        tau = log.tau + noise * np.random.default_rng(seed).normal(size=log.tau.shape)
         noisy = sd.Recording(log.t, log.q, tau, log.v)
         found = sd.identify(noisy, model(), parameters="inertial", delay=delay, **options)
         share.append(abs(found.beta - truth(found, model())) < found.half_width)
@@ -322,13 +322,13 @@ def test_intervals_cover_in_some_seeds() -> None:
 
 
 @compiled
-@pytest.mark.slow("test_intervals_cover_in_some_seeds")
+@pytest.mark.slow(quick="test_intervals_cover_in_some_seeds")
 def test_intervals_cover_in_95_of_100() -> None:
     """1200 numbers of six correlated parameters: a deviation of some 1 %."""
     for method in ("ols", "wls"):
         assert 0.93 <= covered(range(200), False, hold="after", method=method) <= 0.97
     assert covered(range(200), True, hold="after") >= 0.90
-    assert covered(range(50), False) < 0.85  # held torques taken as those of their times
+    assert covered(range(50), False, 1e-3) < 0.85  # held torques taken as those of their times
 
 
 def test_the_table_and_the_page_have_every_parameter(tmp_path: Path) -> None:

@@ -35,7 +35,7 @@ def test_uneven_times_are_refused_or_put_on_a_grid() -> None:
     assert abs(np.diff(log.t) - log.dt).max() < 1e-15
 
 
-def test_a_torque_that_is_one_number_or_stands_at_its_extreme_is_told() -> None:
+def test_a_torque_that_is_one_number_or_stands_at_its_extreme_is_named() -> None:
     model = sd.load_urdf("two_link")
     tau = Q.copy()
     tau[:, 1] = 3.0
