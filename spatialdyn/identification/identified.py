@@ -300,7 +300,10 @@ def predictions(found: Identified, equations: Iterable[Equations]) -> tuple[Arra
 
 
 def _share(deviation: float, beta: float) -> str:
-    return f"{100.0 * deviation / abs(beta):.2g}" if beta and math.isfinite(deviation) else "-"
+    if not beta or not math.isfinite(deviation):
+        return "-"
+    share = 100.0 * deviation / abs(beta)
+    return f"{share:.2g}" if share < 100.0 else "over 100"
 
 
 def _json(x: Any) -> Any:

@@ -85,8 +85,12 @@ def _residuals(found: Identified) -> str:
 
 def _seen(found: Identified) -> str:
     parts = [picture(("singular values and correlation", plot_information(found)))]
-    poor = [f"{x}: its deviation is over 30 % of it, or the motion does not move it" for x in found.poor]
-    parts.append(heading("Hardly seen") + bullets(poor) if poor else line("each base parameter is seen"))
+    poor = found.poor
+    parts.append(
+        heading("Hardly seen: a deviation over 30 % of the value, or no motion of it") + line(", ".join(poor))
+        if poor
+        else line("each base parameter is seen")
+    )
     if found.removed:
         parts.append(heading("Removed, the worst first") + bullets(found.removed))
     if found.bounds:
@@ -120,12 +124,12 @@ def _validation(found: Identified, judged: Validation) -> str:
 def plot_intervals(found: Identified) -> Figure:
     """Change of each base parameter from the model's, in units of its own size, with its interval."""
     own = found.base.K @ found.settings.unknowns.present
-    size = np.maximum(abs(own), np.maximum(abs(found.beta), 1e-300))
+    half = np.where(np.isfinite(found.half_width), found.half_width, 0.0)
+    size = np.maximum.reduce([abs(own), abs(found.beta), 3.0 * half, np.full(len(own), 1e-300)])
     n = len(size)
     figure = new_figure(9.5, 1.2 + 0.17 * n)
     axes = figure.subplots()
     y = np.arange(n)[::-1]
-    half = np.where(np.isfinite(found.half_width), found.half_width, 0.0)
     change, bar = (found.beta - own) / size, half / size
     ok = found.seen
     axes.errorbar(
@@ -133,9 +137,11 @@ def plot_intervals(found: Identified) -> Figure:
     )
     axes.axvline(0.0, color=FAINT, linewidth=0.9)
     axes.set_yticks(y, found.base.labels, fontsize="x-small")
-    axes.set_xlim(-2.2, 2.2)
+    axes.set_xlim(-2.1, 2.1)
     axes.set_ylim(-0.8, n - 0.2)
-    axes.set_xlabel("change from the model, in units of the larger of both; 0 is the model's value")
+    axes.set_xlabel(
+        "change from the model, in units of the larger of both values, or of three half widths; 0 is the model's value"
+    )
     tidy(axes)
     return figure
 
