@@ -4,7 +4,7 @@ Learn    excitation, Recording, identify, Identified.validate and report: a path
          intervals, and its torques on another motion.
 Look at  the rank: torques depend on 43 combinations of 70 inertial parameters. Least squares gives those, and bodies of
          which some cannot exist; log-Cholesky gives bodies that do, as near to the data.
-Needs    pip install example-robot-data matplotlib for the robot and the report
+Needs    pip install example-robot-data for the panda
 """
 
 from __future__ import annotations
