@@ -27,11 +27,11 @@ ORDER = (  # in which a reader may take them; test_gallery.py holds it complete
     "falling_quadruped", "space_robot", "trotting_quadruped", "four_bar_and_slider_crank", "sleigh_and_rolling_disc",
     "rolling_is_no_variation", "cart_pole_lqr", "swing_up_by_energy", "acrobot_by_energy", "inertia_wheel_pendulum",
     "swing_up_lqr", "ilqr", "standing_lqr", "panda_identification", "payload_identification", "friction_of_a_joint",
-    "payloads_on_lanes", "series_elastic_joint", "rotor_on_a_leg", "rotors_of_a_geared_arm", "what_a_scene_requires",
-    "standing_or_trotting", "price_of_a_digit", "error_bar_of_a_torque", "own_loop", "many_processes",
-    "mppi_on_lanes", "gradient_of_a_design", "c_export", "casadi_export", "porting_a_pinocchio_script",
-    "vector_environment", "exercise_1_numbers", "exercise_3_pendulum", "exercise_4_spatial_arm",
-    "exercise_5_hamilton", "exercise_7_two_ways_to_coriolis", "last_exercise_1_christoffel",
+    "payloads_on_lanes", "payload_study", "series_elastic_joint", "rotor_on_a_leg", "rotors_of_a_geared_arm",
+    "what_a_scene_requires", "standing_or_trotting", "price_of_a_digit", "error_bar_of_a_torque", "own_loop",
+    "many_processes", "mppi_on_lanes", "gradient_of_a_design", "c_export", "casadi_export",
+    "porting_a_pinocchio_script", "vector_environment", "exercise_1_numbers", "exercise_3_pendulum",
+    "exercise_4_spatial_arm", "exercise_5_hamilton", "exercise_7_two_ways_to_coriolis", "last_exercise_1_christoffel",
     "last_exercise_2_legendre", "last_exercise_3_mass_matrix", "last_exercise_5_single_body", "troubleshooting",
 )  # fmt: skip
 OPTIONS = {"quick": "quick setting", "save": "picture", "robot": "robot to choose"}  # of the main functions
