@@ -11,6 +11,7 @@ from robots import ROBOTS
 
 import spatialdyn as sd
 from spatialdyn.identification.base import base_of_columns
+from spatialdyn.identification.unknowns import unknowns_of
 
 SAME = 1e-11  # of the largest torque: a solution with a triangle of condition some 100
 
@@ -51,6 +52,24 @@ def test_ranks_of_arms(name: str, rank: int) -> None:
     if name == "panda":
         model = model.reduced([x for x in model.names if "finger" in x])
     assert sd.base_parameters(model).rank == rank
+
+
+@robots
+@compiled
+def test_what_a_load_shows_at_the_joints_of_an_arm() -> None:
+    """All ten to all joints and to the last three, nine to the last two, seven to the last; at rest m and h alone."""
+    model, rng = loaded("ur5_robot"), np.random.default_rng(0)
+    load = unknowns_of(model, "inertial", "tool0")
+    q, v, a = rng.normal(size=(3, 300, 6))
+
+    def rank(speed: float, first: int) -> int:
+        Y = sd.joint_torque_regressor(model, q, speed * v, speed * a)
+        W = load.stacked(Y, speed * a, speed * v, np.sign(v))[:, first:].reshape(-1, 10)
+        return int(np.linalg.matrix_rank(W, tol=1e-9 * np.linalg.norm(W, 2)))
+
+    assert [rank(1.0, first) for first in (0, 3, 4, 5)] == [10, 10, 9, 7]
+    assert rank(0.0, 0) == 4
+    assert sd.base_parameters(model, payload="tool0").rank == 10
 
 
 def of_gravity(name: str, gravity: tuple[float, float, float]) -> int:
