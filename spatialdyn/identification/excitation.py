@@ -16,7 +16,7 @@ from ..control.paths import Path, fourier
 from ..errors import IdentificationError, ShapeError, SpatialDynError
 from ..model.model import Model
 from .base import structural_base
-from .unknowns import DEFAULT, Unknowns, unknowns_of, whole_number
+from .unknowns import DEFAULT, Unknowns, unknowns_of, whole_number, words_of
 
 Array = NDArray[np.float64]
 CRITERIA = ("logdet", "cond")
@@ -70,7 +70,8 @@ def excitation(
     >>> path.duration, bool(abs(path(0.0).v).max() < 1e-12)
     (4.0, True)
     """
-    unknowns = unknowns_of(model, parameters, payload)
+    words = words_of(parameters)
+    unknowns = unknowns_of(model, words, payload)
     if any(row["kind"] not in R1 for row in model.bodies[1:]):
         raise IdentificationError(f'positions of robot "{model.name}" are not all numbers, expected one that has such')
     period, count = as_number(duration), whole_number("harmonics", harmonics, 2, 100)
@@ -81,7 +82,6 @@ def excitation(
     rng = np.random.default_rng(whole_number("seed", seed, 0))
     if allowed is not None and not callable(allowed):
         raise IdentificationError(f"allowed is {allowed!r}, expected a function of a Path")
-    words = tuple(parameters.split("+")) if isinstance(parameters, str) else tuple(parameters)
     columns = structural_base(model, words, payload, None, "all").columns
     search = _Search(unknowns, columns, period, count, criterion, as_flag("limits", limits))
     search.bound(centre, acceleration)

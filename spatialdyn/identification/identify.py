@@ -21,7 +21,7 @@ from .identified import Identified
 from .least_squares import Factors, Solution, added, factors_of, quantile, solve, whiteness
 from .pseudo_inertia import consistent, pseudo_inertia
 from .recording import Recording
-from .unknowns import DEFAULT, floats, unknowns_of
+from .unknowns import DEFAULT, floats, names_of, unknowns_of, words_of
 
 Array = NDArray[np.float64]
 METHODS = ("ols", "wls", "log_cholesky", "sdp")
@@ -54,7 +54,7 @@ def identify(
     """Parameters of a robot from recorded motions: their base parameters, intervals, and a model that has them.
 
     recording   Recording, several of one robot, or a generator of them: each is reduced to small factors and let go
-    model       Model, or a Scene, whose friction is known where none is looked for
+    model       Model, or a Scene, whose Coulomb's and viscous friction are known where they are not looked for
     method      "ols", "wls": least squares, weighted by each freedom's own noise, of base parameters; "log_cholesky":
                 of inertias that bodies can have, and friction of 0 or more, by Gauss-Newton; "sdp": the same by a
                 semidefinite program (needs cvxpy)
@@ -93,7 +93,9 @@ def identify(
     if method == "sdp":
         semidefinite.need_cvxpy()
     robot, weight = scene.model, _prior(method, prior)
-    unknowns = unknowns_of(robot, parameters, payload, bodies)
+    words = words_of(parameters)
+    names = None if bodies is None else tuple(names_of("bodies", bodies))
+    unknowns = unknowns_of(robot, words, payload, names)
     as_word("rows", rows, ROWS)
     if rows == "base" and not floats(robot):
         raise IdentificationError(f'rows is "base", expected "all": robot "{robot.name}" has no floating base')
@@ -105,9 +107,7 @@ def identify(
         None if cutoff is None else _positive("cutoff", cutoff), _not_negative("v_min", v_min),
         scene.friction if not isinstance(scene.friction, bool) else None, rows == "base",
     )  # fmt: skip
-    key = tuple(parameters.split("+")) if isinstance(parameters, str) else tuple(parameters)
-    chosen = bodies if bodies is None or isinstance(bodies, str) else tuple(bodies)
-    base = structural_base(robot, key, payload, chosen, rows)
+    base = structural_base(robot, words, payload, names, rows)
     share = None if remove is None else _positive("remove", remove)
     weighted = method != "ols"
     fixed = isinstance(delay, (bool, np.bool_)) and bool(delay)
@@ -150,8 +150,8 @@ def identify(
         t, residuals = _residuals(kept, base, fit.beta, late)
         tested = [whiteness(x[np.isfinite(x)]) for x in residuals.T]
         white, inflation = (np.array(x) for x in zip(*tested, strict=True))
-        names = _freedoms(robot)
-        uneven = [names[k] for k in np.flatnonzero(inflation > 1.0)]
+        freedoms = _freedoms(robot)
+        uneven = [freedoms[k] for k in np.flatnonzero(inflation > 1.0)]
         if uneven:
             notes.append(
                 f"residuals are not white, intervals are widened for it: {', '.join(uneven[:8])}"

@@ -101,7 +101,7 @@ def unknowns_of(model: Model, parameters: Any, payload: Any = None, bodies: Any 
         raise IdentificationError(f'model "{model.name}" has mimic joints, expected one without (mimic=False)')
     if not model.nv:
         raise IdentificationError(f'model "{model.name}" has no joint that moves, expected one that does')
-    words = as_words("parameters", parameters.split("+") if isinstance(parameters, str) else parameters, WORDS)
+    words = words_of(parameters)
     kinds = {*words} | ({"viscous", "coulomb"} if "friction" in words else set())
     made: list[Body] = []
     if payload is not None:
@@ -112,7 +112,7 @@ def unknowns_of(model: Model, parameters: Any, payload: Any = None, bodies: Any 
             )
         made = [Body(frame.name, frame.joint, np.array(frame.placement))]
     elif "inertial" in words:
-        wanted = None if bodies is None else {model.joint(x).name for x in _names("bodies", bodies)}
+        wanted = None if bodies is None else {model.joint(x).name for x in names_of("bodies", bodies)}
         made = [Body(x.name, k, None) for k, x in enumerate(model.joints) if k and (wanted is None or x.name in wanted)]
     joints = [
         (kind, x.idx_v) for kind in KINDS if kind in kinds for x in model.joints[1:]
@@ -121,6 +121,11 @@ def unknowns_of(model: Model, parameters: Any, payload: Any = None, bodies: Any 
     if not made and not joints:
         raise IdentificationError(f"parameters is {parameters!r}, expected some that this robot has")
     return Unknowns(model, tuple(made), tuple(joints))
+
+
+def words_of(parameters: Any) -> tuple[str, ...]:
+    """Some of WORDS, of words or of one text that joins them by +. Raises SpatialDynError."""
+    return as_words("parameters", parameters.split("+") if isinstance(parameters, str) else parameters, WORDS)
 
 
 def floats(model: Model) -> bool:
@@ -135,7 +140,8 @@ def whole_number(name: str, value: Any, least: int, most: int = 1 << 20) -> int:
     return int(value)
 
 
-def _names(argument: str, given: Any) -> list[str]:
+def names_of(argument: str, given: Any) -> list[str]:
+    """A name or several. Raises IdentificationError."""
     if isinstance(given, str):
         return [given]
     if not isinstance(given, Iterable):
