@@ -91,6 +91,7 @@ if TYPE_CHECKING:
         project_velocity,
     )
     from .constraints.table import Constraints
+    from .control.adaptive import Excitation, NaturalAdaptation, SlotineLi
     from .control.gains import (
         LQR,
         ClosedStep,
@@ -101,6 +102,7 @@ if TYPE_CHECKING:
         largest_step,
         lqr,
     )
+    from .control.impedance import Impedance, cartesian_damping
     from .control.inverse_kinematics import IKResult, solve_ik
     from .control.laws import PD, ComputedTorque, EnergyShaping, Gravity, Passivity, PDGravity, PDPlus, StateFeedback
     from .control.monitors import LyapunovRecord, PassivityRecord, lyapunov, passivity
@@ -130,8 +132,10 @@ if TYPE_CHECKING:
     from .model.builder import ModelBuilder
     from .model.transmission import Transmission
     from .operational.hierarchy import TaskTorque, task_torque
+    from .operational.quadratic import Relaxation
     from .operational.space import OperationalSpace, operational_space, operational_space_coupling
     from .operational.tasks import ComTask, FrameTask, PostureTask
+    from .operational.whole_body import WholeBody, WholeBodyMotion
     from .pictures.comparison_plots import plot
     from .pictures.view import view
     from .simulation.contact_record import ContactRecord
@@ -159,17 +163,18 @@ __all__ = [
     "Base", "ChristoffelC", "ClosedStep", "ComTask", "ComputedTorque", "ConfigurationError", "Constrained",
     "ConstrainedDerivatives", "ConstrainedImpact", "ConstrainedMotion", "ConstraintError", "Constraints",
     "ContactRecord", "ContactStep", "ContactWrench", "Contacts", "Control", "Cost", "CouplerConstraint", "Diagnosis",
-    "DistanceConstraint", "EnergyLedger", "EnergyShaping", "Exact", "Finding", "Frame", "FrameTask", "Friction",
-    "Gains", "Gravity", "Heightfield", "HingeConstraint", "IKResult", "IdentificationError", "Identified", "Impact",
-    "InertiaError", "Joint", "LQR", "LyapunovRecord", "Mobility", "Model", "ModelBuilder", "ModelError", "Moments",
-    "MomentumObserver", "Motor", "NonFiniteError", "OperationalSpace", "Option", "PD", "PDGravity", "PDPlus",
-    "Passivity", "PassivityRecord", "Path", "PathPeaks", "PathPoint", "Plane", "PointConstraint", "PostureTask",
-    "Promise", "Quantiles", "Recommendation", "Recording", "Requirement", "Robot", "RollingConstraint", "Rollout",
-    "Rotor", "Scene", "ShapeError", "SimulationError", "SimulationInterrupt", "SpatialDynError", "Specialized",
-    "StateFeedback", "Study", "StudyError", "SymbolicManipulator", "TallQR", "TaskTorque", "Tradeoff", "Trajectory",
-    "Transmission", "UrdfError", "Validation", "VelocityConstraint", "WeldConstraint", "Worst", "assemble",
-    "base_parameters", "base_velocity", "bounded", "check_conservation", "close_loops", "closed_step",
-    "compare_with_pinocchio", "compile", "conserved_quantities", "constrained_dynamics",
+    "DistanceConstraint", "EnergyLedger", "EnergyShaping", "Exact", "Excitation", "Finding", "Frame", "FrameTask",
+    "Friction", "Gains", "Gravity", "Heightfield", "HingeConstraint", "IKResult", "IdentificationError", "Identified",
+    "Impact", "Impedance", "InertiaError", "Joint", "LQR", "LyapunovRecord", "Mobility", "Model", "ModelBuilder",
+    "ModelError", "Moments", "MomentumObserver", "Motor", "NaturalAdaptation", "NonFiniteError", "OperationalSpace",
+    "Option", "PD", "PDGravity", "PDPlus", "Passivity", "PassivityRecord", "Path", "PathPeaks", "PathPoint", "Plane",
+    "PointConstraint", "PostureTask", "Promise", "Quantiles", "Recommendation", "Recording", "Relaxation",
+    "Requirement", "Robot", "RollingConstraint", "Rollout", "Rotor", "Scene", "ShapeError", "SimulationError",
+    "SimulationInterrupt", "SlotineLi", "SpatialDynError", "Specialized", "StateFeedback", "Study", "StudyError",
+    "SymbolicManipulator", "TallQR", "TaskTorque", "Tradeoff", "Trajectory", "Transmission", "UrdfError",
+    "Validation", "VelocityConstraint", "WeldConstraint", "WholeBody", "WholeBodyMotion", "Worst", "assemble",
+    "base_parameters", "base_velocity", "bounded", "cartesian_damping", "check_conservation", "close_loops",
+    "closed_step", "compare_with_pinocchio", "compile", "conserved_quantities", "constrained_dynamics",
     "constrained_dynamics_derivatives", "constraint_drift", "constraint_error", "constraint_jacobian", "contact_gaps",
     "contact_step", "contact_wrench", "critical_gains", "delassus", "detection_thresholds", "diagnose",
     "energy_ledger", "exact", "excitation", "forward_dynamics", "fourier", "friction_regressor", "friction_torque",
@@ -204,6 +209,9 @@ _LATE = {  # {module: public names}, imported when one is asked for: half the ti
     "VelocityConstraint WeldConstraint",
     "constraints.loops": "Mobility close_loops independent_joints mobility project_configuration project_velocity",
     "constraints.table": "Constraints",
+    "control.adaptive": "Excitation NaturalAdaptation SlotineLi",
+    "control.impedance": "Impedance cartesian_damping",
+    "operational.whole_body": "WholeBody WholeBodyMotion", "operational.quadratic": "Relaxation",
     "control.inverse_kinematics": "IKResult solve_ik",
     "control.observers": "ContactWrench MomentumObserver base_velocity contact_wrench detection_thresholds "
     "momentum_observer_step",
@@ -237,7 +245,7 @@ _LATE = {  # {module: public names}, imported when one is asked for: half the ti
 _MODULE_OF = {name: module for module, names in _LATE.items() for name in names.split()}
 _ROOMS = (
     "accuracy", "actuation", "constraints", "control", "identification", "interop", "lagrangian", "laws",
-    "operational", "pictures", "sources", "simulation", "studies", "validate",
+    "operational", "pictures", "simulation", "sources", "studies", "validate",
 )  # fmt: skip
 
 

@@ -188,6 +188,25 @@ def passive() -> sd.PassivityRecord:
     return sd.passivity(run())
 
 
+@cache
+def adaptive() -> sd.SlotineLi:
+    """Of two hinges, with friction."""
+    friction = sd.Friction([0.1, 0.1], smoothing=0.1)
+    return sd.SlotineLi(model(), 5.0, 4.0, q(), sd.inertial_parameters(model()), 0.1, friction=friction)
+
+
+@cache
+def natural() -> sd.NaturalAdaptation:
+    """Of a slide and two hinges, with friction."""
+    friction = sd.Friction([0.1, 0.1, 0.1], smoothing=0.1)
+    pi = sd.inertial_parameters(other())
+    return sd.NaturalAdaptation(other(), 5.0, 4.0, np.zeros(3), pi, 10.0, friction=friction)
+
+
+def _naturally() -> sd.Trajectory:
+    return sd.simulate(other(), np.zeros(3), np.ones(3), 0.02, 0.01, control=natural())
+
+
 def observer() -> sd.MomentumObserver:
     """That has seen a state."""
     made = sd.MomentumObserver(model(), 50.0, 1e-3)
@@ -311,6 +330,8 @@ ROWS: dict[str, Callable[[], dict[str, Any]]] = {
     "Friction.of": lambda: {"model": model(), "coulomb": [0.1, 0.1]},
     "Gravity": dict,
     "Heightfield": lambda: {"z": np.zeros((3, 4)), "spacing": 0.5},
+    "Impedance": lambda: {"model": model(), "frame": "tip", "target": _reached(), "K": 50.0, "D": np.full(6, 5.0),
+                          "velocity": np.zeros(6), "acceleration": np.zeros(6)},
     "HingeConstraint": lambda: {**CONSTRAINT, **PLACES},
     "Identified.report": lambda: {"path": "report.html", "validation": log()},
     "Identified.validate": lambda: {"recording": log()},
@@ -328,6 +349,17 @@ ROWS: dict[str, Callable[[], dict[str, Any]]] = {
     "ModelBuilder.add_series_elastic": lambda: {"joint": "b_joint", "stiffness": 100.0, "rotor": 0.1, "ratio": 2.0},
     "ModelBuilder.build": lambda: {"gravity": (0.0, 0.0, -9.81), "root": "fixed"},
     "ModelBuilder.robot": dict,
+    "NaturalAdaptation": lambda: {"model": other(), "rates": 5.0, "gain": np.ones(3), "path": np.zeros(3),
+                                  "parameters": sd.inertial_parameters(other()), "gamma": 10.0},
+    **{f"SlotineLi.{name}": lambda: {"run": sd.simulate(model(), q(), v(), 0.02, 0.01, control=adaptive())}
+       for name in ("estimates", "frictions")},
+    **{f"NaturalAdaptation.{name}": lambda: {"run": _naturally()}
+       for name in ("estimates", "frictions", "pseudo_inertias")},
+    "NaturalAdaptation.excitation": lambda: {"q": np.zeros((2, 3)), "v": np.ones((2, 3)), "a": np.ones((2, 3))},
+    "SlotineLi": lambda: {"model": model(), "rates": 5.0, "gain": np.array([4.0, 4.0]), "path": q(),
+                          "parameters": sd.inertial_parameters(model()), "Gamma": 0.1,
+                          "friction": sd.Friction([0.1, 0.1], smoothing=0.1)},
+    "SlotineLi.excitation": lambda: {"q": np.zeros((2, 2)), "v": np.ones((2, 2)), "a": np.ones((2, 2))},
     "ModelBuilder.set_inertia": lambda: {"link": "b", "inertia": SOLID},
     "MomentumObserver": lambda: {"model": model(), "gain": np.array([50.0, 50.0]), "dt": 1e-3},
     "MomentumObserver.update": lambda: {"q": q(), "v": v(), "tau": tau()},
@@ -417,12 +449,16 @@ ROWS: dict[str, Callable[[], dict[str, Any]]] = {
     "Trajectory.save": lambda: {"path": "run.npz"},
     "Transmission": lambda: {"joints": ("joint1", "joint2"), "matrix": [[0.5, 0.5], [0.5, -0.5]]},
     "VelocityConstraint": lambda: {"A": [1.0, 2.0]},
+    "WholeBody": lambda: {"scene": sd.Scene(model(), contacts=touching()), "tasks": sd.PostureTask(q())},
+    "WholeBody.__call__": lambda: {"t": 0.0, "q": q(), "v": v()},
+    "WholeBody.solve": lambda: {"q": q(), "v": v(), "tasks": [sd.PostureTask(q())]},
     "WeldConstraint": lambda: {**CONSTRAINT, **PLACES},
     "assemble": lambda: {"robot": model().robot},
     "base_parameters": lambda: {"model": model(), "parameters": "inertial", "samples": 60},
     "base_velocity": lambda: {"model": floating(), "q": sd.neutral(floating()), "v_joints": np.ones(1),
                               "momentum": np.zeros(6)},
     "bounded": lambda: {"model": model(), "call": sd.crba},
+    "cartesian_damping": lambda: {"Lambda": np.eye(2), "K": np.array([1.0, 2.0]), "zeta": 0.7},
     "check_conservation": lambda: {"trajectory": run()},
     "close_loops": lambda: _held("q"),
     "closed_step": lambda: {"scene": model(), "law": sd.PD(9.0, 6.0, q()), "q": q(), "v": v(), "dt": 0.01,
@@ -533,6 +569,7 @@ INSTANCES: dict[str, Callable[[], Any]] = {
     "LyapunovRecord": lambda: sd.lyapunov(run(), run().energy),
     "Model": model,
     "ModelBuilder": elastic_builder,
+    "NaturalAdaptation": natural,
     "MomentumObserver": observer,
     "Motor": motor,
     "Moments": lambda: sd.Moments("tau"),
@@ -544,6 +581,7 @@ INSTANCES: dict[str, Callable[[], Any]] = {
     "Recommendation": recommendation,
     "Requirement": requirement,
     "Rollout": samples,
+    "SlotineLi": adaptive,
     "Specialized": program,
     "Study": lambda: sd.study(**_studied()).run(),
     "SymbolicManipulator": symbols,
@@ -551,6 +589,7 @@ INSTANCES: dict[str, Callable[[], Any]] = {
     "Tradeoff": lambda: recommendation().tradeoff,
     "Trajectory": run,
     "Transmission": lambda: sd.Transmission(("joint1",), 2.0),
+    "WholeBody": lambda: sd.WholeBody(model(), sd.PostureTask(q()), limits=()),
     "Worst": lambda: sd.Worst("most"),
 }
 

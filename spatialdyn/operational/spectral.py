@@ -9,6 +9,7 @@ is asked for.
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -21,6 +22,11 @@ Array = NDArray[np.float64]
 ALL_AXES = "xyz rxyz"
 LENGTH = 0.3  # [m] by which rotations are compared with translations: about a link of an arm
 DAMPING = 1e-3  # of the largest eigenvalue: below, a direction is weak
+
+
+def axes_of(axes: Any) -> list[int]:
+    """The rows of a Jacobian, linear first, that a word like "xyz rz" names. Raises SpatialDynError."""
+    return list(_rows(axes if isinstance(axes, str) else repr(axes)))
 
 
 class Inverse(NamedTuple):
@@ -36,10 +42,10 @@ class Inverse(NamedTuple):
     weak: Array
 
 
-def axes_of(axes: Any) -> list[int]:
-    """The rows of a Jacobian, linear first, that a word like "xyz rz" names. Raises SpatialDynError."""
+@lru_cache(maxsize=64)
+def _rows(axes: str) -> tuple[int, ...]:
     found: list[int] = []
-    for word in axes.split() if isinstance(axes, str) else [""]:
+    for word in axes.split():
         turning = word.startswith("r")
         letters = word[turning:]
         if not letters or any(x not in "xyz" for x in letters):
@@ -47,7 +53,7 @@ def axes_of(axes: Any) -> list[int]:
         found += ["xyz".index(x) + 3 * turning for x in letters]
     if not found or len(set(found)) < len(found):
         raise SpatialDynError(f'axes is {axes!r}, expected one axis or more, each once, as in "xyz rz"')
-    return found
+    return tuple(found)
 
 
 def lengths_of(rows: list[int], length: Any) -> Array:
