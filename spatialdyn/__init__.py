@@ -245,7 +245,7 @@ _LATE = {  # {module: public names}, imported when one is asked for: half the ti
 _MODULE_OF = {name: module for module, names in _LATE.items() for name in names.split()}
 _ROOMS = (
     "accuracy", "actuation", "constraints", "control", "identification", "interop", "lagrangian", "laws",
-    "operational", "pictures", "simulation", "sources", "studies", "validate",
+    "operational", "pictures", "sources", "simulation", "studies", "validate",
 )  # fmt: skip
 
 
