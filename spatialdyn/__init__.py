@@ -38,7 +38,7 @@ from .errors import (
     UrdfError,
 )
 from .model.model import Frame, Joint, Model, assemble
-from .model.robot import Robot, Rotor
+from .model.robot import JointLimits, Robot, Rotor
 from .urdf.load import load_urdf
 
 if TYPE_CHECKING:
@@ -129,6 +129,7 @@ if TYPE_CHECKING:
     from .lagrangian.symbolic_manipulator import SymbolicManipulator
     from .laws.control import Control
     from .laws.cost import Cost
+    from .linearization.step_derivatives import linearize, step_derivatives
     from .model.builder import ModelBuilder
     from .model.transmission import Transmission
     from .operational.hierarchy import TaskTorque, task_torque
@@ -146,7 +147,6 @@ if TYPE_CHECKING:
     from .simulation.runs import hamilton_simulation, simulate
     from .simulation.scene import Scene
     from .simulation.single_step import step
-    from .simulation.step_derivatives import linearize, step_derivatives
     from .simulation.trajectory import Trajectory
     from .sources.load import load
     from .sources.mjmodel import from_mjmodel
@@ -165,13 +165,13 @@ __all__ = [
     "ContactRecord", "ContactStep", "ContactWrench", "Contacts", "Control", "Cost", "CouplerConstraint", "Diagnosis",
     "DistanceConstraint", "EnergyLedger", "EnergyShaping", "Exact", "Excitation", "Finding", "Frame", "FrameTask",
     "Friction", "Gains", "Gravity", "Heightfield", "HingeConstraint", "IKResult", "IdentificationError", "Identified",
-    "Impact", "Impedance", "InertiaError", "Joint", "LQR", "LyapunovRecord", "Mobility", "Model", "ModelBuilder",
-    "ModelError", "Moments", "MomentumObserver", "Motor", "NaturalAdaptation", "NonFiniteError", "OperationalSpace",
-    "Option", "PD", "PDGravity", "PDPlus", "Passivity", "PassivityRecord", "Path", "PathPeaks", "PathPoint", "Plane",
-    "PointConstraint", "PostureTask", "Promise", "Quantiles", "Recommendation", "Recording", "Relaxation",
-    "Requirement", "Robot", "RollingConstraint", "Rollout", "Rotor", "Scene", "ShapeError", "SimulationError",
-    "SimulationInterrupt", "SlotineLi", "SpatialDynError", "Specialized", "StateFeedback", "Study", "StudyError",
-    "SymbolicManipulator", "TallQR", "TaskTorque", "Tradeoff", "Trajectory", "Transmission", "UrdfError",
+    "Impact", "Impedance", "InertiaError", "Joint", "JointLimits", "LQR", "LyapunovRecord", "Mobility", "Model",
+    "ModelBuilder", "ModelError", "Moments", "MomentumObserver", "Motor", "NaturalAdaptation", "NonFiniteError",
+    "OperationalSpace", "Option", "PD", "PDGravity", "PDPlus", "Passivity", "PassivityRecord", "Path", "PathPeaks",
+    "PathPoint", "Plane", "PointConstraint", "PostureTask", "Promise", "Quantiles", "Recommendation", "Recording",
+    "Relaxation", "Requirement", "Robot", "RollingConstraint", "Rollout", "Rotor", "Scene", "ShapeError",
+    "SimulationError", "SimulationInterrupt", "SlotineLi", "SpatialDynError", "Specialized", "StateFeedback", "Study",
+    "StudyError", "SymbolicManipulator", "TallQR", "TaskTorque", "Tradeoff", "Trajectory", "Transmission", "UrdfError",
     "Validation", "VelocityConstraint", "WeldConstraint", "WholeBody", "WholeBodyMotion", "Worst", "assemble",
     "base_parameters", "base_velocity", "bounded", "cartesian_damping", "check_conservation", "close_loops",
     "closed_step", "compare_with_pinocchio", "compile", "conserved_quantities", "constrained_dynamics",
@@ -226,7 +226,8 @@ _LATE = {  # {module: public names}, imported when one is asked for: half the ti
     "lagrangian.check_conservation": "check_conservation", "lagrangian.conserved": "conserved_quantities",
     "lagrangian.coriolis_constructions": "ChristoffelC verify_skew_symmetry",
     "lagrangian.hamiltonian": "hamilton_equations poisson_bracket",
-    "lagrangian.symbolic_manipulator": "SymbolicManipulator", "model.builder": "ModelBuilder",
+    "lagrangian.symbolic_manipulator": "SymbolicManipulator",
+    "linearization.step_derivatives": "linearize step_derivatives", "model.builder": "ModelBuilder",
     "model.transmission": "Transmission", "urdf.transmissions": "read_transmissions",
     "operational.hierarchy": "TaskTorque task_torque",
     "operational.space": "OperationalSpace operational_space operational_space_coupling",
@@ -236,16 +237,15 @@ _LATE = {  # {module: public names}, imported when one is asked for: half the ti
     "simulation.ledger": "EnergyLedger energy_ledger",
     "simulation.methods.methods": "integrators", "simulation.rollout_result": "Rollout",
     "simulation.rollouts": "rollout", "simulation.runs": "hamilton_simulation simulate", "simulation.scene": "Scene",
-    "simulation.single_step": "step", "simulation.step_derivatives": "linearize step_derivatives",
-    "simulation.trajectory": "Trajectory", "sources.load": "load", "sources.mjmodel": "from_mjmodel",
-    "sources.to_mjcf": "to_mjcf", "sources.to_urdf": "to_urdf",
+    "simulation.single_step": "step", "simulation.trajectory": "Trajectory", "sources.load": "load",
+    "sources.mjmodel": "from_mjmodel", "sources.to_mjcf": "to_mjcf", "sources.to_urdf": "to_urdf",
     "studies.reductions": "Moments Quantiles TallQR Worst", "studies.study": "Study study",
     "validate.comparison": "compare_with_pinocchio",
 }  # fmt: skip
 _MODULE_OF = {name: module for module, names in _LATE.items() for name in names.split()}
 _ROOMS = (
     "accuracy", "actuation", "constraints", "control", "identification", "interop", "lagrangian", "laws",
-    "operational", "pictures", "sources", "simulation", "studies", "validate",
+    "linearization", "operational", "pictures", "sources", "simulation", "studies", "validate",
 )  # fmt: skip
 
 

@@ -25,8 +25,8 @@ GROUPS = {
     "robots": Group(
         "Load, build and change robots",
         "From a file, from another library, or without a file; and back to a file.",
-        "load load_urdf from_mjmodel from_pinocchio ModelBuilder Model Frame Joint Rotor Robot assemble to_urdf "
-        "to_mjcf total_mass inertial_parameters",
+        "load load_urdf from_mjmodel from_pinocchio ModelBuilder Model Frame Joint JointLimits Rotor Robot assemble "
+        "to_urdf to_mjcf total_mass inertial_parameters",
     ),
     "dynamics": Group(
         "Inverse and forward dynamics",
@@ -146,7 +146,8 @@ GROUPS = {
 # where a name that no group lists goes, by the package that it is of
 BY_PACKAGE = {
     "accuracy": "accuracy", "actuation": "actuation", "calls": "dynamics", "constraints": "constraints",
-    "control": "control", "interop": "conversion", "laws": "control", "lagrangian": "mechanics", "model": "robots",
+    "control": "control", "interop": "conversion", "laws": "control", "lagrangian": "mechanics",
+    "linearization": "derivatives", "model": "robots",
     "pictures": "pictures", "recursions": "dynamics", "simulation": "simulation", "sources": "robots",
     "urdf": "robots", "identification": "identification", "studies": "studies", "operational": "control",
 }  # fmt: skip

@@ -319,7 +319,7 @@ def _run(run: _Run, duration: float, dt: float, torque: Any, fext: Any) -> Traje
         raise
     trajectory = recorder.trajectory(run.control)
     driven = asked.user is not None or run.control is not None or fext is not None or scene.fext is not None
-    if not driven and not any(x.name == "springs" for x in scene.effects):  # else the work of what drives it is unknown
+    if not driven and not any(x.drives for x in scene.effects):  # else the work of what drives it is unknown
         _judge(trajectory, recorder, asked)
     return trajectory
 

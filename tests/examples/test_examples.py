@@ -463,7 +463,7 @@ def test_principles_of_mechanics_hold_to_rounding() -> None:
     assert max(found.values()) < 1e-11
 
 
-@pytest.mark.slow(quick="simulation/test_step_derivatives.py::test_a_batch_is_its_samples")
+@pytest.mark.slow(quick="linearization/test_step_derivatives.py::test_a_batch_is_its_samples")
 @compiled
 def test_ilqr_reaches_the_cost_that_other_solvers_reach_and_keeps_its_limits() -> None:
     """3.5517082866 by DDP and by FDDP of Crocoddyl 3.1, from the same start."""
@@ -492,7 +492,7 @@ def test_ilqr_reaches_the_cost_that_other_solvers_reach_and_keeps_its_limits() -
 
 @compiled
 @robots
-@pytest.mark.slow(quick="simulation/test_step_derivatives.py::test_a_batch_is_its_samples")
+@pytest.mark.slow(quick="linearization/test_step_derivatives.py::test_a_batch_is_its_samples")
 def test_ilqr_brings_a_panda_to_its_point() -> None:
     example = gallery.module("ilqr")
     p = example.reach(sd.load_urdf("panda"))
@@ -505,7 +505,7 @@ def test_ilqr_brings_a_panda_to_its_point() -> None:
     np.testing.assert_allclose(hand - start, [0.3, 0.0, -0.2], rtol=0, atol=0.02)
 
 
-@pytest.mark.slow(quick="simulation/test_step_derivatives.py::test_a_batch_is_its_samples")
+@pytest.mark.slow(quick="linearization/test_step_derivatives.py::test_a_batch_is_its_samples")
 @compiled
 def test_gains_along_a_swing_up_hold_it_and_end_as_those_of_the_standing_pole() -> None:
     found = run("swing_up_lqr")

@@ -168,12 +168,12 @@ def _aside(compiled: Callable[..., Any], *arguments: Any, **named: Any) -> Any:
 
 
 def compile_signature(
-    function: Callable[..., Any], signature: tuple[Any, ...], nogil: bool = True
+    function: Callable[..., Any], signature: tuple[Any, ...], nogil: bool = True, keep: bool = True
 ) -> Callable[..., Any]:
     """A function compiled for one signature only: arguments that do not match raise TypeError at once."""
     if PLAIN:
         return _plain(function, signature)
-    dispatcher: Any = numba_jit(function, nogil)
+    dispatcher: Any = numba_jit(function, nogil, keep)
     _aside(dispatcher.compile, signature)
     dispatcher.disable_compile()
     for strided in (False, True):

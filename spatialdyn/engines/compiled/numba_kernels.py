@@ -10,6 +10,7 @@ user_kernel    one sample, for a user's own jitted code: raises instead of retur
 
 They are compiled when first called and cached on disk (``numba_cache``) by a digest of their text and what they
 capture: a hash of the sources of the packages that hold compiled code (STAMP), so an edited helper changes the digest.
+Those of a recursion from elsewhere, of which the stamp says nothing, are compiled in each process.
 A user's own function in Numba's cache, whose key is its own file only, must capture ``STAMP`` too.
 """
 
@@ -31,7 +32,7 @@ from . import disk_cache
 from .checks import all_finite, no_overlap, pivots_regular, unit_norm
 from .generated import function_from_text
 from .numba_settings import PLAIN as PLAIN
-from .stamp import STAMP
+from .stamp import STAMP, names
 
 OK, SHAPE, UNIT, PIVOT, NONFINITE = range(5)
 
@@ -179,8 +180,8 @@ def native(plain: bool = PLAIN) -> dict[str, Any]:
         }
     from . import jit
 
-    names = "table_at", "rows_at", "memory", "array_at", "release", "turn"
-    return {name: getattr(jit, name) for name in names}
+    own = "table_at", "rows_at", "memory", "array_at", "release", "turn"
+    return {name: getattr(jit, name) for name in own}
 
 
 def _scope(spec: Spec, plain: bool = PLAIN) -> dict[str, Any]:
@@ -233,8 +234,9 @@ def sample_kernel(spec: Spec) -> Callable[..., int]:
         body = ["bodies = table_at(table)", *_body(spec, lambda status: f"return {status}"), f"return {OK}"]
         function = kernel_from_text(_label(spec), parameters, body, _scope(spec))
         return jit.compile_signature(
-            function, (types.intp, *(_type(x, 0) for x in spec.present), _type(spec.output, 0, True, "C"))
-        )
+            function, (types.intp, *(_type(x, 0) for x in spec.present), _type(spec.output, 0, True, "C")),
+            keep=names(spec),
+        )  # fmt: skip
 
 
 @cache
@@ -285,7 +287,7 @@ def batch_kernel(spec: Spec) -> Callable[..., int]:
             signature += [_type(x, 1, layout="C"), types.int64]
         signature += [_type(x, 0) for x in static]
         signature += [_type(spec.output, 1, True, "C"), types.Array(types.int8, 1, "C")]
-        made = jit.compile_signature(function, tuple(signature))
+        made = jit.compile_signature(function, tuple(signature), keep=names(spec))
         _made.add(spec)
         return made
 
@@ -312,7 +314,7 @@ def user_kernel(call: str | Spec) -> Callable[..., None]:
     body += _body(spec, lambda status: f"raise ValueError({_MESSAGES[status]!r})")
     function = kernel_from_text(f"{name}_user", parameters, body, {**_scope(spec), "number": jit.number})
     function.__doc__ = f"``{name}({', '.join(parameters)})`` for jitted code. {spec.summary}"
-    return jit.numba_jit(function)
+    return jit.numba_jit(function, keep=names(spec))
 
 
 class Kernels:
