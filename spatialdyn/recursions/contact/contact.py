@@ -104,11 +104,11 @@ def contact_step(
         s.force[k] = 0.0
     for j in range(len(s.level)):
         s.level[j] = 0.0
-    open_laws(dt, contact, out.gap, after, s)
-    solve_impulses(q, dt, contact, None, SWEEPS, after, s)
+    open_laws(q, dt, contact, out.gap, after, s)
+    solve_impulses(contact, None, SWEEPS, after, s)
     for p in range(points):
         write_point(contacts, contact.heights, contact.mu[p], s.B[p], after, p, out, s)
-    residual(q, dt, contact, after, s)
+    residual(contact, after, s)
     for l in range(contacts[0].nl):
         k = 3 * points + l
         out.residual[points + l] = s.off[l]

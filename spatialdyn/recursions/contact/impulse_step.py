@@ -131,15 +131,15 @@ def impulse_step(
     if held is not None:
         hold(bodies, work, q, v, dt, held, out, s, h)
     rub(v, z, dt, contact, law, s)
-    open_laws(dt, contact, out.gap, after, s)
+    open_laws(q, dt, contact, out.gap, after, s)
     begin(contact.start, s.force)
-    solve_impulses(q, dt, contact, h, SWEEPS if law is None or z is not None else SWEEPS_DRY, after, s)
+    solve_impulses(contact, h, SWEEPS if law is None or z is not None else SWEEPS_DRY, after, s)
     if held is not None and held.rate is None:
         meet(bodies, work, q, v, dt, held.constraints, out, s, h)
-        settle(q, dt, contact, after, s)
+        settle(contact, after, s)
     for k in range(len(s.force)):
         s.total[k] = s.first[k] + s.force[k]
-    write_laws(q, dt, contact, out, s)
+    write_laws(dt, contact, out, s)
     keep(contact.start, s.total, out.start)
     if held is not None:
         for k in range(len(out.reaction)):
@@ -343,18 +343,18 @@ def push_back(L: Matrix, h: HeldScratch, w: Vector) -> None:
 
 
 @inline
-def settle(q: Config, dt: Number, contact: Contact, w: Vector, s: Impulses) -> None:
+def settle(contact: Contact, w: Vector, s: Impulses) -> None:
     """Sweeps that answer to what ``meet`` changes."""
-    s.left[0] = residual(q, dt, contact, w, s) - contact.contacts[0].tolerance
+    s.left[0] = residual(contact, w, s) - contact.contacts[0].tolerance
     for _ in repeat(SWEEPS_AGAIN, s.left, s.force, w):
         if settled(s.left[0]):
             break
-        sweep(q, dt, contact, True, w, s)
-        s.left[0] = residual(q, dt, contact, w, s) - contact.contacts[0].tolerance
+        sweep(contact, True, w, s)
+        s.left[0] = residual(contact, w, s) - contact.contacts[0].tolerance
 
 
 @inline
-def write_laws(q: Config, dt: Number, contact: Contact, out: ImpulseResult, s: Impulses) -> None:
+def write_laws(dt: Number, contact: Contact, out: ImpulseResult, s: Impulses) -> None:
     """What a step makes of points and joints: impulses, stops, dry friction, residuals, energy, which joints rest."""
     contacts, w, force, Y, level = contact.contacts, out.after, s.total, s.Y, s.level
     points = contacts[0].np
@@ -363,7 +363,7 @@ def write_laws(q: Config, dt: Number, contact: Contact, out: ImpulseResult, s: I
     for j in range(contacts[0].nl + contacts[0].nd):
         k, c = 3 * points + j, contacts[1 + points + j]
         alone, u = s.own[k], velocity(Y, s.b, w, k)
-        wanted, s.rests[j], _ = joint_law(c, q, dt, u - alone * force[k], alone * level[j])
+        wanted, s.rests[j], _ = joint_law(j, u - alone * force[k], alone * level[j], s)
         out.residual[points + j] = magnitude(u - wanted)
         rubs, least = within(force[k], level[j]), SLOW * alone * level[j]
         rubs = select(u - least, -level[j], select(-least - u, level[j], rubs))  # of a joint that moves, against that

@@ -15,10 +15,10 @@ from __future__ import annotations
 
 from ...algebra.euclidean import sub
 from ...algebra.scalars import Scalar, inline, select
-from ..signatures import Config, Matrix, Number, Record, Vector
+from ..signatures import Matrix, Number, Record, Vector
 from .contact_rows import Contact, force_of_point, times, velocity, velocity_of_point
 from .coulomb_cone import magnitude, point_impulse, point_slope
-from .impulse_rows import COUNT, EPSILON, Impulses, inverse, joint_law, respond
+from .impulse_rows import COUNT, EPSILON, Impulses, joint_law, respond
 
 BOLD = 4  # steps in which all joints may change their state
 MISSES_MOST = 0.99  # of the largest residual of a joint, from which it may change its state later
@@ -27,7 +27,7 @@ STIFF = 1e7  # of a constraint's response: how stiff these steps see it
 
 @inline
 def newton_step(
-    q: Config, dt: Number, contact: Contact, held: Record, w: Vector, s: Impulses
+    contact: Contact, held: Record, w: Vector, s: Impulses
 ) -> None:  # fmt: skip
     """A step on all impulses at once, and w with them."""
     n, points, prox = len(w), contact.contacts[0].np, s.state[EPSILON]
@@ -38,16 +38,16 @@ def newton_step(
         s.K[i, i] = s.L[i, i]
     for p in range(points):
         add_point(p, contact.mu[p], prox, held is not None, w, s)
-    most = 0.0
+    most, firm = 0.0, 1.0 / prox
     for j in range(len(s.level)):
         k = 3 * points + j
         u = velocity(s.Y, s.b, w, k)
         free = u - s.own[k] * (s.first[k] + s.force[k])
-        wanted, _, _ = joint_law(contact.contacts[1 + points + j], q, dt, free, s.own[k] * s.level[j])
+        wanted, _, _ = joint_law(j, free, s.own[k] * s.level[j], s)
         s.off[j] = magnitude(u - wanted)
         most = select(s.off[j] - most, s.off[j], most)
     for j in range(len(s.level)):
-        add_joint(q, dt, contact.contacts[1 + points + j], 3 * points + j, j, most, w, s)
+        add_joint(3 * points + j, j, most, firm, w, s)
     if held is not None:
         for l in range(len(held.N)):
             stiff = STIFF / select(held.stiffness[l], held.stiffness[l], 1.0)
@@ -63,7 +63,7 @@ def newton_step(
             s.force[k + i] = s.force[k + i] + change
     for j in range(len(s.level)):
         k = 3 * points + j
-        s.force[k] = s.force[k] + (s.f[k] - stick_share(j, k, prox, s) * along(s.Y, s.x, k))
+        s.force[k] = s.force[k] + (s.f[k] - stick_share(j, firm, s) * along(s.Y, s.x, k))
     respond(w, s)
 
 
@@ -106,19 +106,19 @@ def add_point(p: int, mu: Number, prox: Scalar, held: bool, w: Vector, s: Impuls
 
 @inline
 def add_joint(
-    q: Config, dt: Number, c: Record, k: int, j: int, most: Scalar, w: Vector, s: Impulses
+    k: int, j: int, most: Scalar, firm: Scalar, w: Vector, s: Impulses
 ) -> None:  # fmt: skip
     """The state of a joint, its f, and its part of K and x.
 
     most  the largest residual of a joint
+    firm  1 / ε
     """
     n, now, u = len(w), s.force[k], velocity(s.Y, s.b, w, k)
-    each = inverse(s.own[k], s.size[k], n)
-    wanted, _, stays = joint_law(c, q, dt, u - s.own[k] * (s.first[k] + now), s.own[k] * s.level[j])
+    wanted, _, stays = joint_law(j, u - s.own[k] * (s.first[k] + now), s.own[k] * s.level[j], s)
     new = select(BOLD - s.state[COUNT], 1.0, select(MISSES_MOST * most - s.off[j], 0.0, 1.0))
     s.held[j] = select(new, stays, s.held[j])
-    s.goal[j] = select(new, select(stays, wanted, now + (wanted - u) * each), s.goal[j])
-    share = stick_share(j, k, s.state[EPSILON], s)
+    s.goal[j] = select(new, select(stays, wanted, now + (wanted - u) * s.each[j]), s.goal[j])
+    share = stick_share(j, firm, s)
     s.f[k] = select(s.held[j], (s.goal[j] - u) * share, s.goal[j] - now)
     for i in range(n):
         s.x[i] = s.x[i] + s.Y[k, i] * s.f[k]
@@ -127,9 +127,9 @@ def add_joint(
 
 
 @inline
-def stick_share(j: int, k: int, prox: Scalar, s: Impulses) -> Scalar:
+def stick_share(j: int, firm: Scalar, s: Impulses) -> Scalar:
     """C of a joint."""
-    return s.held[j] * inverse(s.own[k], s.size[k], len(s.x)) / prox
+    return s.held[j] * s.each[j] * firm
 
 
 @inline
