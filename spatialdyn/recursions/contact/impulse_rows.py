@@ -43,6 +43,8 @@ class Impulses(NamedTuple):
     """Scratch of rows, their impulses and what solves for them."""
 
     L: Matrix = ("nv", "nv")  # M, then its factors, D on the diagonal
+    M: Matrix = ("nv", "nv")  # both triangles
+    J: Matrix = (ROWS, "nv")
     Y: Matrix = (ROWS, "nv")  # J, then J L⁻¹
     Z: Matrix = (ROWS, "nv")  # Y D⁻¹, less what constraints take
     b: Vector = (ROWS,)  # velocities J v, with a point's target c
@@ -72,12 +74,12 @@ class Impulses(NamedTuple):
     goal: Vector = ("nl+nd",)  # its velocity then, else its impulse
     off: Vector = ("nl+nd",)  # residuals of joints
     free: Vector = ("nv",)  # w without impulses
-    x: Vector = ("nv",)  # change of w
+    x: Vector = ("nv",)  # change of v
     begun: Vector = ("nv",)  # what the step adds to v beside forces, of ``add_begun``
     K: Matrix = ("nv", "nv")
     T: Matrix = (3, 3)  # derivative of a point's impulse
     N: Matrix = (3, 3)
-    CY: Matrix = (3, "nv")
+    CJ: Matrix = (3, "nv")
     root: Vector = (4,)  # of ``find_root``
     state: Vector = (6,)  # residual, the least so far, round, ε, count, phases done
     left: Vector = (1,)  # of loops: residuals less the tolerance
@@ -101,11 +103,20 @@ def write_responses(
         s.b[k] = 0.0
         for i in range(n):
             s.b[k] = s.b[k] + s.Y[k, i] * v[i]
+            s.J[k, i] = s.Y[k, i]
         s.before[k] = s.b[k]
         solve_inward(bodies, s.L, s.Y[k])
         for i in range(n):
             s.Z[k, i] = s.Y[k, i] * (1.0 / s.L[i, i])
         s.size[k] = product(s.Y, s.Z, k, k)
+
+
+@inline
+def keep_inertia(s: Impulses) -> None:
+    """M of the step, before it is factored."""
+    for i in range(len(s.M)):
+        for j in range(i + 1):
+            s.M[i, j], s.M[j, i] = s.L[i, j], s.L[i, j]
 
 
 @inline

@@ -56,7 +56,7 @@ from .contact_rows import (
     write_point,
 )
 from .coulomb_cone import magnitude
-from .impulse_rows import ROWS, Impulses, joint_law, open_laws, residual, sweep, write_responses
+from .impulse_rows import ROWS, Impulses, joint_law, keep_inertia, open_laws, residual, sweep, write_responses
 from .impulses import SWEEPS, SWEEPS_AGAIN, SWEEPS_DRY, solve_impulses
 
 # of what dry friction changes a velocity by: a load that exceeds it by less leaves a joint at rest, as sweeps leave the
@@ -98,7 +98,7 @@ class HeldScratch(NamedTuple):
     kept: Vector = ("nc",)  # 1 of an equation that is independent, else 0
     stiffness: Vector = ("nc",)  # response of an equation alone
     P: Matrix = (ROWS, "nc")  # reactions to unit impulses
-    J: Matrix = ("nc", "nv")  # where the step ends
+    J: Matrix = ("nc", "nv")  # J; after the sweeps that of where the step ends
     ways: Matrix = (2, "nv")  # velocities at the end, and the displacement that closes
     turned: Matrix = (2, "nv")  # displacement of the step, and zeros
     ends: Matrix = (2, "nq")  # configurations
@@ -194,6 +194,7 @@ def move_freely(
         add_bristles(v, z, tau, dt, law, L, after, out.bristles)
         for i in range(n):
             out.friction[i] = 0.0
+    keep_inertia(s)
     factor_tree(bodies, L)
     for i in range(n):
         pivots[i] = L[i, i]
@@ -231,6 +232,9 @@ def hold(
     write_drift(bodies, work, constraints, v, gamma)
     if rate is not None:
         stabilize(bodies, work, q, v, constraints, rate, N, gamma, force)
+    for k in range(m):
+        for i in range(n):
+            h.J[k, i] = N[k, i]
     for k in range(m):
         gamma[k] = dt * gamma[k]
         if rate is None:
@@ -277,18 +281,25 @@ def hold(
     for k in range(m):
         lost = lost + (1.0 - h.kept[k]) * quotient(gamma[k] * gamma[k], h.scale[k])
     out.missed[0], out.missed[1] = sqrt(quotient(lost, lost + whole)), rank
+    take_out(s, h)
+
+
+@inline
+def take_out(s: Impulses, h: HeldScratch) -> None:
+    """Take constraints out of Z; reactions to unit impulses, in P, are written, gamma is scratch."""
+    n, m, N, gamma = len(s.x), len(h.gamma), h.N, h.gamma
     for l in range(len(s.Z)):
         for k in range(m):
             gamma[k] = 0.0
             for i in range(n):
                 gamma[k] = gamma[k] - N[k, i] * s.Z[l, i]
-        solve_forward(G, gamma)
-        solve_backward(G, gamma, h.P[l])
+        solve_forward(h.G, gamma)
+        solve_backward(h.G, gamma, h.P[l])
         for i in range(n):
             taken = 0.0
             for k in range(m):
                 taken = taken + N[k, i] * h.P[l, k]
-            s.Z[l, i] = s.Z[l, i] + taken * (1.0 / L[i, i])
+            s.Z[l, i] = s.Z[l, i] + taken * (1.0 / s.L[i, i])
 
 
 @inline

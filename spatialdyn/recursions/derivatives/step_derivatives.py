@@ -192,14 +192,7 @@ def semi_implicit_euler_derivatives(
                 w[k] = D[0, 0, k]
                 u[k] = h * w[k]
             if is_free(bodies, i):
-                for l in range(r + lengths, r + NV[b.kind]):
-                    for k in range(r, r + NV[b.kind]):
-                        first[k] = 1.0 if k == l else 0.0
-                    d = twist(b, r, first).w
-                    put_twist(b, r, kept_slope(bodies, i, h, m.w, d), first)
-                    for k in range(r, r + NV[b.kind]):
-                        out[n + k, n + l] = out[n + k, n + l] + first[k]
-                        first[k] = 0.0
+                _add_kept(bodies, i, lengths, h, m.w, first, out)
             for k in range(r, r + lengths):
                 w[k] = D[0, 0, k]
                 first[k], u[k] = h * w[k], 0.0
@@ -237,6 +230,19 @@ def semi_implicit_euler_derivatives(
                             total = total + D[1, k, i] * by_turn[1, i, j] * (h * x[j, l])
                     out[n + k, l] = total
     _put_turn(largest_turn(bodies, u, 0.0), n, out)
+
+
+@inline
+def _add_kept(bodies: Bodies, i: int, lengths: int, h: Scalar, w: Vec, d: Vector, out: Matrix) -> None:
+    """out += the derivative of what keeps the momenta of the free body of first row i; d is scratch, 0 after it."""
+    b, r, n = bodies[i], i - 1, len(bodies) - 1
+    for l in range(r + lengths, r + NV[b.kind]):
+        for k in range(r, r + NV[b.kind]):
+            d[k] = 1.0 if k == l else 0.0
+        put_twist(b, r, kept_slope(bodies, i, h, w, twist(b, r, d).w), d)
+        for k in range(r, r + NV[b.kind]):
+            out[n + k, n + l] = out[n + k, n + l] + d[k]
+            d[k] = 0.0
 
 
 @inline
