@@ -139,8 +139,8 @@ CONTACT_STEP = Spec(
     pivots=True, regroup=True, composed=True, large=True,
     scratch=(Impulses(),),
     parts=ContactResult(
-        Argument("v", ("nv",), "rad/s | m/s", "after the step, in the axes at its beginning"), IMPULSE, GAP, STOP, RESIDUAL,
-        ENERGY,
+        Argument("v", ("nv",), "rad/s | m/s", "after the step, in the axes at its beginning"), IMPULSE, GAP, STOP,
+        RESIDUAL, ENERGY,
     ),
 )  # fmt: skip
 CONTACT_GAPS = Spec(
