@@ -32,13 +32,13 @@ def random_configuration(
 ) -> Array:
     """Random configurations: within the limits, rotations uniform on the sphere of quaternions.
 
-    rng    a NumPy Generator, a seed for one, or None for other states each time; a sample draws nv numbers, so a batch
-           of n equals n single samples
+    rng    a NumPy Generator, a seed for one, or None for different states each time; a sample draws nv numbers, so a
+           batch of n equals n single samples
     shape  batch shape
 
-    A coordinate without limits is uniform in [-1, 1] m or [-π, π] rad; with a limit on one side only, in the
-    interval of that length that ends at the limit. Positions of floating and planar joints count as without
-    limits. With mimic joints the independent coordinates are drawn; the others may leave their limits.
+    A coordinate without limits is uniform in [-1, 1] m or [-π, π] rad; with a limit on one side only, in an interval of
+    that length that ends at the limit. Positions of floating and planar joints count as unlimited. With mimic joints
+    the independent coordinates are drawn; the others may leave their limits.
 
     Returns q (*shape, nq) [rad | m].
     Raises  SpatialDynError if rng is none of these; ShapeError if shape is none.
@@ -249,7 +249,7 @@ _METHODS: dict[str, Callable[[Model, Array, Array, Array, Array, Array | None], 
 
 
 def wrench_at(model: Model, q: ArrayLike, frame: str | Frame, force: ArrayLike, reference: str = "local") -> Array:
-    """The ``fext`` of a force at a named frame, for rnea, aba and static_torque.
+    """The ``fext`` of a force at a named frame, an argument of rnea, aba and static_torque.
 
     q          (..., nq)  joint positions [rad | m]
     frame      a link's or joint's name; link:NAME or joint:NAME says which

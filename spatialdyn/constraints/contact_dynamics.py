@@ -35,10 +35,10 @@ class ContactStep(NamedTuple):
 def contact_step(
     model: Model, contacts: Contacts, q: ArrayLike, v: ArrayLike, tau: ArrayLike, dt: float
 ) -> ContactStep:
-    """The state after a step dt in which points touch the ground: M (v⁺ - v) = dt (tau - bias) + Jᵀ impulse.
+    """The state after a step dt with contacts: M (v⁺ - v) = dt (tau - bias) + Jᵀ impulse.
 
-    Source: Signorini's condition and Coulomb's law, as Le Lidec et al., Contact models in robotics (arXiv 2304.06372),
-    have them, hold at the end of the step; the impulses are found point by point, see ``recursions.contact.contact``.
+    Source: Le Lidec et al., Contact models in robotics (arXiv 2304.06372). Signorini's condition and Coulomb's law hold
+    at the end of the step; ``recursions.contact.contact`` finds the impulses point by point.
 
     model     Model
     contacts  Contacts of this model
@@ -51,10 +51,10 @@ def contact_step(
         q, v      (..., nq), (..., nv)  after the step, q⁺ = q ∘ exp(dt v⁺)
         impulse   (..., k, 3)  on each of the k points, in the world's axes [N s]
         gap       (..., k)     distance of each sphere from the ground before the step, negative in it [m]
-        residual  (...)        by how much the impulses miss the law at worst [m/s]: at most the contacts'
-                  tolerance where the step is solved
-    A step is a function of its state alone. ``simulate`` and ``rollout`` take the same steps: the linear velocity of
-    floating and planar joints is that in the axes at the beginning, turned with the body.
+        residual  (...)        largest violation of the law by the impulses [m/s]: at most the contacts' tolerance where
+                  the step is solved
+    A step depends on its state alone. ``simulate`` and ``rollout`` take the same steps: the linear velocity of floating
+    and planar joints is that in the axes at the beginning, turned with the body.
     Raises
         SimulationError for a dt that is no number above 0
         InertiaError naming a joint with zero articulated inertia, such as that of a massless leg
@@ -101,7 +101,7 @@ def contact_gaps(model: Model, contacts: Contacts, q: ArrayLike) -> Array:
     contacts  Contacts of this model
     q         (..., nq)  joint positions [rad | m]
 
-    Returns gap (..., k) [m], negative in the ground: what a floating base has to rise or sink by for its feet to touch
+    Returns gap (..., k) [m], negative in the ground: how far a floating base has to sink for its feet to touch
     Raises  as ``contact_step``
 
     >>> import spatialdyn as sd

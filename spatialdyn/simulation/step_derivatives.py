@@ -75,8 +75,7 @@ def step_derivatives(
     at a switch: its points are neither above the ground nor in it. Steps in which a point bounces are refused.
 
     Batches of the explicit methods run on SIMD lanes, of any size; those of models of 26 freedoms or more, 17 with
-    velocity_verlet and 12 with rk4, by the table kernel. Implicit methods solve sample by sample and differentiate on
-    lanes.
+    velocity_verlet and 12 with rk4, by the table kernel. Implicit methods are solved and differentiated on lanes.
 
     Returns StepDerivatives: A (..., 2 nv, 2 nv) and B (..., 2 nv, nv), views of one array, with ``labels``, ``active``,
             ``switching`` and ``undetermined`` of what acts by impulses. NaN or infinity in a sample's state, torque or
@@ -134,9 +133,9 @@ def linearize(
 ) -> StepDerivatives:
     """The linear system of a robot near a state: continuous, d/dt δx = A δx + B δτ, or of a step with dt and method.
 
-    Arguments as of ``step_derivatives``; in continuous time constraints act alone, and nothing by impulses. About a
-    state that moves, δx is the difference from the motion of that state, in the frames of its bodies, which turn: with
-    v of a body d/dt δq = δv - v × δq, the commutator of twists.
+    Arguments are those of ``step_derivatives``; in continuous time a scene may have constraints, but nothing that acts
+    by impulses. About a moving state δx is the difference from that motion, in the frames of its bodies, which turn:
+    for a body with velocity v, d/dt δq = δv - v × δq, the commutator of twists.
 
     Returns A (..., 2 nv, 2 nv) and B (..., 2 nv, nv), views of one array; with dt and method as ``step_derivatives``.
     Raises  SpatialDynError for one of dt and method without the other; the errors of ``step_derivatives``.
@@ -256,7 +255,7 @@ def _implicit(
         raise SpatialDynError(f"method is {method!r}, expected one of {', '.join(known)}")
     if method not in known:
         raise SpatialDynError(
-            f"method is {method!r}, whose steps adapt to a tolerance, so that one is no smooth map; expected one of "
+            f"method is {method!r}, whose steps adapt to a tolerance and have no derivative; expected one of "
             f"{', '.join(known)}"
         )
     specs, values = [Q, V, TAU], [q, v, tau]
