@@ -33,6 +33,7 @@ from .errors import (
     SimulationError,
     SimulationInterrupt,
     SpatialDynError,
+    StudyError,
     UrdfError,
 )
 from .model.model import Frame, Joint, Model, assemble
@@ -138,35 +139,39 @@ if TYPE_CHECKING:
     from .sources.mjmodel import from_mjmodel
     from .sources.to_mjcf import to_mjcf
     from .sources.to_urdf import to_urdf
+    from .studies.reductions import Moments, Quantiles, TallQR, Worst
+    from .studies.study import Study, study
     from .urdf.transmissions import read_transmissions
     from .validate.comparison import compare_with_pinocchio
 
 __version__ = "0.1.0"
 __all__ = [
     *_dynamics.__all__,
-    "ChristoffelC", "ClosedStep", "ComputedTorque", "ConfigurationError", "Constrained", "ConstrainedDerivatives",
-    "ConstrainedImpact", "ConstrainedMotion", "ConstraintError", "Constraints", "ContactRecord", "ContactStep",
-    "ContactWrench", "Contacts", "Control", "Cost", "CouplerConstraint", "Diagnosis", "DistanceConstraint",
-    "EnergyLedger", "EnergyShaping", "Exact", "Finding", "Frame", "Friction", "Gains", "Gravity", "Heightfield",
-    "HingeConstraint", "IKResult", "Impact", "InertiaError", "Joint", "LQR", "LyapunovRecord", "Mobility", "Model",
-    "ModelBuilder", "ModelError", "MomentumObserver", "Motor", "NonFiniteError", "Option", "PD", "PDGravity",
-    "PDPlus", "Passivity", "PassivityRecord", "Path", "PathPeaks", "PathPoint", "Plane", "PointConstraint",
-    "Promise", "Recommendation", "Requirement", "Robot", "RollingConstraint", "Rollout", "Rotor", "Scene",
-    "ShapeError", "SimulationError", "SimulationInterrupt", "SpatialDynError", "Specialized", "StateFeedback",
-    "SymbolicManipulator", "Tradeoff", "Trajectory", "Transmission", "UrdfError", "VelocityConstraint",
-    "WeldConstraint", "assemble", "base_velocity", "bounded", "check_conservation", "close_loops", "closed_step",
-    "compare_with_pinocchio", "compile", "conserved_quantities", "constrained_dynamics",
-    "constrained_dynamics_derivatives", "constraint_drift", "constraint_error", "constraint_jacobian",
-    "contact_gaps", "contact_step", "contact_wrench", "critical_gains", "delassus", "detection_thresholds",
-    "diagnose", "energy_ledger", "exact", "forward_dynamics", "fourier", "friction_regressor", "friction_torque",
-    "from_drake", "from_mjmodel", "from_mujoco", "from_pinocchio", "gravity_stiffness_bound", "hamilton_equations",
-    "hamilton_simulation", "impact", "independent_joints", "integrators", "kernels", "largest_step", "linearize",
-    "load", "load_urdf", "lqr", "lyapunov", "mobility", "momentum_observer_step", "passivity", "plot",
-    "poisson_bracket", "project_configuration", "project_velocity", "quintic", "random_configuration",
-    "read_transmissions", "recommend", "requires", "rollout", "simplify", "simulate", "solve_ik", "specialize",
-    "spline", "spring_energy", "spring_torque", "step", "step_derivatives", "to_actuators", "to_drake", "to_joints",
-    "to_mjcf", "to_mujoco", "to_urdf", "torque_limits", "trade", "trapezoid", "verify_skew_symmetry", "view",
-    "wrench_at",
+    "ChristoffelC", "ClosedStep", "ComputedTorque", "ConfigurationError", "Constrained",
+    "ConstrainedDerivatives", "ConstrainedImpact", "ConstrainedMotion", "ConstraintError", "Constraints",
+    "ContactRecord", "ContactStep", "ContactWrench", "Contacts", "Control", "Cost", "CouplerConstraint",
+    "Diagnosis", "DistanceConstraint", "EnergyLedger", "EnergyShaping", "Exact", "Finding", "Frame", "Friction",
+    "Gains", "Gravity", "Heightfield", "HingeConstraint", "IKResult", "Impact", "InertiaError", "Joint", "LQR",
+    "LyapunovRecord", "Mobility", "Model", "ModelBuilder", "ModelError", "Moments", "MomentumObserver", "Motor",
+    "NonFiniteError", "Option", "PD", "PDGravity", "PDPlus", "Passivity", "PassivityRecord", "Path",
+    "PathPeaks", "PathPoint", "Plane", "PointConstraint", "Promise", "Quantiles", "Recommendation",
+    "Requirement", "Robot", "RollingConstraint", "Rollout", "Rotor", "Scene", "ShapeError", "SimulationError",
+    "SimulationInterrupt", "SpatialDynError", "Specialized", "StateFeedback", "Study", "StudyError",
+    "SymbolicManipulator", "TallQR", "Tradeoff", "Trajectory", "Transmission", "UrdfError",
+    "VelocityConstraint", "WeldConstraint", "Worst", "assemble", "base_velocity", "bounded",
+    "check_conservation", "close_loops", "closed_step", "compare_with_pinocchio", "compile",
+    "conserved_quantities", "constrained_dynamics", "constrained_dynamics_derivatives", "constraint_drift",
+    "constraint_error", "constraint_jacobian", "contact_gaps", "contact_step", "contact_wrench",
+    "critical_gains", "delassus", "detection_thresholds", "diagnose", "energy_ledger", "exact",
+    "forward_dynamics", "fourier", "friction_regressor", "friction_torque", "from_drake", "from_mjmodel",
+    "from_mujoco", "from_pinocchio", "gravity_stiffness_bound", "hamilton_equations", "hamilton_simulation",
+    "impact", "independent_joints", "integrators", "kernels", "largest_step", "linearize", "load", "load_urdf",
+    "lqr", "lyapunov", "mobility", "momentum_observer_step", "passivity", "plot", "poisson_bracket",
+    "project_configuration", "project_velocity", "quintic", "random_configuration", "read_transmissions",
+    "recommend", "requires", "rollout", "simplify", "simulate", "solve_ik", "specialize", "spline",
+    "spring_energy", "spring_torque", "step", "step_derivatives", "study", "to_actuators", "to_drake",
+    "to_joints", "to_mjcf", "to_mujoco", "to_urdf", "torque_limits", "trade", "trapezoid",
+    "verify_skew_symmetry", "view", "wrench_at",
 ]  # fmt: skip
 
 _LATE = {  # {module: public names}, imported when one is asked for: half the time of an import
@@ -210,12 +215,14 @@ _LATE = {  # {module: public names}, imported when one is asked for: half the ti
     "simulation.rollouts": "rollout", "simulation.runs": "hamilton_simulation simulate", "simulation.scene": "Scene",
     "simulation.single_step": "step", "simulation.step_derivatives": "linearize step_derivatives",
     "simulation.trajectory": "Trajectory", "sources.load": "load", "sources.mjmodel": "from_mjmodel",
-    "sources.to_mjcf": "to_mjcf", "sources.to_urdf": "to_urdf", "validate.comparison": "compare_with_pinocchio",
+    "sources.to_mjcf": "to_mjcf", "sources.to_urdf": "to_urdf",
+    "studies.reductions": "Moments Quantiles TallQR Worst", "studies.study": "Study study",
+    "validate.comparison": "compare_with_pinocchio",
 }  # fmt: skip
 _MODULE_OF = {name: module for module, names in _LATE.items() for name in names.split()}
 _ROOMS = (
     "accuracy", "actuation", "constraints", "control", "interop", "lagrangian", "laws", "pictures", "sources",
-    "simulation", "validate",
+    "simulation", "studies", "validate",
 )  # fmt: skip
 
 

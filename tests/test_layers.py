@@ -40,10 +40,11 @@ BELOW: dict[str, tuple[str, ...]] = {
     "simulation": ("lagrangian", "sources", "laws"),
     "control": ("simulation",),
     "accuracy": ("simulation",),
+    "studies": ("simulation",),
     "validate": ("interop", "urdf"),
     "pictures": ("validate", "accuracy", "control"),
     "compat": ("pictures", "accuracy", "interop", "urdf", "sources"),
-    "__init__": ("accuracy", "control", "validate", "pictures", "sources"),
+    "__init__": ("accuracy", "control", "validate", "pictures", "sources", "studies"),
     "examples": ("__init__", "compat"),
     "docs": ("examples",),
     "commands": ("docs",),
@@ -96,7 +97,7 @@ SHARED = {
     "contact.coulomb_cone", "joints.friction", "coordinates.configuration", "contact.contact_rows", "tree.aba_motors",
     "contact.impulses", "contact.impulse_rows", "contact.newton_step", "control.paths",
 }  # fmt: skip
-TOUCH_FILES = {"urdf", "sources", "engines", "pictures", "docs"}  # pictures reads meshes, both write pages
+TOUCH_FILES = {"urdf", "sources", "engines", "pictures", "docs", "studies"}  # meshes, pages, parts
 # themselves, a script, and loops in TOML; one reads an environment variable
 SAVE = {
     "simulation.trajectory", "compat.pinocchio.model.serialization_format", "commands.port", "commands.robots",
@@ -114,6 +115,7 @@ FILE_CALLS = {
 LATE = {
     "yourdfpy", "lxml", "trimesh", "pinocchio", "rich", "scipy", "mpmath", "matplotlib", "sympy", "pandas", "viser",
     "IPython", "casadi", "jax", "torch", "mujoco", "xacrodoc", "robot_descriptions", "sphinx",
+    "dask", "distributed",
 }  # fmt: skip
 HEAVY = {"numba", "llvmlite", "concurrent.futures"}  # no import of the package needs them
 MUTATORS = {"append", "extend", "insert", "add", "update", "setdefault", "pop", "popitem", "clear", "remove", "discard"}

@@ -8,8 +8,10 @@ the methods alone are there. ``arguments`` fails for a target without a row.
 from __future__ import annotations
 
 import inspect
+import tempfile
 from collections.abc import Callable, Iterator
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -224,7 +226,31 @@ def _fext() -> Any:
 CONSTRAINT = {"frame_a": "tip", "frame_b": "base", "name": "loop"}
 PLACES = {"at_a": np.zeros(3), "at_b": np.eye(4)}
 
+
 # {target: its arguments}; what is not there is left to its default, but for an odd value; a tuple is all of ``*x``
+def _outputs() -> dict[str, Any]:
+    tau = np.array([[1.0, 2.0], [3.0, 5.0]])
+    return {"arrays": {"tau": tau, "most": tau[:, 1]}, "first": 4}
+
+
+def _draw(scene: Any, rng: Any, n: int) -> dict[str, Any]:
+    return {"tau": rng.random((n, 2))}
+
+
+def _studied() -> dict[str, Any]:
+    folder = Path(tempfile.mkdtemp(), "study")
+    return {
+        "fn": _draw,
+        "scene": model(),
+        "samples": 5,
+        "chunk": 3,
+        "seed": 1,
+        "folder": folder,
+        "keep": ("tau",),
+        "reduce": {"tau": sd.Moments("tau")},
+    }
+
+
 ROWS: dict[str, Callable[[], dict[str, Any]]] = {
     "ChristoffelC": lambda: {"model": model()},
     **{
@@ -287,6 +313,26 @@ ROWS: dict[str, Callable[[], dict[str, Any]]] = {
     "PassivityRecord.order": lambda: {"other": passive()},
     "PassivityRecord.plot": dict,
     "Path": lambda: {"model": None, "spec": path().spec, "values": dict(path().values), "duration": 2.0},
+    "Moments": lambda: {"output": "tau"},
+    "Moments.of": _outputs,
+    "Moments.merge": lambda: dict.fromkeys("ab", sd.Moments("tau").of(**_outputs())),
+    "Moments.finish": lambda: {"state": sd.Moments("tau").of(**_outputs())},
+    "Quantiles": lambda: {"output": "tau", "at": (0.1, 0.9), "bits": 8},
+    "Quantiles.of": _outputs,
+    "Quantiles.merge": lambda: dict.fromkeys("ab", sd.Quantiles("tau").of(**_outputs())),
+    "Quantiles.finish": lambda: {"state": sd.Quantiles("tau").of(**_outputs())},
+    "Study": _studied,
+    "Study.result": lambda: {"partial": True},
+    "Study.run": lambda: {"executor": None, "progress": False, "threads": None},
+    "Study.warm": lambda: {"executor": None, "threads": None},
+    "TallQR": lambda: {"output": "tau"},
+    "TallQR.of": _outputs,
+    "TallQR.merge": lambda: dict.fromkeys("ab", sd.TallQR("tau").of(**_outputs())),
+    "TallQR.finish": lambda: {"state": sd.TallQR("tau").of(**_outputs())},
+    "Worst": lambda: {"output": "most", "count": 3, "beside": ("tau",), "least": True},
+    "Worst.of": _outputs,
+    "Worst.merge": lambda: dict.fromkeys("ab", sd.Worst("most").of(**_outputs())),
+    "Worst.finish": lambda: {"state": sd.Worst("most").of(**_outputs())},
     "Path.__call__": lambda: {"t": np.array([0.0, 1.0])},
     "Path.check_limits": lambda: {"model": model()},
     "Path.check_model": lambda: {"model": model()},
@@ -406,6 +452,7 @@ ROWS: dict[str, Callable[[], dict[str, Any]]] = {
     "spring_torque": lambda: {"model": elastic(), "q": np.zeros(elastic().nq), "v": np.zeros(elastic().nv)},
     "step": lambda: _in_scene(_state(tau=tau(), dt=0.01)),
     "step_derivatives": lambda: _in_scene(_state(tau=tau(), dt=0.01)),
+    "study": _studied,
     "to_actuators": lambda: _state(tau=tau(), transmissions=sd.Transmission(("joint1",), 2.0)),
     "to_drake": lambda: _state(joints=["joint1", "joint2"]),
     "to_joints": lambda: _state(tau=tau(), transmissions=[sd.Transmission(("joint1",), 2.0)]),
@@ -437,17 +484,22 @@ INSTANCES: dict[str, Callable[[], Any]] = {
     "ModelBuilder": elastic_builder,
     "MomentumObserver": observer,
     "Motor": motor,
+    "Moments": lambda: sd.Moments("tau"),
     "PassivityRecord": passive,
     "Path": path,
     "Promise": promise,
+    "Quantiles": lambda: sd.Quantiles("tau"),
     "Recommendation": recommendation,
     "Requirement": requirement,
     "Rollout": samples,
     "Specialized": program,
+    "Study": lambda: sd.study(**_studied()).run(),
     "SymbolicManipulator": symbols,
+    "TallQR": lambda: sd.TallQR("tau"),
     "Tradeoff": lambda: recommendation().tradeoff,
     "Trajectory": run,
     "Transmission": lambda: sd.Transmission(("joint1",), 2.0),
+    "Worst": lambda: sd.Worst("most"),
 }
 
 

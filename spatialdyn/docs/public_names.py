@@ -67,6 +67,11 @@ GROUPS = {
         "Scene simulate step rollout integrators Trajectory Rollout ContactRecord Control Cost energy_ledger "
         "EnergyLedger hamilton_simulation",
     ),
+    "studies": Group(
+        "Studies",
+        "A function of a scene on any number of random samples, in chunks, on any executor.",
+        "study Study Moments Quantiles Worst TallQR",
+    ),
     "actuation": Group(
         "Friction, motors and springs",
         "What stands between a motor and a joint.",
@@ -126,7 +131,7 @@ GROUPS = {
         "Errors",
         "All derive from SpatialDynError, a ValueError.",
         "SpatialDynError ShapeError ConfigurationError NonFiniteError UrdfError InertiaError ModelError "
-        "ConstraintError SimulationError SimulationInterrupt",
+        "ConstraintError SimulationError SimulationInterrupt StudyError",
     ),
 }
 # where a name that no group lists goes, by the package that it is of
@@ -134,7 +139,7 @@ BY_PACKAGE = {
     "accuracy": "accuracy", "actuation": "actuation", "calls": "dynamics", "constraints": "constraints",
     "control": "control", "interop": "conversion", "laws": "control", "lagrangian": "mechanics", "model": "robots",
     "pictures": "pictures", "recursions": "dynamics", "simulation": "simulation", "sources": "robots",
-    "urdf": "robots", "identification": "identification", "studies": "simulation", "operational": "control",
+    "urdf": "robots", "identification": "identification", "studies": "studies", "operational": "control",
 }  # fmt: skip
 
 

@@ -27,7 +27,7 @@ ORDER = (  # in which a reader may take them; test_gallery.py holds it complete
     "box_on_an_incline", "falling_quadruped", "space_robot", "trotting_quadruped", "four_bar_and_slider_crank",
     "sleigh_and_rolling_disc", "rolling_is_no_variation", "cart_pole_lqr", "swing_up_by_energy",
     "acrobot_by_energy", "inertia_wheel_pendulum", "swing_up_lqr", "ilqr", "standing_lqr",
-    "payload_identification", "payloads_on_lanes", "series_elastic_joint", "rotor_on_a_leg",
+    "payload_identification", "payloads_on_lanes", "payload_study", "series_elastic_joint", "rotor_on_a_leg",
     "rotors_of_a_geared_arm", "what_a_scene_requires", "standing_or_trotting", "price_of_a_digit",
     "error_bar_of_a_torque", "own_loop", "many_processes", "mppi_on_lanes", "gradient_of_a_design", "c_export",
     "casadi_export", "porting_a_pinocchio_script", "vector_environment", "exercise_1_numbers", "exercise_3_pendulum",

@@ -38,7 +38,7 @@ Array = NDArray[np.float64]
 Slice = Callable[[int, int, float], bool]
 SLICE = 0.05  # [s] between checks for Ctrl-C and progress reports
 PLAIN_STEPS = (
-    16  # in plain Python, beyond a program's range: a motion that diverges ends there, and compiles no kernels
+    16  # in plain Python, beyond a program's range, where a motion may diverge, and before kernels that compile long
 )
 TOLERANCES = 1e-9, 1e-12  # relative and absolute, of SciPy's methods
 STEPS = 100  # in a program's first slice: 40 µs for an arm, 3 ms for a humanoid
@@ -155,11 +155,11 @@ class FixedSteps:
     def _run(self, report: Report | None, told: ExitStack) -> None:
         plan, recorder, steps, start = self.plan, self.recorder, self.recorder.steps, time.perf_counter()
         at_once = program(plan, recorder, self.torque, self.state, self.sample)
-        if at_once is None:
+        plain = PLAIN_STEPS if at_once is not None or plan.is_large else 0  # a number: no bits depend on a clock
+        if at_once is None and not plain:
             self.family.start(self._by_kernels[0], self.state)
         try:
             count, odd = 1 if at_once is None else STEPS, 0
-            plain = 0 if at_once is None else PLAIN_STEPS  # a number, so that no bits depend on a clock
             while (first := int(recorder.at[0])) < steps.total:
                 began = time.perf_counter()
                 h, count = (steps.dt, min(count, steps.whole - first)) if first < steps.whole else (steps.rest, 1)
@@ -187,8 +187,9 @@ class FixedSteps:
                 x[...] = kept
             done = int(recorder.at[0])
             if at_once is None:  # a program's states are q, and v or p
+                system = self._in_python[0] if plain else self._by_kernels[0]
                 with np.errstate(all="ignore"):
-                    self.family.observe(self._by_kernels[0], steps.time(done), self.state)
+                    self.family.observe(system, steps.time(done), self.state)
             recorder.end(steps.time(done), self.state.q, self.state.w, self.torque.unasked(done))
             raise
 

@@ -17,6 +17,7 @@ from ..calls.arguments import core_shape
 from ..calls.dynamics import calls
 from ..calls.specialize import specialize
 from ..calls.specialized import Specialized
+from ..engines.compiled import numba_kernels
 from ..engines.programs.record import recording
 from ..engines.programs.run import batch_kernels
 from ..laws.control import step_kernel
@@ -201,15 +202,23 @@ class Plan:
         return [*self.values.values(), *momenta]
 
     @cached_property
+    def is_large(self) -> bool:
+        """Whether steps have no program, and the kernel of what acts by impulses takes long to compile."""
+        tables = () if self.contact is None else self.contact.tables
+        explicit = self.method in EXPLICIT_METHODS and not numba_kernels.PLAIN
+        return explicit and any(len(x.rows) > recording.MOST_TABLE + 1 for x in tables)
+
+    @cached_property
     def single(self) -> Any:
         """The kernel of a step of one sample; None if not applicable."""
         return self.kernel(self.work) if self.is_program else None
 
     def kernel(
-        self, works: tuple[Argument, ...] = (), forced: bool = True, dtype: Any = np.float64, one: bool = True
-    ) -> Any:
+        self, works: tuple[Argument, ...] = (), forced: bool = True, dtype: Any = np.float64, one: bool = True,
+        common: tuple[int, ...] = (),
+    ) -> Any:  # fmt: skip
         """The kernel of a step; None for a robot too long for a program. As of ``step_specs`` and ``step_kernel``."""
-        parts = self.method, self.structure, works, self.tables, forced, np.dtype(dtype), one
+        parts = self.method, self.structure, works, self.tables, forced, np.dtype(dtype), one, common
         return _kernel(self.model, *parts)
 
     @cached_property
@@ -222,12 +231,12 @@ class Plan:
 @lru_cache(maxsize=batch_kernels.CACHE_SIZE)
 def _kernel(
     model: Model, method: str, effects: tuple[Effect, ...], works: tuple[Argument, ...], static: tuple[Any, ...],
-    forced: bool, dtype: Any, one: bool,
+    forced: bool, dtype: Any, one: bool, common: tuple[int, ...],
 ) -> Any:  # fmt: skip
     specs = specs_of_step(method, effects, works, forced)
     if not recording.fits(specs, model.bodies, static=static):
         return None
-    return step_kernel(specs, model, static, dtype, one=one, by_content=any(map(_is_users, effects)))
+    return step_kernel(specs, model, static, dtype, one=one, by_content=any(map(_is_users, effects)), common=common)
 
 
 def specs_of_step(

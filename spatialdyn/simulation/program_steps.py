@@ -52,7 +52,13 @@ def on_lanes(
         recorded = _recorded(model, step_specs(plan.method, plan.structure, (), forced), plan.tables)
         return None if recorded is None else time_loop.replay(recorded, states, given, records, total, every)
     dtype = records[0].dtype if _holds(model, states[0][0], records[0].dtype) else np.dtype(np.float64)
-    kernel = plan.kernel((), forced, dtype, False)
+    common: tuple[int, ...] = ()
+    if plan.feedback is not None:  # gains and paths, of hundreds of numbers, that all samples share
+        others = [k for k, x in enumerate(given) if len(x) == 1]
+        common = tuple(len(states) + k for k in others)
+        if not all(np.isfinite(given[k]).all() for k in others):
+            return np.arange(len(states[0]))
+    kernel = plan.kernel((), forced, dtype, False, common)
     if kernel is None:
         return None
     made = records if dtype == records[0].dtype else [np.empty(x.shape, dtype) for x in records]

@@ -14,12 +14,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..algebra.euclidean import cross
-from ..bodies.kinds import SE2, SE3
 from ..calls.dynamics import calls
 from ..engines.programs.record.tracer import scratch
 from ..recursions import SPECS
-from ..recursions.coordinates.configuration import integrate, twist
+from ..recursions.coordinates.configuration import integrate
 from ..recursions.coordinates.coordinate_rates import rate_of_displacement, turn
 from ..recursions.joints.friction import DT
 from ..recursions.spec import FEXT, TAU, Argument, Q, Spec, V
@@ -62,17 +60,15 @@ def advance(
         at.given.update(own, q=state.q.copy(), v=state.w.copy(), dt=h)
 
         def solve(tau: Any) -> Any:
-            ahead, changed, forces = solver.solve(at, acting, tau if still is None else tau + still)
+            ahead, changed, forces = solver.solve(at, acting, tau)
             if work.EXTERNAL in works and work.EXTERNAL.name not in forces:
                 forces[work.EXTERNAL.name] = external_torque(at, at.given["q"])
             return ahead, changed, forces
 
-        still, nothing = unturned(at, constrained, state), np.zeros(len(state.w), state.w.dtype)
+        # contacts are solved for in the axes at the beginning, friction of joints alone in those that turn
+        turning = np.zeros(len(state.w), state.w.dtype) if find(acting, Contact) is not None else state.w.copy()
         state.w[:], after = carry_solved(solve, h, state.q, state.w, system.tau.copy(), own, whole)
-        if still is None:
-            explicit.move(system, t, times(h, state.w), state)
-        else:
-            explicit.move_turned(system, t, h, nothing, state)
+        explicit.move_turned(system, t, h, turning, state)
     elif own or law is not None:
         after = carry(method, system, t, h, state, own, whole)
     else:
@@ -108,25 +104,6 @@ def free_of(
     if work.CONSTRAINTS in works:
         powers[work.CONSTRAINTS.name] = force * constrained.rates(at, q, v)
     return OK, powers
-
-
-def unturned(at: Arithmetic, constrained: Constrained | None, state: State) -> Any:
-    """Torques that leave floating and planar joints' linear velocities in the axes of the beginning: M [ω × v; 0].
-
-    None for robots without such joints, and beside constraints, which see the velocity as turned at the step's end.
-    """
-    turning = [i for i in range(1, len(at.rows)) if at.rows[i].kind in SE3 or at.rows[i].kind in SE2]
-    if not turning or constrained is not None:
-        return None
-    (M,) = at.evaluate(SPECS["crba"], q=state.q).values()
-    made = np.zeros(len(state.w), state.w.dtype)
-    for i in turning:
-        b, r = at.rows[i], i - 1
-        m = twist(b, r, state.w)
-        x = cross(m.w, m.v)
-        for k, y in enumerate((x.x, x.y, x.z) if b.kind in SE3 else (x.x, x.y)):
-            made = made + times(y, M[:, r + k])
-    return made
 
 
 def _sound(system: System, state: State) -> bool:

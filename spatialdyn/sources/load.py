@@ -51,14 +51,14 @@ def load(
     the package xacrodoc expands it, and evaluates the Python expressions in it. Compiled MuJoCo models (.mjb) are read
     too. SDF is refused, with what reads it.
 
-    A name of robot_descriptions makes that package clone a repository at its first use, of which a UserWarning tells;
-    it is looked for last.
+    Names of robot_descriptions are looked for last. At its first use such a name makes that package clone a repository,
+    which a UserWarning says.
 
-    What else the file declares acts by ``sd.Scene.of(model)``: damping, friction, limits; of MJCF also loops, contacts
-    of feet with its ground and DC motors. ``model.notes`` lists what has no counterpart.
+    What else the file declares acts in the scene ``sd.Scene.of(model)``: damping, friction, limits; from MJCF also
+    loops, contacts of feet with its ground and DC motors. ``model.notes`` lists what has no counterpart.
 
-    Raises  UrdfError; SpatialDynError for what is no robot, another format, MJCF that MuJoCo refuses, a package that is
-            missing; otherwise as ``load_urdf``
+    Raises  UrdfError; SpatialDynError for a source that is no robot, another format, MJCF that MuJoCo refuses, a
+            missing package; otherwise as ``load_urdf``
 
     >>> load("pendulum") == load_urdf("pendulum")
     True

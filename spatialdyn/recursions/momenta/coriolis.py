@@ -282,8 +282,8 @@ SPECS = (
             Argument("a_r", A.shape, A.unit, "reference accelerations"),
         ),
         TAU,
-        "Torque M(q) a_r + C(q, v) v_r + g(q) of a reference, without M or C: what passivity-based and adaptive "
-        "controllers feed forward.",
+        "Torque M(q) a_r + C(q, v) v_r + g(q) of a reference motion, without M or C: the feed-forward of "
+        "passivity-based and adaptive controllers.",
         "after Slotine and Li, On the adaptive control of robot manipulators (1987), by a Newton-Euler recursion.",
         regroup=True,
     ),

@@ -1,6 +1,7 @@
 """LLVM text of the functions through which Python runs a compiled program: over a batch, and in a time loop.
 
-ctypes passes the array objects themselves: to get an address from NumPy takes 1 µs, to read it here nothing. The first
+ctypes passes the array objects themselves: reading an address here costs nothing, while NumPy takes long to give it.
+The first
 field of a PyArrayObject, part of NumPy's C interface, is the address of its data.
 """
 
