@@ -91,14 +91,22 @@ GROUPS = {
         "Control",
         "Paths, laws, gains, observers, and checks of a run.",
         "Path PathPoint PathPeaks quintic trapezoid spline fourier PD PDGravity PDPlus ComputedTorque Passivity "
-        "EnergyShaping StateFeedback Gravity Gains critical_gains gravity_stiffness_bound lqr LQR closed_step "
+        "EnergyShaping StateFeedback Gravity Impedance SlotineLi NaturalAdaptation Excitation cartesian_damping "
+        "Gains critical_gains gravity_stiffness_bound lqr LQR closed_step "
         "ClosedStep largest_step MomentumObserver momentum_observer_step detection_thresholds ContactWrench "
         "contact_wrench base_velocity passivity PassivityRecord lyapunov LyapunovRecord",
+    ),
+    "tasks": Group(
+        "Operational space and tasks",
+        "Inertia and forces of a frame; tasks in strict order; robots that stand on their feet.",
+        "operational_space OperationalSpace operational_space_inertia_inverse operational_space_coupling task_torque "
+        "TaskTorque FrameTask ComTask PostureTask WholeBody WholeBodyMotion Relaxation",
     ),
     "identification": Group(
         "Regressors",
         "Torques, forces and energies as linear functions of masses, centres of mass and inertias.",
-        "joint_torque_regressor body_regressor kinetic_energy_regressor potential_energy_regressor static_regressor",
+        "joint_torque_regressor body_regressor kinetic_energy_regressor potential_energy_regressor static_regressor "
+        "modified_torque_regressor momentum_regressor coriolis_transpose_regressor",
     ),
     "mechanics": Group(
         "Lagrange and Hamilton",

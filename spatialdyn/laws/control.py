@@ -290,7 +290,8 @@ def _torques_of(
     """
     spec = _torque(control.spec)
     names = [x.name for x in spec.present if not x.static]
-    inputs = [np.ascontiguousarray(given[name].reshape(len(given[name]), -1)) for name in names]
+    rows = [given[name] for name in names]
+    inputs = [np.ascontiguousarray(x.reshape(len(x), math.prod(x.shape[1:]))) for x in rows]
     common = tuple(k for k, x in enumerate(inputs) if len(x) == 1 and names[k] in control.values)
     made, left = _program(spec, model, control.static, common), np.arange(samples)
     out = np.empty((samples, model.nv))

@@ -61,7 +61,8 @@ def rollout(
     dt      step [s]
     steps   T; needed if neither tau nor a value of control has an axis T
     method  "semi_implicit_euler", which takes every scene, or another of ``scene.methods``, as in ``simulate``; None
-            for ``scene.method``. Those that solve equations or adapt their steps take one sample after another
+            for ``scene.method``. Those that adapt their steps, and methods in momenta where more acts than torques
+            and ``fext``, take one sample after another
     record  1 for the state after every step, k after every k-th, "last" for the last alone (of no steps, the first);
             left out, 1, or "last" with a cost. "contacts", or (k, "contacts"), records impulses, gaps and residuals
     dtype   float64, or float32: faster, with errors of some 1e-6 a step; numbers below its range, 1e-38, are flushed to

@@ -74,8 +74,7 @@ def step_derivatives(
     at a switch: its points are neither above the ground nor in it. Steps in which a point bounces are refused.
 
     Batches of the explicit methods run on SIMD lanes, of any size; those of models of 26 freedoms or more, 17 with
-    velocity_verlet and 12 with rk4, by the table kernel. Implicit methods solve sample by sample and differentiate on
-    lanes.
+    velocity_verlet and 12 with rk4, by the table kernel. Implicit methods are solved and differentiated on lanes.
 
     Returns StepDerivatives: A (..., 2 nv, 2 nv) and B (..., 2 nv, nv), views of one array, with ``labels``, ``active``,
             ``switching`` and ``undetermined`` of what acts by impulses. NaN or infinity in a sample's state, torque or forces gives NaN

@@ -7,7 +7,7 @@ it has the order of the method. Others change at the end of a step. Where an eff
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache, partial
 from typing import Any, NamedTuple
@@ -283,9 +283,18 @@ def step_specs(
 
     beside = (x for effect in acting for x in effect.inputs)
     given = (Q, V, *own, DT, *((TAU,) if forced else ()), *beside)
+    feedback = find(acting, Feedback)
+    label = "_".join(["rollout", method, *(x.name for x in acting if x.name != "control")])
+    return specs_of(label, given, (Q, V, *own), after, feedback is None or feedback.spec.regroup)
+
+
+def specs_of(
+    label: str, given: Sequence[Argument], states: Sequence[Argument],
+    after: Callable[[Any, dict[str, Any]], Sequence[Any]], regroup: bool,
+) -> tuple[Spec, ...]:  # fmt: skip
+    """Specs of the states after a step, of ``after(rows, inputs by name)``, which gives them all at once."""
     given = tuple(replace(x, optional=False) for x in given)
     names = [x.name for x in given]
-
     last: list[Any] = [None]  # rows, inputs and results: the Specs are recorded one after another, and a loop only once
 
     def state_after(k: int) -> Callable[..., None]:
@@ -293,18 +302,15 @@ def step_specs(
             known = last[0]
             if known is None or known[0] is not rows or any(x is not y for x, y in zip(known[1], arrays, strict=False)):
                 known = rows, arrays[:-1], after(rows, dict(zip(names, arrays, strict=False)))
-            last[0] = None if k == 1 + len(own) else known
+            last[0] = None if k == len(states) - 1 else known
             arrays[-1][:] = known[2][k]
 
         return recursion
 
-    feedback = find(acting, Feedback)
-    label = "_".join(["rollout", method, *(x.name for x in acting if x.name != "control")])
     return tuple(
         Spec(
             f"{label}_{x.name}", state_after(k), None, given, replace(x, name=f"{x.name}_after", unit_norm=False),
-            "A step of a rollout.", "see explicit", regroup=feedback is None or feedback.spec.regroup,
-            composed=True,
+            "A step of a rollout.", "see ``simulation.methods``", regroup=regroup, composed=True,
         )
-        for k, x in enumerate((Q, V, *own))
+        for k, x in enumerate(states)
     )  # fmt: skip

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 
 from ..record.kernel_layout import KernelLayout
 from ..record.operations import CONST, FORMS, INPUT, arities, operands
@@ -107,12 +107,14 @@ def angles(program: Program, late: bool) -> list[list[int]]:
     """
     lines = program.lines
     readers = {code for code, form in FORMS.items() if form.angle}
-    if len(lines) > MOST_WHOLE:
-        chunks = _chunks(program, late)
-        return [list(dict.fromkeys(lines[k].a for k in chunk if lines[k].code in readers)) for chunk in chunks]
-    if late:
+    if late and len(lines) <= MOST_WHOLE:
         return [_angles_depth_first(program, readers)]
-    return [list(dict.fromkeys(op.a for op in lines if op.code in readers))]
+    within = {k for region in program.regions for k in range(region.head, region.end)}  # NaN there if out of range
+    chunks: Iterable[Iterable[int]] = _chunks(program, late) if len(lines) > MOST_WHOLE else [range(len(lines))]
+    return [
+        list(dict.fromkeys(lines[k].a for k in chunk if lines[k].code in readers and k not in within))
+        for chunk in chunks
+    ]
 
 
 def _angles_depth_first(program: Program, readers: Collection[int]) -> list[int]:

@@ -243,7 +243,7 @@ class _Writer:
                     self._look_up(t, [value(c) for c in conditions], self.lookups.tables[conditions])
                 continue
             form, given = FORMS[op.code], [value(operand) for operand in signed(op)]
-            if form.angle and op.a not in angles:
+            if form.angle and not before and op.a not in angles:  # in regions an angle out of range is NaN
                 angles.add(op.a)
                 x = given[0]
                 reach = t.fused(x, x, reach) if reach else t.binary("fmul", x, x)
