@@ -20,6 +20,7 @@ EXTRAS: dict[str, tuple[str, ...]] = {  # the packages of each extra of pyprojec
     "mujoco": ("mujoco",),
     "ros": ("xacrodoc",),
     "descriptions": ("robot_descriptions",),
+    "wbc": ("qpsolvers", "daqp"),
     "cluster": ("dask", "distributed"),
     "docs": ("sphinx", "myst-parser", "furo"),
 }
