@@ -82,12 +82,15 @@ def _nothing() -> Any:
 
 
 def test_forces_stay_in_their_cones_and_torques_in_their_limits() -> None:
-    """A centre of mass that is asked for 30 m/s² sideways: the feet hold, the task is missed."""
+    """A centre of mass that is asked for 30 m/s² aslant: feet on ice hold by all their friction, the task is missed."""
     model, scene, q = box()
+    ice = sd.Scene(model, contacts=sd.Contacts(model, dict.fromkeys(scene.contacts.names, 0.0), friction=0.05))
     fast = sd.ComTask(acceleration=[30.0, 30.0, 0.0])
-    found = sd.WholeBody(scene, [fast, sd.PostureTask(q, weight=1e-3)], largest=40.0).solve(q, np.zeros(model.nv))
+    found = sd.WholeBody(ice, [fast, sd.PostureTask(q, weight=1e-3)], largest=40.0).solve(q, np.zeros(model.nv))
     f = found.forces
-    assert (np.linalg.norm(f[:, :2], axis=1) <= 0.6 * f[:, 2] + 1e-6).all()
+    share = np.linalg.norm(f[:, :2], axis=1) / (0.05 * f[:, 2])
+    assert (share <= 1.0 + 1e-4).all()
+    assert share.max() > 0.99
     assert (f[:, 2] <= 40.0 + 1e-6).all()
     assert (abs(found.tau[6:]) <= 20.0 + 1e-6).all()
     assert abs(found.missed[0][0]) > 20.0
@@ -164,7 +167,7 @@ def test_a_push_is_survived_in_closed_loop() -> None:
     far = abs(c - c[0]).max()
     assert far > 1e-3
     assert abs(c[-1] - c[0]).max() < 0.5 * far
-    assert abs(run.v[-1]).max() < 0.1 * abs(run.v).max()
+    assert abs(run.v[-1]).max() < 0.2 * abs(run.v).max()
 
 
 BAD: list[tuple[dict[str, Any], type[Exception], str]] = [
