@@ -21,6 +21,7 @@ EXTRAS: dict[str, tuple[str, ...]] = {  # the packages of each extra of pyprojec
     "ros": ("xacrodoc",),
     "descriptions": ("robot_descriptions",),
     "identification": ("cvxpy", "clarabel"),
+    "wbc": ("qpsolvers", "daqp"),
     "cluster": ("dask", "distributed"),
     "docs": ("sphinx", "myst-parser", "furo"),
 }

@@ -77,7 +77,7 @@ PACKAGES = {  # by the beginning of a name
     "plot": "matplotlib", "Tradeoff": "matplotlib", "Trajectory": "matplotlib", "Rollout": "matplotlib",
     "EnergyLedger": "matplotlib", "Diagnosis": "matplotlib", "Specialized": "casadi", "Exact": "mpmath",
     "exact": "mpmath", "trade": "mpmath", "recommend": "mpmath", "Recommendation": "mpmath",
-    "Requirement": "matplotlib", "Identified": "matplotlib",
+    "Requirement": "matplotlib", "Identified": "matplotlib", "WholeBody": "qpsolvers",
 }  # fmt: skip
 
 
