@@ -79,6 +79,8 @@ def compute(model: Model, data: Data, kind: str, given: tuple[Any, ...], fext: A
     library = library_of(model, data)
     entry = CALL_KINDS[kind]
     run: Run = data.run_of(kind, model, library)
+    if entry.call:
+        library.renew(entry.call, fext is not None)
     try:  # the builtin applies after an edit of the model, whose Run is new or points to the edited model
         result = run.call(*given) if fext is None else run.call_with_forces(fext, *given)
     except SystemError:

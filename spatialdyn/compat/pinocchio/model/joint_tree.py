@@ -183,6 +183,7 @@ class Tree:
         """Write gravity to the LibraryModel; with an angular part the next call raises."""
         library, x = self._library, self._gravity._x
         if library is not None and library.has_builtins and x[3] == 0.0 == x[4] and x[5] == 0.0:
+            library.note_edit()
             library.gravity[:] = x[:3]  # Runs of earlier calls have recorded theirs
         else:
             self._library = self._placement_numbers = None  # so that all is checked
