@@ -94,6 +94,7 @@ class Data(Stored, Registered, Copied):
     Runs that getters of Jacobians read.
     """
 
+    contacts: Any = None  # of the last initConstraintDynamics or constraintDynamics, with its ProximalSettings
     # each call reads these: from a slot in 10 ns, from a __dict__ that was written to in 60
     __slots__ = ("_bound", "_held", "_latest", "_nframes", "_runs", "_sizes", "_sources", "model")
     _format = "spatialdyn.compat.pinocchio data 1"
@@ -308,7 +309,7 @@ class Field:
 
 
 SCRATCH = """
-    B Fcrb Ivx Yaba a_in constraint_chol contact_chol dAdq dAdv dac_da dac_dq dac_dv dvc_dq
+    B Fcrb Ivx Yaba a_in dAdq dAdv dac_da dac_dq dac_dv dvc_dq
     end_idx_v_fromRow idx_vExtended_to_idx_v_fromRow joints lambda_c_prox lastChild
     mimic_parents_fromRow mimic_subtree_joint non_mimic_parents_fromRow nvSubtree nvSubtree_fromRow oK oL oYaba
     oYaba_augmented of_augmented osim parents_fromRow primal_dual_contact_solution primal_rhs_contact q_in
@@ -316,6 +317,16 @@ SCRATCH = """
 """
 for _name in (*FIELDS, *SCRATCH.split()):
     setattr(Data, _name, Field(_name))
+
+
+def _decomposition(data: Data) -> Any:
+    from ..algorithms.rigid_constraints import decomposition_of
+
+    return decomposition_of(data)
+
+
+setattr(Data, "constraint_chol", property(_decomposition, doc="ConstraintCholeskyDecomposition of the contacts."))
+setattr(Data, "contact_chol", property(_decomposition, doc="``constraint_chol``."))
 
 
 def _restored(model: Model, fields: dict[str, Array]) -> Data:

@@ -136,6 +136,7 @@ class Tree:
         self._library: Any = None  # LibraryModel, None from an edit on
         self._frame_placements: Any = None  # FramePlacements, None from an edit of a frame on
         self._library_before: Any = None  # the last LibraryModel, None after an edit of the tree
+        self._edited: Any = None  # whether it is the copy of one that was edited; None after an edit of the tree
         self._inertia_numbers: Any = None  # array of the LibraryModel, None from an edit of the list on
         self._inertia_rows: dict[int, int] = {}  # rows of that array, by id of the Inertia
         self._edited_inertias: dict[int, Inertia] = {}  # by id, edited since
@@ -144,7 +145,7 @@ class Tree:
         on_inertia_edit = self._owner_of("_library", "_inertia_numbers")
         MODELS.add(self)
         on_tree_edit = self._owner_of(
-            "_library", "_frame_placements", "_library_before", "_inertia_numbers", "_placement_numbers"
+            "_library", "_frame_placements", "_library_before", "_inertia_numbers", "_placement_numbers", "_edited"
         )
         self.name = ""
         self.nq = self.nv = self.nvExtended = 0

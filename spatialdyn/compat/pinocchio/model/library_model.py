@@ -289,6 +289,7 @@ def library_model(model: Model) -> LibraryModel:
             found = before if _takes_edit(model, before) else _updated(model, before)
         if found is None:
             found = _assembled(model)
+            found.edited = before is not None or bool(model._edited)
             model._frame_placements = None
         own = vars(model)
         own["_library"] = own["_library_before"] = found
