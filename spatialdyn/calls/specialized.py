@@ -202,7 +202,7 @@ class Specialized:
         ``sd.integrate``, so that all of it stays in coordinates.
 
         name      as of ``c_code``
-        jacobian  False leaves the Jacobian to CasADi, also in an MX graph: the function is made in a fraction of the time
+        jacobian  False leaves the Jacobian to CasADi, also in an MX graph: it is made in a fraction of the time
 
         Raises SpatialDynError as ``c_code`` with derivatives, and where CasADi is not installed (extra "casadi")
         """

@@ -224,5 +224,9 @@ def _draw_between() -> Any:
         "    put_direction(out, first, size, share, one, two)",
         "return answer",
     ]
-    scope = {"between": operators.between, "put_direction": operators.put_direction, "draw": Twin(real_of, lambda: real_function)}
+    scope = {
+        "between": operators.between,
+        "put_direction": operators.put_direction,
+        "draw": Twin(real_of, lambda: real_function),
+    }
     return Builtin("draw_between", ["lower", "upper"], ["next_double", "state", "units", "count"], body, scope)

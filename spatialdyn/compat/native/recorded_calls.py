@@ -318,7 +318,8 @@ def frame_motion(classical: bool) -> Builtin:
 
 
 ON_TABLE = {  # names that bodies of builtins on the table use
-    **NATIVE, "memory_of": NATIVE["memory"], "unit_norm": unit_norm, "all_finite": all_finite, "copy": copy, "FLOAT": numba_kernels.FLOAT,
+    **NATIVE, "memory_of": NATIVE["memory"], "unit_norm": unit_norm, "all_finite": all_finite, "copy": copy,
+    "FLOAT": numba_kernels.FLOAT,
 }  # fmt: skip
 # q beside its cosines and sines, as a recursion takes ``TURNED_Q``
 TURN_Q = ["angles = memory_of(24 * nq)", "q_turned = turned(q_in, array_at(angles, (3, nq), FLOAT))"]

@@ -20,14 +20,55 @@ from .types.arguments import all_expected, expected
 from .types.frame import LOCAL, LOCAL_WORLD_ALIGNED, WORLD, ReferenceFrame
 
 __all__ = [
-    "LOCAL", "LOCAL_WORLD_ALIGNED", "WORLD", "ContactType", "Data", "Force", "Model", "Motion", "ProximalSettings",
-    "ReferenceFrame", "RigidConstraintModel", "SE3", "StdVec_Force", "aba", "centerOfMass", "computeABADerivatives",
-    "computeAllTerms", "computeCoriolisMatrix", "computeFrameJacobian", "computeGeneralizedGravity",
-    "computeJointJacobians", "computeKineticEnergy", "computeMechanicalEnergy", "computeMinverse",
-    "computePotentialEnergy", "computeRNEADerivatives", "constraintDynamics", "crba", "difference", "exp3", "exp3_quat",
-    "exp6", "forwardDynamics", "forwardKinematics", "framesForwardKinematics", "getFrameAcceleration",
-    "getFrameClassicalAcceleration", "getFrameJacobian", "getFrameVelocity", "initConstraintDynamics", "integrate",
-    "jacobianCenterOfMass", "liegroups", "log3", "log6", "log6_quat", "nle", "nonLinearEffects", "rnea",
+    "LOCAL",
+    "LOCAL_WORLD_ALIGNED",
+    "SE3",
+    "WORLD",
+    "ContactType",
+    "Data",
+    "Force",
+    "Model",
+    "Motion",
+    "ProximalSettings",
+    "ReferenceFrame",
+    "RigidConstraintModel",
+    "StdVec_Force",
+    "aba",
+    "centerOfMass",
+    "computeABADerivatives",
+    "computeAllTerms",
+    "computeCoriolisMatrix",
+    "computeFrameJacobian",
+    "computeGeneralizedGravity",
+    "computeJointJacobians",
+    "computeKineticEnergy",
+    "computeMechanicalEnergy",
+    "computeMinverse",
+    "computePotentialEnergy",
+    "computeRNEADerivatives",
+    "constraintDynamics",
+    "crba",
+    "difference",
+    "exp3",
+    "exp3_quat",
+    "exp6",
+    "forwardDynamics",
+    "forwardKinematics",
+    "framesForwardKinematics",
+    "getFrameAcceleration",
+    "getFrameClassicalAcceleration",
+    "getFrameJacobian",
+    "getFrameVelocity",
+    "initConstraintDynamics",
+    "integrate",
+    "jacobianCenterOfMass",
+    "liegroups",
+    "log3",
+    "log6",
+    "log6_quat",
+    "nle",
+    "nonLinearEffects",
+    "rnea",
     "updateFramePlacements",
 ]  # fmt: skip
 
@@ -236,13 +277,11 @@ def forwardDynamics(
     model: Model, data: Data, q: Any, v: Any, tau: Any, constraint_jacobian: Any, constraint_drift: Any,
     damping: float = 0.0,
 ) -> Any:  # fmt: skip
-    """Accelerations a (nv,) with M a + b = τ + Jᵀ λ and J a + γ = -damping λ; also ``data.ddq`` and ``data.lambda_c``."""
+    """Accelerations a (nv,): M a + b = τ + Jᵀ λ and J a + γ = -damping λ; also ``data.ddq`` and ``data.lambda_c``."""
     casadi, J = framework("casadi"), matrix(constraint_jacobian)
     crba(model, data, q)
     nonLinearEffects(model, data, q, v)
-    K = casadi.vertcat(
-        casadi.horzcat(data.M, J.T), casadi.horzcat(J, -damping * casadi.DM.eye(J.shape[0]))
-    )
+    K = casadi.vertcat(casadi.horzcat(data.M, J.T), casadi.horzcat(J, -damping * casadi.DM.eye(J.shape[0])))
     x = casadi.solve(K, casadi.vertcat(matrix(tau) - data.nle, -matrix(constraint_drift)))
     data.ddq, data.lambda_c = x[: model.nv], -x[model.nv :]
     return data.ddq

@@ -159,9 +159,7 @@ class SE3:
     def action(self) -> Any:
         """The matrix (6, 6) that takes Motion vectors from the frame to the reference frame."""
         casadi, R = framework("casadi"), self.rotation
-        return casadi.vertcat(
-            casadi.horzcat(R, skew(self.translation) @ R), casadi.horzcat(casadi.DM.zeros(3, 3), R)
-        )
+        return casadi.vertcat(casadi.horzcat(R, skew(self.translation) @ R), casadi.horzcat(casadi.DM.zeros(3, 3), R))
 
     toActionMatrix = action.fget
 

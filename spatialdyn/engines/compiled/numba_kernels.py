@@ -245,7 +245,11 @@ def signature(spec: Spec) -> tuple[Any, ...]:
 def plain_kernel(spec: Spec) -> Callable[..., int]:
     """A ``sample_kernel`` in plain Python, which takes the table itself: for a few samples, it compiles nothing."""
     parameters = ["table", *(x.name for x in spec.present), spec.output.name]
-    body = ["bodies = table_at(table)", *statements(spec, lambda status: f"return {status}", plain=True), f"return {OK}"]
+    body = [
+        "bodies = table_at(table)",
+        *statements(spec, lambda status: f"return {status}", plain=True),
+        f"return {OK}",
+    ]
     return kernel_from_text(label(spec), parameters, body, names(spec, plain=True))
 
 

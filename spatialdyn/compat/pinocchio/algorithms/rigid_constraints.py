@@ -457,7 +457,7 @@ ContactCholeskyDecomposition = ConstraintCholeskyDecomposition
 
 
 def decomposition_of(data: Data) -> ConstraintCholeskyDecomposition:
-    """The factors of the last constraintDynamics of a Data; of its contacts' size before, and empty without contacts."""
+    """The factors of the last constraintDynamics of a Data; zero before it, and empty without contacts."""
     made = ConstraintCholeskyDecomposition()
     if data.contacts is None:
         return made

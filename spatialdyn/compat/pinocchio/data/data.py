@@ -228,6 +228,15 @@ class Data(Stored, Registered, Copied):
             cached = run.cache[name] = run.stamp, np.asarray(run.kind.fills[name](run))
         return cached[1]
 
+    @property
+    def constraint_chol(self) -> Any:
+        """The ConstraintCholeskyDecomposition of the contacts of the last constraintDynamics."""
+        from ..algorithms.rigid_constraints import decomposition_of
+
+        return decomposition_of(self)
+
+    contact_chol = constraint_chol
+
     if TYPE_CHECKING:
 
         def __getattr__(self, name: str) -> Any: ...
@@ -317,16 +326,6 @@ SCRATCH = """
 """
 for _name in (*FIELDS, *SCRATCH.split()):
     setattr(Data, _name, Field(_name))
-
-
-def _decomposition(data: Data) -> Any:
-    from ..algorithms.rigid_constraints import decomposition_of
-
-    return decomposition_of(data)
-
-
-setattr(Data, "constraint_chol", property(_decomposition, doc="ConstraintCholeskyDecomposition of the contacts."))
-setattr(Data, "contact_chol", property(_decomposition, doc="``constraint_chol``."))
 
 
 def _restored(model: Model, fields: dict[str, Array]) -> Data:
