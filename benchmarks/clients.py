@@ -97,17 +97,9 @@ def test(folder: Path, module: str, report: Path) -> None:
     if module == "ours":
         __import__(MODULES[module], fromlist=["install"]).install()
     sys.path.insert(0, str(folder))
-    options = [
-        "--continue-on-collection-errors",
-        "-q",
-        "-p",
-        "no:cacheprovider",
-        "-o",
-        "python_files=*.py",
-        f"--rootdir={folder}",
-        f"--junitxml={report}",
-    ]
-    pytest.main([*options, *map(str, sorted(folder.glob("*.py")))])
+    options = ["--continue-on-collection-errors", "-q", "-p", "no:cacheprovider"]
+    options += [f"--rootdir={folder}", f"--junitxml={report}"]
+    pytest.main([*options, *map(str, sorted(folder.glob("*.py")))])  # by name: of any pattern
 
 
 def outcome(what: str, path: Path, module: str, seconds: float) -> tuple[str, bytes]:

@@ -12,6 +12,7 @@ code on disk.
 from __future__ import annotations
 
 import argparse
+import gc
 import json
 import os
 import subprocess
@@ -234,10 +235,17 @@ def print_first_hour() -> None:
     print(f"{'in all':40s}" + "".join(f"{sum(column.values()):9.3f}" for column in columns))
 
 
+def compile_all() -> None:
+    """Compile all functions that were called so far."""
+    from spatialdyn.engines.compiled.tiers import Tier
+
+    for x in gc.get_objects():
+        if isinstance(x, Tier) and x.called:
+            x.compile_now()
+
+
 def timed(group: Group, modules: Mapping[str, Any]) -> list[tuple[str, dict[str, float]]]:
     """Microseconds per call of each expression under each module."""
-    from spatialdyn.engines.compiled.tiers import compile_all
-
     values = {name: {"np": np, **group.values(module)} for name, module in modules.items()}
     empty = interleaved({"empty": lambda: None}, ROUNDS, SECONDS)["empty"]
     found = []

@@ -26,7 +26,7 @@ from .. import object_layout as layout
 from ..object_layout import ALIGNED, DATA, DOUBLE, DTYPE, FLAGS, ITEMS, KIND, RANK, SAME, SHAPE, STRIDES, TYPE
 from . import jit, numba_kernels, tiers
 from .numba_settings import PLAIN
-from .tiers import NATIVE, Tier, Twin, scope_in
+from .tiers import NATIVE, Tier, scope_in
 
 F8 = np.float64
 HEAD = ("none", "true", "ndarray", "float64", "integer", "real", "new", "up", "down", "as_size", "forget",

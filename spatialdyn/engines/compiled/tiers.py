@@ -19,7 +19,6 @@ from fractions import Fraction
 from functools import cache
 from time import perf_counter
 from typing import Any, NamedTuple
-from weakref import WeakSet
 
 import numpy as np
 
@@ -32,7 +31,6 @@ from .numba_settings import PLAIN
 
 COMPILE_SECONDS = 1.0  # expected to compile a function
 SHIFT, (LARGE, SMALL, LEAST) = MAGIC["double"], HALF_PI["double", True]
-_all: WeakSet[Tier] = WeakSet()  # those that were made
 
 
 class Twin(NamedTuple):
@@ -55,7 +53,6 @@ class Tier:
         self._code: Any = None
         self._spent = 0.0  # seconds in plain Python
         self._looked = False
-        _all.add(self)
 
     def _compile(self) -> Any:
         raise NotImplementedError
@@ -123,13 +120,6 @@ class Tiered(Tier):
 def is_stored(dispatcher: Any, signature: tuple[Any, ...]) -> bool:
     """Whether the code of a dispatcher of ``jit.numba_jit`` for a signature is on disk."""
     return bool(dispatcher._cache.is_stored(signature, dispatcher.targetctx))
-
-
-def compile_all() -> None:
-    """Compile all functions that were called so far, for those who measure them."""
-    for tier in [*_all]:
-        if tier.called:
-            tier.compile_now()
 
 
 # --- memory in plain Python ------------------------------------------------------------------------------

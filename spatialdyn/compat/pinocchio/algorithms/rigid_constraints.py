@@ -26,6 +26,7 @@ from ..explog import Jlog6
 from ..model.constraints import ContactType, ProximalSettings, RigidConstraintData, RigidConstraintModel
 from ..model.model import Model
 from ..types.arguments import ArgumentError, Array, all_expected, described, expected, number
+from ..types.bases import Registered
 from ..types.frame import Convention, ReferenceFrame
 from ..types.motion import Force, Motion
 from ..types.se3 import SE3
@@ -393,7 +394,7 @@ def _inverse(x: Array) -> Array:
     return np.asarray(np.linalg.inv(x))
 
 
-class ConstraintCholeskyDecomposition:
+class ConstraintCholeskyDecomposition(Registered):
     """K = U D Uᵀ of K = [-mu 1, J; Jᵀ, M], U upper triangular with unit diagonal: ``(model, data, contact_models,
     contact_datas)``, then ``compute`` with the M of ``data``.
     """
@@ -402,6 +403,23 @@ class ConstraintCholeskyDecomposition:
         self._J, self._M, self._mu = np.zeros((0, 0)), np.zeros((0, 0)), np.zeros(0)
         if model is not None:
             self.rebuild(model, data, contact_models, contact_datas)
+
+    @classmethod
+    def of(cls, data: Data) -> ConstraintCholeskyDecomposition:
+        """The factors of the last constraintDynamics of a Data; zero before it, and empty without contacts."""
+        made = cls()
+        if data.contacts is None:
+            return made
+        pairs, settings = data.contacts
+        made.rebuild(data.model, data, [x for x, _ in pairs], [own for _, own in pairs])
+        run, every = data._runs.get("contacts"), data._runs.get("all")
+        if run is not None and every is not None:
+            made._J, _ = _system(every, pairs, False)
+            made._M = every.library.compute("crba", every.q, at=(every.gravity, every.bodies))
+            made.updateDamping(settings.mu)
+        return made
+
+    jacobian = staticmethod(getConstraintsJacobian)
 
     def rebuild(self, model: Model, data: Data, contact_models: Any, contact_datas: Any) -> None:
         """Take the sizes of other contacts."""
@@ -454,18 +472,3 @@ class ConstraintCholeskyDecomposition:
 
 
 ContactCholeskyDecomposition = ConstraintCholeskyDecomposition
-
-
-def decomposition_of(data: Data) -> ConstraintCholeskyDecomposition:
-    """The factors of the last constraintDynamics of a Data; zero before it, and empty without contacts."""
-    made = ConstraintCholeskyDecomposition()
-    if data.contacts is None:
-        return made
-    pairs, settings = data.contacts
-    made.rebuild(data.model, data, [x for x, _ in pairs], [own for _, own in pairs])
-    run, every = data._runs.get("contacts"), data._runs.get("all")
-    if run is not None and every is not None:
-        made._J, _ = _system(every, pairs, False)
-        made._M = every.library.compute("crba", every.q, at=(every.gravity, every.bodies))
-        made.updateDamping(settings.mu)
-    return made

@@ -231,9 +231,7 @@ class Data(Stored, Registered, Copied):
     @property
     def constraint_chol(self) -> Any:
         """The ConstraintCholeskyDecomposition of the contacts of the last constraintDynamics."""
-        from ..algorithms.rigid_constraints import decomposition_of
-
-        return decomposition_of(self)
+        return Registered.classes["ConstraintCholeskyDecomposition"].of(self)
 
     contact_chol = constraint_chol
 

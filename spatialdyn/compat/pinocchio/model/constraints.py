@@ -12,6 +12,7 @@ from ....errors import ModelError
 from ...native import recorded_contacts as numbers
 from ..coverage.coverage import Partial
 from ..types.arguments import ArgumentError, Array, by_name, described, expected, number
+from ..types.bases import Registered
 from ..types.containers import list_class
 from ..types.frame import Enum, ReferenceFrame
 from ..types.motion import Force, Motion
@@ -164,9 +165,8 @@ class RigidConstraintModel(Partial):
 
     def jacobian(self, model: Model, data: Any, constraint_data: RigidConstraintData) -> Array:
         """``getConstraintJacobian`` of this contact."""
-        from ..algorithms.rigid_constraints import getConstraintJacobian
-
-        return getConstraintJacobian(model, data, self, constraint_data)
+        factors = Registered.classes["ConstraintCholeskyDecomposition"]
+        return factors.jacobian(model, data, [self], [constraint_data])  # type: ignore[no-any-return]
 
     def createData(self) -> RigidConstraintData:
         """A RigidConstraintData."""

@@ -19,8 +19,7 @@ from ....bodies.table import BODIES
 from ....calls import dynamics
 from ....engines import run as engine
 from ....engines.compiled.cpython import READY, Entry, unavailable
-from ....engines.compiled.numba_kernels import variant
-from ....engines.compiled.numba_kernels import PLAIN
+from ....engines.compiled.numba_kernels import PLAIN, variant
 from ....errors import ModelError
 from ....interop.pinocchio import check_depth_first, fresh_name
 from ....model.assembly import Options
