@@ -115,7 +115,7 @@ def iteration(problem: Any, rounds: int) -> list[list[str]]:
 
 def parts(p: Any, x: Array, u: Array, K: Array) -> dict[str, Any]:
     """The parts of an iteration about a motion."""
-    n, k, limits = p.model.nv, np.zeros_like(u), (p.low, p.high, p.h)
+    n, k = p.model.nv, np.zeros_like(u)
     q, v = x[:-1, :n].copy(), x[:-1, n:].copy()
 
     def derive() -> Array:
@@ -126,7 +126,7 @@ def parts(p: Any, x: Array, u: Array, K: Array) -> dict[str, Any]:
     return {
         "derivatives": derive,
         "backward": lambda: backward(*given),
-        "forward": lambda: forward(p.model.bodies, x, u, k, K, 1.0, *limits, x.copy(), u.copy()),
+        "forward": lambda: forward(p, x, u, K),
         "cost": lambda: cost_of(p, x, u),
     }
 

@@ -33,6 +33,7 @@ from .errors import (
     SimulationError,
     SimulationInterrupt,
     SpatialDynError,
+    StudyError,
     UrdfError,
 )
 from .model.model import Frame, Joint, Model, assemble
@@ -89,6 +90,7 @@ if TYPE_CHECKING:
         project_velocity,
     )
     from .constraints.table import Constraints
+    from .control.adaptive import Excitation, NaturalAdaptation, SlotineLi
     from .control.gains import (
         LQR,
         ClosedStep,
@@ -99,6 +101,7 @@ if TYPE_CHECKING:
         largest_step,
         lqr,
     )
+    from .control.impedance import Impedance, cartesian_damping
     from .control.inverse_kinematics import IKResult, solve_ik
     from .control.laws import PD, ComputedTorque, EnergyShaping, Gravity, Passivity, PDGravity, PDPlus, StateFeedback
     from .control.monitors import LyapunovRecord, PassivityRecord, lyapunov, passivity
@@ -122,6 +125,11 @@ if TYPE_CHECKING:
     from .laws.cost import Cost
     from .model.builder import ModelBuilder
     from .model.transmission import Transmission
+    from .operational.hierarchy import TaskTorque, task_torque
+    from .operational.quadratic import Relaxation
+    from .operational.space import OperationalSpace, operational_space, operational_space_coupling
+    from .operational.tasks import ComTask, FrameTask, PostureTask
+    from .operational.whole_body import WholeBody, WholeBodyMotion
     from .pictures.comparison_plots import plot
     from .pictures.view import view
     from .simulation.contact_record import ContactRecord
@@ -138,35 +146,39 @@ if TYPE_CHECKING:
     from .sources.mjmodel import from_mjmodel
     from .sources.to_mjcf import to_mjcf
     from .sources.to_urdf import to_urdf
+    from .studies.reductions import Moments, Quantiles, TallQR, Worst
+    from .studies.study import Study, study
     from .urdf.transmissions import read_transmissions
     from .validate.comparison import compare_with_pinocchio
 
 __version__ = "0.1.0"
 __all__ = [
     *_dynamics.__all__,
-    "ChristoffelC", "ClosedStep", "ComputedTorque", "ConfigurationError", "Constrained", "ConstrainedDerivatives",
-    "ConstrainedImpact", "ConstrainedMotion", "ConstraintError", "Constraints", "ContactRecord", "ContactStep",
-    "ContactWrench", "Contacts", "Control", "Cost", "CouplerConstraint", "Diagnosis", "DistanceConstraint",
-    "EnergyLedger", "EnergyShaping", "Exact", "Finding", "Frame", "Friction", "Gains", "Gravity", "Heightfield",
-    "HingeConstraint", "IKResult", "Impact", "InertiaError", "Joint", "LQR", "LyapunovRecord", "Mobility", "Model",
-    "ModelBuilder", "ModelError", "MomentumObserver", "Motor", "NonFiniteError", "Option", "PD", "PDGravity",
-    "PDPlus", "Passivity", "PassivityRecord", "Path", "PathPeaks", "PathPoint", "Plane", "PointConstraint",
-    "Promise", "Recommendation", "Requirement", "Robot", "RollingConstraint", "Rollout", "Rotor", "Scene",
-    "ShapeError", "SimulationError", "SimulationInterrupt", "SpatialDynError", "Specialized", "StateFeedback",
-    "SymbolicManipulator", "Tradeoff", "Trajectory", "Transmission", "UrdfError", "VelocityConstraint",
-    "WeldConstraint", "assemble", "base_velocity", "bounded", "check_conservation", "close_loops", "closed_step",
-    "compare_with_pinocchio", "compile", "conserved_quantities", "constrained_dynamics",
-    "constrained_dynamics_derivatives", "constraint_drift", "constraint_error", "constraint_jacobian",
-    "contact_gaps", "contact_step", "contact_wrench", "critical_gains", "delassus", "detection_thresholds",
-    "diagnose", "energy_ledger", "exact", "forward_dynamics", "fourier", "friction_regressor", "friction_torque",
-    "from_drake", "from_mjmodel", "from_mujoco", "from_pinocchio", "gravity_stiffness_bound", "hamilton_equations",
-    "hamilton_simulation", "impact", "independent_joints", "integrators", "kernels", "largest_step", "linearize",
-    "load", "load_urdf", "lqr", "lyapunov", "mobility", "momentum_observer_step", "passivity", "plot",
+    "ChristoffelC", "ClosedStep", "ComTask", "ComputedTorque", "ConfigurationError", "Constrained",
+    "ConstrainedDerivatives", "ConstrainedImpact", "ConstrainedMotion", "ConstraintError", "Constraints",
+    "ContactRecord", "ContactStep", "ContactWrench", "Contacts", "Control", "Cost", "CouplerConstraint", "Diagnosis",
+    "DistanceConstraint", "EnergyLedger", "EnergyShaping", "Exact", "Excitation", "Finding", "Frame", "FrameTask",
+    "Friction", "Gains", "Gravity", "Heightfield", "HingeConstraint", "IKResult", "Impact", "Impedance", "InertiaError",
+    "Joint", "LQR", "LyapunovRecord", "Mobility", "Model", "ModelBuilder", "ModelError", "Moments", "MomentumObserver",
+    "Motor", "NaturalAdaptation", "NonFiniteError", "OperationalSpace", "Option", "PD", "PDGravity", "PDPlus",
+    "Passivity", "PassivityRecord", "Path", "PathPeaks", "PathPoint", "Plane", "PointConstraint", "PostureTask",
+    "Promise", "Quantiles", "Recommendation", "Relaxation", "Requirement", "Robot", "RollingConstraint", "Rollout",
+    "Rotor", "Scene", "ShapeError", "SimulationError", "SimulationInterrupt", "SlotineLi", "SpatialDynError",
+    "Specialized", "StateFeedback", "Study", "StudyError", "SymbolicManipulator", "TallQR", "TaskTorque", "Tradeoff",
+    "Trajectory", "Transmission", "UrdfError", "VelocityConstraint", "WeldConstraint", "WholeBody", "WholeBodyMotion",
+    "Worst", "assemble", "base_velocity", "bounded", "cartesian_damping", "check_conservation", "close_loops",
+    "closed_step", "compare_with_pinocchio", "compile", "conserved_quantities", "constrained_dynamics",
+    "constrained_dynamics_derivatives", "constraint_drift", "constraint_error", "constraint_jacobian", "contact_gaps",
+    "contact_step", "contact_wrench", "critical_gains", "delassus", "detection_thresholds", "diagnose", "energy_ledger",
+    "exact", "forward_dynamics", "fourier", "friction_regressor", "friction_torque", "from_drake", "from_mjmodel",
+    "from_mujoco", "from_pinocchio", "gravity_stiffness_bound", "hamilton_equations", "hamilton_simulation", "impact",
+    "independent_joints", "integrators", "kernels", "largest_step", "linearize", "load", "load_urdf", "lqr", "lyapunov",
+    "mobility", "momentum_observer_step", "operational_space", "operational_space_coupling", "passivity", "plot",
     "poisson_bracket", "project_configuration", "project_velocity", "quintic", "random_configuration",
     "read_transmissions", "recommend", "requires", "rollout", "simplify", "simulate", "solve_ik", "specialize",
-    "spline", "spring_energy", "spring_torque", "step", "step_derivatives", "to_actuators", "to_drake", "to_joints",
-    "to_mjcf", "to_mujoco", "to_urdf", "torque_limits", "trade", "trapezoid", "verify_skew_symmetry", "view",
-    "wrench_at",
+    "spline", "spring_energy", "spring_torque", "step", "step_derivatives", "study", "task_torque", "to_actuators",
+    "to_drake", "to_joints", "to_mjcf", "to_mujoco", "to_urdf", "torque_limits", "trade", "trapezoid",
+    "verify_skew_symmetry", "view", "wrench_at",
 ]  # fmt: skip
 
 _LATE = {  # {module: public names}, imported when one is asked for: half the time of an import
@@ -190,6 +202,9 @@ _LATE = {  # {module: public names}, imported when one is asked for: half the ti
     "VelocityConstraint WeldConstraint",
     "constraints.loops": "Mobility close_loops independent_joints mobility project_configuration project_velocity",
     "constraints.table": "Constraints",
+    "control.adaptive": "Excitation NaturalAdaptation SlotineLi",
+    "control.impedance": "Impedance cartesian_damping",
+    "operational.whole_body": "WholeBody WholeBodyMotion", "operational.quadratic": "Relaxation",
     "control.inverse_kinematics": "IKResult solve_ik",
     "control.observers": "ContactWrench MomentumObserver base_velocity contact_wrench detection_thresholds "
     "momentum_observer_step",
@@ -203,6 +218,9 @@ _LATE = {  # {module: public names}, imported when one is asked for: half the ti
     "lagrangian.hamiltonian": "hamilton_equations poisson_bracket",
     "lagrangian.symbolic_manipulator": "SymbolicManipulator", "model.builder": "ModelBuilder",
     "model.transmission": "Transmission", "urdf.transmissions": "read_transmissions",
+    "operational.hierarchy": "TaskTorque task_torque",
+    "operational.space": "OperationalSpace operational_space operational_space_coupling",
+    "operational.tasks": "ComTask FrameTask PostureTask",
     "pictures.comparison_plots": "plot", "pictures.view": "view",
     "laws.control": "Control", "laws.cost": "Cost", "simulation.contact_record": "ContactRecord",
     "simulation.ledger": "EnergyLedger energy_ledger",
@@ -210,12 +228,14 @@ _LATE = {  # {module: public names}, imported when one is asked for: half the ti
     "simulation.rollouts": "rollout", "simulation.runs": "hamilton_simulation simulate", "simulation.scene": "Scene",
     "simulation.single_step": "step", "simulation.step_derivatives": "linearize step_derivatives",
     "simulation.trajectory": "Trajectory", "sources.load": "load", "sources.mjmodel": "from_mjmodel",
-    "sources.to_mjcf": "to_mjcf", "sources.to_urdf": "to_urdf", "validate.comparison": "compare_with_pinocchio",
+    "sources.to_mjcf": "to_mjcf", "sources.to_urdf": "to_urdf",
+    "studies.reductions": "Moments Quantiles TallQR Worst", "studies.study": "Study study",
+    "validate.comparison": "compare_with_pinocchio",
 }  # fmt: skip
 _MODULE_OF = {name: module for module, names in _LATE.items() for name in names.split()}
 _ROOMS = (
-    "accuracy", "actuation", "constraints", "control", "interop", "lagrangian", "laws", "pictures", "sources",
-    "simulation", "validate",
+    "accuracy", "actuation", "constraints", "control", "interop", "lagrangian", "laws", "operational", "pictures",
+    "sources", "simulation", "studies", "validate",
 )  # fmt: skip
 
 

@@ -20,6 +20,7 @@ EXTRAS: dict[str, tuple[str, ...]] = {  # the packages of each extra of pyprojec
     "mujoco": ("mujoco",),
     "ros": ("xacrodoc",),
     "descriptions": ("robot_descriptions",),
+    "cluster": ("dask", "distributed"),
     "docs": ("sphinx", "myst-parser", "furo"),
 }
 
@@ -34,15 +35,15 @@ class SpatialDynError(ValueError):
 
 
 class UrdfError(SpatialDynError):
-    """A robot description that cannot be read; names file, line, element and attribute."""
+    """A robot description that cannot be read; the message names file, line, element and attribute."""
 
 
 class ModelError(SpatialDynError):
-    """A tree of links and joints that is no robot, or a name that is not in it."""
+    """Links and joints that do not form a robot, or a name that is not in the robot."""
 
 
 class InertiaError(SpatialDynError):
-    """An inertia no body can have, or a joint with zero articulated inertia where one is needed."""
+    """An inertia that no body can have, or a joint whose articulated inertia is zero."""
 
 
 class ShapeError(SpatialDynError):
@@ -58,20 +59,23 @@ class ConstraintError(SpatialDynError):
 
 
 class NonFiniteError(SpatialDynError):
-    """Finite input whose result is not finite."""
+    """A result that is not finite, from finite input."""
 
 
 class SimulationError(SpatialDynError):
-    """A simulation that cannot go on; what was recorded up to then is its ``trajectory``, None if nothing was."""
+    """A simulation that cannot go on; its ``trajectory`` is what was recorded so far, None if nothing was."""
 
     trajectory: Any = None
 
 
-class SimulationInterrupt(KeyboardInterrupt):
-    """Ctrl-C during a simulation; what was recorded up to then is its ``trajectory``.
+class StudyError(SpatialDynError):
+    """A study that cannot be what was asked: its arguments, its folder, what its function returns, its workers."""
 
-    It is a KeyboardInterrupt, so a loop around simulations ends as any other, and one that does not catch it never
-    goes on.
+
+class SimulationInterrupt(KeyboardInterrupt):
+    """Ctrl-C during a simulation; its ``trajectory`` is what was recorded so far.
+
+    It is a KeyboardInterrupt, so it ends a loop around simulations as any Ctrl-C does, unless the loop catches it.
     """
 
     trajectory: Any = None

@@ -8,8 +8,10 @@ from typing import Any
 
 import numpy as np
 from dense import Array
+from scipy.linalg import expm
 
 import spatialdyn as sd
+from spatialdyn.recursions.coordinates.coordinate_rates import add_begun
 
 G = 9.81
 DT = 1e-3
@@ -37,21 +39,29 @@ def box(slope: float = 0.0, size: tuple[float, float, float] = (0.4, 0.3, 0.2)) 
     return made.build(gravity=(G * math.sin(slope), 0.0, -G * math.cos(slope))), names
 
 
-def quadruped() -> tuple[sd.Model, dict[str, float]]:
-    """A quadruped of 13 kg that is symmetric in x and in y, and the radii of its feet."""
+def about(x: float, by: float, most: float) -> tuple[float, float]:
+    """Limits about a position, at most ±most."""
+    return max(x - by, -most), min(x + by, most)
+
+
+def quadruped(trunk: float = 8.0, limits: float = math.inf) -> tuple[sd.Model, dict[str, float]]:
+    """A quadruped of 13 kg that is symmetric in x and in y, and the radii of its feet.
+
+    limits  of its thighs and knees, about their stance; by default wide ones
+    """
     made = sd.ModelBuilder("quadruped", root="trunk")
-    made.set_inertia("trunk", (8.0, (0, 0, 0), np.diag([0.06, 0.2, 0.24])))
+    made.set_inertia("trunk", (trunk, (0, 0, 0), trunk / 8.0 * np.diag([0.06, 0.2, 0.24])))
     for name, a, b in (("lf", 1, 1), ("lh", -1, 1), ("rf", 1, -1), ("rh", -1, -1)):
         hip, thigh, shank = (f"{name}_{part}" for part in ("hip", "thigh", "shank"))
         at = {"hip": (0.25 * a, 0.1 * b, 0), "thigh": (0, 0.07 * b, 0), "shank": (0, 0, -0.25)}
         made.add_body(hip, "trunk", "revolute", (1, 0, 0), at["hip"], (0.5, (0, 0, 0), 1e-3 * np.eye(3)))
         made.add_body(
             thigh, hip, "revolute", (0, 1, 0), at["thigh"], (0.6, (0, 0, -0.1), np.diag([4e-3, 4e-3, 6e-4])),
-            limits=(-1.5, 1.5),
+            limits=about(0.7 * a, limits, 1.5),
         )  # fmt: skip
         made.add_body(
             shank, thigh, "revolute", (0, 1, 0), at["shank"], (0.15, (0, 0, -0.1), np.diag([1e-3, 1e-3, 1e-4])),
-            limits=(-2.5, 2.5),
+            limits=about(-1.4 * a, limits, 2.5),
         )  # fmt: skip
         made.add_body(f"{name}_foot", shank, "fixed", placement=(0, 0, -0.25))
     return made.build(root="floating"), {f"{name}_foot": 0.02 for name in ("lf", "lh", "rf", "rh")}
@@ -99,6 +109,23 @@ def jacobian(contacts: sd.Contacts, q: Array) -> Array:
     return np.array(rows).reshape((-1, 3, model.nv))
 
 
+def in_first_axes(model: sd.Model, after: Array, v: Array, dt: float) -> tuple[Array, Array]:
+    """Velocities after a step in the axes at its beginning, and what a step adds to v there without any force.
+
+    Floating and planar joints turn by dt ω of the velocities after it; of free bodies, the form that keeps momenta.
+    """
+    x, d = after.copy(), np.zeros(model.nv)
+    for joint in model.joints[1:]:
+        k = joint.idx_v
+        if joint.kind == "floating":
+            x[k : k + 3] = expm(dt * np.cross(np.eye(3), after[k + 3 : k + 6])) @ after[k : k + 3]
+        elif joint.kind == "planar":
+            c, s = math.cos(dt * after[k + 2]), math.sin(dt * after[k + 2])
+            x[k : k + 2] = np.array([[c, -s], [s, c]]) @ after[k : k + 2]
+    add_begun(model.bodies, dt, v, d)
+    return x, d
+
+
 def off_the_law(contacts: sd.Contacts, q: Array, v: Array, tau: Array, dt: float, step: Any) -> float:
     """By how much a step misses the equation of motion, Signorini's condition and Coulomb's law, without restitution.
 
@@ -107,12 +134,13 @@ def off_the_law(contacts: sd.Contacts, q: Array, v: Array, tau: Array, dt: float
     model = contacts.model
     M, bias, J = sd.crba(model, q), sd.nonlinear_effects(model, q, v), jacobian(contacts, q)
     normal = np.array(contacts.terrain.normal)
-    momentum = M @ (step.v - v) - dt * (tau - bias) - np.einsum("kin,ki->n", J, step.impulse)
+    x, begun = in_first_axes(model, step.v, v, dt)
+    momentum = M @ (x - v - begun) - dt * (tau - bias) - np.einsum("kin,ki->n", J, step.impulse)
     worst = abs(np.linalg.solve(M, momentum)).max()
     centres = [sd.frame_placement(model, q, name)[:3, 3] for name in contacts.names]
     for k, (centre, mu) in enumerate(zip(centres, contacts.friction, strict=True)):
         gap = float(centre @ normal) - contacts.terrain.height - contacts.radii[k]
-        u, f = J[k] @ step.v, step.impulse[k]
+        u, f = J[k] @ x, step.impulse[k]
         scale = float(normal @ J[k] @ np.linalg.solve(M, J[k].T) @ normal)
         fn, un = float(f @ normal), float(u @ normal) + (gap / dt if gap > 0.0 else gap / max(5.0 * dt, 1e-2))
         ft, ut = f - fn * normal, u - float(u @ normal) * normal

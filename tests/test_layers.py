@@ -39,11 +39,13 @@ BELOW: dict[str, tuple[str, ...]] = {
     "sources": ("constraints", "actuation", "urdf"),
     "simulation": ("lagrangian", "sources", "laws"),
     "control": ("simulation",),
+    "operational": ("simulation",),
     "accuracy": ("simulation",),
+    "studies": ("simulation",),
     "validate": ("interop", "urdf"),
     "pictures": ("validate", "accuracy", "control"),
     "compat": ("pictures", "accuracy", "interop", "urdf", "sources"),
-    "__init__": ("accuracy", "control", "validate", "pictures", "sources"),
+    "__init__": ("accuracy", "control", "operational", "validate", "pictures", "sources", "studies"),
     "examples": ("__init__", "compat"),
     "docs": ("examples",),
     "commands": ("docs",),
@@ -94,9 +96,10 @@ SHARED = {
     "tree.square_root_inertia", "coordinates.configuration_off_norm", "tree.rnea_off_norm", "steps", "signatures",
     "constraints.constraint_rows", "constraints.dense", "tree.rotors", "constraints.constrained",
     "contact.coulomb_cone", "joints.friction", "coordinates.configuration", "contact.contact_rows", "tree.aba_motors",
-    "contact.impulses", "contact.impulse_rows", "contact.newton_step", "control.paths",
+    "tree.regressor", "momenta.adaptive_regressors", "control.control_laws",
+    "control.inverse_kinematics", "contact.impulses", "contact.impulse_rows", "contact.newton_step", "control.paths",
 }  # fmt: skip
-TOUCH_FILES = {"urdf", "sources", "engines", "pictures", "docs"}  # pictures reads meshes, both write pages
+TOUCH_FILES = {"urdf", "sources", "engines", "pictures", "docs", "studies"}  # meshes, pages, parts
 # themselves, a script, and loops in TOML; one reads an environment variable
 SAVE = {
     "simulation.trajectory", "compat.pinocchio.model.serialization_format", "commands.port", "commands.robots",
@@ -113,7 +116,8 @@ FILE_CALLS = {
 }  # fmt: skip
 LATE = {
     "yourdfpy", "lxml", "trimesh", "pinocchio", "rich", "scipy", "mpmath", "matplotlib", "sympy", "pandas", "viser",
-    "IPython", "casadi", "jax", "torch", "mujoco", "xacrodoc", "robot_descriptions", "sphinx",
+    "IPython", "qpsolvers", "casadi", "jax", "torch", "mujoco", "xacrodoc", "robot_descriptions", "sphinx",
+    "dask", "distributed",
 }  # fmt: skip
 HEAVY = {"numba", "llvmlite", "concurrent.futures"}  # no import of the package needs them
 MUTATORS = {"append", "extend", "insert", "add", "update", "setdefault", "pop", "popitem", "clear", "remove", "discard"}

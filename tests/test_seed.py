@@ -5,8 +5,8 @@ from __future__ import annotations
 import warnings
 
 import numpy as np
-import pinocchio as pin
 import pytest
+from wheel import pin
 
 import spatialdyn as sd
 from spatialdyn.urdf.load import find_robot

@@ -60,6 +60,16 @@ def test_what_tests_skip_for_want_of_is_in_the_extras_of_the_suite() -> None:
         assert owners & there, f"{module} is in no extra of the suite"
 
 
+def test_no_file_of_tests_needs_pinocchio_to_be_read() -> None:
+    """There is no wheel of it on Windows, and the oldest dependencies are tested without it; ``wheel.pin`` skips."""
+    for path in TESTS.rglob("*.py"):
+        if path.name == "wheel.py" or path.parent.name == "scripts":  # which tests run as texts
+            continue
+        for x in ast.parse(path.read_text(encoding="utf-8")).body:
+            names = [x.module or ""] if isinstance(x, ast.ImportFrom) else [n.name for n in getattr(x, "names", [])]
+            assert "pinocchio" not in {name.partition(".")[0] for name in names}, path
+
+
 def test_variables_that_a_person_has_set_for_the_library_are_not_those_of_the_suite() -> None:
     sources = Path(spatialdyn.__file__).parent.rglob("*.py")
     read = {x for path in sources for x in re.findall(r"SPATIALDYN_[A-Z_]+", path.read_text(encoding="utf-8"))}

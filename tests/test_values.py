@@ -73,6 +73,10 @@ CASES: dict[Callable[..., Any], tuple[dict[str, Any], dict[str, Any]]] = {
         },
     ),
     sd.Rotor: ({"inertia": 0.1, "ratio": 2.0}, {"inertia": 0.2, "ratio": -2.0, "axis": (0.0, 1.0, 0.0)}),
+    sd.Moments: ({"output": "tau"}, {"output": "q"}),
+    sd.Quantiles: ({"output": "tau"}, {"output": "q", "at": (0.1, 0.9), "bits": 8}),
+    sd.Worst: ({"output": "tau"}, {"output": "q", "count": 3, "beside": ("q",), "least": True}),
+    sd.TallQR: ({"output": "tau"}, {"output": "q"}),
     sd.Plane: ({}, {"normal": (0.0, 0.6, 0.8), "height": 0.1}),
     sd.Heightfield: (
         {"z": roots(2, 2), "spacing": 0.5}, {"z": roots(2, 2).T, "spacing": 0.25, "origin": (0.0, 1.0)},

@@ -8,8 +8,10 @@ the methods alone are there. ``arguments`` fails for a target without a row.
 from __future__ import annotations
 
 import inspect
+import tempfile
 from collections.abc import Callable, Iterator
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -170,6 +172,25 @@ def passive() -> sd.PassivityRecord:
     return sd.passivity(run())
 
 
+@cache
+def adaptive() -> sd.SlotineLi:
+    """Of two hinges, with friction."""
+    friction = sd.Friction([0.1, 0.1], smoothing=0.1)
+    return sd.SlotineLi(model(), 5.0, 4.0, q(), sd.inertial_parameters(model()), 0.1, friction=friction)
+
+
+@cache
+def natural() -> sd.NaturalAdaptation:
+    """Of a slide and two hinges, with friction."""
+    friction = sd.Friction([0.1, 0.1, 0.1], smoothing=0.1)
+    pi = sd.inertial_parameters(other())
+    return sd.NaturalAdaptation(other(), 5.0, 4.0, np.zeros(3), pi, 10.0, friction=friction)
+
+
+def _naturally() -> sd.Trajectory:
+    return sd.simulate(other(), np.zeros(3), np.ones(3), 0.02, 0.01, control=natural())
+
+
 def observer() -> sd.MomentumObserver:
     """That has seen a state."""
     made = sd.MomentumObserver(model(), 50.0, 1e-3)
@@ -224,7 +245,31 @@ def _fext() -> Any:
 CONSTRAINT = {"frame_a": "tip", "frame_b": "base", "name": "loop"}
 PLACES = {"at_a": np.zeros(3), "at_b": np.eye(4)}
 
+
 # {target: its arguments}; what is not there is left to its default, but for an odd value; a tuple is all of ``*x``
+def _outputs() -> dict[str, Any]:
+    tau = np.array([[1.0, 2.0], [3.0, 5.0]])
+    return {"arrays": {"tau": tau, "most": tau[:, 1]}, "first": 4}
+
+
+def _draw(scene: Any, rng: Any, n: int) -> dict[str, Any]:
+    return {"tau": rng.random((n, 2))}
+
+
+def _studied() -> dict[str, Any]:
+    folder = Path(tempfile.mkdtemp(), "study")
+    return {
+        "fn": _draw,
+        "scene": model(),
+        "samples": 5,
+        "chunk": 3,
+        "seed": 1,
+        "folder": folder,
+        "keep": ("tau",),
+        "reduce": {"tau": sd.Moments("tau")},
+    }
+
+
 ROWS: dict[str, Callable[[], dict[str, Any]]] = {
     "ChristoffelC": lambda: {"model": model()},
     **{
@@ -233,6 +278,10 @@ ROWS: dict[str, Callable[[], dict[str, Any]]] = {
     },
     "ChristoffelC.by_finite_differences": lambda: {"q": q(), "v": v()},
     "ComputedTorque": lambda: {"Kp": 9.0, "Kd": [6.0, 6.0], "path": path()},
+    "ComTask": lambda: {"target": np.zeros(3), "Kp": 9.0},
+    "ComTask.check": lambda: {"model": model()},
+    "ComTask.rows": lambda: {"model": model(), "q": q(), "v": v()},
+    "ComTask.with_": lambda: {"weight": 2.0},
     "Constraints": lambda: {"model": model(), "items": [sd.PointConstraint("tip")]},
     "Constraints.of_entries": lambda: {"model": model(), "entries": [{"kind": "point", "frame_a": "tip"}]},
     "Constraints.of_mjcf": lambda: {"model": model(), "text": MJCF, "q": q()},
@@ -255,11 +304,17 @@ ROWS: dict[str, Callable[[], dict[str, Any]]] = {
     "EnergyShaping.energy": lambda: {"model": model(), "q": q(), "v": v()},
     "Exact": lambda: {"model": model(), **_of_exact()},
     "Exact.__call__": lambda: {"values": q()},
+    "FrameTask": lambda: {"frame": "tip", "target": np.zeros(3), "axes": "xz", "Kp": 9.0},
+    "FrameTask.check": lambda: {"model": model()},
+    "FrameTask.rows": lambda: {"model": model(), "q": q(), "v": v()},
+    "FrameTask.with_": lambda: {"weight": 2.0},
     "Friction": lambda: {"coulomb": [0.1, 0.1], "viscous": [0.2, 0.2]},
     "Friction.check": lambda: {"model": model()},
     "Friction.of": lambda: {"model": model(), "coulomb": [0.1, 0.1]},
     "Gravity": dict,
     "Heightfield": lambda: {"z": np.zeros((3, 4)), "spacing": 0.5},
+    "Impedance": lambda: {"model": model(), "frame": "tip", "target": _reached(), "K": 50.0, "D": np.full(6, 5.0),
+                          "velocity": np.zeros(6), "acceleration": np.zeros(6)},
     "HingeConstraint": lambda: {**CONSTRAINT, **PLACES},
     "LQR.feedback": lambda: {"q": np.zeros(1), "v": np.zeros(1), "tau": np.zeros(1)},
     "LyapunovRecord.plot": dict,
@@ -275,6 +330,17 @@ ROWS: dict[str, Callable[[], dict[str, Any]]] = {
     "ModelBuilder.add_series_elastic": lambda: {"joint": "b_joint", "stiffness": 100.0, "rotor": 0.1, "ratio": 2.0},
     "ModelBuilder.build": lambda: {"gravity": (0.0, 0.0, -9.81), "root": "fixed"},
     "ModelBuilder.robot": dict,
+    "NaturalAdaptation": lambda: {"model": other(), "rates": 5.0, "gain": np.ones(3), "path": np.zeros(3),
+                                  "parameters": sd.inertial_parameters(other()), "gamma": 10.0},
+    **{f"SlotineLi.{name}": lambda: {"run": sd.simulate(model(), q(), v(), 0.02, 0.01, control=adaptive())}
+       for name in ("estimates", "frictions")},
+    **{f"NaturalAdaptation.{name}": lambda: {"run": _naturally()}
+       for name in ("estimates", "frictions", "pseudo_inertias")},
+    "NaturalAdaptation.excitation": lambda: {"q": np.zeros((2, 3)), "v": np.ones((2, 3)), "a": np.ones((2, 3))},
+    "SlotineLi": lambda: {"model": model(), "rates": 5.0, "gain": np.array([4.0, 4.0]), "path": q(),
+                          "parameters": sd.inertial_parameters(model()), "Gamma": 0.1,
+                          "friction": sd.Friction([0.1, 0.1], smoothing=0.1)},
+    "SlotineLi.excitation": lambda: {"q": np.zeros((2, 2)), "v": np.ones((2, 2)), "a": np.ones((2, 2))},
     "ModelBuilder.set_inertia": lambda: {"link": "b", "inertia": SOLID},
     "MomentumObserver": lambda: {"model": model(), "gain": np.array([50.0, 50.0]), "dt": 1e-3},
     "MomentumObserver.update": lambda: {"q": q(), "v": v(), "tau": tau()},
@@ -287,12 +353,37 @@ ROWS: dict[str, Callable[[], dict[str, Any]]] = {
     "PassivityRecord.order": lambda: {"other": passive()},
     "PassivityRecord.plot": dict,
     "Path": lambda: {"model": None, "spec": path().spec, "values": dict(path().values), "duration": 2.0},
+    "Moments": lambda: {"output": "tau"},
+    "Moments.of": _outputs,
+    "Moments.merge": lambda: dict.fromkeys("ab", sd.Moments("tau").of(**_outputs())),
+    "Moments.finish": lambda: {"state": sd.Moments("tau").of(**_outputs())},
+    "Quantiles": lambda: {"output": "tau", "at": (0.1, 0.9), "bits": 8},
+    "Quantiles.of": _outputs,
+    "Quantiles.merge": lambda: dict.fromkeys("ab", sd.Quantiles("tau").of(**_outputs())),
+    "Quantiles.finish": lambda: {"state": sd.Quantiles("tau").of(**_outputs())},
+    "Study": _studied,
+    "Study.result": lambda: {"partial": True},
+    "Study.run": lambda: {"executor": None, "progress": False, "threads": None},
+    "Study.warm": lambda: {"executor": None, "threads": None},
+    "TallQR": lambda: {"output": "tau"},
+    "TallQR.of": _outputs,
+    "TallQR.merge": lambda: dict.fromkeys("ab", sd.TallQR("tau").of(**_outputs())),
+    "TallQR.finish": lambda: {"state": sd.TallQR("tau").of(**_outputs())},
+    "Worst": lambda: {"output": "most", "count": 3, "beside": ("tau",), "least": True},
+    "Worst.of": _outputs,
+    "Worst.merge": lambda: dict.fromkeys("ab", sd.Worst("most").of(**_outputs())),
+    "Worst.finish": lambda: {"state": sd.Worst("most").of(**_outputs())},
     "Path.__call__": lambda: {"t": np.array([0.0, 1.0])},
     "Path.check_limits": lambda: {"model": model()},
     "Path.check_model": lambda: {"model": model()},
     "Path.plot": dict,
     "Plane": dict,
     "PointConstraint": lambda: {**CONSTRAINT, **PLACES},
+    "PostureTask": lambda: {"target": q(), "Kp": 9.0, "joints": ["joint1", "joint2"]},
+    "PostureTask.at": lambda: {"model": model()},
+    "PostureTask.check": lambda: {"model": model()},
+    "PostureTask.rows": lambda: {"model": model(), "q": q(), "v": v()},
+    "PostureTask.with_": lambda: {"weight": 2.0},
     "Promise": lambda: {"request": program()._request, "tolerance": 1e-9, "maker": sd.specialize, "arguments": (),
                         "bounded": lambda dtype: sd.bounded(model(), sd.crba, dtype)},
     "Promise.__call__": lambda: {"arrays": q()},
@@ -332,11 +423,15 @@ ROWS: dict[str, Callable[[], dict[str, Any]]] = {
     "Trajectory.save": lambda: {"path": "run.npz"},
     "Transmission": lambda: {"joints": ("joint1", "joint2"), "matrix": [[0.5, 0.5], [0.5, -0.5]]},
     "VelocityConstraint": lambda: {"A": [1.0, 2.0]},
+    "WholeBody": lambda: {"scene": sd.Scene(model(), contacts=touching()), "tasks": sd.PostureTask(q())},
+    "WholeBody.__call__": lambda: {"t": 0.0, "q": q(), "v": v()},
+    "WholeBody.solve": lambda: {"q": q(), "v": v(), "tasks": [sd.PostureTask(q())]},
     "WeldConstraint": lambda: {**CONSTRAINT, **PLACES},
     "assemble": lambda: {"robot": model().robot},
     "base_velocity": lambda: {"model": floating(), "q": sd.neutral(floating()), "v_joints": np.ones(1),
                               "momentum": np.zeros(6)},
     "bounded": lambda: {"model": model(), "call": sd.crba},
+    "cartesian_damping": lambda: {"Lambda": np.eye(2), "K": np.array([1.0, 2.0]), "zeta": 0.7},
     "check_conservation": lambda: {"trajectory": run()},
     "close_loops": lambda: _held("q"),
     "closed_step": lambda: {"scene": model(), "law": sd.PD(9.0, 6.0, q()), "q": q(), "v": v(), "dt": 0.01,
@@ -384,6 +479,8 @@ ROWS: dict[str, Callable[[], dict[str, Any]]] = {
     "mobility": lambda: _held("q"),
     "momentum_observer_step": lambda: {"model": model(), "q": q(), "v": v(), "tau": tau(), "gain": np.ones(2),
                                        "dt": 1e-3, "memory": np.zeros(6)},
+    "operational_space": lambda: _state(frame="tip", axes="xz"),
+    "operational_space_coupling": lambda: {"model": model(), "q": q(), "frame": "tip", "other": "link1"},
     "passivity": lambda: {"run": run(), "storage": lambda t, q, v: t},
     "plot": lambda: {"runs": [run(), run()], "what": "q"},
     "poisson_bracket": lambda: {"model": model(), "F": lambda q, p: q[0], "G": lambda q, p: p[0], "q": q(), "p": v()},
@@ -406,6 +503,8 @@ ROWS: dict[str, Callable[[], dict[str, Any]]] = {
     "spring_torque": lambda: {"model": elastic(), "q": np.zeros(elastic().nq), "v": np.zeros(elastic().nv)},
     "step": lambda: _in_scene(_state(tau=tau(), dt=0.01)),
     "step_derivatives": lambda: _in_scene(_state(tau=tau(), dt=0.01)),
+    "task_torque": lambda: _state(tasks=[sd.FrameTask("tip", axes="z")], posture=tau()),
+    "study": _studied,
     "to_actuators": lambda: _state(tau=tau(), transmissions=sd.Transmission(("joint1",), 2.0)),
     "to_drake": lambda: _state(joints=["joint1", "joint2"]),
     "to_joints": lambda: _state(tau=tau(), transmissions=[sd.Transmission(("joint1",), 2.0)]),
@@ -424,30 +523,41 @@ INSTANCES: dict[str, Callable[[], Any]] = {
     "ChristoffelC": lambda: sd.ChristoffelC(model()),
     "Constraints": held,
     "Contacts": touching,
+    "ComTask": lambda: sd.ComTask(np.zeros(3)),
     "Control": control,
     "Scene": lambda: sd.Scene(model(), friction=friction(), limits=True),
     "Diagnosis": findings,
     "EnergyLedger": lambda: sd.energy_ledger(run()),
     "EnergyShaping": lambda: sd.EnergyShaping([20.0, 20.0], [5.0, 5.0], q()),
     "Exact": lambda: sd.exact(model(), sd.crba),
+    "FrameTask": lambda: sd.FrameTask("tip", axes="xz"),
     "Friction": friction,
     "LQR": lambda: sd.LQR(np.ones((1, 2)), np.eye(2), np.zeros(2)),
     "LyapunovRecord": lambda: sd.lyapunov(run(), run().energy),
     "Model": model,
     "ModelBuilder": elastic_builder,
+    "NaturalAdaptation": natural,
     "MomentumObserver": observer,
     "Motor": motor,
+    "Moments": lambda: sd.Moments("tau"),
     "PassivityRecord": passive,
     "Path": path,
+    "PostureTask": lambda: sd.PostureTask(q()),
     "Promise": promise,
+    "Quantiles": lambda: sd.Quantiles("tau"),
     "Recommendation": recommendation,
     "Requirement": requirement,
     "Rollout": samples,
+    "SlotineLi": adaptive,
     "Specialized": program,
+    "Study": lambda: sd.study(**_studied()).run(),
     "SymbolicManipulator": symbols,
+    "TallQR": lambda: sd.TallQR("tau"),
     "Tradeoff": lambda: recommendation().tradeoff,
     "Trajectory": run,
     "Transmission": lambda: sd.Transmission(("joint1",), 2.0),
+    "WholeBody": lambda: sd.WholeBody(model(), sd.PostureTask(q()), limits=()),
+    "Worst": lambda: sd.Worst("most"),
 }
 
 

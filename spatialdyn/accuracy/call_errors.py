@@ -84,7 +84,7 @@ def call_states(model: Model, task: str, states: Any) -> list[Array]:
             raise ShapeError(f"{name} has shape {x.shape}, expected (n, {size})")
         arrays.append(np.ascontiguousarray(x.reshape(-1, size)))
     if len({len(x) for x in arrays}) > 1:
-        raise ShapeError(f"states has {', '.join(str(len(x)) for x in arrays)} samples, expected as many of each")
+        raise ShapeError(f"states has {', '.join(str(len(x)) for x in arrays)} samples, expected one number")
     if not all(np.isfinite(x).all() for x in arrays):
         raise NonFiniteError("states holds numbers that are not finite, expected finite ones")
     return arrays

@@ -54,11 +54,11 @@ def diagnose(
     * links with an inertia that is not physical, and moving links without mass
     * inertias and lengths in other units: a radius of gyration far above or below the reach of the link and its
       neighbours
-    * bodies 1000 times heavier than all that carry them: ABA subtracts nearly equal inertias there
+    * bodies 1000 times heavier than all bodies that carry them: ABA subtracts nearly equal inertias there
     * the condition number of M scaled to a unit diagonal, which does not depend on units
-    * joints with zero articulated inertia, bodies whose inertia is in no entry of M
+    * joints with zero articulated inertia, and bodies whose inertia does not affect M
     * digits of ``forward_dynamics`` by method, in float64 and float32, measured against double-double arithmetic
-    * calls whose program has a digit less than the table kernel
+    * calls whose program is a digit less accurate than the table kernel
     * links too light or too heavy for float32's range, whose programs fall back to float64
     * the largest time step of explicit integrators, with joint damping as a torque
     * with friction: joints whose bristles may give energy, where b < σ1 (F_s - F_c)/F_c

@@ -57,7 +57,7 @@ class Diagnosis(NamedTuple):
     stiffest   Stiffest, or None without joints that move
     programs   {call: {"single": digits, "batch": digits}} in the worst state, of calls that run on SIMD lanes
     states     number of states in which digits were measured
-    subject    the Model; None if it is not at hand
+    subject    the Model; None if it is not known
     """
 
     name: str

@@ -51,22 +51,22 @@ class Part:
 
 @dataclass(frozen=True, repr=False)
 class Requirement:
-    """What a motion requires of a scene.
+    """The parts of a scene that a motion requires.
 
     full       the whole Scene
-    scene      the Scene that keeps the motion; with ``method``, ``dt`` [s] and ``dtype`` of its ``rollout``
-    code       lines of Python that make it and run it, of ``scene``, ``q0``, ``v0``, ``torque`` and ``control`` as they
-               were given, with ``numpy`` as ``np``
+    scene      the cheapest Scene that keeps the motion; ``method``, ``dt`` [s] and ``dtype`` are for its ``rollout``
+    code       lines of Python that make and run it from ``scene``, ``q0``, ``v0``, ``torque`` and ``control`` as given,
+               with ``numpy`` as ``np``
     tolerance  of what is observed
-    error      its largest change in fresh samples, of the scene with this method, step and precision
-    bound      expected to hold in other samples of the same kind: ``error`` with a margin, and ``certainty``
-    certainty  what the whole scene differs by from itself at half the step
-    horizon    [s]  up to which ``certainty`` holds; nothing was judged beyond
+    error      largest change in fresh samples that this scene makes with this method, step and precision
+    bound      expected to hold in other samples of the same kind: ``error`` with a margin, plus ``certainty``
+    certainty  difference of the whole scene at its step and at half of it
+    horizon    [s]  time up to which ``certainty`` holds; nothing was judged beyond it
     duration   [s]  that was asked for
-    samples    fresh ones, of ``error``; others were as many
+    samples    number of fresh samples, for ``error``; as many others were used for the choice
     fine       (method, dt) of the whole scene
-    rows       Part of every candidate
-    path       Part of the whole scene and of each scene on the way to this one, in the order of the search
+    rows       a Part for every candidate
+    path       a Part for the whole scene and for each scene on the way to this one, in the order of the search
     """
 
     full: Scene
@@ -88,11 +88,12 @@ class Requirement:
     embedding: Embedding = field(repr=False, compare=False)
 
     def to_full(self, q: ArrayLike, v: ArrayLike) -> tuple[Array, Array]:
-        """States q (..., nq), v (..., nv) of the whole robot, of ``scene``'s. Raises ShapeError, NonFiniteError."""
+        """States q (..., nq), v (..., nv) of the whole robot from states of ``scene``. Raises ShapeError,
+        NonFiniteError."""
         return self.embedding.to_full(as_finite("q", q), as_finite("v", v), self.full.model.nv)
 
     def to_reduced(self, q: ArrayLike, v: ArrayLike) -> tuple[Array, Array]:
-        """States of ``scene``, of those of the whole robot. Raises ShapeError, NonFiniteError."""
+        """States of ``scene`` from states of the whole robot. Raises ShapeError, NonFiniteError."""
         return self.embedding.to_reduced(as_finite("q", q), as_finite("v", v), self.full.model.nv)
 
     @property
@@ -105,7 +106,7 @@ class Requirement:
 
     @property
     def speedup(self) -> float:
-        """How many times less a second of motion costs than of the whole scene at its fine step."""
+        """Cost of a second of motion of the whole scene at its fine step, over that of ``scene``."""
         return self.path[0].cost / self.path[-1].cost
 
     @property
@@ -119,7 +120,7 @@ class Requirement:
 
     @property
     def foot(self) -> str:
-        """What it comes to."""
+        """The result in words."""
         acts = ", ".join(self.scene.acts) or "nothing"
         return (
             f"take {self.method}, dt {self.dt:.3g} s, {self.dtype}, {self.scene.model.nv} of {self.full.model.nv} "
@@ -128,7 +129,7 @@ class Requirement:
         )
 
     def table(self) -> list[list[str]]:
-        """Words of a table, a row for each of ``rows``, in the order of ``COLUMNS``."""
+        """The table's cells as text, a row for each of ``rows``, in the order of ``COLUMNS``."""
         return [
             [
                 x.part, x.form, figure(x.change), "-" if math.isnan(x.ns) else f"{x.ns:.4g}",

@@ -49,21 +49,21 @@ def requires(
     kinds: str | Iterable[str] = KINDS,
     progress: Progress = False,
 ) -> Requirement:
-    """Which parts of a scene a motion requires, and the cheapest scene that keeps it, measured on this machine, now.
+    """Which parts of a scene a motion requires, and the cheapest scene that keeps the motion, measured on this machine.
 
     scene      Scene: the robot and all that acts; a Model is a scene on which nothing else acts
-    q0, v0     (nq,), (nv,)  the start [rad | m], [rad/s | m/s], around which samples scatter; or (n, nq), (n, nv)
-               states, of which every other judges and the rest, which nothing was chosen by, verify
+    q0, v0     (nq,), (nv,)  the start [rad | m], [rad/s | m/s], around which samples scatter; or states (n, nq), (n,
+               nv): every other one is used to choose, the rest to verify the choice
     duration   of the motion [s]
     tolerance  largest change of what is observed, against the whole scene
     torque     (nv,), or (steps, nv) each held over its step, of the whole robot [N m | N]; zero if left out
-    control    a ``Control``, whose torque is added. Where joints are locked it is the law of the joints that are left,
-               with their entries of values of shape nq or nv
+    control    a ``Control``, whose torque is added. Where joints are locked the law acts on the remaining joints, with
+               their entries of values of shape nq or nv
     observe    "q", the default: coordinates, by ``difference`` [rad | m]; "v": velocities; or a function of q (n, nq)
                and v (n, nv), n states of the whole robot, that gives (n, ...) numbers
-    samples    states to judge by, and as many fresh ones to verify by
+    samples    number of states to choose by, and of as many fresh ones to verify by
     spread, spread_v   deviations of normal samples around q0 and v0: a number or (nv,) [rad | m], [rad/s | m/s]
-    dt         step of the whole scene to begin with, which is halved until it is fine [s]; 1 ms if left out
+    dt         first step of the whole scene [s], halved until it is fine enough; 1 ms if left out
     methods    to be tried, by default those of ``scene.methods`` that run on lanes
     kinds      some of "effects": each one left out or in a cheaper form: friction as bristles, Coulomb's, viscous,
                none; limits, contacts, each point that never touches, constraints and fext left out; motors left out or
@@ -72,19 +72,19 @@ def requires(
                steps. Or names of effects, "friction", "gravity", ...
     progress   True for a bar (needs rich), or a function of the number of steps done and their total
 
-    The whole scene is run at its step and at half of it first. The difference is the certainty; from the time on at
-    which it is more than a quarter of the tolerance, after impacts or in chaos, nothing is judged: ``horizon``. Then
-    each part is measured alone; those within the tolerance are left out together, greedily; then the methods take their
-    coarsest step and, of the cheapest, float32. The whole that comes of it is verified in fresh samples, its bound with
-    a margin of 2 or more (4 for fewer than 32 samples) and the certainty added; where that exceeds the tolerance the
-    next cheapest is verified, and at last the whole scene remains. A joint that is locked, at rest at the start, is
-    compared with the whole robot from states in which it is where it is locked.
+    First the whole scene is run at its step and at half of it. The difference is the ``certainty``. Where it exceeds a
+    quarter of the tolerance, after impacts or in chaos, nothing is judged; that time is the ``horizon``. Then each part
+    is measured alone, and those within the tolerance are left out together, greedily. Then each method takes its
+    coarsest step, and the cheapest one float32. The result is verified in fresh samples: its bound is the largest
+    change times a margin of 2 or more (4 for fewer than 32 samples), plus the certainty. If that exceeds the tolerance
+    the next cheapest is verified, and in the end the whole scene remains. A joint that is locked, and at rest at the
+    start, is compared with the whole robot from states in which it is where it is locked.
 
     Returns a Requirement: ``print`` shows it; ``scene``, ``method``, ``dt``, ``dtype``, ``code``, ``rows``,
     ``to_full``, ``to_reduced``, ``plot(path)``. Each candidate may compile a program: seconds for an arm.
     Raises  ShapeError, NonFiniteError for arrays; SpatialDynError for an invalid tolerance, duration, samples, spread,
-            dt, methods, kinds or observe; SimulationError where the whole scene does not run, or differs from itself by
-            too much at once; ModelError for a robot without freedoms
+            dt, methods, kinds or observe; SimulationError where the whole scene does not run, or where the certainty
+            exceeds the tolerance from the start; ModelError for a robot without freedoms
 
     >>> import spatialdyn as sd
     >>> model = sd.load_urdf("two_link")
@@ -307,7 +307,7 @@ def _samples(
         return made[0], made[1], (q, v)
     n = max(len(x) if x.ndim == 2 else 1 for x in (q, v))
     if any(x.ndim == 2 and len(x) != n for x in (q, v)):
-        raise ShapeError(f"q0 and v0 have {len(q)} and {len(v)} states, expected as many of each")
+        raise ShapeError(f"q0 and v0 have {len(q)} and {len(v)} states, expected the same number of each")
     if n < 2:
         raise ShapeError("q0 and v0 have one state with an axis, expected several, or one without")
     q, v = (np.array(np.broadcast_to(x, (n, x.shape[-1]))) for x in (q, v))

@@ -35,12 +35,12 @@ class Option:
     median  the median of the errors in those states
     bound   expected to hold in other states of the same kind: ``error`` times a margin, larger where errors scatter
     ns      cost [ns] of a sample, or of a simulated second
-    best    whether on the Pareto front: whatever costs less has a larger error
+    best    whether it is on the Pareto front: every cheaper option has a larger error
     note    remarks, such as why there is no error
-    states  number of states of these errors, 0 if it is the table's
-    run     the function of the call's inputs, or of (q0, v0, duration), that returns the call's result
-    promised  the largest bound on its rounding in the sampled states, by the analysis of ``bounded``: no error there is
-            above it; infinite where it has none
+    states  number of states in which these errors were measured, 0 for the table's number
+    run     function that answers the call, or (q0, v0, duration) of a simulation
+    promised  the largest rounding error bound in the sampled states, by the analysis of ``bounded``, which no error
+            there exceeds; infinite without one
     each    the largest error of a joint relative to its own scale: each entry over itself, or the median of its sizes
             in the sampled states where that is larger; of simulations, each coordinate over its own largest change, or
             a tenth of the largest of all
@@ -75,11 +75,11 @@ class Tradeoff:
     states     number of sampled states
     batch      samples of a call, 0 for simulations
     duration   of the simulations [s], 0 for calls
-    certainty  error of the reference itself: its largest difference to a better one
+    certainty  error of the reference itself: its largest difference from a better one
     truth      how the reference was computed, in words
-    further    function of (options, tolerance): errors in many more states, {name: array} of the options that stay
-               within the tolerance, None if that takes too long or has no reference; None if states were given
-    subject    the Model that was measured; None if it is not at hand
+    further    function of (options, tolerance) that returns errors in many more states, {name: array} for the options
+               within the tolerance, or None if that takes too long or has no reference; None if states were given
+    subject    the Model that was measured; None if it is not known
     """
 
     model: str
@@ -122,7 +122,8 @@ class Tradeoff:
         return json.dumps(self.to_dict(), indent=2, ensure_ascii=False, allow_nan=False)
 
     def rows(self) -> list[list[str]]:
-        """Words of a table: mark of the front, name, error, bound, that of the worst joint, cost, code or note."""
+        """The table's cells as text: mark of the front, name, error, bound, bound of the worst joint, cost, code or
+        note."""
         return [
             [
                 "*" if x.best else "", x.name, figure(x.error), figure(x.bound), figure(x.each), f"{x.ns:.4g}",

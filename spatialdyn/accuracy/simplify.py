@@ -91,16 +91,16 @@ def simplify(
     merge_lighter_than: float = 0.0,
     drop: str | Iterable[str] = (),
 ) -> tuple[Model, Savings]:
-    """A smaller model, the time it saves and the error it makes.
+    """A smaller model, the time that it saves and the error that it makes.
 
     lock                as ``Model.reduced`` takes it: joint name -> coordinates, or names: locked at rest
     merge_lighter_than  mass [kg]: a joint whose subtree is lighter is locked at neutral, or at its nearest limit if
                         neutral is outside the limits
     drop                some of "armature" (rotors too), "damping", "friction", "gravity": set to zero
 
-    Returns the Model and its Savings. The cost is the largest difference between the two models over 4096 random
-    states, 64 for robots of more than 128 freedoms: a sample and no bound; its 99.9 % quantile, beside it, varies less
-    from sample to sample. It is that of the remaining freedoms: of M and, for the same v and a, of tau = rnea, with the
+    Returns the Model and its Savings. The error is the largest difference between the two models over 4096 random
+    states, 64 for robots of more than 128 freedoms: a sample, not a bound; its 99.9 % quantile varies less from sample
+    to sample. Differences are those of the remaining freedoms: of M and, for the same v and a, of tau = rnea, with the
     locked joints anywhere within their limits and at rest; and of a = aba, with a torque on the locked joints that
     holds them as long as nothing accelerates. "relative" is over the largest entry, whether length or angle.
     Raises  ModelError naming a joint, SpatialDynError for an invalid mass or name.

@@ -35,7 +35,7 @@ def trade(
     methods: str | Sequence[str] | None = None,
     progress: Progress = False,
 ) -> Tradeoff:
-    """Error and cost of every option for a task, measured on this model, on this machine, now.
+    """Error and cost of every option for a task, measured on this model and this machine.
 
     model     Model; for simulations also a Scene: all that acts in it acts in every option
     task      what is computed, by which calls, and what an error is relative to:
@@ -52,9 +52,9 @@ def trade(
 
               The column "worst joint" is relative to each joint's own scale, see ``Option.each``.
               In a state whose largest entry is below a tenth of the states' median, errors are relative to that tenth.
-              Calls run as programs on SIMD lanes in float64 and float32 (with inputs rounded to float32); those that
-              are no programs in the table kernel, "untraced"; "extended" on lanes in batches of 512 or more, to 32
-              freedoms.
+              Calls run as programs on SIMD lanes in float64 and float32 (with inputs rounded to float32); those without
+              a program run in the table kernel, "untraced"; "extended" runs on lanes in batches of 512 or more, up to
+              32 freedoms.
     states    states in which errors are measured: a number of random ones, 4096 by default, or a tuple of arrays
               (n, ...): (q, v, tau), (q, v, a), (q,). For simulations (q0, v0), by default 4 random ones at rest
     batch     samples of a timed call; 1 times calls of one sample
@@ -135,14 +135,15 @@ def recommend(
 
     tolerance  largest acceptable error, as ``trade`` defines it for the task
     model, task, states, batch, duration, methods, progress   as in ``trade``
-    norm       what an error is relative to: "largest", as ``trade`` has it; or "each": the error of every joint is
-               within the tolerance relative to that joint's own scale, the column "worst joint" of the table
+    norm       what an error is relative to: "largest", as in ``trade``; or "each": every joint's error is within the
+               tolerance relative to that joint's own scale, the column "worst joint" of the table
 
-    An option is good enough if its bound is within the tolerance: its largest error times a margin of 2 or more, larger
-    where errors scatter widely or states are few, as other states may be worse than those measured. A cheaper option
-    whose error, but not its bound, is within the tolerance is tried in 65536 random states, after which a margin of
-    1.25 may be enough. Motions from a few states say little, so an integrator is tried from 32 other states, against a
-    reference option a hundred times better. Neither is done if it takes longer than 4 s, or if states are given.
+    An option is good enough if its bound is within the tolerance. The bound is its largest error times a margin of 2 or
+    more, since other states may be worse than those measured; the margin is larger where errors scatter widely or
+    states are few. A cheaper option whose error, but not its bound, is within the tolerance is tried in 65536 random
+    states, after which a margin of 1.25 may be enough. Motions from a few states say little, so an integrator is tried
+    from 32 other states, against a reference option a hundred times more accurate. Neither is done if it takes longer
+    than 4 s, or if states are given.
 
     Returns a Recommendation: ``code`` is the line to write, ``why`` the reason. It can be called as the task's call, or
     with (q0, v0, duration) for a simulation.

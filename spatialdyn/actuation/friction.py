@@ -29,15 +29,15 @@ class Friction:
     coulomb            (nv,)  dry friction of a joint that moves, F_c [N m | N]; 0 if left out
     viscous            (nv,)  damping b [N m s/rad | N s/m]; 0 if left out
     static             (nv,)  largest dry friction of a joint at rest, F_s at least F_c [N m | N]; F_c if left out
-    stribeck_velocity  (nv,)  v_s of the fall F(v) = F_c + (F_s - F_c) exp(-(v/v_s)²) [rad/s | m/s]; if left out, F is
-                              F_s at rest and F_c in any motion
+    stribeck_velocity  (nv,)  v_s of the Stribeck curve F(v) = F_c + (F_s - F_c) exp(-(v/v_s)²) [rad/s | m/s]; if left
+                              out, F is F_s at rest and F_c in any motion
     smoothing          (nv,)  ε of the sign tanh(v/ε), for smooth friction [rad/s | m/s]
     bristle_stiffness  (nv,)  σ0 of LuGre's bristles [N m/rad | N/m]
     bristle_damping    (nv,)  σ1 of the bristles [N m s/rad | N s/m]; 0 if left out
 
-    A coefficient may be one number for all freedoms, or {joint name: number}: the other joints then have 0, and of
-    ``stribeck_velocity`` and ``smoothing`` every joint is named. Those are arrays (1,) and dicts here; where the
-    friction acts it is ``check(model)``, whose coefficients are (nv,).
+    A coefficient may be one number for all freedoms, or {joint name: number}, in which joints that are left out have 0;
+    ``stribeck_velocity`` and ``smoothing`` have to name every joint. Here such coefficients are arrays (1,) and dicts;
+    ``check(model)`` makes (nv,) of them, where the friction acts.
     Raises  ShapeError for arrays that do not broadcast to (nv,); ModelError naming a coefficient that is negative or
             not finite, a static friction below Coulomb's, and a velocity that is not above 0.
 
@@ -98,9 +98,9 @@ class Friction:
 
     @classmethod
     def of(cls, model: Model, **changes: Coefficient | None) -> Friction:
-        """The friction and damping of the model's joints, as its URDF has them; ``changes`` are coefficients by name.
+        """The friction and damping of the model's joints, from its URDF; ``changes`` are coefficients by name.
 
-        That of joints that mimic others acts on their leaders: Σ |ratio| F_c and Σ ratio² b.
+        Friction of mimic joints acts on their leaders: Σ |ratio| F_c and Σ ratio² b.
 
         Raises  ModelError naming the joint for a coefficient out of its range, ShapeError.
 
@@ -247,8 +247,8 @@ def friction_torque(model: Model, v: ArrayLike, friction: Friction | bool, out: 
     friction  Friction, or True for that of the URDF; with ``smoothing`` ε its sign is tanh(v/ε)
     out       (..., nv)  written in place if given: float64, C order, the shape of the result
 
-    At rest, and without smoothing, the dry part is 0 here: what keeps a joint at rest depends on all other torques,
-    and ``simulate`` and ``rollout`` find it.
+    At rest, and without smoothing, the dry part is 0 here: the friction that keeps a joint at rest depends on all other
+    torques; ``simulate`` and ``rollout`` compute it.
 
     Returns friction (..., nv): torques to add to those of the motors [N m | N].
     Raises
@@ -275,8 +275,8 @@ def friction_regressor(model: Model, v: ArrayLike, out: Any = None) -> Array:
     v      (..., nv)  joint velocities [rad/s | m/s]
     out    (..., nv, 2, nv)  written in place if given: float64, C order, the shape of the result
 
-    Flat, F stands beside Y: (Y, F) (π, F_c, b) = rnea - armature a + friction's torque, as in the example. A joint at
-    rest has 0 for Coulomb's friction: what keeps it there is no function of v.
+    Flattened, F extends Y: (Y, F) (π, F_c, b) = rnea - armature a + the friction that motors overcome, as in the
+    example. A joint at rest has 0 for Coulomb's friction, which is not a function of v there.
 
     Returns F (..., nv, 2, nv): of each joint's torque, sgn v by F_c and v by b of each joint [1 | rad/s | m/s].
     Raises

@@ -30,26 +30,26 @@ POSITIVE: tuple[Callable[[Array], Any], str] = (lambda x: (x > 0.0) & np.isfinit
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Motor:
-    """Motors of the freedoms of a robot, each behind a gear; compared and hashed by content.
+    """Motors of a robot's freedoms, each with a gear; compared and hashed by content.
 
-    torque_constant  (nv,)  k_t [N m/A]; 0 of a freedom without a motor, which then has no torque
+    torque_constant  (nv,)  k_t [N m/A]; 0 for a freedom without a motor, which then has no torque
     resistance       (nv,)  R of the winding [Ω]
     voltage          (nv,)  largest voltage V of the supply, of either sign [V]
     ratio            (nv,)  n = θ̇ / q̇ of the gear: turns of the motor [1 | rad/m]; 1 if left out
-    back_emf         (nv,)  k_e [V s/rad]; k_t if left out, which it is in these units
+    back_emf         (nv,)  k_e [V s/rad]; k_t if left out, its value in these units
     current          (nv,)  largest current [A]; infinite if left out
     torque           (nv,)  largest torque at the joint, that of the gear [N m | N]; infinite if left out
-    efficiency       (nv,)  part η of the power that the gear passes, to the joint and back; 1 if left out
+    efficiency       (nv,)  fraction η of the power that passes the gear, in either direction; 1 if left out
 
-    The winding has R i = V - k_e θ̇, without inductance, and gives τ = k_t i: at the joint stall - damping q̇ at the full
-    voltage. A value may be one number for all freedoms if another is an array.
+    The winding has R i = V - k_e θ̇, without inductance, and gives τ = k_t i: at full voltage stall_torque - damping q̇
+    at the joint. A value may be one number for all freedoms if another is an array.
 
     stall_torque     (nv,)  n k_t V / R, or that of the largest current, before losses of the gear [N m | N]
     no_load_speed    (nv,)  V / (k_e n) of the joint [rad/s | m/s]
-    damping          (nv,)  n² k_t k_e / R: what a shorted motor, and each one at a given voltage, adds to the viscous
+    damping          (nv,)  n² k_t k_e / R: what a motor at a given voltage (0 if shorted) adds to the viscous
                             coefficient of ``Friction`` [N m s/rad | N s/m]
 
-    Values that are all one number are those of each freedom of any robot.
+    If all values are single numbers, they hold for each freedom of any robot.
     Raises  ShapeError for arrays that do not broadcast to (nv,); ModelError naming a value out of its range
 
     >>> import spatialdyn as sd
@@ -162,7 +162,7 @@ def check_motor(model: Model, motor: Any) -> Motor:
 
 
 def torque_limits(model: Model, v: ArrayLike, motor: Motor) -> tuple[Array, Array]:
-    """Least and largest torque that motors give at joint velocities: (n k_t / R) (±V - k_e n q̇), within their limits.
+    """Least and largest torque of motors at given joint velocities: (n k_t / R) (±V - k_e n q̇), within their limits.
 
     Source: after the equations of a DC motor, V = R i + k_e ω and τ = k_t i.
 
@@ -170,12 +170,12 @@ def torque_limits(model: Model, v: ArrayLike, motor: Motor) -> tuple[Array, Arra
     v      (..., nv)  joint velocities [rad/s | m/s]
     motor  Motor
 
-    Where a motor drives, the limit falls with the speed, to 0 at the no-load speed; where it brakes, it grows to that
-    of the current. Beyond the no-load speed both limits are against the motion: the motor can only brake. A gear of
-    efficiency η < 1 passes η of the torque of a motor that drives, and 1/η of one that brakes; at rest it counts as
-    driving.
+    The limit of a motor that drives falls with the speed, to 0 at the no-load speed; that of one that brakes grows up
+    to the torque at the largest current. Beyond the no-load speed both limits oppose the motion: the motor can only
+    brake. A gear of efficiency η < 1 passes η of the torque of a motor that drives, and 1/η of the torque of one that
+    brakes; a motor at rest counts as driving.
 
-    Returns (lower, upper), both (..., nv) [N m | N]: a torque of the caller is in reach if it is between them, and
+    Returns (lower, upper), both (..., nv) [N m | N]: a torque is possible if it is between them, and
             ``np.clip(tau, lower, upper)`` otherwise.
     Raises
         ShapeError for shapes that do not match

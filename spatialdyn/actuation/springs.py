@@ -45,7 +45,7 @@ def spring_torque(model: Model, q: ArrayLike, v: ArrayLike | None = None, out: A
 
 
 def spring_energy(model: Model, q: ArrayLike, out: Any = None) -> Any:
-    """Energy Σ ½ k (θ/n - q)² of the springs of series-elastic joints, no part of ``potential_energy``.
+    """Energy Σ ½ k (θ/n - q)² of the springs of series-elastic joints, which is not in ``potential_energy``.
 
     model  Model
     q      (..., nq)  joint positions [rad | m]

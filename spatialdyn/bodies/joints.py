@@ -19,7 +19,7 @@ def place_joint(bodies: Any, i: int, q: Any, X: Any) -> None:
     """Write the pose of row i in its parent, X_T X_J(q), to the Pose field X (RBDA table 4.1 and section 4.4).
 
     Written where it will be stored rather than returned: the twelve numbers of four branches need not meet in
-    registers, which makes it a third faster.
+    registers.
     """
     b = bodies[i]
     k = b.q_index

@@ -33,8 +33,10 @@ def as_array(name: str, value: ArrayLike) -> Array:
 
     Raises ShapeError naming the argument, NonFiniteError for finite numbers that overflow float64.
     """
-    if type(value) is not np.ndarray and masked(value):
-        raise ShapeError(f"{name} is masked, expected an array without a mask, which would be lost")
+    if type(value) is not np.ndarray:
+        if masked(value):
+            raise ShapeError(f"{name} is masked, expected an array without a mask, which would be lost")
+        _refuse_elsewhere(name, value)
     try:
         x = np.asarray(value)
     except ValueError as error:
@@ -51,6 +53,17 @@ def as_array(name: str, value: ArrayLike) -> Array:
     if not np.isfinite(converted[finite]).all():
         raise NonFiniteError(f"{name} holds {abs(x[finite]).max()!s}, expected the range of float64")
     return converted
+
+
+def _refuse_elsewhere(name: str, value: Any) -> None:
+    """Raise ShapeError for an array that NumPy would compute, or fetch from a GPU, without a word."""
+    if hasattr(value, "__dask_graph__"):
+        raise ShapeError(
+            f"{name} is a Dask {type(value).__name__}, expected an array in memory: {name}.compute(), or block by "
+            "block dask.array.map_blocks(lambda ...: sd.rnea(model, ...), ..., meta=numpy.empty((0, 0)))"
+        )
+    if hasattr(value, "__cuda_array_interface__"):
+        raise ShapeError(f"{name} is a {type(value).__name__} on a GPU, expected an array in the memory of the CPU")
 
 
 def as_finite(name: str, value: ArrayLike) -> Array:

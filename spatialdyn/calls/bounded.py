@@ -27,22 +27,22 @@ def bounded(
     constraints: Any = None,
     exact_inputs: bool = False,
 ) -> Specialized:
-    """A call of one model as a compiled program that returns (result, bound): no entry is off by more than its bound.
+    """A call of one model as a compiled program that returns (result, bound): no entry's error exceeds its bound.
 
     Source: Wilkinson, Rounding errors in algebraic processes (1963); Higham, Accuracy and stability of numerical
     algorithms, 2nd ed. (2002), section 3.3, for every line of the program. What is solved for (aba, crba_solve,
     aba_refined, minverse) is bounded by its residual instead, |M⁻¹| (|rnea(q, v, a) - tau| + rnea's bound), which is
     sharper; M⁻¹ has a bound too, so that the result's grows with M's condition number, up to infinity.
 
-    The exact result is that on the model's numbers as they are, at the inputs as they are; in float32 at any inputs
-    that round to those, and its bound counts that, unless ``exact_inputs``. Of what is solved for it is what exact
-    rnea, or crba, is solved by: rotations of 1.5708 are orthogonal to rounding alone, and on them exact recursions
-    agree no better. A sample beyond the range of the program (angles whose root sum of squares is above
-    1e5, joints of next to no articulated inertia, numbers beyond float32's safe range) has an infinite bound.
-    One that the call itself refuses (a joint of no articulated inertia, a result out of range) is refused here too, in
-    the same words: no value is there to be bounded. NaN gives NaN in its sample, and an infinite bound.
-    Angles of 1e4 loosen no bound, but prismatic joints far out do: M of a panda whose fingers are 100 m out is so
-    uneven that aba's bound is a thousand times its error, for some 200 elsewhere.
+    Errors are measured from the exact result for the model's numbers and the inputs as they are. In float32 the inputs
+    may be any that round to the given ones, which the bound includes unless ``exact_inputs``. For calls that solve
+    (aba, ...) the exact result is the solution of exact rnea, or crba: rotations by 1.5708 are orthogonal to rounding
+    only, and exact recursions on them agree no better than that. A sample beyond the range of the program (angles whose
+    root sum of squares is above 1e5, joints of hardly any articulated inertia, numbers beyond float32's safe range) has
+    an infinite bound. A sample that the call itself refuses (a joint of no articulated inertia, a result out of range)
+    is refused here with the same message. NaN gives NaN in its sample, and an infinite bound. Angles of 1e4 loosen no
+    bound, but prismatic joints far out do: for a panda whose fingers are 100 m out aba's bound is a thousand times its
+    error, elsewhere some 200 times.
 
     model, dtype, fixed, inputs, outputs, frame, reference, classical, constraints   as of ``specialize``
     call   a public call such as ``sd.rnea``

@@ -314,7 +314,7 @@ def docstring(spec: Spec) -> str:
     if any(x.unit_norm for x in spec.present):
         raises.append("ConfigurationError for a quaternion or pair whose norm is not 1")
     if spec.pivots:
-        raises.append("InertiaError naming a joint with zero articulated inertia; for digits lost before: sd.diagnose")
+        raises.append("InertiaError naming a joint with zero articulated inertia; near one: sd.diagnose")
     if "row" in static:
         raises.append("ModelError if there is no such frame, with similar names")
     if "reference" in static:

@@ -39,12 +39,13 @@ def exact(
 
     model  Model; its numbers and the floats that are passed have their exact binary values
     call   a public call such as ``sd.aba``
-    bits   precision of the result, at least 53; None for exact rationals: models without mimic joints, calls of
-           + - * / and the sine and cosine of angles. Each angle of q is then t = tan(q/2).
+    bits   precision of the result, at least 53; None for exact rationals: for models without mimic joints and calls
+           that use + - * / and sines and cosines of angles only. Each angle of q is then given as t = tan(q/2).
     frame, reference, classical   of calls that take them
-    constraints   of calls with a table of them; ``constrained_dynamics`` here takes 1/T of its stabilization, ``rate``.
-           Of ``contact_step`` and ``contact_gaps``, Contacts on a Plane; a step is then v, impulses, gaps, impulses of
-           limits, residuals and work, and takes friction and restitution of the points last
+    constraints   for calls that take Constraints; ``constrained_dynamics`` here takes ``rate`` = 1/T of its
+           stabilization. For ``contact_step`` and ``contact_gaps`` Contacts on a Plane; a step then returns v,
+           impulses, gaps, impulses of limits, residuals and work, and takes friction and restitution of the points as
+           its last inputs
 
     Returns a callable: the inputs of the call in its order (fext last or by name), each of any leading batch shape.
 
@@ -86,7 +87,7 @@ class Exact:
     ``.astype(float)`` rounds them. A call of several outputs returns a tuple.
 
     Raises
-        ShapeError for shapes that do not match, SpatialDynError for what is no number or has no rational value
+        ShapeError for shapes that do not match, SpatialDynError for anything but numbers, or without a rational value
         ConfigurationError for a quaternion or pair whose norm is not 1 within 1e-6
         InertiaError naming a joint with zero articulated inertia, NonFiniteError for another division by 0
         NaN in a sample gives NaN in what depends on it

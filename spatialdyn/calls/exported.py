@@ -14,7 +14,7 @@ from ..errors import SpatialDynError
 from ..recursions import SPECS
 from .specialize_request import SpecializeRequest
 
-MOST_DERIVATIVES = 1 << 17  # rnea's of 209 joints, of a dozen lines each; CasADi takes 40 µs for a line
+MOST_DERIVATIVES = 1 << 17  # rnea's of 209 joints, of a dozen lines each, in seconds of CasADi
 
 
 class Exported(NamedTuple):

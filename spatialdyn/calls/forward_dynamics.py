@@ -33,9 +33,9 @@ def forward_dynamics(
 
     Source: Featherstone, RBDA (2008), table 7.1 and chapter 6; the other methods start from there.
 
-    method  the algorithm; each but the last is a call of its own as well. Cost of one call, and of a sample of a batch,
-            in units of ABA's; forward error max|a - a*| / max|a*| of a chain of 7 links whose last is 1 to 1e12 times
-            heavier, the 90 % quantile over random states:
+    method  the algorithm; all but the last are calls of their own as well. Cost of one call, and of a sample of a
+            batch, in units of ABA's; forward error max|a - a*| / max|a*| of a chain of 7 links whose last is 1 to 1e12
+            times heavier, the 90 % quantile over random states:
 
             =============  ===============  ====  =====  =======  =======  =======  =======  =======
             method         call             cost  batch  1        1e3      1e6      1e9      1e12
@@ -63,11 +63,10 @@ def forward_dynamics(
             general position, as far as an ulp of q, v and tau moves the exact answer ("refined" 3e-10 at 1e12); one
             of a thousand: 1e-12. ``benchmarks/forward.py`` prints all errors and costs.
 
-            "extended" is ABA in double-double, rounded at the end. In batches of 512 or more, of robots of up to 32
-            degrees of freedom, the error is at most four times what an ulp of q, v and tau moves the exact answer
-            (sines are of angles up to two ulp away); elsewhere half an ulp. The first batch compiles for 1 to 7 s.
-            Oblique frames, as in the second table, double the cost, as they double that of "aba". It raises where ABA
-            raises.
+            "extended" is ABA in double-double, rounded at the end. Its error is half an ulp; in batches of 512 or more,
+            for robots of up to 32 degrees of freedom, at most four times the change of the exact answer by an ulp of q,
+            v and tau (sines are of angles up to two ulp away). The first batch compiles for 1 to 7 s. Oblique frames,
+            as in the second table, double the cost, as they double that of "aba". It raises where ABA raises.
 
             Light links cost no digits in any method; long chains do in "crba" (n = 100: 1e-11, the others 1e-14),
             which is O(n d²) for trees of depth d, the others O(n). "square_root" branches on values, so it has no

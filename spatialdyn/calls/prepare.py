@@ -41,12 +41,14 @@ def compile_calls(
 
     model      Model
     calls      public calls such as ``sd.rnea``, or their names; by default all, those of a frame only if one is given
-    frame      of the calls that have one, in whose program it is a constant; as are ``reference`` and ``classical``
-    fext       with external forces, where a call takes them; without them is another program
+    frame      for the calls that take one, as are ``reference`` and ``classical``: all three are constants of the
+               program
+    fext       whether with external forces, where a call takes them; with and without are two programs
     progress   True for a bar (needs rich), or a function of the number of calls compiled and their total
-    constraints  Constraints of this model, for calls such as ``sd.constrained_dynamics``: by default those too
+    constraints  Constraints of this model, for calls such as ``sd.constrained_dynamics``, which are then compiled by
+                 default too
 
-    Returns {name of a call: seconds it took}, next to nothing for calls that were compiled already.
+    Returns {name of a call: seconds it took}, hardly any for calls that were compiled before.
     Raises  SpatialDynError for an unknown call, or one of a frame without a frame; ModelError for an unknown frame.
 
     >>> import spatialdyn as sd

@@ -48,35 +48,36 @@ def checked_tolerance(tolerance: Any) -> tuple[float, float]:
 
 
 class Promise:
-    """A call whose every answer is within a tolerance of the exact one, made by ``specialize(tolerance=)``.
+    """A call whose results are all within a tolerance of the exact ones, made by ``specialize(tolerance=)``.
 
     Called like a function, ``k(q, v, a)``, for one sample or batches, ``out=`` optional; results are float64. Each
-    sample is answered by the first way whose bound holds there (see ``bounded``), which depends on the sample and the
-    model alone:
+    sample is answered in the first of these precisions whose bound (see ``bounded``) is within the tolerance; the
+    choice depends on the sample and the model alone:
 
-        "float32"        with dtype=np.float32; else only where it is cheaper: of what is solved for (aba, minverse),
-                         from 6 freedoms on, where three quarters of 64 random states hold in it, as at 1e-3 or so
+        "float32"        with dtype=np.float32; else only where it is cheaper: for calls that solve (aba, minverse),
+                         from 6 freedoms on, if it is enough for three quarters of 64 random states, as at 1e-3 or so
         "float64"
-        "double-double"  of calls without ``fixed``, ``outputs``, parameters and tables, of models without quaternions
+        "double-double"  for calls without ``fixed``, ``outputs``, parameters and tables, and models without quaternions
                          and (cos, sin) pairs; far slower, and compiled at its first sample
 
-    ways       the ways, in that order; the last is tried if it is needed
-    report     {way: number of samples it has answered so far}
+    ways       the precisions in that order; the last is used if it is needed
+    report     {precision: number of samples it has answered so far}
     tolerance  (relative, absolute): the largest error of a sample's entries is at most relative times its largest
                entry, plus absolute
     signature  inputs and result, with their shapes
 
-    This is a way to know, not to save time. On one core, of a ur5 and of seven joints of a panda, a batch with bounds
-    takes 2 to 3 times that in float64 without them in rnea and crba and 5 in aba. Here, where NumPy judges each sample
-    and arrays are new, it takes some 6 to 14 times (on a busy machine). Starting at float32 takes 0.8 to 1.1 times what
-    starting at float64 does; where it holds nowhere, both are paid. ``benchmarks/tradeoff.py --only samples`` measures
-    it.
+    This is a way to know, not to save time. On one core, for a ur5 and seven joints of a panda, a batch of ``bounded``
+    takes 2 to 3 times a batch without bounds in rnea and crba, 5 times in aba. A Promise, in which NumPy judges each
+    sample, takes some 6 to 14 times (on a busy machine). Starting at float32 takes 0.8 to 1.1 times the time of
+    starting at float64; where float32 is never enough, both are computed. ``benchmarks/tradeoff.py --only samples``
+    measures this.
 
     Raises
-        SpatialDynError naming samples where no way's bound is within the tolerance: near a singular robot, or near a
-            result of 0 without an absolute tolerance. A result that is 0 in all entries as sums of zeros and products
-            with one are (C at rest) is answered: it has no error
-        and as a Specialized. NaN or infinity in a sample gives NaN there, as in the call; no way counts that sample
+        SpatialDynError naming samples where no precision's bound is within the tolerance: near a singular
+            configuration, or near a result of 0 without an absolute tolerance. A result that is exactly 0 (C at rest)
+            has no error and is answered
+        the errors of a Specialized. NaN or infinity in a sample gives NaN there, as in the call, and ``report`` does
+            not count that sample
     """
 
     def __init__(
@@ -139,7 +140,7 @@ class Promise:
             call = self._spec.name
             bounds = f", or with its error sd.bounded(model, sd.{call}).{name}"
             raise AttributeError(
-                f"a Promise has no {name}: each sample has a program of its own choice; expected that of one program, "
+                f"a Promise has no {name}: each sample chooses its program; expected that of one program, "
                 f"sd.specialize(model, sd.{call}).{name}{bounds * (name not in ('to_jax', 'to_torch'))}"
             )
 

@@ -84,8 +84,8 @@ class Specialized:
 
     float32 has a range of 1e-38 to 3e38. Samples that may lose more than rounding in it (inputs above 1e9, results
     above 1e19, results below 1e-18 that depend on inputs other than positions) and models with a body outside 1e-18
-    to 1e18 (kg, kg m, kg m²) are computed in float64 from the inputs as given, some fifty times slower. Their results
-    are then rounded to float32, below 1e-38 to a multiple of 1e-45 or 0; above 3e38 NonFiniteError is raised.
+    to 1e18 (kg, kg m, kg m²) are computed in float64 from the inputs as given, far slower. Their results are then
+    rounded to float32, below 1e-38 to a multiple of 1e-45 or 0; above 3e38 NonFiniteError is raised.
 
     signature        remaining inputs and results, with their shapes
     engine           "lanes", or "untraced" without a program: too many degrees of freedom to record, a joint with zero
@@ -176,9 +176,8 @@ class Specialized:
         name         of the function, by default that of the call, several joined by "_"
         derivatives  with the external interface of CasADi instead: ``name`` and ``jac_name``, the derivatives of each
                      result by each input, for ``casadi.external`` and acados. Matrices are in columns there. A
-                     configuration's derivatives are by its entries: with quaternions or (cos, sin) pairs they mean
-                     something along unit norms only. There is no ``jac_jac_name``: second derivatives are the
-                     caller's business
+                     configuration's derivatives are with respect to its entries: with quaternions or (cos, sin) pairs
+                     they are meaningful along unit norms only. There is no ``jac_jac_name``, so no second derivative
 
         Raises SpatialDynError if the name is no identifier, an input's, or reserved in C: keywords, names that begin
             with "_", declarations of <math.h>, functions of the standard library; or for more than 131072 derivatives;
@@ -195,11 +194,11 @@ class Specialized:
         It takes numbers, SX and MX; in an MX graph it is one node, whose Jacobian is that of ``c_code``: of rnea and
         aba by their own recursions, in about half the operations of CasADi's. Inputs are named as in ``c_code``: a
         payload that is the fourth is ``payload_4``. It has no argument checks and no range: a joint with zero
-        articulated inertia divides by zero. So it is with ``bounded``: where its program says that a bound is infinite
-        (angles above 1e5, joints of next to no articulated inertia, numbers beyond the range) the exported one gives
-        what its lines give, which is no promise there. Derivatives by a configuration are by its
-        entries, as CasADi's always are: with quaternions or (cos, sin) pairs export the next configuration too, by
-        ``sd.integrate``, so that all of it stays in coordinates.
+        articulated inertia divides by zero. The same holds for ``bounded``: where its program has an infinite bound
+        (angles above 1e5, joints of hardly any articulated inertia, numbers beyond the range), the exported function
+        returns a finite number that bounds nothing. Derivatives with respect to a configuration are by its entries, as
+        always in CasADi: with quaternions or (cos, sin) pairs export the next configuration too, by ``sd.integrate``,
+        so that everything stays in coordinates.
 
         name      as of ``c_code``
         jacobian  False leaves the Jacobian to CasADi, also in an MX graph: it is made in a fraction of the time
@@ -217,8 +216,8 @@ class Specialized:
         It runs on the host, on lanes, wherever JAX runs; samples may have leading axes that broadcast. Inputs that
         are all float32 give float32, others JAX's default float; derivatives are computed in float64, by entries of
         a configuration. There is no forward mode (``jacfwd``, ``jvp``: take ``jacrev``, or ``derivative="jvp"`` outside
-        of JAX) and no second derivative: asking for one raises. Errors of values, of a joint without inertia say, are
-        raised by JAX, as a JaxRuntimeError whose last line is that of this library.
+        of JAX) and no second derivative: asking for one raises. Errors of values, such as a joint without inertia,
+        reach the caller as a JaxRuntimeError whose last line is this library's message.
 
         >>> import spatialdyn as sd
         >>> import jax  # doctest: +SKIP

@@ -23,8 +23,10 @@ def expected_call(function: Any, example: str) -> str:
 
 
 def spec_of(call: Any) -> Spec | None:
-    """The spec of a public call; one with a table of constraints names it ``spec``. Returns None if not applicable."""
-    named = getattr(call, "spec", None)
+    """The spec of a public call; one with a table of constraints names it ``spec``, a control law that of its torque
+    ``torque_spec``. Returns None if not applicable.
+    """
+    named = getattr(call, "torque_spec", None) or getattr(call, "spec", None)
     if isinstance(named, Spec):
         return named
     name = getattr(call, "__name__", None)  # a call is made at its first use: this makes no other

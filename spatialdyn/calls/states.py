@@ -14,9 +14,10 @@ from ..bodies.kinds import ANGLE, KINDS, PAIR, QUATERNION, SE2, SE3
 from ..errors import NonFiniteError, ShapeError, SpatialDynError
 from ..model.model import Frame, Model
 from ..model.robot_checks import masked
+from ..recursions.coordinates.coordinate_rates import TURN
 from ..recursions.spec import FEXT, LOCAL, TAU, WORLD, Argument, Q, V
 from .arguments import as_array, batch_shape, broadcast, check_model, reference_code
-from .dynamics import calls
+from .dynamics import calls, checked_call
 
 Array = NDArray[np.float64]
 
@@ -31,13 +32,13 @@ def random_configuration(
 ) -> Array:
     """Random configurations: within the limits, rotations uniform on the sphere of quaternions.
 
-    rng    a NumPy Generator, a seed for one, or None for other states each time; a sample draws nv numbers, so a batch
-           of n equals n single samples
+    rng    a NumPy Generator, a seed for one, or None for different states each time; a sample draws nv numbers, so a
+           batch of n equals n single samples
     shape  batch shape
 
-    A coordinate without limits is uniform in [-1, 1] m or [-π, π] rad; with a limit on one side only, in the
-    interval of that length that ends at the limit. Positions of floating and planar joints count as without
-    limits. With mimic joints the independent coordinates are drawn; the others may leave their limits.
+    A coordinate without limits is uniform in [-1, 1] m or [-π, π] rad; with a limit on one side only, in an interval of
+    that length that ends at the limit. Positions of floating and planar joints count as unlimited. With mimic joints
+    the independent coordinates are drawn; the others may leave their limits.
 
     Returns q (*shape, nq) [rad | m].
     Raises  SpatialDynError if rng is none of these; ShapeError if shape is none.
@@ -213,23 +214,12 @@ def _explicit_euler(model: Model, q: Array, v: Array, tau: Array, h: Array, fext
 def _semi_implicit_euler(
     model: Model, q: Array, v: Array, tau: Array, h: Array, fext: Array | None
 ) -> tuple[Array, Array]:
-    a = calls["aba"](model, q, v, tau, fext)
-    turning = [j for j in model.joints[1:] if j.nv > 1 and int(model.bodies[j.row - j.nv + 1]["kind"]) in (*SE2, *SE3)]
-    if not turning:
-        v = v + a * h
-        return calls["integrate"](model, q, v * h), v
-    w, along = v + a * h, np.zeros(model.nv, np.bool_)
-    for j in turning:
-        k, d = j.idx_v, j.nv - (1 if j.nv == 3 else 3)
-        along[k : k + d] = True
-        if j.nv == 3:
-            w[..., k : k + 2] += h * v[..., k + 2 : k + 3] * np.stack([-v[..., k + 1], v[..., k]], axis=-1)
-        else:
-            w[..., k : k + 3] += h * np.cross(v[..., k + 3 : k + 6], v[..., k : k + 3])
-    moved = calls["integrate"](model, q, np.where(along, h * w, 0.0))
-    angle = np.where(along, 0.0, h * w)
-    back = calls["dintegrate"](model, q, angle)[..., 0, :, :]
-    return calls["integrate"](model, moved, angle), np.where(along, (back @ w[..., None])[..., 0], w)
+    w = v + calls["aba"](model, q, v, tau, fext) * h
+    kinds = {int(x) for x in model.bodies["kind"]}
+    if kinds.isdisjoint((*SE2, *SE3)):
+        return calls["integrate"](model, q, w * h), w
+    found = checked_call(TURN, model, (v, w, h), (), None)
+    return calls["integrate"](model, q, found[..., model.nv :]), found[..., : model.nv].copy()
 
 
 def _rk4(model: Model, q: Array, v: Array, tau: Array, h: Array, fext: Array | None) -> tuple[Array, Array]:
@@ -259,7 +249,7 @@ _METHODS: dict[str, Callable[[Model, Array, Array, Array, Array, Array | None], 
 
 
 def wrench_at(model: Model, q: ArrayLike, frame: str | Frame, force: ArrayLike, reference: str = "local") -> Array:
-    """The ``fext`` of a force at a named frame, for rnea, aba and static_torque.
+    """The ``fext`` of a force at a named frame, an argument of rnea, aba and static_torque.
 
     q          (..., nq)  joint positions [rad | m]
     frame      a link's or joint's name; link:NAME or joint:NAME says which

@@ -43,7 +43,7 @@ class _Compared(NamedTuple):
 def _run(arguments: argparse.Namespace) -> int:
     pinocchio()
     if arguments.all == bool(arguments.robots):
-        raise SpatialDynError("compare takes robots or --all, one of the two")
+        raise SpatialDynError("compare takes either robots or --all")
     if arguments.all and not example_robots():
         raise SpatialDynError(f"example-robot-data is not installed; {pip_install('validate')}")
     examples = set(example_robots())

@@ -86,10 +86,10 @@ def constrained_dynamics(model: Model, *given: Any, **named: Any) -> Constrained
     q              (..., nq)     joint positions [rad | m]
     v              (..., nv)     joint velocities [rad/s | m/s]
     tau            (..., nv)     joint torques [N m | N]
-    stabilization  T [s]: J a + J̇ v + 2 J v / T + φ / T² = 0, so that errors φ die away like exp(-t/T); several steps
-                   of an integrator, or None for J a + J̇ v = 0
-    minimum_norm   where equations depend on others, the force of the least sum of squares instead of that of the
-                   equations that come first: it is shared among them, whatever their order
+    stabilization  T [s]: J a + J̇ v + 2 J v / T + φ / T² = 0, so that errors φ decay like exp(-t/T). Take T as several
+                   steps of the integrator; None for J a + J̇ v = 0
+    minimum_norm   where equations are dependent, the force with the least sum of squares, shared among them in whatever
+                   order they come; otherwise the equations that come first have all of it
     fext           (..., njoints, 6)  force on each joint's body, in the joint's frame, linear first [N | N m]
     J              (..., m, nv)  Jacobian, such as rows of ``frame_jacobian`` at the feet
     drift          (..., m)      J̇ v (``jacobian_dot_times_v`` for feet), plus terms that stabilize the constraints
@@ -97,10 +97,10 @@ def constrained_dynamics(model: Model, *given: Any, **named: Any) -> Constrained
                                  of J may be dependent
 
     Returns ConstrainedMotion (a, force, residual, rank): (..., nv), (..., nc), and for each sample a number and how
-    many equations are independent. Equations that depend on others drop out: their force is 0, and ``residual``
-    says by how much, of their terms, they differ from what the others imply. They are those that come last, or, where
-    that leaves one that is nearly dependent, those that elimination by the largest pivot leaves. With J, Constrained
-    (a, force).
+    many equations are independent. Equations that depend on others drop out: their force is 0, and ``residual`` is
+    their difference from what the others imply, relative to their terms. The last of dependent equations drop out, or,
+    if one that is nearly dependent would then remain, those that elimination by the largest pivot leaves. With J,
+    Constrained (a, force).
     Raises
         ConstraintError naming the constraints that contradict others, and the sample; constraints of another model;
             with J, the rank if rows are dependent and there is no damping
@@ -161,8 +161,8 @@ def impact(
 def impact(model: Model, *given: Any, **named: Any) -> Impact | ConstrainedImpact:
     """Velocities after an impact: M (v⁺ - v) = Jᵀ impulse and J v⁺ = -restitution J v - damping impulse.
 
-    ``impact(model, constraints, q, v, restitution=0.0)`` takes a table of Constraints, of which all take part,
-    ``impact(model, q, v, J, restitution=0.0, damping=0.0)`` the Jacobian of the points that hit.
+    ``impact(model, constraints, q, v, restitution=0.0)`` takes Constraints, all of which act in the impact;
+    ``impact(model, q, v, J, restitution=0.0, damping=0.0)`` takes the Jacobian of the points that hit.
 
     constraints  Constraints of this model
     q            (..., nq)     joint positions [rad | m]

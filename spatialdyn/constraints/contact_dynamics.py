@@ -9,10 +9,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..calls.arguments import as_array, as_number
-from ..calls.dynamics import calls
+from ..bodies.kinds import SE2, SE3
+from ..calls.dynamics import calls, checked_call
 from ..errors import SimulationError
 from ..model.model import Model
 from ..recursions.contact.contact import CONTACT_GAPS, CONTACT_GAPS_OVER, CONTACT_STEP, CONTACT_STEP_OVER
+from ..recursions.coordinates.coordinate_rates import TURN
 from ..recursions.spec import Spec
 from .calls import answer
 from .contact_points import Contacts, check_contacts
@@ -33,10 +35,10 @@ class ContactStep(NamedTuple):
 def contact_step(
     model: Model, contacts: Contacts, q: ArrayLike, v: ArrayLike, tau: ArrayLike, dt: float
 ) -> ContactStep:
-    """The state after a step dt in which points touch the ground: M (v⁺ - v) = dt (tau - bias) + Jᵀ impulse.
+    """The state after a step dt with contacts: M (v⁺ - v) = dt (tau - bias) + Jᵀ impulse.
 
-    Source: Signorini's condition and Coulomb's law, as Le Lidec et al., Contact models in robotics (arXiv 2304.06372),
-    have them, hold at the end of the step; the impulses are found point by point, see ``recursions.contact.contact``.
+    Source: Le Lidec et al., Contact models in robotics (arXiv 2304.06372). Signorini's condition and Coulomb's law hold
+    at the end of the step; ``recursions.contact.contact`` finds the impulses point by point.
 
     model     Model
     contacts  Contacts of this model
@@ -49,10 +51,10 @@ def contact_step(
         q, v      (..., nq), (..., nv)  after the step, q⁺ = q ∘ exp(dt v⁺)
         impulse   (..., k, 3)  on each of the k points, in the world's axes [N s]
         gap       (..., k)     distance of each sphere from the ground before the step, negative in it [m]
-        residual  (...)        by how much the impulses miss the law at worst [m/s]: at most the contacts'
-                  tolerance where the step is solved
-    A step is a function of its state alone. ``simulate`` and ``rollout`` take the same steps, but for floating and
-    planar joints: -dt ω × v is in v here, there their linear velocity turns with the body after the step.
+        residual  (...)        largest violation of the law by the impulses [m/s]: at most the contacts' tolerance where
+                  the step is solved
+    A step depends on its state alone. ``simulate`` and ``rollout`` take the same steps: the linear velocity of floating
+    and planar joints is that in the axes at the beginning, turned with the body.
     Raises
         SimulationError for a dt that is no number above 0
         InertiaError naming a joint with zero articulated inertia, such as that of a massless leg
@@ -76,7 +78,11 @@ def contact_step(
     n, k, stops = model.nv, len(contacts), int(contacts.table.sizes["nl"])
     ends = np.cumsum([n, 3 * k, k, stops, k + stops])
     after, impulse, gap, _, residual, _ = np.split(out, ends, axis=-1)
-    moved = calls["integrate"](model, q, h * after)
+    if {int(x) for x in model.bodies["kind"]}.isdisjoint((*SE2, *SE3)):
+        moved = calls["integrate"](model, q, h * after)
+    else:
+        found = checked_call(TURN, model, (np.zeros(n), after, np.full(1, h)), (), None)
+        after, moved = found[..., :n].copy(), calls["integrate"](model, q, found[..., n:])
     worst = abs(residual).max(axis=-1, initial=0.0)
     return ContactStep(
         moved, after, impulse.reshape((*impulse.shape[:-1], k, 3)), gap, worst if worst.shape else float(worst)
@@ -95,7 +101,7 @@ def contact_gaps(model: Model, contacts: Contacts, q: ArrayLike) -> Array:
     contacts  Contacts of this model
     q         (..., nq)  joint positions [rad | m]
 
-    Returns gap (..., k) [m], negative in the ground: what a floating base has to rise or sink by for its feet to touch
+    Returns gap (..., k) [m], negative in the ground: how far a floating base has to sink for its feet to touch
     Raises  as ``contact_step``
 
     >>> import spatialdyn as sd

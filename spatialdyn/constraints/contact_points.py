@@ -28,14 +28,14 @@ SIZES = ("np", "nl", "nd")
 
 @dataclass(frozen=True)
 class Plane:
-    """Flat ground: the points x with normal·x = height; bodies are on the side of the normal.
+    """Flat ground: the points x with normal·x = height; bodies are on the side to which the normal points.
 
     normal  (3,) in the world, of any length but 0
     height  [m] along the normal, from the world's origin
 
-    A body at rest on a plane along the axes, as that of z = 0, has a velocity of 0 to the bit where gravity leans; on a
-    leaning plane its entries are rounding, some 1e-18 m/s, for its directions are no axes of the world.
-    Raises  ConstraintError for a normal of no direction, or a height that is not finite
+    Where gravity is inclined, a body at rest on a plane whose normal is an axis of the world, such as z = 0, has a
+    velocity of exactly 0; on an inclined plane it has rounding errors of some 1e-18 m/s.
+    Raises  ConstraintError for a normal that is 0 or not finite, or a height that is not finite
 
     >>> import spatialdyn as sd
     >>> sd.Plane(normal=(0.0, 0.0, 2.0)).normal
@@ -57,16 +57,16 @@ class Plane:
 
 
 class Heightfield:
-    """Ground given by heights on a grid: bilinear between them, level beyond the rim. Immutable, hashed by content.
+    """Ground given by heights on a grid: bilinear in between, level beyond the edge. Immutable, hashed by content.
 
     z        (nx, ny)  heights [m] at x = origin[0] + i spacing, y = origin[1] + j spacing, at least 2 each way
     spacing  [m]
     origin   (2,) [m]
 
-    A sphere touches where it is nearest: its centre moves over heights of its own, those of the ground dilated by its
-    radius, which are computed at the same grid with slopes between neighbours for the ground's. Programs have each
-    height in them, once for each radius: rollouts take up to 2048, ``simulate`` and ``contact_step`` any number, above
-    that by the table kernel.
+    A sphere touches where it is nearest. Its centre therefore moves over another surface, the ground dilated by its
+    radius, whose heights are computed on the same grid, from differences of neighbouring heights as slopes of the
+    ground. Programs contain each height, once for each radius: rollouts take up to 2048 heights, ``simulate`` and
+    ``contact_step`` any number, above that in the table kernel.
     Raises  ConstraintError for heights that are not finite or no grid, a spacing that is not above 0, another origin
 
     >>> import numpy as np, spatialdyn as sd
@@ -117,21 +117,21 @@ class Heightfield:
 class Contacts:
     """Points of a robot that may touch the ground, with friction: immutable, hashed by content.
 
-    Bodies have no shapes here, so nothing is searched for: each point is the centre of a sphere at a frame that the
-    caller names, a foot, a corner or a wheel's rim, and touches the ground alone, no other body.
+    Bodies have no shapes here, so there is no collision detection: each point is the centre of a sphere at a frame that
+    the caller names (a foot, a corner, a wheel's rim), and touches the ground only, no other body.
 
     model        Model; with mimic joints its limits alone
     points       {frame: radius of its sphere [m]}, 0 for the frame's origin itself
     friction     Coulomb's coefficient μ: a number, or {frame: number} for all points
-    restitution  from 0 to 1, in the same form, by Poisson's law: a point that hits faster than 0.01 m/s is pushed back
-                 by that share of the impulse that brought it to rest; without friction it leaves at that share of its
-                 speed. No hit makes energy
+    restitution  from 0 to 1, in the same form, by Poisson's law: a point that hits faster than 0.01 m/s receives that
+                 share of the impulse that brought it to rest once more; without friction it leaves at that share of its
+                 speed. No hit adds energy
     terrain      ``Plane``, that of z = 0 if left out, or ``Heightfield``
-    tolerance    of a step: by how much points and joints may miss their laws [m/s | rad/s]; of a box that creeps down
-                 an incline on which it just sticks, 1e-8 leaves a thousandth of what 1e-6 does. In float32 1e-4 is the
-                 least that rounding allows
-    steps        most of Newton's steps in a round of solving, where sweeps over the points do not reach the tolerance
-    rounds       most rounds, of sweeps and steps each; a step that is not solved then has a larger residual
+    tolerance    largest violation of their laws by points and joints in a step [m/s | rad/s]. A box that just sticks on
+                 an incline creeps at 1e-8 a thousandth as fast as at 1e-6. In float32 1e-4 is the least that rounding
+                 allows
+    steps        limit of Newton steps in a round of solving, where sweeps over the points do not reach the tolerance
+    rounds       limit of rounds, each of sweeps and Newton steps; one not solved by then has a larger residual
 
     names, radii              of the points (np)
     friction, restitution     (np,), as arrays
@@ -240,11 +240,11 @@ class Contacts:
             object.__setattr__(self, name, value)
 
     def with_limits(self) -> Contacts:
-        """These contacts, and the position limits of joints of one coordinate, which stop there without bouncing."""
+        """These contacts with the position limits of joints of one coordinate, which do not bounce."""
         return _limited(*self._given())
 
     def with_dry(self, dry: NDArray[np.bool_]) -> StaticTable:
-        """The table, and a row for each freedom of ``dry`` (nv,), True or False, that has none."""
+        """The table with a row added for each freedom that is True in ``dry`` (nv,) and has no row yet."""
         if not isinstance(dry, np.ndarray) or dry.dtype != bool or dry.shape != (self.model.nv,):
             raise ConstraintError(f"dry is {dry!r}, expected an array of {self.model.nv} of True and False")
         rows = self.table.rows
@@ -259,7 +259,7 @@ class Contacts:
 
     @property
     def tables(self) -> tuple[StaticTable, ...]:
-        """What recursions take: of contacts, and of heights if there are some."""
+        """The StaticTables that recursions take: that of contacts, and that of heights if there are any."""
         return (self.table,) if self.ground is None else (self.table, self.ground)
 
     @property
@@ -270,7 +270,7 @@ class Contacts:
 
     @property
     def labels(self) -> tuple[str, ...]:
-        """What messages call the points and joints, (np + nl)."""
+        """Names of the points and joints in messages, (np + nl)."""
         return tuple([f'point "{x}"' for x in self.names] + [f'limits of joint "{x}"' for x in self.stops])
 
     def __setattr__(self, name: str, value: Any) -> None:

@@ -39,8 +39,9 @@ def constrained_dynamics_derivatives(
 ) -> ConstrainedDerivatives:
     """Derivatives of the forward dynamics under constraints, ``a, force = constrained_dynamics(...)[:2]``.
 
-    Source: M a + h = tau + Jᵀ force and J a + J̇ v = 0 are differentiated, h by ``rnea_derivatives``, the rows of J by
-    ``recursions.constraints.constraint_derivatives``; what follows is M x - Jᵀ y = r, J x = s for each column.
+    Source: the derivative of M a + h = tau + Jᵀ force and J a + J̇ v = 0, with that of h by ``rnea_derivatives`` and
+    those of the rows of J by ``recursions.constraints.constraint_derivatives``; each column solves M x - Jᵀ y = r, J x
+    = s.
 
     model          Model
     constraints    Constraints of this model
@@ -52,7 +53,7 @@ def constrained_dynamics_derivatives(
 
     Returns ConstrainedDerivatives (da_dq, da_dv, da_dtau, dforce_dq, dforce_dv, dforce_dtau), (..., nv, nv) and
     (..., nc, nv), by q along integrate(q, e_k). Equations that depend on others have forces of 0, whose derivatives are
-    0; where the rank changes there are no derivatives, and those of the equations kept there are returned.
+    0. Where the rank changes there is no derivative; that of the equations kept there is returned.
     Raises  as ``constrained_dynamics``
 
     >>> import spatialdyn as sd

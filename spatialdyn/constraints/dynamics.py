@@ -62,7 +62,7 @@ def constraint_jacobian(model: Model, constraints: Constraints, q: ArrayLike) ->
 
 
 def constraint_error(model: Model, constraints: Constraints, q: ArrayLike) -> Array:
-    """How far constraints are from being met: φ(q), with φ̇ = J v; 0 for equations of velocities.
+    """Errors φ(q) of constraints, with φ̇ = J v; 0 for equations of velocities.
 
     model        Model
     constraints  Constraints of this model
@@ -101,7 +101,7 @@ def constraint_drift(model: Model, constraints: Constraints, q: ArrayLike, v: Ar
 
 
 def delassus(model: Model, constraints: Constraints, q: ArrayLike) -> Array:
-    """Delassus' matrix G = J M⁻¹ Jᵀ: the change of J v that a unit impulse on each equation makes.
+    """Delassus' matrix G = J M⁻¹ Jᵀ: column i is the change of J v by a unit impulse on equation i.
 
     model        Model
     constraints  Constraints of this model

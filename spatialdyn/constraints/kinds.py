@@ -99,7 +99,7 @@ class WeldConstraint(Constraint):
     at_a, at_b  (3,) or (4, 4) in their frames, or in the world; the frames themselves if left out [m]
     name        for messages
 
-    Equations: the position of a from b, in b's axes, then the sine of the angle of its turn, times its axis. Their
+    Equations: the position of a from b, in b's axes, then the axis of its rotation times the sine of the angle. Their
     force is on a's body [N, N m]. At half a turn the sine is 0 too: ``project_configuration`` refuses that.
     Raises  ConstraintError for other places or names
     """
@@ -117,7 +117,7 @@ class WeldConstraint(Constraint):
 
 @dataclass(frozen=True)
 class HingeConstraint(Constraint):
-    """Frame_a turns about an axis in frame_b, or in the world, and does not move otherwise: the pin of a loop.
+    """Frame_a turns about an axis fixed in frame_b, or in the world, and moves in no other way: the pin of a loop.
 
     frame_a     name of a frame
     frame_b     name of another; the world if left out
@@ -200,7 +200,7 @@ class CouplerConstraint(Constraint):
 
 @dataclass(frozen=True)
 class RollingConstraint(Constraint):
-    """A wheel, or a sphere, rolls on a plane without slipping: the point of the body on the ground is at rest.
+    """A wheel, or a sphere, rolls on a plane without slipping: its point of contact is at rest.
 
     frame   name of the frame in the wheel's centre
     axis    (3,) the wheel's axis in the frame, of any length; None for a sphere
@@ -208,8 +208,8 @@ class RollingConstraint(Constraint):
     normal  (3,) of the plane, upward, in the world
     name    for messages
 
-    Equations, of velocities alone: that of the lowest point of the rim, in world axes. Their force is the ground's on
-    the wheel [N]. A wheel that lies flat has no lowest point.
+    Equations, of velocities only: the velocity of the lowest point of the rim is 0, in world axes. Their force is the
+    ground's on the wheel [N]. A wheel that lies flat has no lowest point.
     Raises  ConstraintError for other axes, radii or names
     """
 

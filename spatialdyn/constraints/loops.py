@@ -24,7 +24,7 @@ DEPENDENT = 1e-9  # singular value, of the largest, below which equations count 
 
 
 class Mobility(NamedTuple):
-    """How many velocities are free, how many equations are independent, and Grübler's count nv - nc."""
+    """Number of free velocities, number of independent equations, and Grübler's count nv - nc."""
 
     free: int
     rank: int
@@ -165,7 +165,7 @@ def mobility(model: Model, constraints: Constraints, q: ArrayLike) -> Mobility:
 
 
 def independent_joints(model: Model, constraints: Constraints, q: ArrayLike) -> tuple[int, ...]:
-    """Indices of velocities that determine all others under constraints: coordinates of the mechanism near q.
+    """Indices of independent velocities: those that determine all others under the constraints near q.
 
     Source: after Wehage and Haug, Generalized coordinate partitioning for dimension reduction in analysis of
     constrained dynamic systems (1982), by elimination with complete pivoting.

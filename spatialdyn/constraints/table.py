@@ -110,13 +110,13 @@ class Constraints:
 
     @classmethod
     def of_toml(cls, model: Model, text: str) -> Constraints:
-        """The constraints of a TOML text, such as a file beside the URDF, which has no loops of its own.
+        """The constraints of a TOML text, such as a file beside the URDF, in which loops cannot be written.
 
         Each is an entry ``[[constraint]]`` with its kind (point, weld, hinge, distance, coupler, rolling or velocity)
         and the arguments of that kind by name.
 
-        Raises  ConstraintError for what is no such text, naming the entry and its key; SpatialDynError before Python
-                3.11, which reads no TOML; otherwise as the class
+        Raises  ConstraintError naming the entry and its key for any other text; SpatialDynError before Python 3.11,
+                which cannot read TOML; otherwise as the class
 
         >>> import spatialdyn as sd
         >>> text = '[[constraint]]\\nkind = "coupler"\\njoint = "joint2"\\nto = "joint1"\\nratio = -2'
@@ -141,7 +141,8 @@ class Constraints:
 
     @classmethod
     def of_entries(cls, model: Model, entries: Any) -> Constraints:
-        """The constraints of entries ``[[constraint]]`` that are read: dicts as ``of_toml`` has them; errors as there.
+        """The constraints of entries ``[[constraint]]`` that are parsed already, as dicts; keys and errors are those of
+        ``of_toml``.
 
         >>> import spatialdyn as sd
         >>> entry = {"kind": "point", "frame_a": "tip", "axes": "x"}
@@ -158,12 +159,12 @@ class Constraints:
         """The active equalities of an MJCF text, ``<mujoco>`` or its ``<equality>``, on a robot with the same names.
 
         text  with ``connect``, ``weld`` and ``joint``; a body, or a site, is the frame of that name
-        q     (nq,)  the configuration in which loops are closed, where the text leaves that to the model's beginning,
-              MuJoCo's qpos0; the neutral one if left out [rad | m]
+        q     (nq,)  the configuration in which loops are closed, where the text leaves that to MuJoCo's qpos0; the
+              neutral one if left out [rad | m]
 
         Constraints are rigid: ``solref``, ``solimp`` and ``torquescale``, which make them soft, are left out.
         Raises  ConstraintError naming element and line for other equalities, such as tendons, a curved ``polycoef``, a
-                joint that is held at a number, and what is no such text; otherwise as the class
+                joint that is held at a number, and any other text; otherwise as the class
 
         >>> import spatialdyn as sd
         >>> text = '<equality><joint joint1="joint2" joint2="joint1" polycoef="0.1 -2"/></equality>'

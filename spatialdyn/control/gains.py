@@ -16,6 +16,7 @@ from ..laws.control import Control
 from ..model.model import Model
 from ..simulation.rollouts import rollout
 from ..simulation.scene import Scene, scene_of
+from ..simulation.stiff_laws import joint_of_mode
 from .laws import StateFeedback
 
 Array = NDArray[np.float64]
@@ -30,12 +31,12 @@ class Gains(NamedTuple):
 
 
 def critical_gains(omega: ArrayLike, zeta: ArrayLike = 1.0) -> Gains:
-    """Kp = ω², Kd = 2 ζ ω of ``ComputedTorque``: errors of frequency ω and damping ζ, critical at ζ = 1.
+    """Kp = ω², Kd = 2 ζ ω of ``ComputedTorque``: errors have frequency ω and damping ratio ζ, critical at 1.
 
     omega  number or (nv,), above 0 [rad/s]
     zeta   number or (nv,), above 0
 
-    For ``PD`` and its kin multiply both by the diagonal of M where it is largest. With a torque held over steps of
+    For ``PD`` and laws like it multiply both by the diagonal of M at its largest. With a torque held over steps of
     semi_implicit_euler such a mode is stable below ``largest_step``.
     Raises SpatialDynError, ShapeError
 
@@ -78,8 +79,8 @@ def _positive(name: str, value: ArrayLike) -> Array:
 def gravity_stiffness_bound(model: Model, samples: int = 1000, seed: int = 0) -> float:
     """The largest slope of gravity, max ‖∂g/∂q‖₂ [N m/rad], of random configurations within the limits.
 
-    PD with the constant g(q_d) rests at q_d alone if the least eigenvalue of Kp is above the true maximum. This one is
-    sampled, and so a little below it; with g(q) (``PDGravity``) any Kp above 0 will do.
+    With PD and the constant g(q_d), q_d is the only equilibrium if the least eigenvalue of Kp is above the true
+    maximum. The sampled one is a little below it. With g(q) (``PDGravity``) any Kp above 0 is enough.
 
     Raises SpatialDynError
 
@@ -96,7 +97,7 @@ def gravity_stiffness_bound(model: Model, samples: int = 1000, seed: int = 0) ->
 
 
 class LQR(NamedTuple):
-    """K (m, n), P (n, n) and the closed poles (n,); ``feedback(q, v, tau)`` is the law."""
+    """K (m, n), P (n, n) and the poles (n,) of the closed loop; ``feedback(q, v, tau)`` is the law."""
 
     K: Array
     P: Array
@@ -106,15 +107,16 @@ class LQR(NamedTuple):
     def feedback(
         self, q: ArrayLike, v: ArrayLike | None = None, tau: ArrayLike | None = None, joints: ArrayLike | None = None
     ) -> StateFeedback:
-        """The law tau = tau₀ - K (q ⊖ q₀, v - v₀), of the freedoms ``joints`` if K is of some alone."""
+        """The law tau = tau₀ - K (q ⊖ q₀, v - v₀); ``joints`` are the freedoms that K drives, if not all."""
         return StateFeedback(self.K, q, v, tau, joints, held=self.discrete)
 
 
 def lqr(A: ArrayLike, B: ArrayLike, Q: ArrayLike, R: ArrayLike, *, discrete: bool = False) -> LQR:
-    """The gain of least ∫ xᵀQx + uᵀRu along ẋ = A x + B u, u = -K x, or of least sum of a step's, x⁺ = A x + B u.
+    """The gain K of u = -K x that minimizes ∫ xᵀQx + uᵀRu along ẋ = A x + B u, or the sum along x⁺ = A x + B u.
 
-    A (n, n), B (n, m)  as ``linearize`` gives them; of a robot with fewer motors the columns of those, B[:, [0]]
-    Q (n, n), R (m, m)  symmetric, Q not negative, R positive
+    A (n, n), B (n, m)  as ``linearize`` returns them; for a robot with fewer motors than freedoms the columns of its
+                        motors, B[:, [0]]
+    Q (n, n), R (m, m)  symmetric, Q positive semidefinite, R positive definite
     discrete            whether A and B are those of a step
 
     SciPy solves Riccati's equation. Raises  SpatialDynError naming the eigenvalue of Q or R, or for a system that no
@@ -155,7 +157,7 @@ def lqr(A: ArrayLike, B: ArrayLike, Q: ArrayLike, R: ArrayLike, *, discrete: boo
     try:
         P = solve(a, b, q, r)
     except (np.linalg.LinAlgError, ValueError) as error:
-        raise SpatialDynError(f"no feedback stabilizes A, B ({error}), expected a system that motors reach") from error
+        raise SpatialDynError(f"no feedback stabilizes A, B ({error}), expected a stabilizable system") from error
     K = np.linalg.solve(r + b.T @ P @ b, b.T @ P @ a) if discrete else np.linalg.solve(r, b.T @ P)
     return LQR(K, P, np.linalg.eigvals(a - b @ K), discrete)
 
@@ -165,7 +167,7 @@ class ClosedStep(NamedTuple):
 
     A       (2 nv, 2 nv)  δx⁺ = A δx, δx = (δq, δv)
     radius  the largest |eigenvalue|: errors grow by it in each step if it is above 1
-    joint   the name of the joint that moves most in that mode
+    joint   the name of the joint that takes most part in that mode
     """
 
     A: Array
@@ -184,13 +186,13 @@ class ClosedStep(NamedTuple):
 def closed_step(
     scene: Scene | Model, law: Control, q: ArrayLike, v: ArrayLike, dt: float, method: str | None = None
 ) -> ClosedStep:
-    """How errors move in a step of a scene under a law, by central differences of the step itself at its first time.
+    """How errors evolve in a step of a scene under a law, by central differences of the first step of a run.
 
     scene, method  of smooth effects, as of ``rollout``; method left out: ``scene.method``
-    q (nq,), v (nv,)  the state, of a law of a path that at its beginning
+    q (nq,), v (nv,)  the state; for a law that follows a path, that at its beginning
     dt  [s]
 
-    States of the law's own start as they do in a run. Raises SimulationError, ShapeError as ``rollout``
+    The law's own states start as they do in a run. Raises SimulationError, ShapeError as ``rollout``
 
     >>> import spatialdyn as sd
     >>> model = sd.load_urdf("pendulum")
@@ -222,7 +224,5 @@ def closed_step(
     A = moved.T / (2.0 * DELTA)
     values, vectors = np.linalg.eig(A)
     worst = int(abs(values).argmax())
-    share = abs(vectors[:n, worst]) + h * abs(vectors[n:, worst])
-    k = int(share.argmax())
-    joint = next(x.name for x in model.joints[1:] if x.idx_v <= k < x.idx_v + x.nv)
+    joint = joint_of_mode(model, A, values[worst], vectors[:, worst])
     return ClosedStep(A, float(abs(values[worst])), joint)

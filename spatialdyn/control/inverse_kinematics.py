@@ -23,8 +23,11 @@ from ..recursions.spec import LOCAL_WORLD_ALIGNED, Argument, Spec
 from .programs import repeated
 
 Array = NDArray[np.float64]
-CONVERGED, STUCK, EXHAUSTED = "converged", "stuck", "exhausted"  # why a search stopped
+WHY = np.array(["converged", "stuck", "exhausted"])  # a search stopped
+CONVERGED, STUCK, EXHAUSTED = range(3)
+BEYOND = 1e300  # rad, m: of a joint without limits
 STEPS, PROGRESS = 6, 0.9  # steps within which the residual has to fall to this part of what it was
+FILL = 128  # attempts side by side: fewer take hardly less time
 SAME = 1e-4  # rad, m: solutions that differ by less are one
 RIGID = 1e-6  # of the rows of a target's rotation
 
@@ -37,7 +40,8 @@ class IKResult(NamedTuple):
     converged   (...)      whether both are within the tolerance
     iterations  (...)      steps, of all starts together
     starts      (...)      starts that were tried
-    why         (...)      "converged", or of the best start "stuck" where its steps got nowhere, "exhausted" otherwise
+    why         (...)      "converged"; otherwise of the best start "stuck" if its steps made no progress, "exhausted"
+                if they ran out
     solutions   a list of the distinct (k, nq) of each target, flat, if all were asked for, else None
     """
 
@@ -74,13 +78,13 @@ def solve_ik(
     all_solutions  whether every start is tried, and all distinct configurations that they find are returned
 
     Damped Gauss-Newton steps on the joints' group, the targets side by side on SIMD lanes; a start whose residual no
-    longer falls is given up. What a target gets does not depend on the others. Redundant robots have infinitely many
-    solutions, of which a few are found. For whole tasks with priorities, velocity limits and collisions see pink
-    or mink.
+    longer falls is abandoned. The result for a target does not depend on the others. Redundant robots have infinitely
+    many solutions, of which a few are found. For tasks with priorities, velocity limits and collisions see pink or
+    mink.
 
     Returns IKResult.
-    Raises  ModelError for an unknown frame; ShapeError, NonFiniteError; SpatialDynError for a target whose rotation is
-            none, and for settings out of range
+    Raises  ModelError for an unknown frame; ShapeError, NonFiniteError; SpatialDynError for a target that is no pose,
+            and for settings out of range
     Source  Sugihara, Solvability-unconcerned inverse kinematics by the Levenberg-Marquardt method (2011).
 
     >>> import numpy as np, spatialdyn as sd
@@ -114,7 +118,7 @@ def solve_ik(
     search = _Search(model, _spec(sizes), frames, lead, limits, near, steps)
     found, solutions = search.run(first, others, all_solutions)
     q, residual, count, starts, why = (x.reshape((*batch, *x.shape[1:])) for x in found)
-    return IKResult(q, residual, why == CONVERGED, count, starts, why, solutions)
+    return IKResult(q, residual, why == WHY[CONVERGED], count, starts, why, solutions)
 
 
 def _targets(model: Model, targets: Any) -> tuple[tuple[Any, ...], Array, tuple[int, ...]]:
@@ -202,6 +206,68 @@ def _spec(sizes: tuple[int, ...]) -> Spec:
 # --- the search -----------------------------------------------------------------------------------------
 
 
+class _Attempts(NamedTuple):
+    """Ways to targets: n of them.
+
+    target, start  (n,) which target, from which of its starts
+    state          (n, nq + 2) where they are, and what was left before
+    step, steps    (n,) steps taken, and those that it took to where they are best
+    least          (n,) the least residual of earlier rounds
+    q, left        (n, nq), (n, 2) where they were best, and what was left there
+    why            (n,) why they are over, of WHY
+    """
+
+    target: NDArray[np.intp]
+    start: NDArray[np.intp]
+    state: Array
+    step: NDArray[np.intp]
+    steps: NDArray[np.intp]
+    least: Array
+    q: Array
+    left: Array
+    why: NDArray[np.intp]
+
+    @classmethod
+    def of(cls, target: NDArray[np.intp], start: NDArray[np.intp], q: Array) -> _Attempts:
+        """Attempts that begin at q (n, nq)."""
+        n, none = len(q), np.zeros(len(q), np.intp)
+        state, inf = np.concatenate([q, np.zeros((n, 2))], 1), np.full((n, 2), np.inf)
+        return cls(target, start, state, none, none, inf[:, 0], q, inf, np.full(n, EXHAUSTED))
+
+    @classmethod
+    def all(cls, parts: list[_Attempts]) -> _Attempts:
+        """Some attempts and others."""
+        return cls(*(np.concatenate(x) for x in zip(*parts, strict=True)))
+
+    def some(self, chosen: NDArray[Any]) -> _Attempts:
+        """Those chosen, by a mask or by indices."""
+        return _Attempts(*(x[chosen] for x in self))
+
+    def beside(self, other: _Attempts) -> _Attempts:
+        """These and others."""
+        return _Attempts.all([self, other]) if len(other.target) else self
+
+    def moved(self, after: Array, tolerance: float, most: int) -> tuple[_Attempts, NDArray[np.bool_]]:
+        """The attempts after steps (n, STEPS, nq + 2), and which of them are over."""
+        n, nq = len(self.q), self.q.shape[1]
+        rest, row = np.sqrt(after[:, :, nq:]), np.arange(n)
+        size = rest.max(2)
+        size[np.isnan(size)] = np.inf
+        good = size <= tolerance
+        done = good.any(1)
+        k = np.where(done, good.argmax(1), size.argmin(1))  # of the states before the steps, the one to keep
+        lowest = size[row, k]
+        better = (lowest < self.left.max(1))[:, None]
+        where = np.where((k == 0)[:, None], self.state[:, :nq], after[row, k - 1, :nq])
+        q, left = np.where(better, where, self.q), np.where(better, rest[row, k], self.left)
+        stuck = ~done & ~(lowest < PROGRESS * self.least)
+        step = self.step + STEPS
+        why = np.where(done, CONVERGED, np.where(stuck, STUCK, EXHAUSTED))
+        steps, least = self.steps + np.where(done, k, STEPS), np.minimum(self.least, lowest)
+        made = self._replace(state=after[:, -1], step=step, steps=steps, least=least, q=q, left=left, why=why)
+        return made, done | stuck | (step >= most)
+
+
 class _Search(NamedTuple):
     """What a search for many targets needs: targets are (B, 16 K)."""
 
@@ -214,48 +280,49 @@ class _Search(NamedTuple):
     most: int
 
     def run(self, first: Array, others: Array, every: bool) -> tuple[list[Any], list[Array] | None]:
-        """(q, residual, iterations, starts, why) of each target: those that still move step side by side, each from
-        its first start, then from the others, one after another.
+        """(q, residual, iterations, starts, why) of each target, by its first start that converges, and all solutions.
+
+        Attempts, each of a target from one of its starts, step side by side. Where few are left others are begun before
+        it is known whether they are needed, and do not count if they are not: no result depends on the other targets.
         """
         model, B, nq = self.model, len(self.targets), self.model.nq
-        inf = np.full((1, nq), np.inf)
-        bounds = (model.lower[None].copy(), model.upper[None].copy()) if self.limits else (-inf, inf)
-        best, left, why = first.copy(), np.full((B, 2), np.inf), np.full(B, EXHAUSTED)
-        count, starts = np.zeros(B, np.intp), np.ones(B, np.intp)
+        ends = (model.lower, model.upper) if self.limits else (np.full(nq, -np.inf), np.full(nq, np.inf))
+        bounds = [np.clip(x, -BEYOND, BEYOND)[None] for x in ends]  # finite numbers, as lanes take them
+        begun, won = np.ones(B, np.intp), np.full(B, len(others) + 1)  # starts of each target; the first that converged
+        x = _Attempts.of(np.arange(B), np.zeros(B, np.intp), first)
+        over = [x.some(np.zeros(B, np.bool_))]
+        while len(x.target):
+            after = repeated(self.spec, model, self.frames, x.state, [self.targets[x.target]], bounds, STEPS)
+            x, ends_now = x.moved(after, self.tolerance, self.most)
+            over.append(x.some(ends_now))
+            done = ends_now & (x.why == CONVERGED)
+            np.minimum.at(won, x.target[done], x.start[done])
+            x = x.some(~ends_now & (every | (x.start < won[x.target])))
+            open_ = np.flatnonzero((begun <= len(others)) & (every | (won > len(others))))
+            idle = np.bincount(x.target, minlength=B)[open_] == 0
+            spare = max(0, (FILL - len(x.target) - int(idle.sum())) // max(1, len(open_)))
+            more = np.minimum(idle + spare, len(others) + 1 - begun[open_])
+            target = np.repeat(open_, more)
+            start = begun[target] + np.arange(len(target)) - np.repeat(np.cumsum(more) - more, more)
+            begun[open_] += more
+            x = x.beside(_Attempts.of(target, start, others[start - 1]))
+        return self._chosen(_Attempts.all(over), won, B, every)
+
+    def _chosen(self, x: _Attempts, won: NDArray[np.intp], B: int, every: bool) -> tuple[list[Any], list[Array] | None]:
+        """The results of attempts that are over."""
+        x = x.some(every | (x.start <= won[x.target]))
+        good = x.why == CONVERGED
+        order = np.lexsort((x.start, np.where(good, 0.0, x.left.max(1)), x.target))
+        best = x.some(order[np.unique(x.target[order], return_index=True)[1]])
+        counts = np.bincount(x.target, x.steps, B).astype(np.intp), np.bincount(x.target, minlength=B)
+        found = [best.q, best.left, *counts, WHY[best.why]]
+        if not every:
+            return found, None
         solutions: list[list[Array]] = [[] for _ in range(B)]
-        at, targets = np.arange(B), self.targets  # targets that still move
-        state = np.concatenate([first, np.zeros((B, 2))], 1)  # where they are, and what was left before
-        step, least = np.zeros(B, np.intp), np.full(B, np.inf)  # of their start
-        while len(at):
-            after = repeated(self.spec, model, self.frames, state, [targets, *bounds], STEPS)
-            rest = np.sqrt(after[:, :, nq:])
-            size = rest.max(2)
-            size[np.isnan(size)] = np.inf
-            good, row = size <= self.tolerance, np.arange(len(at))
-            done = good.any(1)
-            k = np.where(done, good.argmax(1), size.argmin(1))  # of the states before the steps, the one to keep
-            q = np.where((k == 0)[:, None], state[:, :nq], after[row, k - 1, :nq])
-            lowest = size[row, k]
-            better = lowest < left[at].max(1)
-            best[at[better]], left[at[better]] = q[better], rest[row, k][better]
-            stuck = ~done & ~(lowest < PROGRESS * least)
-            over = done | stuck | (step + STEPS >= self.most)
-            why[at[better]] = np.where(done, CONVERGED, np.where(stuck, STUCK, EXHAUSTED))[better]
-            count[at] += np.where(done, k, STEPS)
-            least, step, state = np.minimum(least, lowest), step + STEPS, after[:, -1]
-            if every:
-                for j in np.flatnonzero(done):
-                    self._add(solutions[at[j]], q[j])
-            again = np.flatnonzero(over & (every | ~done) & (starts[at] <= len(others)))
-            state[again, :nq] = others[starts[at[again]] - 1]
-            starts[at[again]] += 1
-            step[again], least[again] = 0, np.inf
-            goes = ~over
-            goes[again] = True
-            at, targets, state, step, least = at[goes], targets[goes], state[goes], step[goes], least[goes]
-        shape = (0, nq)
-        distinct = [np.array(x) if x else np.empty(shape) for x in solutions] if every else None
-        return [best, left, count, starts, why], distinct
+        for j in np.lexsort((x.start, x.target)):
+            if good[j]:
+                self._add(solutions[x.target[j]], x.q[j])
+        return found, [np.array(y) if y else np.empty((0, self.model.nq)) for y in solutions]
 
     def _add(self, known: list[Array], q: Array) -> None:
         difference: Any = calls["difference"]

@@ -36,7 +36,7 @@ class Law(Control):
         """Of the Spec of a law, its gains by name, and a Path, or arrays q_ref, v_ref and a_ref by name."""
         if isinstance(reference, Path):
             self.path = reference
-            spec, values, self.static = following(core, reference.spec), {**gains, **reference.values}, ()
+            spec, values, self.static = following(core, reference.spec), {**gains, **reference.rows}, ()
             self.checks = (reference.check_model,)
         else:
             given = {**gains, **{name: x for name, x in reference.items() if x is not None}}
@@ -54,16 +54,21 @@ def following(core: Spec, path: Spec) -> Spec:
 
     def recursion(rows: Any, *arrays: Any) -> None:
         given = dict(zip((x.name for x in inputs), arrays, strict=False))
-        tau, rate = arrays[len(inputs) :]
+        tau, *learnt, rate = arrays[len(inputs) :]
         nq, nv = len(given[Q.name]), len(given[V.name])
         q, v, a = np.split(evaluated(path, rows, (nq + 2 * nv,), given), [nq, nq + nv])
         known = {**given, "q_ref": q, "v_ref": v, "a_ref": a}
-        tau[:] = evaluated(core, rows, (nv,), {name: x for name, x in known.items() if name in wanted})
+        ends = np.cumsum([nv, *map(len, learnt)])
+        found = evaluated(core, rows, (ends[-1],), {name: x for name, x in known.items() if name in wanted})
+        for part, values in zip((tau, *learnt), np.split(found, ends[:-1]), strict=True):
+            part[:] = values
         rate[0] = 1.0
 
-    parts = TAU, Argument(CLOCK.name + RATE, (1,), "", "of the clock")
+    parts = (*(core.parts or (TAU,)), Argument(CLOCK.name + RATE, (1,), "", "of the clock"))
     name = f"{core.name}_on_{path.name}"
-    return Spec(name, recursion, None, inputs, TAU, core.summary, core.source, parts=parts, regroup=True, composed=True)
+    return Spec(
+        name, recursion, None, inputs, TAU, core.summary, core.source, parts=parts, regroup=core.regroup, composed=True
+    )
 
 
 def gain_of(name: str, value: ArrayLike, size: int, least: float | None = 0.0) -> Array:
@@ -150,6 +155,8 @@ class PD(Law):
             if isinstance(reference, Path):
                 raise SimulationError("v_ref is given beside a path, expected one of them")
             reference["v_ref"] = as_array("v_ref", v_ref)
+            if not np.isfinite(reference["v_ref"]).all():
+                raise NonFiniteError(f"v_ref is {reference['v_ref'].tolist()}, expected finite numbers")
         core = law_spec("pd", _is_matrix(one), _is_matrix(two))
         super().__init__(core, {"kp": one, "kd": two}, reference, held)
 
@@ -171,8 +178,8 @@ class Gravity(Law):
 
 
 class PDGravity(Law):
-    """PD with gravity at the robot's own q: tau = g(q) + Kp (q_d ⊖ q) - Kd v. The robot rests exactly at q_d, for any
-    Kp above 0: it is the law with the constant g(q_d) that needs a Kp above ``gravity_stiffness_bound``.
+    """PD with gravity at the robot's own q: tau = g(q) + Kp (q_d ⊖ q) - Kd v. The robot comes to rest exactly at q_d
+    for any Kp above 0. (PD with the constant g(q_d) needs a Kp above ``gravity_stiffness_bound``.)
 
     Kp, Kd  numbers, (nv,) or (nv, nv), above 0 [N m/rad | N/m], [N m s/rad | N s/m]
     q_d     (nq,), (T, nq) or (B, T, nq)  or a Path, of which the positions are taken
@@ -196,12 +203,12 @@ class PDGravity(Law):
 
 
 class EnergyShaping(Law):
-    """Energy shaping: tau = g(q) - ∂V_d/∂q - Kd v, which makes H_d = ½ pᵀM⁻¹p + V_d the energy, with Ḣ_d = -vᵀKd v.
+    """Energy shaping: tau = g(q) - ∂V_d/∂q - Kd v, under which H_d = ½ pᵀM⁻¹p + V_d is the energy, with Ḣ_d = -vᵀKd v.
 
     Kp, Kd     (nv,) or numbers; of "quadratic" (nv, nv) too, above 0
     q_d        (nq,)  where V_d has its minimum
     potential  "quadratic": V_d = ½ eᵀKp e, the law of ``PDGravity``. "cosine": V_d = Σ Kp (1 - cos e), whose torque is
-               bounded by Kp and which knows no turns: for joints whose position is one number
+               at most Kp and which is the same a full turn away: for joints whose position is one number
     held       as of ``Control``
 
     ``energy(model, q, v)`` is H_d, a Lyapunov function. Raises as ``PDGravity``

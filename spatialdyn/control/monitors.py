@@ -24,14 +24,14 @@ SUPPLIES = ("torque", "external")  # kinds of work that come from outside
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PassivityRecord:
-    """The energy that a robot stored and the work that it was given, from the first sample on; N samples.
+    """Energy that a robot stored and work done on it since the first sample; N samples.
 
     t          (N,)  time [s]
     stored     (N,)  change of the storage function, by default of T + V [J]
     supplied   (N,)  work of torques and external forces [J]
-    excess     (N,)  stored - supplied [J]: a passive robot never has it above 0, but for the method's error
+    excess     (N,)  stored - supplied [J]: never above 0 for a passive robot, but for the method's error
     worst, at  the largest excess [J], and its time [s]
-    error      the largest error of the method's steps in the energy [J]: what an excess may come from
+    error      the largest error of the method's steps in the energy [J], to compare an excess with
     dt         [s]
     """
 
@@ -66,10 +66,11 @@ class PassivityRecord:
 
 
 def passivity(run: Trajectory, storage: Any = None) -> PassivityRecord:
-    """Whether a robot stored no more energy than it was given: V(t) - V(0) <= ∫ vᵀτ dt + work of external forces.
+    """Whether a robot stored no more energy than was supplied: V(t) - V(0) <= ∫ vᵀτ dt + work of external forces.
 
-    run      of ``simulate(..., record="work")``: the work is a state of the same method, so that what is left is the
-             method's own error; the trapezoidal rule on samples would find violations of order 2 in rk4's motions
+    run      result of ``simulate(..., record="work")``, in which the method integrates the work as a state, so that
+             only the method's own error remains; the trapezoidal rule on samples would find violations of order 2 in
+             motions of rk4
     storage  (N,) another storage function on the samples, or a function of (t, q, v) of all samples [J]
 
     Raises  SimulationError for a motion without recorded work; ShapeError, NonFiniteError
@@ -100,7 +101,7 @@ class LyapunovRecord:
     t, value  (N,)  time [s] and its value
     rise      the largest rise from one sample to the next, 0 if it never rises
     first     the time of the first rise above ``rounding`` [s], None if there is none
-    rounding  below which a rise counts as none
+    rounding  rises below it do not count
     """
 
     t: Array

@@ -23,15 +23,16 @@ Array = NDArray[np.float64]
 
 
 class MomentumObserver:
-    """The torque on each joint that motors, gravity and inertia do not explain: contacts, from encoders alone.
+    """The torque on each joint that motors, gravity and inertia do not explain: contacts, sensed by encoders alone.
 
     model  without joints that mimic others
     gain   K, above 0, a number or (nv,) [1/s]: the residual follows the torque like 1 - exp(-K t)
     dt     time between updates [s]
 
     ``update(q, v, tau)`` returns the residual (..., nv) [N m | N], with axes of samples if its arguments have some. It
-    equals K times the filtered torque, ṙ = K (τ_ext - r), to order 2 in dt, in every joint, floating bases included.
-    Whatever is not in tau or the model is in the residual: friction and motors' losses belong into tau.
+    follows the external torque as a first-order filter, ṙ = K (τ_ext - r), to order 2 in dt, in every joint, floating
+    bases included. Everything that is neither in tau nor in the model appears in the residual: subtract friction and
+    motors' losses from tau.
     ``momentum_observer_step`` is one step as a function; ``kernel`` is for loops in ``@njit``, and
     ``sd.specialize(model, sd.momentum_observer_step).c_code()`` is C code.
 
@@ -67,14 +68,14 @@ class MomentumObserver:
         return f"<MomentumObserver of {self.model.name}: gain {self.gain.tolist()} 1/s, dt {self.dt:g} s>"
 
     def reset(self) -> None:
-        """Forget what was seen: the next update begins anew."""
+        """Forget all updates: the next one is the first again."""
         self.memory = None
 
     def update(self, q: ArrayLike, v: ArrayLike, tau: ArrayLike) -> Array:
         """The residual (..., nv) at a state q (..., nq), v (..., nv) whose motors give tau (..., nv).
 
-        The first update begins at rest from contacts, with a residual of 0. Raises ShapeError, NonFiniteError; the
-        observer is then as it was.
+        The first update takes the robot as free of contact, with a residual of 0. Raises ShapeError, NonFiniteError,
+        which leave the observer as it was.
         """
         n = self.model.nv
         given = as_finite("q", q), as_finite("v", v), as_finite("tau", tau)
@@ -99,7 +100,7 @@ class MomentumObserver:
 def momentum_observer_step(
     model: Model, q: ArrayLike, v: ArrayLike, tau: ArrayLike, gain: ArrayLike, dt: ArrayLike, memory: ArrayLike
 ) -> Array:
-    """The memory (..., 3 nv) of a momentum observer after a step: p₀ + ∫(β + r), the rate β and the residual r.
+    """The memory (..., 3 nv) of a momentum observer after a step: p₀ + ∫(β + r) dt, the rate β and the residual r.
 
     q, v, tau  (..., nq), (..., nv), (..., nv)  at the end of the step
     gain       (..., nv) [1/s]
@@ -132,9 +133,9 @@ def _plain(model: Model, what: str) -> Model:
 
 
 def detection_thresholds(residuals: ArrayLike, sigmas: float = 6.0) -> Array:
-    """Residuals (nv,) beyond which something touches: |mean| + sigmas times the deviation in motions without contact.
+    """Thresholds (nv,) of a residual: |mean| + sigmas times the standard deviation in motions without contact.
 
-    residuals  (..., N, nv)  of free motion, of a robot as it will run: with its friction and its errors of the model
+    residuals  (..., N, nv)  of motions without contact, with the friction and model errors that the robot will have
 
     Raises ShapeError, SpatialDynError
 
@@ -157,10 +158,10 @@ def detection_thresholds(residuals: ArrayLike, sigmas: float = 6.0) -> Array:
 class ContactWrench(NamedTuple):
     """A wrench on a frame.
 
-    wrench   (..., 6)  force and torque at the frame's origin, in its axes [N | N m]: the least of those that
-             give the residual, in the metric of lengths
-    rank     (...)     how many of its six directions the joints can tell
-    missing  (..., 6, 6)  rows: directions that they cannot, the others 0
+    wrench   (..., 6)  force and torque at the frame's origin, in its axes [N | N m]: of those that give the residual,
+             the least in the norm that ``length`` weights
+    rank     (...)     how many of its six directions the joint torques determine
+    missing  (..., 6, 6)  rows: the directions that they do not determine; the other rows are 0
     error    (..., nv) torques that no wrench on this frame explains [N m | N]
     """
 
@@ -173,11 +174,11 @@ class ContactWrench(NamedTuple):
 def contact_wrench(
     model: Model, q: ArrayLike, residual: ArrayLike, frame: str, *, least: bool = False, length: float = 0.3
 ) -> ContactWrench:
-    """The wrench on a frame that gives a residual of ``MomentumObserver``: Jᵀ F = r.
+    """The wrench F on a frame that explains a residual r of ``MomentumObserver``: Jᵀ F = r.
 
     q         (..., nq), residual (..., nv)
-    least     whether the least wrench is wanted where the joints cannot tell all six directions of it
-    length    [m]  by which torques are compared with forces
+    least     whether to return the least such wrench where the joint torques do not determine all of it
+    length    [m]  that weights moments against forces in "least"
 
     Raises  ConstraintError where the joints determine fewer than six directions and ``least`` is not given, with
             their names; ModelError, ShapeError
@@ -207,8 +208,8 @@ def contact_wrench(
         blind = U[at][:, int(rank[at]) :].T / scale
         what = "; ".join(str((x / abs(x).max()).round(3).tolist()) for x in blind)
         raise ConstraintError(
-            f'the joints upstream of "{frame}" tell {int(rank[at])} of 6 directions of a wrench, expected 6: blind to '
-            f"{what} (force, torque in its axes); least=True gives the least wrench"
+            f'the joints upstream of "{frame}" determine {int(rank[at])} of 6 directions of a wrench, '
+            f"expected 6: they miss {what} (force, torque in its axes); least=True gives the least wrench"
         )
     way = np.einsum("...ij,...j->...i", Vt, r)[..., :k]
     gains = np.where(told, way / np.where(told, s, 1.0), 0.0)

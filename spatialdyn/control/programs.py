@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
@@ -19,27 +20,6 @@ from ..model.model import Model
 from ..recursions.spec import Spec
 
 Array = NDArray[np.float64]
-FROM = 64  # samples from which a kernel is compiled; fewer are computed by NumPy, to the same bits
-
-
-def columns(
-    spec: Spec, model: Model, static: tuple[Any, ...], inputs: Sequence[Array], samples: int, compiled: bool = False
-) -> Array:
-    """The output (samples, columns) of a Spec at inputs (samples or 1, columns) in C order.
-
-    compiled  by its kernel, however few the samples are: of calls in loops
-    """
-    made, kernel = _recorded(spec, model, hashable(static)), None
-    out = np.empty((samples, sum(map(len, made.layout.outputs))))
-    if samples and (compiled or samples >= FROM):
-        kernel = _kernel(spec, model, hashable(static))
-    left = None if kernel is None else kernel(inputs, (out,))
-    again = np.arange(samples) if left is None else left
-    if len(again):
-        given = [y for x in inputs for y in (x[again] if len(x) == samples else x).T]
-        found = made.program.run(given)
-        out[again] = np.stack([np.broadcast_to(np.asarray(x, float), len(again)) for x in found], 1)
-    return out
 
 
 def _values(static: tuple[bytes | int, ...]) -> tuple[Any, ...]:
@@ -53,31 +33,36 @@ def _recorded(spec: Spec, model: Model, static: tuple[bytes | int, ...]) -> reco
 
 
 @lru_cache(maxsize=64)
-def _kernel(spec: Spec, model: Model, static: tuple[bytes | int, ...]) -> Any:
-    """The kernel, by the content of what is recorded; None if there is none."""
+def _kernel(spec: Spec, model: Model, static: tuple[bytes | int, ...], common: tuple[int, ...]) -> Any:
+    """The kernel, by the content of what is recorded, whose inputs ``common`` have one row; None if there is none."""
     if numba_kernels.PLAIN or not recording.fits((spec,), model.bodies, static=_values(static)):
         return None
-    made = _recorded(spec, model, static)
+    program, layout = _recorded(spec, model, static)
+    made = recording.Recording(program, replace(layout, common=common))
     found = hashlib.sha256(structure.digest(*made).encode())
     found.update(structure.Numbers(*made).values(np.float64).tobytes())
     return batch_kernels.kernel((spec,), model.bodies, found.hexdigest(), _values(static), recorded=made)
 
 
 def repeated(
-    spec: Spec, model: Model, static: tuple[Any, ...], state: Array, inputs: Sequence[Array], steps: int
-) -> Array:
+    spec: Spec, model: Model, static: tuple[Any, ...], state: Array, inputs: Sequence[Array], common: Sequence[Array],
+    steps: int,
+) -> Array:  # fmt: skip
     """The states (samples, steps, columns) of a Spec that takes its own output as first input, step after step.
 
-    inputs  (samples or 1, columns) of the others, the same in all steps
+    inputs  (samples, columns) of the next, the same in all steps
+    common  (1, columns) of the last, finite numbers for all samples
     """
     made: Array = np.empty((len(state), steps, state.shape[1]))
-    kernel = _kernel(spec, model, hashable(static))
+    of_all = tuple(1 + len(inputs) + k for k in range(len(common)))
+    kernel = _kernel(spec, model, hashable(static), of_all)
     again = np.arange(len(state))
     if kernel is not None and len(state):
-        again = time_loop.run(kernel, [state], [StepInput(x[:, None]) for x in inputs], [made], steps, 1)
+        given = [StepInput(x[:, None]) for x in (*inputs, *common)]
+        again = time_loop.run(kernel, [state], given, [made], steps, 1)
     if len(again):
         now = np.ascontiguousarray(state[again])
-        rest = [np.ascontiguousarray(x[again]) if len(x) == len(state) else x for x in inputs]
+        rest = [*(np.ascontiguousarray(x[again]) for x in inputs), *common]
         program = _recorded(spec, model, hashable(static)).program
         for k in range(steps):
             found = program.run([y for x in (now, *rest) for y in x.T])

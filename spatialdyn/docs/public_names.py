@@ -67,6 +67,11 @@ GROUPS = {
         "Scene simulate step rollout integrators Trajectory Rollout ContactRecord Control Cost energy_ledger "
         "EnergyLedger hamilton_simulation",
     ),
+    "studies": Group(
+        "Studies",
+        "A function of a scene on any number of random samples, in chunks, on any executor.",
+        "study Study Moments Quantiles Worst TallQR",
+    ),
     "actuation": Group(
         "Friction, motors and springs",
         "What stands between a motor and a joint.",
@@ -86,14 +91,22 @@ GROUPS = {
         "Control",
         "Paths, laws, gains, observers, and checks of a run.",
         "Path PathPoint PathPeaks quintic trapezoid spline fourier PD PDGravity PDPlus ComputedTorque Passivity "
-        "EnergyShaping StateFeedback Gravity Gains critical_gains gravity_stiffness_bound lqr LQR closed_step "
+        "EnergyShaping StateFeedback Gravity Impedance SlotineLi NaturalAdaptation Excitation cartesian_damping "
+        "Gains critical_gains gravity_stiffness_bound lqr LQR closed_step "
         "ClosedStep largest_step MomentumObserver momentum_observer_step detection_thresholds ContactWrench "
         "contact_wrench base_velocity passivity PassivityRecord lyapunov LyapunovRecord",
+    ),
+    "tasks": Group(
+        "Operational space and tasks",
+        "Inertia and forces of a frame; tasks in strict order; robots that stand on their feet.",
+        "operational_space OperationalSpace operational_space_inertia_inverse operational_space_coupling task_torque "
+        "TaskTorque FrameTask ComTask PostureTask WholeBody WholeBodyMotion Relaxation",
     ),
     "identification": Group(
         "Regressors",
         "Torques, forces and energies as linear functions of masses, centres of mass and inertias.",
-        "joint_torque_regressor body_regressor kinetic_energy_regressor potential_energy_regressor static_regressor",
+        "joint_torque_regressor body_regressor kinetic_energy_regressor potential_energy_regressor static_regressor "
+        "modified_torque_regressor momentum_regressor coriolis_transpose_regressor",
     ),
     "mechanics": Group(
         "Lagrange and Hamilton",
@@ -126,7 +139,7 @@ GROUPS = {
         "Errors",
         "All derive from SpatialDynError, a ValueError.",
         "SpatialDynError ShapeError ConfigurationError NonFiniteError UrdfError InertiaError ModelError "
-        "ConstraintError SimulationError SimulationInterrupt",
+        "ConstraintError SimulationError SimulationInterrupt StudyError",
     ),
 }
 # where a name that no group lists goes, by the package that it is of
@@ -134,7 +147,7 @@ BY_PACKAGE = {
     "accuracy": "accuracy", "actuation": "actuation", "calls": "dynamics", "constraints": "constraints",
     "control": "control", "interop": "conversion", "laws": "control", "lagrangian": "mechanics", "model": "robots",
     "pictures": "pictures", "recursions": "dynamics", "simulation": "simulation", "sources": "robots",
-    "urdf": "robots", "identification": "identification", "studies": "simulation", "operational": "control",
+    "urdf": "robots", "identification": "identification", "studies": "studies", "operational": "control",
 }  # fmt: skip
 
 

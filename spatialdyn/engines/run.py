@@ -36,6 +36,7 @@ from .programs.run.tiered_program import TieredProgram
 SHARE = 10**9 if numba_kernels.PLAIN else 128  # least samples of a thread: some 100 µs
 FEW, FEW_NUMBERS = 512, 1 << 20  # most samples, and numbers of their results, that NumPy computes in some 10 ms to 1 s
 FEW_ALONE = 16  # of a recursion that branches on values, which takes them one by one, 1 to 20 ms each
+MOST_STEPS = 200_000  # rows of the table times numbers of a result, 2 us each at most, that NumPy is given
 MANY = 8192  # samples of a batch to prepare for
 _lock = locks.new()
 STATIC = "rows" if numba_kernels.PLAIN else "address"  # the attribute of a StaticTable that kernels take
@@ -177,10 +178,10 @@ def run_table_kernel(
     seen     as of ``batch``
 
     A few samples with NaN or infinity are computed in NumPy: for the result NaN no kernel is compiled. So are all of a
-    model with mimic joints, whose reduced recursions have no table kernel.
+    model with mimic joints, whose reduced recursions have no table kernel, and of a Spec that is ``large``.
     """
     count = len(out) if at is None else len(at)
-    if table.bodies["leader"].any():
+    if table.bodies["leader"].any() or (spec.large and not numba_kernels.PLAIN):
         samples = np.arange(count) if at is None else at
         return run_in_numpy(spec, table, inputs, static, out, samples, columns, seen)
     odd = _few_not_finite(spec, table, inputs, static, count)
@@ -218,9 +219,10 @@ def _few(spec: Spec, table: Table, static: tuple[Any, ...]) -> int:
     """How many samples NumPy computes in less time than it takes to compile the table kernel; 0 where it cannot."""
     if numba_kernels.PLAIN or table.bodies[0]["kind"] == ANY_NORM:
         return 0
-    if not spec.traceable:
-        return FEW_ALONE
-    return max(1, min(FEW, FEW_NUMBERS // max(1, math.prod(_core(spec, table, hashable(static))))))
+    numbers = max(1, math.prod(_core(spec, table, hashable(static))))
+    if len(table.bodies) * numbers > MOST_STEPS:
+        return 0
+    return max(1, min(FEW, FEW_NUMBERS // numbers)) if spec.traceable else FEW_ALONE
 
 
 def _few_not_finite(spec: Spec, table: Table, inputs: Arrays, static: tuple[Any, ...], count: int) -> NDArray[np.intp]:

@@ -1,11 +1,12 @@
 """Computed torque against PD+ on a Panda that carries more than its controller knows.
 
 Learn    sd.quintic makes a path; sd.ComputedTorque is one rnea of a_d + Kd ė + Kp e, sd.PDPlus one modified_rnea of v_d
-         and a_d, and springs. Here the same two lines are in a loop, because the controller's model is not the robot's.
-         Springs as stiff as the diagonal of M make both laws alike, and held torques ask λmax(M⁻¹ Kd) h < 2 of them.
-Look at  the columns. Without payload both follow the path to what the steps leave, and rest at its end exactly. With it
-         both sag by what its weight bends. The chapter's 10.3 says that 20 % of parameters cost a factor of 5 to 10:
-         from no error, any factor is reached.
+         and a_d plus springs and dampers. Here the same two lines are in a loop, because the controller's model is not
+         the robot's.
+         With springs as stiff as the diagonal of M both laws are alike; held torques need λmax(M⁻¹ Kd) h < 2.
+Look at  the columns. Without payload both follow the path up to the error of the steps, and rest exactly at its end.
+         With it both sag under its weight. The chapter's 10.3 says that parameters wrong by 20 % raise the error by a
+         factor of 5 to 10; where the error was zero there is no such factor.
 Needs    pip install example-robot-data for the Panda
 """
 

@@ -1,9 +1,11 @@
 """A robot without force sensors feels a push: the momentum observer, thresholds, and the force on the tool.
 
 Learn    sd.MomentumObserver takes q, v and the motors' torque, no acceleration: its residual is the torque of contacts,
-         through a filter of 1/K. detection_thresholds are of free motion; contact_wrench makes a force of the residual.
+         through a filter of time constant 1/K. detection_thresholds takes residuals of free motion; contact_wrench
+         turns a residual into a force.
 Look at  the delay: a few ms, far below 1/K, because a threshold is crossed early. The force is right once the filter
-         has followed. What the model lacks is felt as well: a tool of 0.3 kg that is not in it is a push without end.
+         has settled. Errors of the model look like contact: a tool of 0.3 kg that is not in the model is a push without
+         end.
 Needs    pip install example-robot-data for the UR5
 """
 

@@ -22,12 +22,12 @@ SHARED = {"gallery", "optimal_control"}  # by examples, and none itself
 CHAPTER = "Lagrange's and Hamilton's mechanics and joint-space dynamics, the text that this library began with"
 ORDER = (  # in which a reader may take them; test_gallery.py holds it complete
     "first_steps", "arms_in_symbols", "gravity_compensation", "inverse_kinematics", "grid_of_poses", "pd_with_gravity",
-    "computed_torque_and_pd_plus", "what_a_law_leaves_out", "feeling_a_push",
+    "computed_torque_and_pd_plus", "what_a_law_leaves_out", "feeling_a_push", "pressing_on_a_wall", "learning_masses",
     "double_pendulum", "stick_slip", "energy_ledger", "spinning_top", "principles", "bouncing_ball",
     "box_on_an_incline", "falling_quadruped", "space_robot", "trotting_quadruped", "four_bar_and_slider_crank",
     "sleigh_and_rolling_disc", "rolling_is_no_variation", "cart_pole_lqr", "swing_up_by_energy",
-    "acrobot_by_energy", "inertia_wheel_pendulum", "swing_up_lqr", "ilqr", "standing_lqr",
-    "payload_identification", "payloads_on_lanes", "series_elastic_joint", "rotor_on_a_leg",
+    "acrobot_by_energy", "inertia_wheel_pendulum", "swing_up_lqr", "ilqr", "standing_lqr", "pushed_while_standing",
+    "payload_identification", "payloads_on_lanes", "payload_study", "series_elastic_joint", "rotor_on_a_leg",
     "rotors_of_a_geared_arm", "what_a_scene_requires", "standing_or_trotting", "price_of_a_digit",
     "error_bar_of_a_torque", "own_loop", "many_processes", "mppi_on_lanes", "gradient_of_a_design", "c_export",
     "casadi_export", "porting_a_pinocchio_script", "vector_environment", "exercise_1_numbers", "exercise_3_pendulum",

@@ -1,8 +1,8 @@
 """iLQR with limits of the torques: a cart-pole that swings up, and a Panda that reaches for a point.
 
-Learn    sd.step_derivatives gives all A and B of a horizon in one call, and sd.kernels.aba the motion under a new law
-         in compiled code. The rest is Riccati's recursion in compiled matrix products; ``optimal_control`` has the
-         problems.
+Learn    sd.step_derivatives gives all A and B of a horizon in one call, and sd.rollout the motion under a new law, a
+         recursion that joins the program of the steps. The rest is Riccati's recursion in compiled matrix products;
+         ``optimal_control`` has the problems.
 Look at  the cost of the swing-up, 3.5517082866 as other solvers have it, and the price of limits. With them the gains
          of a joint at its limit are 0: projected Newton steps find which joints that are.
 Needs    pip install scipy, and example-robot-data for the Panda
@@ -18,11 +18,13 @@ import numba
 import numpy as np
 
 import spatialdyn as sd
+from spatialdyn.algebra.scalars import select
 from spatialdyn.examples.gallery import need, picture, start, write
 from spatialdyn.examples.optimal_control import Problem, cost_of, reach, swing_up
+from spatialdyn.recursions.spec import TAU, Argument, Q, Spec, V
 
 Array = np.ndarray
-aba = sd.kernels.aba
+FAR = 1e9  # in place of a limit that there is not
 
 
 @numba.njit(cache=True)
@@ -35,6 +37,13 @@ def add_by(A, x, out):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True)
+def put(x, out):  # type: ignore[no-untyped-def]
+    """Write x; ``out[...] = x`` takes Numba seconds to compile."""
+    for i in range(len(x)):
+        out[i] = x[i]
+
+
+@numba.njit(cache=True)
 def add_product(A, B, out):  # type: ignore[no-untyped-def]
     """out + Aᵀ B, written in place."""
     for k in range(len(A)):
@@ -44,17 +53,27 @@ def add_product(A, B, out):  # type: ignore[no-untyped-def]
     return out
 
 
-@numba.njit
-def forward(bodies, x, u, k, K, size, low, high, h, X, U):  # type: ignore[no-untyped-def]
-    """Semi-implicit steps under u + size k + K (X - x) within low and high; the motion X and its U are written."""
-    n = len(low)
-    q, v, a = X[0, :n].copy(), X[0, n:].copy(), np.empty(n)
-    for t in range(len(u)):
-        U[t] = np.minimum(np.maximum(u[t] + size * k[t] + K[t] @ (X[t] - x[t]), low), high)
-        aba(bodies, q, v, U[t], a)
-        v += h * a
-        q += h * v
-        X[t + 1, :n], X[t + 1, n:] = q, v
+def law(bodies, q, v, push, gains, around, low, high, tau):  # type: ignore[no-untyped-def]
+    """push + gains (x - around) within low and high."""
+    n = len(tau)
+    for i in range(n):
+        total = push[i]
+        for j in range(n):
+            total = total + gains[i, j] * (q[j] - around[j]) + gains[i, n + j] * (v[j] - around[n + j])
+        tau[i] = select(low[i] - total, low[i], select(total - high[i], high[i], total))
+
+
+SIZES = {"push": ("nv",), "gains": ("nv", "nv+nv"), "around": ("nv+nv",), "low": ("nv",), "high": ("nv",)}
+LAW = Spec("ilqr", law, None, (Q, V, *(Argument(x, y, "", "") for x, y in SIZES.items())), TAU, "A law of a step.", "")
+
+
+def forward(p: Problem, x: Array, push: Array, K: Array) -> tuple[Array, Array]:
+    """The motion X from x[0] in semi-implicit steps under U, push + K (X - x) within the limits; and U."""
+    n, low, high = p.model.nv, np.maximum(p.low, -FAR), np.minimum(p.high, FAR)
+    scene = sd.Scene(p.model, friction=False)
+    control = sd.Control(LAW, {"push": push, "gains": K, "around": x[:-1], "low": low, "high": high})
+    X = np.vstack([x[:1], np.hstack([*sd.rollout(scene, x[0, :n], x[0, n:], dt=p.h, control=control)])])
+    return X, np.clip(push + (K @ (X - x)[:-1, :, None])[..., 0], low, high)
 
 
 @numba.njit(cache=True)
@@ -62,8 +81,9 @@ def free_inverse(H, free):  # type: ignore[no-untyped-def]
     """H⁻¹ of the free unknowns, 0 elsewhere, by Gauss and Jordan; and whether H is positive there."""
     n, X = len(H), H.copy()
     for k in range(n):
-        if not free[k]:
-            X[k], X[:, k] = 0.0, 0.0
+        for j in range(n):
+            if not free[k]:
+                X[k, j] = X[j, k] = 0.0
     for k in range(n):
         pivot = X[k, k]
         if free[k] and not pivot > 0.0:
@@ -117,10 +137,12 @@ def backward(C, slope, W, g, H, low, high, mu, k, K):  # type: ignore[no-untyped
         Q = W + np.dot(C[t].T, np.dot(H, C[t], HC))
         r = add_by(C[t], g, slope[t].copy())
         Hux, Huu, gb = Q[n:, :n].copy(), Q[n:, n:].copy(), r[n:]
-        k[t], inverse, positive = box_minimum(Huu + mu * np.eye(len(gb)), gb, low[t], high[t])
+        step, inverse, positive = box_minimum(Huu + mu * np.eye(len(gb)), gb, low[t], high[t])
         if not positive:
             return np.nan
-        K[t] = add_product(-inverse, Hux, np.zeros_like(Hux))
+        put(step, k[t])
+        K[t].fill(0.0)
+        add_product(-inverse, Hux, K[t])
         by_k = add_by(Huu, k[t], np.zeros(len(gb)))
         less -= k[t] @ (gb + 0.5 * by_k)
         g = add_by(Hux, k[t], add_by(K[t], gb + by_k, r[:n].copy()))
@@ -135,21 +157,18 @@ def ilqr(p: Problem, u: Array, tolerance: float = 1e-12, most: int = 300) -> tup
     T, n, mu, size, taken = len(u), p.model.nv, 0.0, 1.0, 1.0
     x, k, K = np.zeros((T + 1, 2 * n)), np.zeros((T, n)), np.zeros((T, n, 2 * n))
     x[0] = np.concatenate([p.q0, p.v0])
-    u, limits = np.array(u, float), (p.low, p.high, p.h)
-    new, forces = x.copy(), u.copy()
-    forward(p.model.bodies, x, u, k, K, size, *limits, new, forces)
+    new, forces = forward(p, x, u, K)
     costs = [(found := cost_of(p, new, forces))[0]]
     while len(costs) < most and mu < 1e8:
         if size:  # the last step was taken
-            x, u, new, forces, (_, slope, W, last) = new, forces, x, u, found
-            new[0] = x[0]
+            x, u, (_, slope, W, last) = new, forces, found
             q, v = x[:-1, :n].copy(), x[:-1, n:].copy()
             C = np.concatenate(sd.step_derivatives(sd.Scene(p.model, friction=False), q, v, u, p.h), axis=2)
         less = backward(C, slope, W, *last, p.low - u, p.high - u, mu, k, K)
         size = 0.0 if np.isnan(less) else min(1.0, 4.0 * taken)
         while size > 1e-3:
-            with suppress(ValueError):  # the kernel's, of a motion that leaves the range of numbers
-                forward(p.model.bodies, x, u, k, K, size, *limits, new, forces)
+            with suppress(sd.SimulationError):  # of a motion that leaves the range of numbers
+                new, forces = forward(p, x, u + size * k, K)
                 found = cost_of(p, new, forces)
                 if costs[-1] - found[0] >= 0.1 * size * less - 1e-15 * abs(costs[-1]):
                     break

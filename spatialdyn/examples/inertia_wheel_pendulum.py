@@ -18,13 +18,13 @@ from typing import Any
 import numpy as np
 
 import spatialdyn as sd
+from spatialdyn.algebra.scalars import sin
 from spatialdyn.examples.gallery import need, picture, start, write
-from spatialdyn.examples.swing_up_by_energy import DT, play
+from spatialdyn.recursions.spec import TAU, Argument, Q, Spec, V
 
-Array = np.ndarray
-I1, I2, M3, TIME = 0.1, 0.2, 10.0, 35.0  # of pendulum and wheel [kg m²], weight times lever [N m]; [s]
+I1, I2, M3, DT, TIME = 0.1, 0.2, 10.0, 2e-3, 30.0  # of pendulum and wheel [kg m²], weight times lever [N m]; [s]
 A1, A2, A3, K, KV = 0.1, -0.2, 0.5, 0.1, 0.05  # M_d = [[A1, A2], [A2, A3]], stiffness and damping
-C = -I1 * (A2 + A3) / (I2 * (A1 + A2))
+NUMBERS = np.array([I1, I2, M3, A1, A2, A3, K, KV])
 
 
 def wheel_pendulum() -> sd.Model:
@@ -37,54 +37,53 @@ def wheel_pendulum() -> sd.Model:
     return builder.build()
 
 
-def shaped(x: Array) -> Any:
+def shaped(x: Any) -> Any:
     """H_d of (q₁, q₂, q̇₁, q̇₂), q₂ the wheel's angle from the vertical."""
-    z, p1, p2 = x[1] + C * x[0], I1 * x[2], I2 * x[3]
+    z, p1, p2 = x[1] - I1 * (A2 + A3) / (I2 * (A1 + A2)) * x[0], I1 * x[2], I2 * x[3]
     kinetic = 0.5 * (A3 * p1**2 - 2.0 * A2 * p1 * p2 + A1 * p2**2) / (A1 * A3 - A2**2)
     return kinetic + I1 * M3 / (A1 + A2) * np.cos(x[0]) + 0.5 * K * z**2
 
 
-def assigned(x: Array) -> Any:
-    """The wheel's torque: of energy, ½ Gᵀ (∇V - M_d M⁻¹ ∇V_d) with G = (-1, 1), and of damping, -KV Gᵀ M_d⁻¹ p."""
-    z, p1, p2 = x[1] + C * x[0], I1 * x[2], I2 * x[3]
-    slope1, slope2 = -I1 * M3 / (A1 + A2) * np.sin(x[0]) + K * C * z, K * z
-    d1, d2 = -M3 * np.sin(x[0]) - A1 * slope1 / I1 - A2 * slope2 / I2, -A2 * slope1 / I1 - A3 * slope2 / I2
-    spin = ((A1 + A2) * p2 - (A2 + A3) * p1) / (A1 * A3 - A2**2)
-    return 0.5 * (d2 - d1) - KV * spin
+def assigned(x: Any, numbers: Any, sine: Callable[[Any], Any]) -> Any:
+    """The wheel's torque: of energy, ½ Gᵀ (∇V - M_d M⁻¹ ∇V_d) with G = (-1, 1), and of damping, -k_v Gᵀ M_d⁻¹ p."""
+    i1, i2, m3, a1, a2, a3, k, kv = numbers
+    c = -i1 * (a2 + a3) / (i2 * (a1 + a2))
+    z, p1, p2 = x[1] + c * x[0], i1 * x[2], i2 * x[3]
+    slope1, slope2 = k * c * z - i1 * m3 / (a1 + a2) * sine(x[0]), k * z
+    d1, d2 = -m3 * sine(x[0]) - a1 * slope1 / i1 - a2 * slope2 / i2, -a2 * slope1 / i1 - a3 * slope2 / i2
+    return 0.5 * (d2 - d1) - kv * ((a1 + a2) * p2 - (a2 + a3) * p1) / (a1 * a3 - a2 * a2)
+
+
+def on_the_wheel(bodies: Any, q: Any, v: Any, numbers: Any, tau: Any) -> None:
+    """The law as a recursion: it acts wherever rk4 evaluates forces, so it is not held over steps."""
+    tau[0], tau[1] = 0.0, assigned((q[0], q[0] + q[1], v[0], v[0] + v[1]), numbers, sin)
 
 
 def main(save: str | None = None) -> dict[str, Any]:
-    """Print where both laws lead, and the torque that they take; returns the motions, torques, H_d and poles."""
+    """Print where both laws lead, and the torque that they take; returns the motions, times, torques, H_d and poles."""
     need("scipy", "simulation")
     model, rest = wheel_pendulum(), np.zeros(2)
     A, B = sd.linearize(model, rest, rest, rest)
     gains = sd.lqr(A, B[:, [1]], np.diag([10.0, 0.1, 1.0, 0.1]), np.eye(1))
     turn = np.array([[1.0, 0.0], [1.0, 1.0]])  # from angles of joints to those from the vertical
-    gain = gains.K[0] @ np.kron(np.eye(2), np.linalg.inv(turn))
+    spec = Spec("ida_pbc", on_the_wheel, None, (Q, V, Argument("numbers", (8,), "", "of the law")), TAU, "", "Ortega")
+    raised, caught = sd.Control(spec, {"numbers": NUMBERS}), gains.feedback(rest, joints=[1])
     found: dict[Any, Any] = {"poles": gains.poles, "model": model}
-
-    def linear(x: Array) -> Any:
-        return -gain @ x
-
-    for name, law, angle in (("IDA-PBC", assigned, 3.0), ("LQR", linear, 0.2), ("LQR", linear, 3.0)):
-
-        def torque(q: Array, v: Array, law: Callable[[Array], Any] = law) -> Array:
-            return np.array([0.0, law(np.concatenate([turn @ q, turn @ v]))])
-
-        q, v = play(model, torque, np.array([angle, -angle]), rest, TIME)
-        found[name, angle] = x = np.hstack([q @ turn.T, v @ turn.T])
-        found["torque", name, angle] = most = abs(law(x.T)).max()
-        calm = DT * (1 + np.flatnonzero(abs(x * [1.0, 1.0, I1, I2]).max(1) > 0.05)[-1])
+    for name, law, angle in (("IDA-PBC", raised, 3.0), ("LQR", caught, 0.2), ("LQR", caught, 3.0)):
+        run = sd.simulate(model, [angle, -angle], rest, TIME, DT, "rk4", control=law)
+        found[name, angle] = x = np.hstack([run.q @ turn.T, run.v @ turn.T])
+        most, large = float(abs(run.tau).max()), abs(x * [1.0, 1.0, I1, I2]).max(1) > 0.05
+        found["torque", name, angle], calm = most, float(run.t[1 + np.flatnonzero(large)[-1]])
         print(f"{name:8} from {angle} rad: (q, p) below 0.05 from {calm:5.2f} s on, torque up to {most:5.1f} N m")
-    found["H_d"] = shaped(found["IDA-PBC", 3.0].T)
-    print(f"H_d falls from {found['H_d'][0]:.3f} to {found['H_d'][-1]:.3f}, rises by {np.diff(found['H_d']).max():.0e}")
+        found["calm", name, angle] = calm
+    found["H_d"] = H = shaped(found["IDA-PBC", 3.0].T)
+    print(f"H_d falls from {H[0]:.3f} to {H[-1]:.3f}, between samples by {-np.diff(H).max():.0e} or more")
     if save:
         figure, axes = picture(2, width=9.0)
-        for name, angle in (("IDA-PBC", 3.0), ("LQR", 3.0)):
-            axes[0].plot(DT * np.arange(len(found["H_d"])), found[name, angle][:, 0], linewidth=0.9, label=name)
+        axes[0].plot(run.t, np.stack([found[x, 3.0][:, 0] for x in ("IDA-PBC", "LQR")], 1), label=["IDA-PBC", "LQR"])
         axes[0].set(xlabel="t [s]", ylabel="angle of the pendulum [rad]")
         axes[0].legend(fontsize="small")
-        axes[1].plot(DT * np.arange(len(found["H_d"])), found["H_d"])
+        axes[1].plot(run.t, H)
         axes[1].set(xlabel="t [s]", ylabel="H_d, shaped energy [J]")
         write(figure, save)
     return found

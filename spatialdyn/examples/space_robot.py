@@ -1,7 +1,7 @@
 """A space robot whose arm turns its base: no jet, no wheel, and an arm that ends where it began.
 
-Learn    sd.base_velocity is E.3 of the chapter: where nothing pushes, momentum gives the base's velocity from that of
-         the joints. Momentum is a constraint on velocities that is no constraint on positions.
+Learn    sd.base_velocity is E.3 of the chapter: without external forces, conservation of momentum gives the base's
+         velocity from those of the joints. It is a constraint on velocities, not on positions.
 Look at  the turn after a cycle. Joints that go round a loop leave the base turned, by the same angle whether they are
          slow or fast, and by the opposite one if they go round the other way; along a line and back they leave nothing.
          It is an area in the plane of the two joints that counts, as for a cat that lands on its feet.
@@ -68,7 +68,7 @@ def main(save: str | None = None) -> dict[str, Any]:
             axes.plot(
                 np.linspace(0.0, 1.0, STEPS + 1), np.degrees(y), label=name, linestyle="--" if "1 s" in name else "-"
             )
-        axes.set(xlabel="part of the cycle", ylabel="angle of the base [degrees]")
+        axes.set(xlabel="fraction of the cycle", ylabel="angle of the base [degrees]")
         axes.legend(fontsize="small")
         write(figure, save)
     return found

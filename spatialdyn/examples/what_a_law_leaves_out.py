@@ -2,10 +2,10 @@
 
 Learn    computed torque by rnea of three models: the robot's, without velocities (M a + g), without rotors. sd.Rotor
          carries the gear; M has n² J on its diagonal.
-Look at  which of the two costs more. In a direct drive it is C v, and the more the faster the motion. Under a gear of
-         50 the rotors are half of M: a law that does not know them pushes with half of the force that it means to, at
-         any speed, and C v is lost in what they weigh. The chapter's 18.3 has the second half of that; more gain helps,
-         as it says, until noise and the next step speak.
+Look at  which of the two costs more. In a direct drive it is C v, the more so the faster the motion. Behind a gear of
+         50 the rotors are half of M: a law without them gives half of the intended acceleration at any speed, and C v
+         is small beside that. The chapter's 18.3 says the latter; higher gains help, as it says, until noise or the
+         step limits them.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ def main(save: str | None = None) -> dict[tuple[float, float, str], float]:
         figure, axes = picture(2, width=9.0)
         for one, name in zip(axes, ("C v", "rotors"), strict=True):
             for gear in GEARS:
-                one.loglog(TIMES, [found[gear, x, name] for x in TIMES], marker="o", label=f"gear {gear:g}")
+                one.semilogy(TIMES, [found[gear, x, name] for x in TIMES], marker="o", label=f"gear {gear:g}")
             one.set(
                 xlabel="time of the motion [s]", ylabel="largest error [rad]", title=f"without {name}", ylim=(1e-5, 3.0)
             )

@@ -27,7 +27,7 @@ def to_jax(made: Differentiable) -> Callable[..., Any]:
             return jax.pure_callback(on_host, wanted, *given, vmap_method="broadcast_all")
 
         def refuse(primals: Any, tangents: Any) -> Any:
-            raise SpatialDynError("a second derivative was asked for, expected one of a program once, backwards")
+            raise SpatialDynError("a second derivative is not available, expected first derivatives, backwards")
 
         once = jax.custom_jvp(host)
         once.defjvp(refuse)

@@ -42,9 +42,9 @@ def from_pinocchio(pin_model: Any, inertia: str = "warn") -> Model:
     pin_model  a Model of Pinocchio 3 or later; nothing of Pinocchio is imported
     inertia    policy on inertias that are not physical, as in ``load_urdf``
 
-    Its universe becomes the root link, and a free flyer an ordinary floating joint. A joint's body is the link of
-    its first body frame at the identity, else one named like the joint. Every other frame is a link without mass on
-    a fixed joint; a fixed-joint frame is that joint. Unbounded and planar joints keep their (cos, sin). Limits of
+    Its universe becomes the root link, and a free flyer an ordinary floating joint. A joint's body becomes the link
+    named by its first body frame at the identity, or else by the joint. Every other frame becomes a link without mass
+    on a fixed joint; a fixed-joint frame names that joint. Unbounded and planar joints keep their (cos, sin). Limits of
     joints with several freedoms, and all else that a Model cannot hold, are listed in ``model.robot.notes``.
     rotorInertia and rotorGearRatio, which change no result of Pinocchio, are left out; armature is kept.
 

@@ -22,7 +22,7 @@ def to_torch(made: Differentiable) -> Callable[..., Any]:
         return tuple(torch.from_numpy(np.asarray(x)).to(tensors[0].dtype) for x in found)
 
     def once(*_: Any) -> Any:
-        raise SpatialDynError("a second derivative was asked for, expected one of a program once")
+        raise SpatialDynError("a second derivative is not available, expected first derivatives")
 
     def nothing(ctx: Any, inputs: Any, output: Any) -> None:
         """Nothing is kept for a second derivative."""

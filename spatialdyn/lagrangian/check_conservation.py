@@ -53,13 +53,13 @@ def check_conservation(
 ) -> ConservationReport:
     """The drift of each conserved quantity in a motion without torques.
 
-    trajectory  any object with t (n,) [s], q (n, nq), and p (n, nv) or v (n, nv); its ``model``, if any, is the
-                default
+    trajectory  any object with t (n,) [s], q (n, nq), and p (n, nv) or v (n, nv); ``model`` defaults to its own, if it
+                has one
     quantities  the quantities to check; conserved_quantities(model) if left out
     model       the Model that moved
 
-    A line through the values tells drift from oscillation: an integrator that loses energy has a slope many times its
-    standard error. Oscillations correlate neighbouring values, which makes that error too small.
+    A straight line fitted to the values tells drift from oscillation: for an integrator that loses energy the slope is
+    many times its standard error. Oscillations correlate neighbouring values, so that error is an underestimate.
 
     Returns a ConservationReport: per quantity name, unit, initial, drift, slope, slope_error.
     Raises  ShapeError for arrays that do not fit, fewer than 3 times or times that do not increase; NonFiniteError

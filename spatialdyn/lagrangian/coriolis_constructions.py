@@ -241,7 +241,7 @@ class SkewSymmetry:
 def verify_skew_symmetry(
     model: Model, q: ArrayLike, v: ArrayLike, C: ArrayLike | Callable[[Array], ArrayLike] | None = None
 ) -> SkewSymmetry:
-    """How far Ṁ - 2C is from skew-symmetric, and how far C is from the matrix of the Christoffel symbols.
+    """How far Ṁ - 2C is from skew symmetry, and C from the matrix of the Christoffel symbols.
 
     q  (nq,)  joint positions [rad | m]
     v  (nv,)  joint velocities [rad/s | m/s]

@@ -55,13 +55,13 @@ QUANTITIES: dict[str, tuple[str, tuple[str, ...]]] = {
 
 
 class SymbolicManipulator:
-    """A robot's dynamics in closed form, exact and in canonical form: equal functions are equal expressions.
+    """A robot's dynamics in closed form, exact and canonical: equal functions are equal expressions.
 
-    model       Model without mimic joints, or what ``load_urdf`` makes one of: the name of a robot, a path, URDF text
+    model       Model without mimic joints, or a source for ``load_urdf``: the name of a robot, a path, URDF text
     parameters  "numbers": the robot's own, as fractions. "symbols": masses, centres of mass, inertias, joint origins,
                 armatures and gravity that are not 0 become symbols. A list of some of "mass", "com", "inertia",
-                "origin", "armature", "gravity" and of single names: only those. A mapping from names to symbols (or
-                their names), expressions or numbers: those, even where the robot has 0.
+                "origin", "armature", "gravity" and of single names: only those become symbols. A mapping from names to
+                symbols (or their names), expressions or numbers: those replace the robot's, even a 0.
 
     Names: ``m_1`` mass, ``c_1x`` centre of mass, ``I_1xx`` .. ``I_1zz`` inertia about it, ``l_1x`` origin of the joint
     in the body that carries it, ``J_1`` armature; 1 is the first joint (``model.joints[1]``), whose body includes
@@ -71,7 +71,7 @@ class SymbolicManipulator:
     q, v, a, p, tau   tuples of symbols: positions, velocities, accelerations, momenta, torques
     parameters        symbol -> the robot's number, None for a symbol of an expression that was given
     meaning           symbol -> meaning in words
-    assumptions       floats taken for other numbers, such as angles for a fraction of π
+    assumptions       floats that were replaced by exact numbers, such as an angle by a fraction of π
 
     Results are SymPy expressions, matrices and arrays, sums of sines and cosines of sums of the angles.
 
@@ -82,11 +82,11 @@ class SymbolicManipulator:
 
     limit       largest number of products of terms for one quantity; None for no limit
 
-    Closed forms grow exponentially with the number of joints about different axes. Measured on one core in the robots'
-    numbers: all quantities of an arm of three but ṗ in 0.1 s, ṗ in 5 s; of ur5 (six joints, three of them parallel)
-    M in 0.1 s, 1400 operations, and C in 2 s, 7200; of panda (seven) g in 0.5 s, 40 000. Its M takes 25 s without limit
-    and has 660 000 operations; M and C are beyond the limit. ``specialize(model, sd.crba).c_code()`` gives
-    unsimplified code of any robot and call at once.
+    Closed forms grow exponentially with the number of joints about different axes. Measured once on one core, with the
+    robots' numbers: an arm of three joints takes 0.1 s for all quantities but ṗ, which takes 5 s. The ur5 (six joints,
+    three of them parallel) takes 0.1 s for M, 1400 operations, and 2 s for C, 7200. The panda (seven joints) takes 0.5
+    s for g, 40 000 operations; its M, beyond the limit as is C, takes 25 s and has 660 000. ``specialize(model,
+    sd.crba).c_code()`` gives unsimplified code of any robot and call at once.
 
     Raises  ModelError for mimic joints; UrdfError for a robot that cannot be read; SpatialDynError naming an unknown
             parameter, or if sympy is not installed; its methods raise SpatialDynError for a quantity beyond the limit

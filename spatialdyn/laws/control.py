@@ -22,6 +22,7 @@ from ..engines.compiled import numba_kernels
 from ..engines.programs.record import recording, structure
 from ..engines.programs.record.recording import Recording
 from ..engines.programs.run import batch_kernels
+from ..engines.programs.run.tiered_program import TieredProgram
 from ..errors import NonFiniteError, ShapeError, SimulationError
 from ..model.model import Model
 from ..recursions.joints.friction import DT
@@ -30,26 +31,27 @@ from .composed_laws import CLOCK, LIMITS, PERIOD, limited, sampled, total
 from .law_specs import OF_STEP, begun_of, check_parts, check_recordable, in_step, law_on, own_name, with_values
 
 Array = NDArray[Any]
-FROM = 512  # samples from which a call of a law compiles its program; fewer are computed by NumPy, to the same bits
+MOST = 1e30  # N m, N: a limit of none, in float32 too
 
 
 class Control:
-    """A control law of a run: a Spec of joint torques, and values of its inputs.
+    """A control law for a run: a Spec of joint torques, and values of its inputs.
 
-    spec    Spec whose output is tau (nv), or whose parts are tau and then one for each of its states, in their order:
-            NAME_rate, integrated by the method of the run as v is, or NAME_after, the state at the end of a step, of
-            inputs at its beginning. Its inputs are any of q, v, tau (the torque of the arguments alone), dt (the
-            step), its states, and others. A law of time has a clock, a state whose rate is 1
+    spec    Spec whose output is tau (nv), or whose parts are tau and then one for each of its states, in order:
+            NAME_rate, which the run's method integrates as it integrates v, or NAME_after, the state at the end of a
+            step as a function of the inputs at its beginning. Its inputs are any of q, v, tau (the argument torque
+            without the law's), dt (the step), its states, and others. A law that depends on time has a clock, a state
+            whose rate is 1
     values  {name: array} of the others: of the input's shape, with an axis of steps before it, or in a rollout with
             axes of samples and steps
-    held    False: the law acts wherever the method evaluates forces. True: its torque is that of the beginning
-            of a step, held over it as by a digital controller. A period [s]: it is taken anew once in a period, at the
-            step nearest to it, and held in between, as by a controller slower than the steps
+    held    False: the law is evaluated wherever the method evaluates forces. True: it is evaluated at the beginning of
+            a step and held over it, as by a digital controller. A period [s]: it is evaluated once in a period, at the
+            nearest step, and held in between, as by a controller slower than the steps
 
     The torque is added to the argument torque of ``simulate``, or tau of ``rollout``. ``law + other`` is the law of
     both, each held as it is; ``law.limited_by(limits)`` clips its torque; ``law(model, t, q, v)`` is its torque.
-    Raises  SimulationError for a Spec that is no control law, for values that are missing or unknown, and for a
-            recursion that closes over numbers, which are to be inputs.
+    Raises  SimulationError for a Spec that is no control law, for missing or unknown values, and for a recursion that
+            closes over numbers: they have to be inputs.
 
     >>> import numpy as np, spatialdyn as sd
     >>> from spatialdyn.recursions.spec import TAU, Argument, Q, Spec, V
@@ -81,7 +83,7 @@ class Control:
         cls, spec: Spec, values: Mapping[str, Array], static: tuple[Any, ...] = (), held: bool | float = False,
         checks: tuple[Callable[[Model], None], ...] = (),
     ) -> Control:  # fmt: skip
-        """A law of a Spec that is made of others, with checks of a model. Raises SimulationError."""
+        """A law whose Spec is composed of others, with checks of a model. Raises SimulationError."""
         if not isinstance(spec, Spec) or not isinstance(values, Mapping):
             raise SimulationError(f"a law is of {shown(spec)} and {values!r}, expected a Spec and a mapping of arrays")
         made: Control = Control.__new__(Control)
@@ -114,14 +116,15 @@ class Control:
         return made
 
     def limited_by(self, limits: ArrayLike) -> Control:
-        """This law with its torques within -limits to limits (nv,), above 0 [N m | N]: effort limits, as of a Model.
+        """This law with its torques within -limits to limits (nv,), above 0 [N m | N]: effort limits, as of a Model,
+        infinite where there is none.
 
         Raises SimulationError for limits that are not above 0
         """
         most = as_array("limits", limits)
         if most.ndim != 1 or not (most > 0.0).all():
             raise SimulationError(f"limits is {most.tolist()}, expected (nv,) numbers above 0")
-        values = {**self.values, LIMITS.name: most}
+        values = {**self.values, LIMITS.name: np.minimum(most, MOST)}
         made = Control.of(limited(self.spec), values, self.static, self.held, self.checks)
         made.smooth = self.smooth
         return made
@@ -135,13 +138,12 @@ class Control:
         tau     (..., nv)  torque of the arguments, of laws that read it; zero if left out
         states  {name: (..., size)}  the law's own, which otherwise are as at the beginning; its clock is t
 
-        Raises ShapeError, NonFiniteError; SimulationError for a law whose values have axes of steps or samples.
+        Of a law whose values have an axis of samples (B,) they are of those samples. Raises ShapeError, NonFiniteError;
+        SimulationError for a law whose values have an axis of steps.
         """
-        n = check_model(model).nv
-        if self.axes(model):
-            raise SimulationError(
-                f"values of {', '.join(self.axes(model))} have axes of steps, expected none in a call"
-            )
+        n, axes = check_model(model).nv, self.axes(model) if self._deepest else {}
+        if stepped := [name for name, lead in axes.items() if lead[-1] != 1]:
+            raise SimulationError(f"values of {', '.join(stepped)} have axes of steps, expected none in a call")
         when, zero = as_array("t", t), np.zeros(n)
         given = {
             Q.name: as_array("q", q),
@@ -161,31 +163,47 @@ class Control:
         for name, y in given.items():
             if y.shape[y.ndim - len(cores[name]) :] != cores[name]:
                 raise ShapeError(f"{name} has shape {y.shape}, expected (..., {', '.join(map(str, cores[name]))})")
-            if not np.isfinite(y).all():
-                raise NonFiniteError(f"{name} has numbers that are not finite, expected finite ones")
         leads = {name: y.shape[: y.ndim - len(cores[name])] for name, y in given.items()}
+        leads |= {name: lead[:-1] for name, lead in axes.items()}
         batch = broadcast(["t", *leads], [when.shape, *leads.values()])
-        size = math.prod(batch)
-        rows = {
-            name: np.broadcast_to(y, batch + cores[name]).reshape(size, math.prod(cores[name]))
-            for name, y in given.items()
-        }
-        for name, y in self.rows(model, 1, 1).items():
-            rows[own_name(name)] = np.broadcast_to(y[0], (size, y.shape[2]))
-        return _torques_of(self, model, rows, size).reshape(*batch, n)
+        size, rows = math.prod(batch), {}
+        for name, y in given.items():
+            one, columns = math.prod(leads[name]) == 1, math.prod(cores[name])  # a row for all samples, or one for each
+            whole = y if one else np.broadcast_to(y, batch + cores[name])
+            rows[name] = whole.reshape(1 if one else size, columns)
+        for name, y in self.rows(model, size, 1).items():
+            rows[own_name(name)] = np.ascontiguousarray(y[:, 0])
+        made, left = _torques_of(self, model, rows, size)
+        read = {x.name for x in self.spec.present}
+        for name, y in given.items():  # what the law reads has been looked at, unless samples are left
+            if (len(left) or name not in read) and not np.isfinite(y).all():
+                raise NonFiniteError(f"{name} has numbers that are not finite, expected finite ones")
+        return made.reshape(*batch, n)
 
     def axes(self, model: Model) -> dict[str, tuple[int, ...]]:
-        """Axes before those of the input, of each value that has any, named: of steps, or of samples and steps."""
+        """For each value that has any, by name, its axes before those of the input: steps, or samples and steps."""
         found = {}
         for name, (x, core) in zip(self._given, self._cores(check_model(model)), strict=True):
             found[f'{name} of spec "{self.spec.name}"'] = x.shape[: x.ndim - len(core)]
         return {name: lead for name, lead in found.items() if lead}
 
     @property
+    def torque_spec(self) -> Spec:
+        """The Spec of its torque alone at the beginning of a step, which ``sd.exact`` and ``sd.specialize`` take a law
+        for: its inputs are q, v, what the law reads besides, its clock among them, and ``values`` by name.
+        """
+        return _torque(self.spec)
+
+    @property
     def batched(self) -> bool:
         """Whether a value has an axis of samples."""
-        inputs = {x.name: x for x in self.spec.present}
-        return any(x.ndim - len(inputs[name].shape) > 1 for name, x in self.values.items())
+        return self._deepest > 1
+
+    @property
+    def _deepest(self) -> int:
+        """The most axes that a value has before those of its input."""
+        sizes = {x.name: len(x.shape) for x in self.spec.present}
+        return max((x.ndim - sizes[name] for name, x in self.values.items()), default=0)
 
     @property
     def _given(self) -> list[str]:
@@ -198,7 +216,9 @@ class Control:
         return [(self.values[x.name], core_shape(model, x, self.static)) for x in spec.present if x.name in self.values]
 
     def rows(self, model: Model, samples: int, steps: int) -> dict[str, Array]:
-        """Values (samples or 1, steps or 1, columns) by the names of a step's inputs. Raises ShapeError."""
+        """Values (samples or 1, steps or 1, columns) by the names of a step's inputs. Raises ShapeError, and
+        NonFiniteError for those of all samples.
+        """
         for check in self.checks:
             check(model)
         found = {}
@@ -210,6 +230,10 @@ class Control:
                 shapes = f"{core}, {(steps, *core)} or {(samples, steps, *core)}"
                 raise ShapeError(f'{name} of spec "{self.spec.name}" has shape {value.shape}, expected {shapes}')
             rows = value.reshape((1,) * (2 - len(lead)) + lead + (-1,))
+            if len(rows) == 1 and not np.isfinite(rows).all():
+                raise NonFiniteError(
+                    f'{name} of spec "{self.spec.name}" has numbers that are not finite, expected finite ones'
+                )
             found[in_step(name)] = np.ascontiguousarray(rows)
         return found
 
@@ -253,40 +277,59 @@ def law_torques(
     """The law's torques (N, nv) in samples of a run, at the beginning of these steps (N,); tau is that of arguments."""
     given: dict[str, Array] = {Q.name: q, V.name: v, TAU.name: tau, DT.name: np.full((len(q), 1), dt), **states}
     for name, rows in control.rows(model, 1, total).items():
-        given[own_name(name)] = rows[0, np.minimum(steps, rows.shape[1] - 1)]
-    return _torques_of(control, model, given, len(q))
+        given[own_name(name)] = rows[0] if rows.shape[1] == 1 else rows[0, np.minimum(steps, rows.shape[1] - 1)]
+    return _torques_of(control, model, given, len(q))[0]
 
 
-def _torques_of(control: Control, model: Model, given: Mapping[str, Array], samples: int) -> Array:
-    """The law's torques (samples, nv) by rows of its inputs."""
+def _torques_of(
+    control: Control, model: Model, given: Mapping[str, Array], samples: int
+) -> tuple[Array, NDArray[np.intp]]:
+    """The law's torques (samples, nv) by rows of its inputs, one or as many as samples: of any number the same bits.
+
+    Also the samples that the program rejects, for what is not finite or an angle out of range: NumPy computes those.
+    """
     spec = _torque(control.spec)
-    inputs = [
-        given[x.name].reshape((samples, math.prod(given[x.name].shape[1:]))) for x in spec.present if not x.static
-    ]
-    made = recorded((spec,), model, control.static, np.dtype(np.float64))[0]
-    if made is None:
-        raise SimulationError(f'law "{control.spec.name}" divides by an inertia that is 0')
-    out, left = np.empty((samples, model.nv)), np.arange(samples)
-    if samples >= FROM and not numba_kernels.PLAIN:
-        kernel = step_kernel((spec,), model, control.static, by_content=True)
-        left = kernel([np.ascontiguousarray(x) for x in inputs], (out,))
+    names = [x.name for x in spec.present if not x.static]
+    rows = [given[name] for name in names]
+    inputs = [np.ascontiguousarray(x.reshape(len(x), math.prod(x.shape[1:]))) for x in rows]
+    common = tuple(k for k, x in enumerate(inputs) if len(x) == 1 and names[k] in control.values)
+    made, left = _program(spec, model, control.static, common), np.arange(samples)
+    out = np.empty((samples, model.nv))
+    if samples and not numba_kernels.PLAIN and all(np.isfinite(inputs[k]).all() for k in common):
+        rejected = made.batch(samples)(inputs, (out,))
+        left = left if rejected is None else rejected
     if len(left):
         with np.errstate(all="ignore"):
-            found = made.program.run([y for x in inputs for y in x[left].T])
+            found = made.recording.program.run([y for x in inputs for y in (x[left] if len(x) > 1 else x).T])
         out[left] = np.stack([np.broadcast_to(np.asarray(x, float), len(left)) for x in found[: model.nv]], 1)
-    return out
+    return out, left
+
+
+@lru_cache(maxsize=64)
+def _program(spec: Spec, model: Model, static: tuple[Any, ...], common: tuple[int, ...]) -> TieredProgram:
+    """The program of a law's torque, whose inputs ``common`` have one row for all samples."""
+    made, key = recorded((spec,), model, static, np.dtype(np.float64))
+    if made is None:
+        raise SimulationError(f'law "{spec.name}" divides by an inertia that is 0')
+    made = Recording(made.program, replace(made.layout, common=common))
+    return TieredProgram((spec,), model.bodies, f"{key} {common}", static, recorded=made)
 
 
 def step_kernel(
     specs: tuple[Spec, ...], model: Model, static: tuple[Any, ...], dtype: Any = np.float64, one: bool = False,
-    by_content: bool = False,
+    by_content: bool = False, common: tuple[int, ...] = (),
 ) -> Any:  # fmt: skip
-    """The kernel of a step's Specs, None if a joint has zero articulated inertia; by content if a law is in them."""
+    """The kernel of a step's Specs, None if a joint has zero articulated inertia; by content if a law is in them.
+
+    common  indices of inputs with one row, of finite numbers, for all samples; only by content
+    """
     if not by_content:
         return batch_kernels.kernel(specs, model.bodies, model.key, static, dtype=dtype, one=one)
     made, key = recorded(specs, model, static, np.dtype(dtype))
     if made is None:
         return None
+    if common:
+        made, key = Recording(made.program, replace(made.layout, common=common)), f"{key} {common}"
     return batch_kernels.kernel(specs, model.bodies, key, static, dtype=dtype, one=one, recorded=made)
 
 

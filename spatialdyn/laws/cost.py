@@ -39,10 +39,10 @@ class Cost:
     values  {name: array} of the others: of the input's shape, with an axis of steps before it, or with axes of samples
             and steps
 
-    The cost of the last state is the caller's, of ``run.q`` and ``run.v``. The steps are another program than without a
-    cost, so motions may differ in their last bits.
-    Raises  SimulationError as ``Control``, and for a Spec of more numbers or with states; in ``rollout`` for one that
-            writes no number
+    The caller adds the cost of the last state, from ``run.q`` and ``run.v``. With a cost the steps are another program
+    than without, so motions may differ in their last bits.
+    Raises  SimulationError as ``Control``, and for a Spec of several numbers or with states; in ``rollout`` for a
+            recursion that writes no number
 
     >>> import numpy as np, spatialdyn as sd
     >>> from spatialdyn.recursions.spec import TAU, Argument, Q, Spec
@@ -77,6 +77,11 @@ def check_cost(cost: Any) -> Cost:
     if not isinstance(cost, Cost):
         raise SimulationError(f"cost is {shown(cost)}, expected a Cost or None: sd.Cost(spec, values)")
     return cost
+
+
+def is_of_cost(name: str) -> bool:
+    """Whether an input of a law is that of a cost that became part of it."""
+    return name.startswith(OWN)
 
 
 def with_cost(control: Control | None, cost: Cost) -> Control:

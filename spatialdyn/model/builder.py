@@ -16,7 +16,7 @@ from .robot_checks import check_inertias, check_tree, floats, make_joint, make_l
 
 
 class ModelBuilder:
-    """Builds a robot by calls; the Model is the one that its URDF gives.
+    """Builds a robot by calls; its Model equals that of a URDF of the same robot.
 
     >>> b = ModelBuilder("pendulum")
     >>> _ = b.add_body("rod", joint="revolute", axis=(0, 1, 0), inertia=(1.0, (0, 0, -0.5), np.diag([1/12, 1/12, 0])))
@@ -132,15 +132,15 @@ class ModelBuilder:
         ratio      n of the gear before the spring: turns of the rotor per unit of the joint [1 | rad/m]
         axis       (3,) of the rotor in the joint's frame at q = 0; the joint's own if left out
 
-        The rotor is a revolute joint called ``joint + "_rotor"``, at θ, on the link before the joint, which has the
-        rotor's mass and all of its inertia while locked, as of every ``Rotor``. The motor's torque is that of the
-        rotor's freedom. The spring gives k (θ/n - q) + d (θ̇/n - q̇) to the joint (``spring_torque``); ``simulate`` and
-        ``rollout`` add it, the calls of the equation of motion take it in tau.
+        The rotor is a revolute joint called ``joint + "_rotor"``, at θ, on the joint's parent link. That link has to
+        include the rotor's mass, and its inertia as if locked, as with every ``Rotor``. The motor's torque is the
+        torque of the rotor's freedom. The spring gives k (θ/n - q) + d (θ̇/n - q̇) to the joint (``spring_torque``);
+        ``simulate`` and ``rollout`` add it, the calls of the equation of motion take it in tau.
 
         Source: after Spong, Modeling and control of elastic joint robots (1987), with the rotor's momentum exact.
 
-        Raises ModelError naming the joint and the value; a rotor without inertia has no motion of its own: rigid is the
-        other limit, by an armature.
+        Raises ModelError naming the joint and the value, also for a rotor without inertia, which has no motion of its
+        own: for a rigid joint use an armature.
         """
         _check_text("joint", joint)
         driven = next((j for j in self._joints if j.name == joint), None)

@@ -78,7 +78,7 @@ def put_joint(bodies: NDArray[Any], row: int, kind: int, X: Pose, S: Array, at: 
 def _write(
     bodies: NDArray[Any], row: int, name: str, value: Any, put: Callable[[Any, Any], None] | None = None
 ) -> None:
-    """Write a field of a row; in an array by one assignment of nested tuples, ten times faster than by number."""
+    """Write a field of a row; in an array by one assignment of nested tuples, which is faster than number by number."""
     if isinstance(bodies, np.ndarray):
         bodies[name][row] = value
     elif put is None:

@@ -26,7 +26,7 @@ DEEP = 40  # levels that a printed tree indents; deeper ones are numbered, or a 
 class Model:
     """A robot ready for computation: immutable, hashable by content, thread-safe.
 
-    key           digest of everything that results depend on: models with one key give the same results
+    key           digest of everything that results depend on: models with equal keys give equal results
     bodies        (1 + rows,) the table that every recursion walks (see ``spatialdyn.bodies.table``), read-only
     nq, nv        number of coordinates and of velocities
     njoints       number of joints, the world included
@@ -41,7 +41,7 @@ class Model:
     address       of ``bodies`` in memory, for compiled kernels
     total_mass    of all moving bodies [kg]; links fixed to a fixed root are left out
     robot         the checked robot it was made from
-    notes         oddities of its source, and what of it has no counterpart in a Model
+    notes         oddities of its source, and what in it has no counterpart in a Model
     """
 
     __slots__ = (
@@ -137,7 +137,7 @@ class Model:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Oddities of the source, and what of it has no counterpart in a Model."""
+        """Oddities of the source, and what in it has no counterpart in a Model."""
         return self.robot.notes
 
     def joint(self, name: str) -> Joint:
@@ -162,7 +162,7 @@ class Model:
         raise ModelError(missing("frame", str(name), self.name, [f.name for f in self.frames]))
 
     def reduced(self, lock: Mapping[str, ArrayLike] | Iterable[str]) -> Model:
-        """The Model with some joints locked: their bodies merge into their parents', their frames stay.
+        """The Model with some joints locked: their bodies merge into their parents', their frames remain.
 
         lock  joint name -> coordinates at which it is locked: a number, or (nq,) of the joint. Or names of joints:
               locked at neutral, or at the nearest limit if neutral is outside the limits
@@ -172,12 +172,12 @@ class Model:
         return Model(*locked(self, lock))
 
     def rigid(self, joints: Iterable[str] | None = None) -> Model:
-        """The Model with series-elastic joints rigid: their rotors are no freedoms, and turn with the joints, exactly.
+        """The Model with series-elastic joints made rigid: their rotors turn with the joints, exactly.
 
         joints  names of joints behind springs (``ModelBuilder.add_series_elastic``), by default all
 
-        The torque of a rotor's freedom is, times the gear's ratio, one of the joint.
-        Raises ModelError for something else than names, and naming a joint without a spring.
+        A torque on a rotor becomes that torque times the gear's ratio on its joint.
+        Raises ModelError for anything but names, and naming a joint without a spring.
         """
         return Model(*rigid(self, joints))
 
@@ -203,11 +203,11 @@ class Model:
         armature  joint name -> reflected rotor inertia [kg m² | kg], in place of the present one
         payload   frame -> (mass [kg], com (3,) [m], inertia (3, 3) about it [kg m²]) in that frame, added to its link
         rotors    joint name -> Rotor, or None for none; it takes the place of the joint's armature
-        transmissions  whose rotor inertias take the place of their joints' armatures. Off the diagonal of M they may
-                  couple a joint of one freedom and the one right before it: what is further apart has no sparse M
-        inertial_parameters  (njoints, 10)  as ``sd.inertial_parameters`` gives them, identified ones say, the first row
-                  ignored. A joint's link takes its row; links that are fixed to it have no mass then. Inertias that are
-                  not physical are kept, as files' are
+        transmissions  Transmissions, whose rotor inertias take the place of their joints' armatures. Off the diagonal
+                  of M they may couple a joint of one freedom with the joint right before it only, which keeps M sparse
+        inertial_parameters  (njoints, 10)  such as identified ones, in the form of ``sd.inertial_parameters``; the
+                  first row is ignored. A joint's link takes the joint's row; links fixed to it then have no mass.
+                  Inertias that are not physical are kept, as those of files are
 
         Raises ModelError, InertiaError naming the joint or frame and the value.
         """

@@ -42,14 +42,14 @@ class Mimic:
 class Rotor:
     """The rotor of a joint's motor, which turns on the link before the joint at ``ratio`` times the joint's velocity.
 
-    inertia  J about the axis on which it turns [kg m²]; the parent link has its mass, and all of its inertia as of a
-             rotor that is locked, J about the axis too
-    ratio    n: its turns on that link per q̇, of either sign [1 | rad/m]
+    inertia  J about the axis on which it turns [kg m²]; the parent link's inertia has to include the locked rotor: its
+             mass, and its inertia with J about the axis
+    ratio    n: its velocity relative to that link over q̇, of either sign [1 | rad/m]
     axis     (3,) on which it turns, in the joint's frame at q = 0, which the parent link carries: of any length but 0;
              the joint's own axis if left out
 
-    It adds n² J to the diagonal of M, as an armature does, and n J of its angular momentum to that of the link: what
-    the armature alone leaves out, about 1/n of the rotor's effect.
+    It adds n² J to the diagonal of M, as an armature does, and couples the link with the joint through n J, which an
+    armature leaves out: about 1/n of the rotor's effect.
 
     >>> import spatialdyn as sd
     >>> model = sd.load_urdf("two_link").with_(rotors={"joint2": sd.Rotor(1e-3, ratio=6.0)})
@@ -122,12 +122,12 @@ class Robot:
     """Links and joints that form a tree with one root.
 
     notes    oddities of the source
-    source   absolute path of the URDF that it was read from, empty if from none: where its meshes are looked for. Like
-             the notes it is no part of what the robot is: robots that differ in it alone are equal
+    source   absolute path of the URDF that it was read from, empty if from none: meshes are looked for there. Robots
+             that differ in notes and source alone are equal
     ordered  children are in the order of ``joints``, not in byte order of their names
     declared what the source declares beside bodies and joints, as JSON: "scene", options of a Scene as ``from_toml``
-             has them, and "transmission"; empty if nothing. ``Scene.of`` and ``read_transmissions`` read it. Like the
-             notes it is no part of what the robot is
+             has them, and "transmission"; empty if nothing. ``Scene.of`` and ``read_transmissions`` read it. It does
+             not count for equality either
     """
 
     name: str

@@ -61,7 +61,7 @@ def plot(
             raise SpatialDynError(f"labels is {labels!r}, expected None for a single {type(runs).__name__}")
         if isinstance(runs, Tradeoff):
             if not (what is None and joints is None):
-                raise SpatialDynError("what and joints are of motions, expected None for a Tradeoff")
+                raise SpatialDynError("what and joints apply to motions, expected None for a Tradeoff")
             return runs.plot(path, ax=ax)
         given = {} if what is None else {"what": what}
         return runs.plot(**given, joints=joints, ax=ax, path=path)
@@ -177,7 +177,7 @@ def _differences(runs: Sequence[Trajectory], joints: Any, words: Sequence[str]) 
     """The distance of each run from the first, the largest over angles and over lengths."""
     model, first = _model_of(runs), runs[0]
     if model is None or len(runs) < 2:
-        raise SpatialDynError("difference is of two runs or more, one of them with its model")
+        raise SpatialDynError("difference needs two runs or more, one of them with its model")
     groups = by_unit(chosen(coordinates(model, "v", model.nv), model, joints))
     found = []
     for run in runs[1:]:

@@ -176,7 +176,7 @@ def read_mesh(path: str, name: str, changed: int) -> MeshFile:
 
 
 def _loaded(path: str) -> tuple[Any, str]:
-    """trimesh's scene of a file, nothing merged, which is five times faster; and what is broken in it.
+    """trimesh's scene of a file, and what is broken in it; vertices are not merged, which would take most of the time.
 
     trimesh leaves a mesh out, without a word, whose COLLADA material is broken: so the first reading refuses what is
     broken, and a second one is of the file without the broken materials.

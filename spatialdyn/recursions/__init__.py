@@ -30,8 +30,8 @@ and ``velocity`` are *carried*: all arrays and records of scratch or output that
 follows reads, entry by entry what they were where a sample does not need the body. NaN is not above 0: it ends a loop.
 Plain Python, compiled kernels and exact numbers run what is written. A program has the body once, as a loop over a
 register of samples that ends when none needs it, and a sample that is done keeps its bits: it does not see the others.
-Regions nest. Sines and cosines of a body are taken before it; derivatives, bounds, double-double and symbols refuse
-programs that have regions, by name.
+Regions nest. In a body of a program an angle above 1e5, which lanes do not reach, has no sine: it is NaN. Derivatives,
+bounds, double-double and symbols refuse programs that have regions, by name.
 
 Three recursions do branch on values. ``aba_square_root`` and ``kkt`` choose pivots: the Spec of the one says that it
 does not trace, the other has none. ``rnea`` adds the forces of ``rnea_off_norm`` if a quaternion of q is off its unit

@@ -109,6 +109,7 @@ class Spec:
     lacks       columns of the table whose terms the recursion has not: a model with some is refused
     residual    of a call that solves, two names: of the call that gives its input back from its output, as rnea gives
                 back aba's tau, or whose product with its output is 1, as crba's with minverse's; and of that with M⁻¹
+    large       its table kernel takes half a minute to compile: calls that have no program are computed in NumPy
     source      where the recursion comes from
     """
 
@@ -129,6 +130,7 @@ class Spec:
     lacks: tuple[str, ...] = ()
     residual: tuple[str, ...] = ()
     composed: bool = False
+    large: bool = False
 
     @cached_property  # read a dozen times by each call of a rollout
     def present(self) -> tuple[Argument, ...]:

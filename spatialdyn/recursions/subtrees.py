@@ -91,6 +91,6 @@ SPECS = (
     Spec(
         "subtree_com_accelerations", subtree_com_accelerations, WORK, (TURNED_Q, V, A),
         Argument("ac", ("njoints", 3), "m/s²", _WHERE),
-        "Accelerations of the centres of mass of all subtrees; gravity plays no part in them.", _SOURCE,
+        "Accelerations of the centres of mass of all subtrees, without gravity.", _SOURCE,
     ),
 )  # fmt: skip

@@ -24,6 +24,7 @@ SEPARATES, STICKS, SLIDES = "separates", "sticks", "slides"
 FREE, LOWER, UPPER = "free", "lower limit", "upper limit"
 STEPS = 30  # of Newton, of which a solved step needs a few
 SETTLED = 1e-13  # relative change of velocities at which they end
+SHARED = 1e-8  # relative singular value of impulses that others may take, and their least part of such a change
 RANK = 1e-11  # relative singular value of an equation that depends on others
 CONTRADICTS = 1e-7  # of the terms of equations, what others leave of one
 SMALL = 1e-300
@@ -98,9 +99,9 @@ class ActiveSet:
             if not push > 0.0:
                 names.append(SEPARATES)
             else:
-                slides = over > 0.0
-                names.append(SLIDES if slides else STICKS)
-                near = min(near, abs(over), abs(self.gap[p]) / self.dt)
+                across = self.friction[p] > SMALL  # else the point moves along its normal alone
+                names.append(SLIDES if across and over > 0.0 else STICKS)
+                near = min(near, abs(over) if across else near, abs(self.gap[p]) / self.dt)
             margins.append(near)
         for j, i in enumerate(self.joints):
             k = 3 * self.points + j
@@ -185,6 +186,26 @@ class ActiveSet:
 
     def solve(self, K: Array, right: Array) -> Array:
         """K y = right, by the least change in the metric of M where equations depend on others."""
+        S, equations, unknowns = self.scaled(K)
+        scaled = right * (equations if right.ndim == 1 else equations[:, None])
+        found = np.linalg.lstsq(S, scaled, rcond=RANK)[0]
+        return found * (unknowns if right.ndim == 1 else unknowns[:, None])
+
+    def undetermined(self) -> list[bool]:
+        """Of points and joints: whether a point slides whose load others could take."""
+        _, u, _ = self.state()
+        found = [False] * len(self.names)
+        sliding = [p for p in range(self.points) if self.names[p] == SLIDES and self.mu[p] > 0.0]
+        if not sliding:
+            return found
+        _, sizes, ways = np.linalg.svd(self.scaled(self.system(self.names, u)[0])[0])
+        free = ways[sizes <= SHARED * sizes[0]]
+        for p in sliding:
+            found[p] = bool((abs(free[:, len(self.x) + 3 * p]) > SHARED).any())
+        return found
+
+    def scaled(self, K: Array) -> tuple[Array, Array, Array]:
+        """K in one scale, and the scales of equations and unknowns."""
         nv, size = len(self.x), len(K)
         unknowns = np.ones(size)
         unknowns[:nv] = self.scale
@@ -194,10 +215,7 @@ class ActiveSet:
         equations[:nv] = self.scale
         S = K * unknowns
         equations[nv:] = 1.0 / np.maximum(np.linalg.norm(S[nv:], axis=1), SMALL)
-        S = equations[:, None] * S
-        scaled = right * (equations if right.ndim == 1 else equations[:, None])
-        found = np.linalg.lstsq(S, scaled, rcond=RANK)[0]
-        return found * (unknowns if right.ndim == 1 else unknowns[:, None])
+        return equations[:, None] * S, equations, unknowns
 
     # --- what is asked ---
 
@@ -257,7 +275,7 @@ class ActiveSet:
 
     def note_contradictions(self, K: Array, found: Array, right: Array) -> None:
         """States that depend on others and contradict them as the state moves are at a switch: one has to change."""
-        sizes = np.linalg.norm(K, axis=1, keepdims=True)
+        sizes = np.maximum(np.linalg.norm(K, axis=1, keepdims=True), SMALL)
         left, terms = abs(K @ found + right) / sizes, (abs(K) @ abs(found) + abs(right)) / sizes
         off = (left > CONTRADICTS * terms.max(axis=0)).any(axis=1)[len(self.x) :]
         for p in range(self.points):

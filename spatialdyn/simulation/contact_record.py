@@ -12,10 +12,10 @@ Array = NDArray[Any]
 class ContactRecord(NamedTuple):
     """Contacts at the recorded times, (N, ...) of a simulation, (B, T, ...) of a rollout.
 
-    impulse   (..., k, 3)  of the step that ends there, on each of the k points, in the world's axes [N s]
+    impulse   (..., k, 3)  on each of the k points in the step that ends at the record, in the world's axes [N s]
     gap       (..., k)     distance of each sphere from the ground, negative in it [m]
-    residual  (...)        by how much the impulses of that step miss Coulomb's law at worst [m/s]
-    stop      (..., nv)    impulse of joint limits in that step, positive from the lower one [N m s | N s]
+    residual  (...)        largest violation of Coulomb's law by the impulses of that step [m/s]
+    stop      (..., nv)    impulse of the joint limits in that step, positive at a lower limit [N m s | N s]
     """
 
     impulse: Array

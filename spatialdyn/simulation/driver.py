@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 from ..calls.dynamics import calls
 from ..engines.compiled import numba_kernels
 from ..errors import SimulationError
+from ..laws.cost import is_of_cost
+from ..laws.law_specs import own_name
 from .fixed_steps import run_sample
 from .plan import Plan
 from .program_steps import on_lanes
@@ -42,12 +44,12 @@ def run_samples(
     for b in left:
         start, rows = [x[b].astype(float) for x in states], [x[b] for x in records]
         held = np.zeros((1, plan.model.nv)) if tau is None else tau[min(b, len(tau) - 1)].astype(float)
-        reason = _not_finite(plan, start, held, dt)
+        reason = _not_finite(plan, start, held, dt) or _value_not_finite(plan, b)
         if not (reason and check):
             reason = _alone(plan, initial, start, held, rows, steps, b)
         if reason and check:
             raise SimulationError(f"sample {b}: {reason}{several}")
-    if check and plan.states and records[0].shape[1]:
+    if check and plan.judged and records[0].shape[1]:
         _check_solved(plan, records, dt, every)
 
 
@@ -59,6 +61,17 @@ def _not_finite(plan: Plan, state: Sequence[Array], held: Array, dt: float) -> s
     lost = ~np.isfinite(held).all(axis=1)
     k = int(np.argmax(lost))
     return f"tau is {held[k].tolist()} at t = {k * dt:.9g} s, expected finite numbers" if lost.any() else ""
+
+
+def _value_not_finite(plan: Plan, b: int) -> str:
+    """Which value of a sample's control law is not finite; "" if all are."""
+    if plan.feedback is None:
+        return ""
+    for name, x in plan.feedback.values.items():  # but of a cost, whose sum is named with its time
+        if not (is_of_cost(own_name(name)) or np.isfinite(x[min(b, len(x) - 1)]).all()):
+            what = f'{own_name(name)} of spec "{plan.feedback.spec.name}"'
+            return f"{what} has numbers that are not finite, expected finite ones"
+    return ""
 
 
 def _alone(

@@ -1,7 +1,7 @@
 """A run of one sample: the loop of a method with a fixed step, and what acts in it beside torques.
 
-It runs in slices: between them it handles Ctrl-C, reports progress, and turns a failure status into an error. Explicit
-methods run by one program on one lane, three to six times the speed of the table kernel.
+It runs in slices: between them it handles Ctrl-C, reports progress, and turns a failure status into an error. Steps run
+by one program on one lane where there is one, three to six times the speed of the table kernel.
 """
 
 from __future__ import annotations
@@ -25,8 +25,10 @@ from ..recursions.spec import FEXT
 from .compiled_loop import compile_loop, drive
 from .kernel_steps import KernelSteps, rates_of
 from .methods import explicit
-from .methods.methods import EXPLICIT, Family, Method
-from .methods.symplectic import SETTLED, SWEEPS
+from .methods.call_kernels import call_kernels
+from .methods.iteration import SETTLED, SWEEPS
+from .methods.methods import EXPLICIT, EXPLICIT_METHODS, Family, Method
+from .momenta_steps import begun, places
 from .plan import Plan
 from .recorder import FAST, Recorder
 from .system import OK, PIVOT, STALLED, TORQUE, TURNED, State, System, held_torque, units, user_torque
@@ -36,7 +38,7 @@ Array = NDArray[np.float64]
 Slice = Callable[[int, int, float], bool]
 SLICE = 0.05  # [s] between checks for Ctrl-C and progress reports
 PLAIN_STEPS = (
-    16  # in plain Python, beyond a program's range: a motion that diverges ends there, and compiles no kernels
+    16  # in plain Python, beyond a program's range, where a motion may diverge, and before kernels that compile long
 )
 TOLERANCES = 1e-9, 1e-12  # relative and absolute, of SciPy's methods
 STEPS = 100  # in a program's first slice: 40 µs for an arm, 3 ms for a humanoid
@@ -88,19 +90,26 @@ class FixedSteps:
 
     @functools.cached_property
     def _by_kernels(self) -> tuple[System, Callable[..., None]]:
-        """A System, and a step, by the kernels of the family, which take seconds to compile."""
-        if self.simple:
+        """A System, and a step, by the kernels of the family, which take seconds to compile, or by calls."""
+        if self.simple and (self.family is EXPLICIT or self.torque.compiled or numba_kernels.PLAIN):
             made, step = self.family.kernels(len(self.forces) > 0), self.recorder.method.advance
             assert step is not None
             return self.bare._replace(kernels=made), step
+        if self.simple:
+            return self._in_python
         steps = KernelSteps(self.plan, self.recorder, self.forces, self.sample)
         return self.bare._replace(kernels=steps.kernels), steps.step
 
     @functools.cached_property
     def _in_python(self) -> tuple[System, Callable[..., None]]:
-        """The same without compiling, of explicit methods."""
+        """The same without compiling."""
         model, step = self.recorder.model, self.recorder.method.advance
-        made = self.bare._replace(kernels=explicit.plain_kernels(len(self.forces) > 0), table=model.bodies)
+        loaded = len(self.forces) > 0
+        if self.family is EXPLICIT:
+            made = self.bare._replace(kernels=explicit.plain_kernels(loaded), table=model.bodies)
+        else:
+            kernels = call_kernels(model, self.family, self.forces if loaded else None)
+            made = self.bare._replace(kernels=kernels)
         if self.simple:
             assert step is not None
             return made, step
@@ -146,11 +155,11 @@ class FixedSteps:
     def _run(self, report: Report | None, told: ExitStack) -> None:
         plan, recorder, steps, start = self.plan, self.recorder, self.recorder.steps, time.perf_counter()
         at_once = program(plan, recorder, self.torque, self.state, self.sample)
-        if at_once is None:
+        plain = PLAIN_STEPS if at_once is not None or plan.is_large else 0  # a number: no bits depend on a clock
+        if at_once is None and not plain:
             self.family.start(self._by_kernels[0], self.state)
         try:
             count, odd = 1 if at_once is None else STEPS, 0
-            plain = 0 if at_once is None else PLAIN_STEPS  # a number, so that no bits depend on a clock
             while (first := int(recorder.at[0])) < steps.total:
                 began = time.perf_counter()
                 h, count = (steps.dt, min(count, steps.whole - first)) if first < steps.whole else (steps.rest, 1)
@@ -177,9 +186,10 @@ class FixedSteps:
             for x, kept in zip(self.now, self.marked, strict=True):
                 x[...] = kept
             done = int(recorder.at[0])
-            with np.errstate(all="ignore"):
-                system = self.bare if at_once is not None else self._by_kernels[0]
-                self.family.observe(system, steps.time(done), self.state)
+            if at_once is None:  # a program's states are q, and v or p
+                with np.errstate(all="ignore"):
+                    system, _ = self._in_python if plain else self._by_kernels
+                    self.family.observe(system, steps.time(done), self.state)
             recorder.end(steps.time(done), self.state.q, self.state.w, self.torque.unasked(done))
             raise
 
@@ -205,21 +215,27 @@ def program(plan: Plan, recorder: Recorder, torque: Torque, state: State, sample
     if kernel is None:
         return None
     steps = recorder.steps
-    values = [x[min(sample, len(x) - 1)][None] for x in plan.values.values()]
+    values = [x[min(sample, len(x) - 1)][None] for x in plan.step_values]
     q_rows, w_rows, tau_rows = recorder.rows
-    now = [state.q, state.w, *(recorder.own[at] for at in recorder.states.slices)]
+    shown = [state.q, state.w, *(recorder.own[at] for at in recorder.states.slices)]
+    now = [*shown]
+    if plan.method not in EXPLICIT_METHODS:
+        now += places(plan.method, state)
+        for x, start in zip(now[2:], begun(plan.model, plan.method, state.q[None], state.w[None]), strict=True):
+            x[:] = start[0]
 
     def run(first: int, count: int, h: float) -> bool:
         every = recorder.every if first % recorder.every == count % recorder.every == 0 else count
         torques = torque.held if len(torque.held) == 1 else torque.held[first : first + count]
-        records = [np.empty((1, count // every, len(x))) for x in now]
+        records = [np.empty((1, count // every, len(x))) for x in shown]
+        ends = [np.empty((1, len(x))) for x in now]
         forcing = [StepInput(np.full((1, 1, 1), h)), StepInput(np.ascontiguousarray(torques[None]))]
         for x in values:
             forcing.append(StepInput(x if x.shape[1] == 1 else np.ascontiguousarray(x[:, first : first + count])))
-        if len(time_loop.run(kernel, [x[None] for x in now], forcing, records, count, every)):
+        if len(time_loop.run(kernel, [x[None] for x in now], forcing, records, count, every, ends)):
             return False
-        for x, (rows,) in zip(now, records, strict=True):
-            x[:] = rows[-1]
+        for x, (end,) in zip(now, ends, strict=True):
+            x[:] = end
         (q,), (w,) = records[:2]
         done = first + count
         if done % recorder.every == 0 or done == steps.total:

@@ -7,7 +7,8 @@ derivative solves them once more. Where a state is about to change, the derivati
 step is.
 
 Rows that depend on others, of boxes on four corners, leave impulses undetermined, and velocities not: the least change
-in the metric of M is taken.
+in the metric of M is taken. Where such points slide, how friction turns with the velocity depends on how they share the
+load: their derivative is that of the impulses found, and the result says so.
 
 A derivation of our own, after Alart and Curnier (1991) for the equations of sliding.
 """
@@ -82,11 +83,14 @@ class Laws:
 
 
 class Found(NamedTuple):
-    """Derivatives of n steps: (n, 2 nv, 3 nv); states of points and joints (n, rows), and which are at a switch."""
+    """Derivatives of n steps: (n, 2 nv, 3 nv); states of points and joints (n, rows), which are at a switch, and which
+    slide with a load that others could take.
+    """
 
     derivatives: Array
     active: Array
     switching: Array
+    undetermined: Array
 
 
 def laws_of(model: Model, effects: tuple[Any, ...], touching: Any, forced: bool) -> Laws:
@@ -202,12 +206,9 @@ class _Steps:
         has = laws.has - {"fext"} | ({"fext"} if self.fext is not None else set())
         kept = self._kept()[0]
         spec = impulse_step_spec(frozenset(has if kept.all() else {*has, "chosen"}))
-        push = self.tau
-        if laws.constrained is None:
-            push = push + np.einsum("nij,nj->ni", calls["crba"](model, self.q), self.turning())
         rate = (laws.constrained.rate,) if "rate" in has and laws.constrained is not None else ()
         known = {
-            "q": self.q, "v": self.v, "tau": push, "fext": self.fext, "dt": self.h, "mu": laws.mu,
+            "q": self.q, "v": self.v, "tau": self.tau, "fext": self.fext, "dt": self.h, "mu": laws.mu,
             "restitution": laws.bounces, "rate": rate[0] if rate else None, "chosen": kept.astype(float),
             **dict(zip(("coulomb", "viscous", "static", "stribeck"), laws.law, strict=False)),
         }  # fmt: skip
@@ -224,16 +225,6 @@ class _Steps:
     def _sizes(self, spec: Spec) -> dict[str, int]:
         points, limits, dry = self.laws.sizes
         return {"nv": self.nv, "np": points, "nl": limits, "nd": dry, "nc": self.held}
-
-    def turning(self) -> Array:
-        """(n, nv) ω × v of joints that turn and travel."""
-        made = np.zeros_like(self.v)
-        for part, angular in travellers(self.laws.model):
-            if len(angular) == 3:
-                made[:, part] = np.cross(self.v[:, angular], self.v[:, part])
-            else:
-                made[:, part] = self.v[:, angular] * np.stack([-self.v[:, part[1]], self.v[:, part[0]]], axis=1)
-        return made
 
     def derivatives(self) -> Found:
         """See the module."""
@@ -308,13 +299,10 @@ class _Steps:
 
     def _met(self, first: list[ActiveSet], moved: Array, by_x: Balance) -> Found:
         """The second part of a step under constraints, which meets C v⁺ = 0 where the step ends: ``meet``."""
-        laws, nv, h = self.laws, self.nv, self.h[:, None, None]
+        laws = self.laws
         assert laws.constrained is not None
-        x1 = np.array([s.x for s in first])
-        by_q, by_step = np.moveaxis(calls["dintegrate"](laws.model, self.q, self.h[:, None] * x1), 1, 0)
-        unit = np.broadcast_to(np.eye(nv, 3 * nv), (self.n, nv, 3 * nv))
-        q1 = calls["integrate"](laws.model, self.q, self.h[:, None] * x1)
-        moved1 = by_q @ unit + by_step @ (h * moved)
+        unit = np.broadcast_to(np.eye(self.nv, 3 * self.nv), (self.n, self.nv, 3 * self.nv))
+        q1, moved1, w1, changed1 = self._moved(np.array([s.x for s in first]), moved)
         damping = 0.0 if not laws.law else self.h[:, None] * laws.law[1]
         back, by_back = self._closed(self.q, unit, q1, moved1, damping)
         q2 = calls["integrate"](laws.model, q1, back)
@@ -322,8 +310,8 @@ class _Steps:
         moved2 = by_q @ moved1 + by_step @ by_back
         held = laws.constrained.constraints
         there = constraint_jacobian(laws.model, held, q2)
-        more = np.einsum("nij,nj->ni", there, x1)  # C v⁺ there, which the rest of the step takes away
-        changed = there @ moved + np.einsum("nijk,nj->nik", self._turned(q2), x1) @ moved2
+        more = np.einsum("nij,nj->ni", there, w1)  # C v⁺ there, which the rest of the step takes away
+        changed = there @ changed1 + np.einsum("nijk,nj->nik", self._turned(q2), w1) @ moved2
         start = [(s.x, s.impulse, s.reaction) for s in first]
         at = self.values(*(np.array(x) for x in zip(*start, strict=True)))
         at = at._replace(closing=at.closing + more)
@@ -373,38 +361,42 @@ class _Steps:
 
     def _ended(self, solved: list[ActiveSet], x: Array, moved: Array) -> Found:
         """Derivatives of the state after the step by those of x."""
+        model = self.laws.model
+        end, here, _, changed = self._moved(x, moved)
+        if self.laws.constrained is not None and self.laws.constrained.projects:
+            back, by_back = self._closed(end, here, end, here, 0.0)
+            by_q, by_step = np.moveaxis(calls["dintegrate"](model, end, back), 1, 0)
+            here = by_q @ here + by_step @ by_back
+        return Found(
+            np.concatenate([here, changed], axis=1), np.array([s.names for s in solved]),
+            np.array([s.switching for s in solved]), np.array([s.undetermined() for s in solved]),
+        )  # fmt: skip
+
+    def _moved(self, x: Array, moved: Array) -> tuple[Array, Array, Array, Array]:
+        """Where x, in the axes at the beginning, leads: q, its displacements, v⁺ and its changes, by those of x."""
         model, nv, h = self.laws.model, self.nv, self.h[:, None]
         unit = np.broadcast_to(np.eye(nv, 3 * nv), (self.n, nv, 3 * nv))
         travels = np.zeros(nv)
-        if self.laws.constrained is None:
-            for part, _ in travellers(model):
-                travels[part] = 1.0
+        for part, _ in travellers(model):
+            travels[part] = 1.0
         first, rest = h * travels * x, h * (1.0 - travels) * x
         by_q, by_step = np.moveaxis(calls["dintegrate"](model, self.q, first), 1, 0)
         here = by_q @ unit + by_step @ (h[..., None] * travels[:, None] * moved)
         middle = calls["integrate"](model, self.q, first)
         by_q, by_step = np.moveaxis(calls["dintegrate"](model, middle, rest), 1, 0)
         turned = by_step @ (h[..., None] * (1.0 - travels)[:, None] * moved)
-        here, changed = by_q @ here + turned, moved.copy()
-        if self.laws.constrained is None:
-            for part, angular in travellers(model):
-                back = by_q[np.ix_(range(self.n), part, part)]
-                along_now = np.einsum("nij,nj->ni", back, x[:, part])
-                changed[:, part] = back @ moved[:, part]
-                if len(angular) == 3:
-                    changed[:, part] += np.cross(along_now[:, :, None], turned[:, angular], axis=1)
-                else:
-                    across = np.stack([along_now[:, 1], -along_now[:, 0]], axis=1)
-                    changed[:, part] += across[:, :, None] * turned[:, angular]
-        elif self.laws.constrained.projects:
-            end = calls["integrate"](model, middle, rest)
-            back, by_back = self._closed(end, here, end, here, 0.0)
-            by_q, by_step = np.moveaxis(calls["dintegrate"](model, end, back), 1, 0)
-            here = by_q @ here + by_step @ by_back
-        return Found(
-            np.concatenate([here, changed], axis=1), np.array([s.names for s in solved]),
-            np.array([s.switching for s in solved]),
-        )  # fmt: skip
+        here, changed, after = by_q @ here + turned, moved.copy(), x.copy()
+        for part, angular in travellers(model):
+            back = by_q[np.ix_(range(self.n), part, part)]
+            along_now = np.einsum("nij,nj->ni", back, x[:, part])
+            after[:, part] = along_now
+            changed[:, part] = back @ moved[:, part]
+            if len(angular) == 3:
+                changed[:, part] += np.cross(along_now[:, :, None], turned[:, angular], axis=1)
+            else:
+                across = np.stack([along_now[:, 1], -along_now[:, 0]], axis=1)
+                changed[:, part] += across[:, :, None] * turned[:, angular]
+        return calls["integrate"](model, middle, rest), here, after, changed
 
 
 def travellers(model: Model) -> list[tuple[list[int], list[int]]]:

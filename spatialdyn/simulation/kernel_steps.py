@@ -24,8 +24,8 @@ from .effects import work
 from .effects.effect import Effect
 from .effects.external import external_torque
 from .methods import constrained_variational, explicit, rattle
+from .methods.call_kernels import call_kernels
 from .methods.methods import DISCRETE, EXPLICIT, Family
-from .methods.mimic_kernels import mimic_kernels
 from .methods.symplectic import GAUSS2, GAUSS4, GAUSS6
 from .plan import Plan
 from .recorder import Recorder
@@ -57,8 +57,8 @@ class KernelSteps:
         loaded = forces if len(forces) else None
         if family is EXPLICIT and (plan.constrained is not None or any(x.solves for x in plan.effects)):  # no aba
             self.kernels: Any = explicit.kernels_of(None)
-        elif model.mimic_matrix is not None:
-            self.kernels = mimic_kernels(model, family, loaded)
+        elif model.mimic_matrix is not None or family is not EXPLICIT:
+            self.kernels = call_kernels(model, family, loaded)
         elif once:
             self.kernels = None
         else:

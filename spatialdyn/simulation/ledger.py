@@ -26,13 +26,13 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False, repr=False)
 class EnergyLedger:
-    """Energy and work of a motion, counted from its first sample; N samples.
+    """Energy and work of a motion since its first sample; N samples.
 
     t           (N,)      time [s]
-    change      (N,)      E - E(0) of kinetic and potential energy, without that of springs, which do work [J]
+    change      (N,)      E - E(0), kinetic and potential energy; that of springs is not in it, they do work [J]
     work        {kind: (N, k)}  work done on the robot since the first sample [J]: "torque", "friction", "external"
                 and "springs" by freedom, "constraints" by equation, "projection" of all constraints, "contacts" by
-                point and limited joint; kinds that the run had
+                point and limited joint; only kinds that acted in the run
     labels      {kind: k names}
     error       (N,)      ε = change - all work: what the integrator's steps add [J]
     robot, method   as of the trajectory
@@ -71,16 +71,17 @@ class EnergyLedger:
 
 
 def energy_ledger(trajectory: Trajectory) -> EnergyLedger:
-    """The energy ledger of a motion: what torques, friction, forces, constraints and contacts do to its energy, and ε.
+    """The energy ledger of a motion: work of torques, friction, forces, constraints and contacts, and the error ε.
 
     Source: the power balance d/dt E = vᵀτ, with the work of impulses after Moreau, ½ λᵀ(u⁻ + u⁺).
 
-    trajectory  of ``simulate(..., record="work")``; names of its scene's joints, constraints and points become labels
+    trajectory  result of ``simulate(..., record="work")``; names of its scene's joints, constraints and points become
+                labels
 
-    The forces of ideal constraints that do not depend on time do no work: W_constraints is 0 to the order of the
-    method; with ``stabilization`` their corrections are in it, and otherwise the projections after each step are apart.
-    Friction takes energy: W_friction of a joint falls, but for what bristles hold and give back, and for a step in
-    which other forces turn the motion round. Contact takes energy too, but where a point comes out of the ground.
+    Ideal constraints that do not depend on time do no work: W_constraints is 0 to the order of the method. With
+    ``stabilization`` it includes the corrections; otherwise the projections after each step are listed apart. Friction
+    takes energy: W_friction of a joint falls, except while bristles give energy back and in a step in which the motion
+    reverses. Contact takes energy too, except where a point comes out of the ground.
 
     Returns EnergyLedger.
     Raises  SimulationError for a trajectory that recorded no work.

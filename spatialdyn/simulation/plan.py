@@ -17,11 +17,12 @@ from ..calls.arguments import core_shape
 from ..calls.dynamics import calls
 from ..calls.specialize import specialize
 from ..calls.specialized import Specialized
+from ..engines.compiled import numba_kernels
 from ..engines.programs.record import recording
 from ..engines.programs.run import batch_kernels
 from ..laws.control import step_kernel
 from ..model.model import Model
-from ..recursions.spec import Argument
+from ..recursions.spec import Argument, Spec
 from .effects import of_run, work
 from .effects.constraints import Constrained, constrained_of
 from .effects.contacts import Contact, check_start
@@ -30,6 +31,7 @@ from .effects.effect import Effect, find
 from .effects.friction import SmoothFriction
 from .effects.springs import Springs
 from .methods.methods import EXPLICIT_METHODS, SCIPY_METHODS, Method, integrators
+from .momenta_steps import momenta_specs
 from .scene import Scene, check_method
 from .states import RunStates, run_states
 from .steps import step_specs
@@ -184,10 +186,27 @@ class Plan:
 
     @cached_property
     def is_program(self) -> bool:
-        """Whether a step may be a program: of an explicit method, of few equations and points, without callables."""
+        """Whether a step may be a program: without callables, of few equations and points; of a method in momenta, if
+        nothing but torques and forces acts.
+        """
+        if self.method not in EXPLICIT_METHODS:
+            return self.integrator.family is not None and self.bare and self.constrained is None
         contact, constraints = self.contact, self.scene.constraints
         few = constraints is None or constraints.nc <= recording.MOST_EQUATIONS
-        return self.method in EXPLICIT_METHODS and few and self.force is None and not (contact and contact.is_long)
+        return few and self.force is None and not (contact and contact.is_long)
+
+    @cached_property
+    def step_values(self) -> list[Array]:
+        """(samples or 1, steps or 1, columns) of the inputs of a program behind dt and tau, in their order."""
+        momenta = () if self.method in EXPLICIT_METHODS else (self.units[None, None],)
+        return [*self.values.values(), *momenta]
+
+    @cached_property
+    def is_large(self) -> bool:
+        """Whether steps have no program, and the kernel of what acts by impulses takes long to compile."""
+        tables = () if self.contact is None else self.contact.tables
+        explicit = self.method in EXPLICIT_METHODS and not numba_kernels.PLAIN
+        return explicit and any(len(x.rows) > recording.MOST_TABLE + 1 for x in tables)
 
     @cached_property
     def single(self) -> Any:
@@ -195,10 +214,11 @@ class Plan:
         return self.kernel(self.work) if self.is_program else None
 
     def kernel(
-        self, works: tuple[Argument, ...] = (), forced: bool = True, dtype: Any = np.float64, one: bool = True
-    ) -> Any:
+        self, works: tuple[Argument, ...] = (), forced: bool = True, dtype: Any = np.float64, one: bool = True,
+        common: tuple[int, ...] = (),
+    ) -> Any:  # fmt: skip
         """The kernel of a step; None for a robot too long for a program. As of ``step_specs`` and ``step_kernel``."""
-        parts = self.method, self.structure, works, self.tables, forced, np.dtype(dtype), one
+        parts = self.method, self.structure, works, self.tables, forced, np.dtype(dtype), one, common
         return _kernel(self.model, *parts)
 
     @cached_property
@@ -211,12 +231,21 @@ class Plan:
 @lru_cache(maxsize=batch_kernels.CACHE_SIZE)
 def _kernel(
     model: Model, method: str, effects: tuple[Effect, ...], works: tuple[Argument, ...], static: tuple[Any, ...],
-    forced: bool, dtype: Any, one: bool,
+    forced: bool, dtype: Any, one: bool, common: tuple[int, ...],
 ) -> Any:  # fmt: skip
-    specs = step_specs(method, effects, works, forced)
+    specs = specs_of_step(method, effects, works, forced)
     if not recording.fits(specs, model.bodies, static=static):
         return None
-    return step_kernel(specs, model, static, dtype, one=one, by_content=any(map(_is_users, effects)))
+    return step_kernel(specs, model, static, dtype, one=one, by_content=any(map(_is_users, effects)), common=common)
+
+
+def specs_of_step(
+    method: str, effects: tuple[Effect, ...], works: tuple[Argument, ...], forced: bool
+) -> tuple[Spec, ...]:
+    """Specs of the states after a step of any method, see ``step_specs``."""
+    if method in EXPLICIT_METHODS:
+        return step_specs(method, effects, works, forced)
+    return momenta_specs(method, effects, forced)
 
 
 def _is_users(effect: Effect) -> bool:

@@ -1,4 +1,4 @@
-"""Explicit methods by one program, of many samples side by side; ``fixed_steps`` has that of one sample on one lane.
+"""Steps by one program, of many samples side by side; ``fixed_steps`` has that of one sample on one lane.
 
 Whether there is a program depends on the robot, what acts, the method and the kind of torque, never on the number of
 steps or samples: it runs from the first step on if there is one, with the same bits for one and for many. From the
@@ -22,8 +22,11 @@ from ..engines.programs.record.program import Program
 from ..engines.programs.run import time_loop
 from ..engines.programs.run.time_loop import StepInput
 from ..engines.programs.transform import float32_range
+from ..errors import SpatialDynError
 from ..model.model import Model
 from ..recursions.spec import Spec
+from .methods.methods import EXPLICIT_METHODS
+from .momenta_steps import begun
 from .plan import Plan
 from .steps import step_specs
 
@@ -41,13 +44,21 @@ def on_lanes(
     (dt, total, every), model = steps, plan.model
     if not plan.is_program:
         return None
+    if plan.method not in EXPLICIT_METHODS:
+        return _in_momenta(plan, states, tau, records, steps)
     forced = tau is not None
-    given = [np.full((1, 1, 1), dt), *(() if tau is None else (tau,)), *plan.values.values()]
+    given = [np.full((1, 1, 1), dt), *(() if tau is None else (tau,)), *plan.step_values]
     if numba_kernels.PLAIN:
         recorded = _recorded(model, step_specs(plan.method, plan.structure, (), forced), plan.tables)
         return None if recorded is None else time_loop.replay(recorded, states, given, records, total, every)
     dtype = records[0].dtype if _holds(model, states[0][0], records[0].dtype) else np.dtype(np.float64)
-    kernel = plan.kernel((), forced, dtype, False)
+    common: tuple[int, ...] = ()
+    if plan.feedback is not None:  # gains and paths, of hundreds of numbers, that all samples share
+        others = [k for k, x in enumerate(given) if len(x) == 1]
+        common = tuple(len(states) + k for k in others)
+        if not all(np.isfinite(given[k]).all() for k in others):
+            return np.arange(len(states[0]))
+    kernel = plan.kernel((), forced, dtype, False, common)
     if kernel is None:
         return None
     made = records if dtype == records[0].dtype else [np.empty(x.shape, dtype) for x in records]
@@ -58,6 +69,32 @@ def on_lanes(
             if x is not y:
                 x[...] = y
     return left
+
+
+def _in_momenta(
+    plan: Plan, states: Sequence[Array], tau: Array | None, records: Sequence[Array], steps: tuple[float, int, int]
+) -> NDArray[np.intp] | None:
+    """The same by a method in momenta, in float64: its equations are solved to rounding."""
+    (dt, total, every), model = steps, plan.model
+    kernel = None if numba_kernels.PLAIN else plan.kernel((), tau is not None, np.float64, False)
+    if kernel is None or not records[0].size:
+        return None
+    sound = np.flatnonzero(np.isfinite(states[0]).all(axis=1) & np.isfinite(states[1]).all(axis=1))
+    forcing = [np.full((1, 1, 1), dt), *(() if tau is None else (tau,)), *plan.step_values]
+    inputs = [StepInput(np.ascontiguousarray(x if len(x) == 1 else x[sound], float)) for x in forcing]
+    q, v = (np.ascontiguousarray(x[sound], float) for x in states)
+    try:
+        p = calls["momentum"](model, q, v)
+        made = [np.empty((len(sound), *x.shape[1:])) for x in records]
+        left = time_loop.run(kernel, [q, p, *begun(model, plan.method, q, p)], inputs, made, total, every)
+        done = np.setdiff1d(np.arange(len(sound)), left)
+        made[1][done] = calls["velocity_from_momentum"](model, made[0][done], made[1][done])
+    except SpatialDynError:  # of a sample, which a run of its own names
+        return None
+    with np.errstate(over="ignore"):
+        for x, y in zip(records, made, strict=True):
+            x[sound[done]] = y[done]
+    return np.setdiff1d(np.arange(len(states[0])), sound[done])
 
 
 @lru_cache(maxsize=32)

@@ -20,13 +20,13 @@ Array = NDArray[Any]
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Rollout:
-    """States of a rollout after each recorded step; ``q, v = rollout`` unpacks them.
+    """States of a rollout after each recorded step; ``q, v = rollout`` unpacks it.
 
-    q         (B, T, nq)  joint positions [rad | m]; (T, nq) of a single start; without axis T for "last"
+    q         (B, T, nq)  joint positions [rad | m]; (T, nq) for a single start; without axis T for "last"
     v         (B, T, nv)  joint velocities [rad/s | m/s], likewise
     t         (T,)        times of the records [s]; () for "last"
     model     the Model
-    states    {name: (B, T, ...)}  states that it carried beside them, likewise: "bristles" (nv) of LuGre friction
+    states    {name: (B, T, ...)}  states that it carried beside q and v, likewise: "bristles" (nv) of LuGre friction
               [rad | m], those of a control law
     contacts  ContactRecord of these states, likewise; None unless asked for
     scene, method   the Scene, and the name of the method
@@ -60,7 +60,7 @@ class Rollout:
     def end(self) -> dict[str, Any]:
         """The last states as arguments q0, v0 and states of ``rollout``, which goes on from there.
 
-        Raises SimulationError of a rollout of no steps, whose start is its end.
+        Raises SimulationError for a rollout without steps.
         """
         if not self.t.size:
             raise SimulationError("the rollout has no steps, expected some for a last state")

@@ -52,7 +52,7 @@ def rollout(
     cost: Cost | None = None,
     fext: ArrayLike | None = None,
 ) -> Rollout:
-    """Simulate a batch of states over many steps, all of it in compiled code.
+    """Simulate a batch of states over many steps in compiled code.
 
     scene   Scene: the robot and what acts on it; a Model is a scene on which nothing else acts
     q0      (B, nq) or (nq,)  positions at the beginning [rad | m]
@@ -61,24 +61,26 @@ def rollout(
     dt      step [s]
     steps   T; needed if neither tau nor a value of control has an axis T
     method  "semi_implicit_euler", which takes every scene, or another of ``scene.methods``, as in ``simulate``; None
-            for ``scene.method``. Those that solve equations or adapt their steps take one sample after another
+            for ``scene.method``. Those that adapt their steps, and methods in momenta where more acts than torques
+            and ``fext``, take one sample after another
     record  1 for the state after every step, k after every k-th, "last" for the last alone (of no steps, the first);
             left out, 1, or "last" with a cost. "contacts", or (k, "contacts"), records impulses, gaps and residuals
     dtype   float64, or float32: faster, with errors of some 1e-6 a step; numbers below its range, 1e-38, are flushed to
             0, and robots with inertias outside 1e-18 to 1e18 (kg, kg m²) are computed in float64
-    check   whether a state that is not finite is an error, and friction or a contact that is not solved; if not, it
-            stays. Also whether a law of the library that is too stiff for dt is warned of, as in ``simulate``
+    check   whether states that are not finite, and friction or contacts that are not solved, are errors; if not, they
+            are returned. Also whether to warn of a law of the library that is too stiff for dt, as in ``simulate``
     control  a Control, whose torque is added to tau; its values may have axes of samples and steps
-    states   {name: (B, ...) or (...)}  states beside q and v at the beginning, of the control law and "bristles": those
+    states   {name: (B, ...) or (...)}  initial states beside q and v, those of the control law and "bristles"; those
              left out start as their Spec says
-    cost     a Cost, summed over the steps in their program: ``run.cost`` (B,), beside the last state alone unless
-             ``record`` says otherwise, which then records the sums so far too
-    fext     (T, njoints, 6) or (B, T or 1, njoints, 6)  external forces that vary, held over each step, beside those of
-             the scene; each joint's body in the joint's frame [N | N m]
+    cost     a Cost, summed over the steps: ``run.cost`` (B,). By default only the last state is then recorded; with
+             ``record`` the sums so far are recorded too
+    fext     (T, njoints, 6) or (B, T or 1, njoints, 6)  external forces that vary, held over each step, in addition to
+             those of the scene; on each joint's body, in the joint's frame [N | N m]
 
-    Samples run side by side on SIMD lanes, but for scenes of more than 36 equations of constraints, 12 points in
-    contact, or beside dry joints or constraints 36 impulses (three of a point, one of a joint): those take one sample
-    after another. Constraints need float64. Coefficients of friction and contacts are inputs: others compile nothing.
+    Samples run side by side on SIMD lanes, except in scenes with more than 36 equations of constraints, 12 contact
+    points, or, with dry joints or constraints beside the contacts, 36 impulses (three per point, one per joint): there
+    one sample runs after another. Constraints need float64. Coefficients of friction and contacts are inputs of the
+    program: changing them compiles nothing.
     The first use for a model, method and kind of input compiles a program (0.1 s to a few seconds) and caches it.
 
     Returns a Rollout, which unpacks as (q, v).

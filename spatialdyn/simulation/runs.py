@@ -65,7 +65,7 @@ def simulate(
     """The motion of a robot from (q0, v0) over a duration, in steps of dt (the last one shorter if they do not fit).
 
     scene     Scene: the robot and what acts on it; a Model is a scene on which nothing else acts
-    q0        (nq,)  joint positions [rad | m]; on the constraints, out of the ground and within the limits that act
+    q0        (nq,)  joint positions [rad | m]; they have to satisfy the constraints, the ground and the limits that act
     v0        (nv,)  joint velocities [rad/s | m/s]
     duration  [s]
     dt        [s]
@@ -85,9 +85,9 @@ def simulate(
               gaps and residuals, ``trajectory.contacts``
     progress  True for a bar (needs rich), or a function of the number of steps done and their total
     rtol, atol  tolerances of dop853 and radau
-    control   a ``Control``: a law whose torque is added to ``torque``, with states of its own. Of a law of the library
-              that is too stiff for dt a warning names the joint, once: there errors grow in a step of an explicit
-              method as the motion has none (for PD where ω h is 2 √(1 + ζ²) - 2 ζ or more, ``largest_step``)
+    control   a ``Control``: a law whose torque is added to ``torque``, with states of its own. If a law of the library
+              is too stiff for dt, so that errors grow in an explicit step which the motion itself damps, one warning
+              names the joint (PD: where ω h is 2 √(1 + ζ²) - 2 ζ or more, ``largest_step``)
     states    {name: array}  states beside q and v at the beginning: of the control law, "bristles" and, if recorded,
               work. Those left out start as their Spec says; ``Trajectory.end`` has those of a run that is to go on
     fext      external forces that vary, beside those of the scene: (steps, njoints, 6), each held over its step, or a
@@ -97,17 +97,18 @@ def simulate(
     Quaternion, floating, planar and (cos, sin) joints move on their group. Ω is the symplectic form in the canonical
     coordinates (x, π) of charts (``canonical_coordinates``), which are (q, p) where v = q̇. A method in (q, v) that
     ignores the rate of M, such as velocity Verlet, is not symplectic once M depends on q.
-    The velocity of a floating base is in its own frame, whose turn methods of order 1 follow to the order of dt: a body
-    that spins at ω gains speed by some ω² dt / 2 of itself a second, so a ball that rolls on contacts needs a small dt.
-    Explicit methods refuse a dt at which springs, or smooth friction, would grow. ``tau`` leaves springs out, and of
-    motors is what was wanted.
-    A law's states that have rates move, in methods in momenta, half a step before and half a step after the motion,
-    which has order 2. Work is integrated as the motion is; in methods in momenta by their stages, or the trapezoidal
-    rule. Explicit methods step a robot by one program if neither torque nor fext is a function and the robot is short
-    enough (its freedoms times the evaluations of ``integrators`` at most 128). The program is compiled once per scene
-    and method, 0.1 s for a two-link arm, 0.6 s for a Panda, 3 s for a humanoid by rk4, and cached on disk. All else
-    runs in the table kernel, or, with effects, in Python. The choice, and so every bit of the result, does not depend
-    on the number of steps, nor, but for SciPy's methods, on that of samples in a ``rollout``.
+    The velocity of a floating base is in its own frame. Methods of order 1 follow the frame's rotation to order dt
+    only: a body that spins at ω gains about the fraction ω² dt / 2 of its speed per second, so a ball that rolls on
+    contacts needs a small dt. Explicit methods refuse a dt at which springs or smooth friction are unstable. The
+    recorded ``tau`` leaves springs out; with motors it is the commanded one.
+    In methods in momenta, states of a law that have rates are integrated for half a step before and half a step after
+    the motion, to order 2. Work is integrated as the motion is; in methods in momenta by their stages, or the
+    trapezoidal rule. Explicit methods, and those in momenta where nothing but tau and fext acts, step a robot by one
+    program if neither torque nor fext is a function and the robot is short enough (its freedoms times the evaluations of
+    ``integrators`` at most 128). The program is compiled once per scene and method, 0.1 s for a two-link arm, 0.6 s for
+    a Panda, 3 s for a humanoid by rk4, and cached on disk. All else runs in the table kernel, or, with effects, and in
+    momenta with a function, in Python. This choice, and so every bit of the result, depends neither on the number of
+    steps nor, except for SciPy's methods, on the number of samples in a ``rollout``.
 
     Returns Trajectory.
     Raises  ShapeError; SpatialDynError for an invalid dt, duration or method, and for an effect given as an argument;
@@ -180,7 +181,8 @@ def hamilton_simulation(
 ) -> Trajectory:
     """The motion from a point (q0, p0) of phase space by Hamilton's equations: ``simulate`` with a symplectic method.
 
-    p   (nv,)  joint momenta M(q0) v0 [kg m²/s | kg m/s], no velocities: ``sd.momentum(model, q0, v0)``; ``p0`` too
+    p   (nv,)  joint momenta M(q0) v0 [kg m²/s | kg m/s], not velocities: ``sd.momentum(model, q0, v0)``; also called
+        ``p0``
 
     Other arguments, result and errors are those of ``simulate``.
 

@@ -40,33 +40,33 @@ DEFAULTS = {"stabilization": None, "friction_method": IMPLICIT, "limits": False,
 
 
 class Scene:
-    """A robot and what acts on it: immutable, hashed by content, all conflicts found when it is made.
+    """A robot and what acts on it: immutable, hashed by content; conflicts are refused when it is made.
 
     model            Model
     constraints      Constraints of this model: loops, held points, rolling
-    stabilization    T [s]: errors of the constraints die away like exp(-t/T). None: each step ends with a projection
-                     onto them, one Newton step of q, then v, the nearest in the metric of M. Beside implicit friction,
-                     contacts or limits v is not projected, which would move joints that stick
+    stabilization    T [s]: errors of the constraints decay like exp(-t/T). None: each step ends with a projection onto
+                     them, one Newton step of q, then v, to the nearest in the metric of M. With implicit friction,
+                     contacts or limits v is not projected: that would move joints that stick
     contacts         Contacts of this model: points that touch the ground, with Coulomb's exact cone
-    friction         friction and damping of the joints: True for that of the URDF, or a ``Friction``. None: none acts,
-                     and a run warns where the URDF has some; False: none acts
+    friction         friction and damping of the joints: True for that of the URDF, or a ``Friction``. None: no
+                     friction, and a run warns if the URDF has some; False: no friction
     friction_method  "implicit": Coulomb's law and damping hold at the end of a step, at any dt; a joint that sticks has
-                     a velocity of 0 to the bit. "lugre": LuGre's bristles, a state of the run. "smooth": a torque
+                     a velocity of exactly 0. "lugre": LuGre's bristles, a state of the run. "smooth": a torque
                      -F(v) tanh(v/smoothing) - viscous v, by any method but variational; nothing sticks
     limits           whether joints of one coordinate stop at their position limits
-    motor, drive     Motor through which the torques of a run act, beside implicit friction. "current": torque is
-                     n k_t i of the current wanted, within the motor's limits. "voltage": torque is n k_t u / R of a
-                     voltage u, at rest; in motion the motor's own takes some away
+    motor, drive     Motor through which the torques of a run act, with implicit friction. "current": a torque is the n
+                     k_t i of a wanted current, within the motor's limits. "voltage": a torque is the n k_t u / R of a
+                     voltage u, which acts in full at rest; in motion the back EMF reduces it
     fext             (njoints, 6)  constant force on each joint's body, in the joint's frame [N | N m]
 
-    Springs of series-elastic joints (``ModelBuilder.add_series_elastic``) act by themselves. A Model stands for the
-    scene of nothing else wherever a scene is taken.
+    Springs of series-elastic joints (``ModelBuilder.add_series_elastic``) act always. Wherever a Scene is expected, a
+    Model stands for a scene on which nothing else acts.
 
-    methods          names of the methods that take it, of ``integrators``
-    method           the one that a run takes by itself: rk4, or semi_implicit_euler where impulses act
+    methods          names of the ``integrators`` that can step it
+    method           the one that a run uses by default: rk4, or semi_implicit_euler where impulses act
 
-    Raises  SimulationError for options that contradict each other, ModelError, ConstraintError and ShapeError for what
-            is of another robot or out of range
+    Raises  SimulationError for options that contradict each other; ModelError, ConstraintError and ShapeError for
+            options of another robot or out of range
 
     >>> import spatialdyn as sd
     >>> model = sd.load_urdf("two_link")
@@ -127,9 +127,9 @@ class Scene:
     def of(cls, model: Model) -> Scene:
         """The scene of all that the robot's file declares: damping, friction, position limits, mimic joints.
 
-        Mimic joints that the model does not move with their leaders (``mimic=False``) become ``CouplerConstraint``. Of
-        MJCF (``sd.load``) also its loops, the contacts of feet with its ground, and its DC motors; loops and contacts
-        whose frames ``Model.reduced`` has left nothing that moves are left out.
+        Mimic joints that the model does not move with their leaders (``mimic=False``) become ``CouplerConstraint``.
+        From MJCF (``sd.load``) come also its loops, the contacts of feet with its ground, and its DC motors. Loops and
+        contacts on frames that ``Model.reduced`` has fixed to the world are left out.
 
         >>> import spatialdyn as sd
         >>> builder = sd.ModelBuilder("arm").add_body("rod", None, "revolute", (0, 0, 1), damping=0.1)
@@ -147,8 +147,8 @@ class Scene:
         ``[contacts]`` points, friction, restitution, tolerance, steps, rounds, and ``[contacts.terrain]`` with kind
         "plane" or "heightfield"; ``[[constraint]]`` entries are those of ``Constraints.of_toml``.
 
-        Raises  SimulationError for what is no such text, naming the key; SpatialDynError before Python 3.11, which
-                reads no TOML; otherwise as the class
+        Raises  SimulationError naming the key for any other text; SpatialDynError before Python 3.11, which cannot read
+                TOML; otherwise as the class
 
         >>> import spatialdyn as sd
         >>> model = sd.load_urdf("two_link")
@@ -165,7 +165,7 @@ class Scene:
     def with_(self, **changes: Any) -> Scene:
         """This scene with other options, by the names of the constructor; None or False takes an effect away.
 
-        Options that say how an effect acts go with it. Raises SimulationError for an unknown name.
+        With an effect go the options that say how it acts. Raises SimulationError for an unknown name.
         """
         unknown = [name for name in changes if name not in FIELDS]
         if unknown:
@@ -181,13 +181,13 @@ class Scene:
 
     @property
     def acts(self) -> tuple[str, ...]:
-        """Names of what acts: of ``EFFECTS``, and "springs"."""
+        """Names of what acts: some of ``EFFECTS``, and "springs"."""
         found = [name for name in EFFECTS if getattr(self, name) is not None and getattr(self, name) is not False]
         return (*found, *(x.name for x in self.effects if x.name == "springs"))
 
     @property
     def unilateral(self) -> Contacts:
-        """What acts in one direction: the contacts, perhaps of no points, and joint limits if they act."""
+        """What acts in one direction: the contacts, possibly without points, and joint limits if they act."""
         given = Contacts(self.model, {}) if self.contacts is None else self.contacts
         return given.with_limits() if self.limits else given
 
@@ -198,7 +198,7 @@ class Scene:
 
     @property
     def methods(self) -> tuple[str, ...]:
-        """Names of the methods that take the scene."""
+        """Names of the methods that can step the scene."""
         if self.solves:
             return (STEPPED,)
         if self.constraints is None:
@@ -214,7 +214,7 @@ class Scene:
 
     @property
     def method(self) -> str:
-        """The method that a run takes if none is given."""
+        """The method that a run uses if none is given."""
         return STEPPED if self.solves else "rk4"
 
     def __setattr__(self, name: str, value: Any) -> None:

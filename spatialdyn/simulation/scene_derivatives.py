@@ -14,11 +14,13 @@ from ..constraints.derivatives import constrained_dynamics_derivatives
 from ..errors import SimulationError
 from ..recursions import SPECS
 from ..recursions.derivatives.step_derivatives import MOTION
+from ..recursions.joints.springs import SPRING_TORQUE
 from ..recursions.spec import FEXT, TAU, Argument, Q, V
 from .effects import of_run
 from .effects.constraints import constrained_of
 from .effects.contacts import check_start
 from .effects.friction import LUGRE
+from .effects.springs import has_springs
 from .impulse_derivatives import derivatives as by_impulses
 from .impulse_derivatives import laws_of
 from .methods.methods import EXPLICIT_METHODS, integrators
@@ -44,11 +46,14 @@ class StepDerivatives(_Pair):
                "lower limit", "upper limit", "sticks", "slides" of joints
     switching  (..., len(labels))  whether a state is within 1e-6 m/s or rad/s of another, or its gap of changing sign:
                the derivative is then that of one side
+    undetermined  (..., len(labels))  whether a point slides whose share of the load others could take, as of boxes on
+               four corners: its friction turns with that share, and the derivative is that of the impulses found
     """
 
     labels: tuple[str, ...] = ()
     active: NDArray[Any] = np.zeros(0, "<U11")
     switching: NDArray[Any] = np.zeros(0, np.bool_)
+    undetermined: NDArray[Any] = np.zeros(0, np.bool_)
 
 
 def scene_derivatives(
@@ -56,19 +61,18 @@ def scene_derivatives(
 ) -> StepDerivatives:
     """``step_derivatives`` of a scene with constraints, contacts, limits or dry friction, by steps h (...)."""
     model = scene.model
-    refused = [x for x in scene.acts if x in ("motor", "springs")]
+    refused = [x for x in scene.acts if x == "motor"]
     if scene.solves and scene.friction_method == LUGRE:
         refused.append("friction with bristles")
     if refused:
         raise SimulationError(
-            f"{', '.join(refused)} acts in the scene, expected constraints, contacts, limits, friction and forces: "
-            "other effects carry states, or give torques, of their own"
+            f"{', '.join(refused)} acts in the scene, expected constraints, contacts, limits, friction, springs and "
+            "forces: bristles are a state beside q and v, and a motor's limits change the laws of friction in the step"
         )
     check_method(scene, method, integrators)
     if method not in EXPLICIT_METHODS:
-        raise SimulationError(
-            f"method is {method!r} and constraints act, expected one of {', '.join(EXPLICIT_METHODS)}"
-        )
+        what = "springs act" if scene.constraints is None else "constraints act"
+        raise SimulationError(f"method is {method!r} and {what}, expected one of {', '.join(EXPLICIT_METHODS)}")
     names: list[Argument] = [Q, V, TAU, *([] if fext is None else [FEXT])]
     values = [q, v, tau, *([] if fext is None else [fext])]
     given = [as_array(x.name, y) for x, y in zip(names, values, strict=True)]
@@ -96,19 +100,37 @@ def scene_derivatives(
         effects = of_run(scene.with_(fext=None), constrained, False, held)
         if scene.solves:
             laws = laws_of(model, effects, scene.unilateral, pushed is not None)
-            found = by_impulses(laws, q, v, tau, steps, pushed, batch, sound)
+            pull = _pull(scene, q, v)
+            push = tau if pull is None else tau + checked_call(SPRING_TORQUE, model, (q, v), (), None)
+            found = by_impulses(laws, q, v, push, steps, pushed, batch, sound)
             made[sound], labels = found.derivatives, laws.labels
+            if pull is not None:
+                made[sound, :, : 2 * n] += found.derivatives[:, :, 2 * n :] @ pull
         else:
             made[sound] = _by_program(scene, method, Plan(scene, method, effects), q, v, tau, steps, pushed)
     made = made.reshape((*batch, 2 * n, 3 * n))
     pair = StepDerivatives(made[..., : 2 * n], made[..., 2 * n :])
     pair.labels = labels
-    pair.active, pair.switching = np.full((count, len(labels)), "", "<U11"), np.zeros((count, len(labels)), np.bool_)
+    shape = count, len(labels)
+    pair.active, pair.switching = np.full(shape, "", "<U11"), np.zeros(shape, np.bool_)
+    pair.undetermined = np.zeros(shape, np.bool_)
     if found is not None and labels:
         pair.active[sound], pair.switching[sound] = found.active, found.switching
-    pair.active = pair.active.reshape((*batch, len(labels)))
-    pair.switching = pair.switching.reshape((*batch, len(labels)))
+        pair.undetermined[sound] = found.undetermined
+    shape = *batch, len(labels)
+    pair.active, pair.switching = pair.active.reshape(shape), pair.switching.reshape(shape)
+    pair.undetermined = pair.undetermined.reshape(shape)
     return pair
+
+
+def _pull(scene: Scene, q: Array, v: Array) -> Array | None:
+    """The derivatives (n, nv, 2 nv) of the torques of springs by q and v; None without springs."""
+    model, n = scene.model, scene.model.nv
+    if not has_springs(model):
+        return None
+    unit = np.broadcast_to(np.eye(2 * n), (len(q), 2 * n, 2 * n))
+    made: Array = along(model, SPRING_TORQUE, [q, v], [unit[:, :n], unit[:, n:]])
+    return made
 
 
 def constrained_linearization(

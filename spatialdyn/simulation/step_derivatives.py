@@ -54,7 +54,7 @@ def step_derivatives(
 
     Source: see ``recursions.derivatives.step_derivatives`` and ``simulation.methods.implicit_derivatives``.
 
-    scene   Scene or Model, without motors, springs and bristles. A Friction with ``smoothing`` that acts alone acts by
+    scene   Scene or Model, without motors and bristles; springs act in explicit methods. A Friction with ``smoothing`` that acts alone acts by
             its smooth law, in explicit methods; any other one, contacts and limits act by impulses, whose laws have a
             derivative on each side of a switch; constraints act in the methods of ``explicit`` and beside impulses
     q       (..., nq)          joint positions [rad | m]
@@ -74,14 +74,13 @@ def step_derivatives(
     at a switch: its points are neither above the ground nor in it. Steps in which a point bounces are refused.
 
     Batches of the explicit methods run on SIMD lanes, of any size; those of models of 26 freedoms or more, 17 with
-    velocity_verlet and 12 with rk4, by the table kernel. Implicit methods solve sample by sample and differentiate on
-    lanes.
+    velocity_verlet and 12 with rk4, by the table kernel. Implicit methods are solved and differentiated on lanes.
 
-    Returns StepDerivatives: A (..., 2 nv, 2 nv) and B (..., 2 nv, nv), views of one array, with ``labels``, ``active``
-            and ``switching`` of what acts by impulses. NaN or infinity in a sample's state, torque or forces gives NaN
+    Returns StepDerivatives: A (..., 2 nv, 2 nv) and B (..., 2 nv, nv), views of one array, with ``labels``, ``active``,
+            ``switching`` and ``undetermined`` of what acts by impulses. NaN or infinity in a sample's state, torque or forces gives NaN
             in that sample alone, where it counts.
     Raises  SpatialDynError for another method or a dt that is not finite; SimulationError
-            for bristles, motors, springs, a point that bounces, a step that does not converge, and a joint of several
+            for bristles, motors, a point that bounces, a step that does not converge, and a joint of several
             freedoms that turns by π or more in a step, each naming the first sample and how many; the errors of
             ``aba``, and of ``step`` under constraints.
 
@@ -103,7 +102,8 @@ def step_derivatives(
     """
     scene, fext = _scene(scene, fext)
     model = scene.model
-    if scene.constraints is not None or (scene.solves and not _is_smooth(scene)):
+    acts = scene.constraints is not None or (scene.solves and not _is_smooth(scene))
+    if acts or (has_springs(model) and scene.friction is None):
         return scene_derivatives(scene, q, v, tau, _steps(dt), method, fext)
     turns, law = _checked(scene)
     spec = (TURNING_STEPS if turns else STEPS).get(method) if isinstance(method, str) else None
@@ -132,9 +132,9 @@ def linearize(
 ) -> StepDerivatives:
     """The linear system of a robot near a state: continuous, d/dt δx = A δx + B δτ, or of a step with dt and method.
 
-    Arguments as of ``step_derivatives``; in continuous time constraints act alone, and nothing by impulses. About a
-    state that moves, δx is the difference from the motion of that state, in the frames of its bodies, which turn: with
-    v of a body d/dt δq = δv - v × δq, the commutator of twists.
+    Arguments are those of ``step_derivatives``; in continuous time a scene may have constraints, but nothing that acts
+    by impulses. About a moving state δx is the difference from that motion, in the frames of its bodies, which turn:
+    for a body with velocity v, d/dt δq = δv - v × δq, the commutator of twists.
 
     Returns A (..., 2 nv, 2 nv) and B (..., 2 nv, nv), views of one array; with dt and method as ``step_derivatives``.
     Raises  SpatialDynError for one of dt and method without the other; the errors of ``step_derivatives``.
@@ -254,7 +254,7 @@ def _implicit(
         raise SpatialDynError(f"method is {method!r}, expected one of {', '.join(known)}")
     if method not in known:
         raise SpatialDynError(
-            f"method is {method!r}, whose steps adapt to a tolerance, so that one is no smooth map; expected one of "
+            f"method is {method!r}, whose steps adapt to a tolerance and have no derivative; expected one of "
             f"{', '.join(known)}"
         )
     specs, values = [Q, V, TAU], [q, v, tau]

@@ -7,19 +7,17 @@ it has the order of the method. Others change at the end of a step. Where an eff
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache, partial
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..algebra.euclidean import cross
-from ..bodies.kinds import SE2, SE3
 from ..calls.dynamics import calls
 from ..engines.programs.record.tracer import scratch
 from ..recursions import SPECS
-from ..recursions.coordinates.configuration import integrate, twist
+from ..recursions.coordinates.configuration import integrate
 from ..recursions.coordinates.coordinate_rates import rate_of_displacement, turn
 from ..recursions.joints.friction import DT
 from ..recursions.spec import FEXT, TAU, Argument, Q, Spec, V
@@ -62,17 +60,15 @@ def advance(
         at.given.update(own, q=state.q.copy(), v=state.w.copy(), dt=h)
 
         def solve(tau: Any) -> Any:
-            ahead, changed, forces = solver.solve(at, acting, tau if still is None else tau + still)
+            ahead, changed, forces = solver.solve(at, acting, tau)
             if work.EXTERNAL in works and work.EXTERNAL.name not in forces:
                 forces[work.EXTERNAL.name] = external_torque(at, at.given["q"])
             return ahead, changed, forces
 
-        still, nothing = unturned(at, constrained, state), np.zeros(len(state.w), state.w.dtype)
+        # contacts are solved for in the axes at the beginning, friction of joints alone in those that turn
+        turning = np.zeros(len(state.w), state.w.dtype) if find(acting, Contact) is not None else state.w.copy()
         state.w[:], after = carry_solved(solve, h, state.q, state.w, system.tau.copy(), own, whole)
-        if still is None:
-            explicit.move(system, t, times(h, state.w), state)
-        else:
-            explicit.move_turned(system, t, h, nothing, state)
+        explicit.move_turned(system, t, h, turning, state)
     elif own or law is not None:
         after = carry(method, system, t, h, state, own, whole)
     else:
@@ -108,25 +104,6 @@ def free_of(
     if work.CONSTRAINTS in works:
         powers[work.CONSTRAINTS.name] = force * constrained.rates(at, q, v)
     return OK, powers
-
-
-def unturned(at: Arithmetic, constrained: Constrained | None, state: State) -> Any:
-    """Torques that leave floating and planar joints' linear velocities in the axes of the beginning: M [ω × v; 0].
-
-    None for robots without such joints, and beside constraints, which see the velocity as turned at the step's end.
-    """
-    turning = [i for i in range(1, len(at.rows)) if at.rows[i].kind in SE3 or at.rows[i].kind in SE2]
-    if not turning or constrained is not None:
-        return None
-    (M,) = at.evaluate(SPECS["crba"], q=state.q).values()
-    made = np.zeros(len(state.w), state.w.dtype)
-    for i in turning:
-        b, r = at.rows[i], i - 1
-        m = twist(b, r, state.w)
-        x = cross(m.w, m.v)
-        for k, y in enumerate((x.x, x.y, x.z) if b.kind in SE3 else (x.x, x.y)):
-            made = made + times(y, M[:, r + k])
-    return made
 
 
 def _sound(system: System, state: State) -> bool:
@@ -306,9 +283,18 @@ def step_specs(
 
     beside = (x for effect in acting for x in effect.inputs)
     given = (Q, V, *own, DT, *((TAU,) if forced else ()), *beside)
+    feedback = find(acting, Feedback)
+    label = "_".join(["rollout", method, *(x.name for x in acting if x.name != "control")])
+    return specs_of(label, given, (Q, V, *own), after, feedback is None or feedback.spec.regroup)
+
+
+def specs_of(
+    label: str, given: Sequence[Argument], states: Sequence[Argument],
+    after: Callable[[Any, dict[str, Any]], Sequence[Any]], regroup: bool,
+) -> tuple[Spec, ...]:  # fmt: skip
+    """Specs of the states after a step, of ``after(rows, inputs by name)``, which gives them all at once."""
     given = tuple(replace(x, optional=False) for x in given)
     names = [x.name for x in given]
-
     last: list[Any] = [None]  # rows, inputs and results: the Specs are recorded one after another, and a loop only once
 
     def state_after(k: int) -> Callable[..., None]:
@@ -316,18 +302,15 @@ def step_specs(
             known = last[0]
             if known is None or known[0] is not rows or any(x is not y for x, y in zip(known[1], arrays, strict=False)):
                 known = rows, arrays[:-1], after(rows, dict(zip(names, arrays, strict=False)))
-            last[0] = None if k == 1 + len(own) else known
+            last[0] = None if k == len(states) - 1 else known
             arrays[-1][:] = known[2][k]
 
         return recursion
 
-    feedback = find(acting, Feedback)
-    label = "_".join(["rollout", method, *(x.name for x in acting if x.name != "control")])
     return tuple(
         Spec(
             f"{label}_{x.name}", state_after(k), None, given, replace(x, name=f"{x.name}_after", unit_norm=False),
-            "A step of a rollout.", "see explicit", regroup=feedback is None or feedback.spec.regroup,
-            composed=True,
+            "A step of a rollout.", "see ``simulation.methods``", regroup=regroup, composed=True,
         )
-        for k, x in enumerate((Q, V, *own))
+        for k, x in enumerate(states)
     )  # fmt: skip

@@ -14,6 +14,7 @@ from ..calls.dynamics import calls
 from ..engines.programs.run import time_loop
 from ..laws.control import Control, recorded
 from ..laws.law_specs import in_step
+from ..model.model import Model
 from ..recursions.control.paths import CLOCK
 from .plan import Plan
 from .steps import step_specs
@@ -83,7 +84,8 @@ def _growth(
         return None
     q, v = (x.reshape(len(times), 2, 2 * n, -1) for x in after[:2])
     moved = np.concatenate([np.asarray(calls["difference"](model, q[:, 1], q[:, 0])), v[:, 0] - v[:, 1]], -1)
-    values, vectors = np.linalg.eig(np.swapaxes(moved, -1, -2) / (2.0 * DELTA))
+    A = np.swapaxes(moved, -1, -2) / (2.0 * DELTA)
+    values, vectors = np.linalg.eig(A)
     worst = abs(values).argmax(-1)
     size = abs(values).max(-1)
     turned = values[np.arange(len(times)), worst].real < 0.0
@@ -91,8 +93,17 @@ def _growth(
     bad = (size > 1.0 + ROUNDING) & (turned | (size > GROWTH * own))
     if not bad[0]:
         return None
-    vector = abs(vectors[0, :, worst[0]])
-    k = int((vector[:n] + dt * vector[n:]).argmax())
-    joint = next(x.name for x in model.joints[1:] if x.idx_v <= k < x.idx_v + x.nv)
+    joint = joint_of_mode(model, A[0], values[0, worst[0]], vectors[0, :, worst[0]])
     fine = np.flatnonzero(~bad)
     return joint, float(size[0]), float(own[0]), float(times[fine[0]]) if len(fine) else None
+
+
+def joint_of_mode(model: Model, A: Array, value: complex, vector: Array) -> str:
+    """The joint that takes most part in a mode of a step A (2 nv, 2 nv): by |left x right eigenvector|, freedom by
+    freedom, which finds the one whose gain makes it, where the right one alone finds the one that it shakes most.
+    """
+    values, vectors = np.linalg.eig(A.T)
+    left = vectors[:, int(abs(values - value).argmin())]
+    part = abs(left * vector).reshape(2, model.nv).sum(0)
+    k = int(part.argmax())
+    return next(x.name for x in model.joints[1:] if x.idx_v <= k < x.idx_v + x.nv)

@@ -39,9 +39,9 @@ class Trajectory:
     q            (N, nq)   joint positions [rad | m]
     v            (N, nv)   joint velocities [rad/s | m/s]
     p            (N, nv)   joint momenta M(q) v [kg m²/s | kg m/s]
-    tau          (N, nv)   joint torques at these times [N m | N], held ones of the step that begins there; NaN at the
-                           last state if Ctrl-C came before the torque function was called
-    energy       (N,)      T + V [J], what springs of series-elastic joints hold among it
+    tau          (N, nv)   joint torques at these times [N m | N]; held torques are those of the step that begins there;
+                           NaN at the last state if Ctrl-C came before the torque function was called
+    energy       (N,)      T + V [J], including the energy in springs of series-elastic joints
     method, dt   name of the method, its step [s]
     robot        name of the model
     interrupted  whether Ctrl-C ended the simulation
@@ -49,7 +49,7 @@ class Trajectory:
     states       {name: (N, ...)}  states that the run carried beside q and v: "bristles" (N, nv) of LuGre friction
                  [rad | m], those of a control law, and work [J] if it was recorded
     contacts     ContactRecord of these times, None unless asked for
-    spring_energy  (N,)    the part of energy that springs hold [J]; None without springs
+    spring_energy  (N,)    the energy in those springs [J]; None without springs
     scene        the Scene that was simulated; None after ``load`` without a model
     """
 
@@ -120,7 +120,7 @@ class Trajectory:
     def load(cls, path: str | PathLike[str], model: Model | None = None) -> Trajectory:
         """The Trajectory in a file written by ``save``.
 
-        model  the robot, as a file holds none: with it the trajectory has its ``model`` and ``scene``
+        model  the robot, which is not in the file: with it the trajectory has its ``model`` and ``scene``
 
         Raises SpatialDynError if the file cannot be read, is damaged or holds something else; ModelError for a model
         that is not that of the run.

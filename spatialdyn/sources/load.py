@@ -11,7 +11,7 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
-from ..errors import SpatialDynError, UrdfError
+from ..errors import SpatialDynError, UrdfError, pip_install
 from ..model.model import Model
 from ..urdf.load import find_robot, load_urdf, robot_names
 from ..urdf.sources import is_yourdfpy
@@ -51,14 +51,14 @@ def load(
     the package xacrodoc expands it, and evaluates the Python expressions in it. Compiled MuJoCo models (.mjb) are read
     too. SDF is refused, with what reads it.
 
-    A name of robot_descriptions makes that package clone a repository at its first use, of which a UserWarning tells;
-    it is looked for last.
+    Names of robot_descriptions are looked for last. At its first use such a name makes that package clone a repository,
+    which a UserWarning says.
 
-    What else the file declares acts by ``sd.Scene.of(model)``: damping, friction, limits; of MJCF also loops, contacts
-    of feet with its ground and DC motors. ``model.notes`` lists what has no counterpart.
+    What else the file declares acts in the scene ``sd.Scene.of(model)``: damping, friction, limits; from MJCF also
+    loops, contacts of feet with its ground and DC motors. ``model.notes`` lists what has no counterpart.
 
-    Raises  UrdfError; SpatialDynError for what is no robot, another format, MJCF that MuJoCo refuses, a package that is
-            missing; otherwise as ``load_urdf``
+    Raises  UrdfError; SpatialDynError for a source that is no robot, another format, MJCF that MuJoCo refuses, a
+            missing package; otherwise as ``load_urdf``
 
     >>> load("pendulum") == load_urdf("pendulum")
     True
@@ -129,7 +129,10 @@ def _file(name: str) -> str:
             return description_file(name)
         near = difflib.get_close_matches(name, [*description_names(), *robot_names()], 3, 0.6)
         more = [x for x in near if x in description_names()]
-        raise UrdfError(f"{error}" + (f"; of robot_descriptions: {', '.join(more)}" if more else "")) from None
+        hint = f"; of robot_descriptions: {', '.join(more)}" if more else ""
+        if name.endswith("_description") and not description_names():
+            hint = f"; robot_descriptions is not installed; {pip_install('descriptions')}"
+        raise UrdfError(f"{error}{hint}") from None
 
 
 def compiled_file(path: str) -> Any:

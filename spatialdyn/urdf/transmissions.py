@@ -35,17 +35,17 @@ class _UnsoundError(Exception):
 
 
 def read_transmissions(source: Any) -> tuple[Transmission, ...]:
-    """The transmissions of a URDF, of the types SimpleTransmission and DifferentialTransmission, in <ros2_control> too.
+    """The transmissions of a URDF: SimpleTransmission and DifferentialTransmission, also those in <ros2_control>.
 
     Source: ros_control, transmission_interface (2013), for what their reductions and offsets mean.
 
-    source  as of ``load_urdf``: path, text, open file, or the name of a robot; not a yourdfpy.URDF, which has none. Or
-            a Model: those of the file that it was read from, of MJCF the gears of its actuators on joints
+    source  path, text, open file, or name of a robot, as for ``load_urdf``; not a yourdfpy.URDF, which has none. Or a
+            Model, for those of its file; those of MJCF are the gears of actuators on joints
 
     A URDF has no inertias of rotors: ``sd.Transmission(t.joints, t.matrix, rotor_inertia)`` adds them. Left out, with
     one warning that names each and why: other types, whose law is not in the file; transmissions of joints that do not
-    move, are missing, have several coordinates, or are driven twice; reductions that are 0, no number, or given twice;
-    a differential whose roles are not actuator1, actuator2, joint1, joint2.
+    move, are missing, have several coordinates, or are driven twice; reductions that are 0, not a number, or given
+    twice; a differential whose roles are not actuator1, actuator2, joint1, joint2.
 
     Returns Transmissions in the order of the file.
     Raises  UrdfError as ``load_urdf``.

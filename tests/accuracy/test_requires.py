@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from operation_costs import count_operations
 
 import spatialdyn as sd
 from spatialdyn.accuracy import motions_around, scene_search
@@ -16,24 +17,15 @@ from spatialdyn.accuracy.requirement import Requirement
 from spatialdyn.commands import cli
 from spatialdyn.engines.compiled import numba_kernels
 from spatialdyn.recursions.spec import TAU, Argument, Q, Spec, V
-from spatialdyn.simulation.scene_text import operations
 
 pytestmark = pytest.mark.skipif(numba_kernels.PLAIN, reason="NUMBA_DISABLE_JIT: batches of motions in plain Python")
 FEW = 6  # samples
 ROUNDED = 1e-12  # [rad] of motions that are the same but for rounding
-HALF = {"float32": 0.5, "float64": 1.0}
 
 
 @pytest.fixture(autouse=True)
 def costs_of_operations(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A step costs a nanosecond an operation: measured times depend on the machine's load."""
-
-    def cost(self: Any, timed: Any, beside: Any) -> float:
-        count = operations(timed.made.scene)
-        assert count is not None
-        return count * sd.integrators[timed.method].evaluations * HALF[np.dtype(timed.dtype).name]
-
-    monkeypatch.setattr(motions_around.Motion, "cost", cost)
+    count_operations(monkeypatch)
 
 
 def arm(**more: Any) -> sd.ModelBuilder:

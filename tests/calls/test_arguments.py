@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
@@ -883,6 +883,26 @@ def test_a_masked_array_is_refused_by_name(model: sd.Model, name: str) -> None:
                 values[k] = value
                 message = refusal(lambda values=values: public(model, spec, values))
                 assert message == f"{argument.name} is masked, expected an array without a mask, which would be lost"
+
+
+@pytest.mark.parametrize("shape", [(7,), (3, 7)])
+def test_an_array_that_is_not_in_memory_is_refused_by_name(model: sd.Model, shape: tuple[int, ...]) -> None:
+    """NumPy would compute the one without a word, and fetch the other."""
+    lazy = pytest.importorskip("dask.array").zeros(shape)
+
+    class OnGpu:
+        __cuda_array_interface__: ClassVar[Any] = {"shape": shape, "typestr": "<f8", "data": (0, False), "version": 3}
+        ndim = len(shape)
+
+        def __array__(self, dtype: Any = None, copy: Any = None) -> Any:
+            raise AssertionError("fetched")
+
+    zero = np.zeros(shape)
+    for given, said in ((lazy, "v is a Dask Array, expected an array in memory"), (OnGpu(), "v is a OnGpu on a GPU")):
+        with pytest.raises(sd.ShapeError, match=said):
+            sd.rnea(model, zero, given, zero)
+        with pytest.raises(sd.ShapeError, match=said.replace("v is", "q is")):
+            sd.specialize(model, sd.rnea)(given, zero, zero)
 
 
 def test_a_masked_out_is_refused() -> None:

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 from inputs import options, random_inputs
+from trees import random_tree
 
 import spatialdyn as sd
 from spatialdyn.calls.dynamics import calls, table_call
@@ -214,3 +215,17 @@ def test_a_call_without_a_program_answers_nan_in_numpy_whatever_came_before(monk
         warnings.simplefilter("error")
         again: Any = sd.aba_square_root(model, *(x[2] for x in given))
     np.testing.assert_array_equal(again, compiled[2])
+
+
+@COMPILED
+def test_what_numpy_would_take_long_for_is_not_tried_in_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """n^3 operations on the derivatives of a long chain: its kernel is compiled, or read from the cache, at once."""
+    model = random_tree(1, 150, ["revolute"]).model
+    asked: list[str] = []
+    monkeypatch.setattr(run, "run_in_numpy", lambda spec, *others: asked.append(spec.name) or run.ALL_OK)
+    for name in ("rnea", "aba_derivatives"):
+        spec = bare(name)
+        monkeypatch.setattr(numba_kernels, "is_made", lambda spec: False)
+        given = [x.reshape((1, -1)) for x in random_inputs(model, spec)]
+        assert run.preview(spec, model, given, (), 1) is run.ALL_OK
+    assert asked == ["rnea"]

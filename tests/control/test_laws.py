@@ -63,6 +63,25 @@ def test_a_law_is_its_line_in_the_textbook(name: str, arm: sd.Model) -> None:
     assert (laws(path)[name](arm, t[7], q[7], v[7]) == found[7]).all()  # to the bit, alone
 
 
+def test_a_law_is_exact_a_program_its_derivative_and_c() -> None:
+    model = sd.load_urdf("two_link")
+    path = sd.spline([0.0, 0.5, 1.0, 1.5], [[0.0, 0.0], [1.0, 0.5], [0.2, 0.1], [0.3, 0.3]])
+    law, t, q, v = sd.ComputedTorque(10.0, 5.0, path), 0.7, np.array([0.3, 0.4]), np.array([0.1, 0.2])
+    names = [x.name for x in law.torque_spec.present]
+    given = [np.asarray({"q": q, "v": v, "clock": [t]}.get(x, law.values.get(x))) for x in names]
+    found = law(model, t, q, v)
+    truth = sd.exact(model, law)(*given).astype(float)
+    assert abs(found - truth).max() < ROUNDING
+    program = sd.specialize(model, law, derivative="jvp")
+    along = [np.ones(1) if x == "clock" else np.zeros_like(y, float) for x, y in zip(names, given, strict=True)]
+    torque, rate = program(*given, *along)
+    step = 1e-6
+    slope = (law(model, t + step, q, v) - law(model, t - step, q, v)) / (2.0 * step)
+    assert (torque == found).all()
+    assert abs(rate - slope).max() < 1e-6 * abs(slope).max()
+    assert "coefficients[" in sd.specialize(model, law).c_code()
+
+
 def test_laws_of_groups_and_of_mimic_joints_are_theirs() -> None:
     solid = (1.0, (0.1, 0.0, 0.2), 0.1 * np.eye(3))
     free = sd.ModelBuilder("free", "world").add_body("base", None, "floating", inertia=solid)
@@ -114,9 +133,17 @@ def test_pd_with_gravity_rests_exactly_at_its_goal(arm: sd.Model) -> None:
     run = sd.simulate(arm, np.zeros(N), np.zeros(N), 20.0, 0.01, control=law)
     assert abs(run.q[-1] - goal).max() < 1e-9
     assert abs(run.v[-1]).max() < 1e-9
-    for method in ("implicit_midpoint", "stormer_verlet"):  # they evaluate the law where they evaluate forces
-        other = sd.simulate(arm, np.zeros(N), np.zeros(N), 2.0, 0.01, method, control=law)
-        assert abs(other.q[-1] - run.q[200]).max() < 1e-3
+
+
+@pytest.mark.parametrize("method", ["implicit_midpoint", "stormer_verlet"])
+def test_symplectic_methods_keep_their_order_under_a_law(method: str, arm: sd.Model) -> None:
+    """They evaluate the law where they evaluate forces: held over a step it would be of order 1."""
+    law, rest = sd.PDGravity(20.0, 12.0, np.array([0.4, -0.2, 0.3])), np.zeros(N)
+    exact = sd.simulate(arm, rest, rest, 0.2, 0.01, "rk4", control=law).q[-1]  # to 3e-8
+    errors = [
+        abs(sd.simulate(arm, rest, rest, 0.2, dt, method, control=law).q[-1] - exact).max() for dt in (0.02, 0.01)
+    ]
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.1)
 
 
 def test_lyapunov_functions_of_the_laws_fall(arm: sd.Model) -> None:
@@ -153,9 +180,9 @@ def test_laws_add(arm: sd.Model) -> None:
     q, v = np.array([0.1, 0.2, 0.3]), np.array([1.0, -1.0, 0.5])
     want = sum(x(arm, 0.2, q, v) for x in parts)
     assert abs(both(arm, 0.2, q, v) - want).max() < ROUNDING
-    run = sd.simulate(arm, q, v, 0.3, 0.01, "rk4", control=both)
+    run = sd.simulate(arm, q, v, 0.1, 0.01, "rk4", control=both)
     assert list(run.states) == ["clock"]  # which they share
-    adaptive = sd.simulate(arm, q, v, 0.3, 0.3, "dop853", control=both)
+    adaptive = sd.simulate(arm, q, v, 0.1, 0.1, "dop853", control=both)
     assert abs(adaptive.q[-1] - run.q[-1]).max() < 1e-6
     with pytest.raises(TypeError):
         both + 3  # type: ignore[operator]
@@ -227,6 +254,29 @@ def test_references_may_vary_by_sample_and_step(arm: sd.Model) -> None:
     assert (found.q[2] == alone.q).all()
 
 
+def test_samples_follow_paths_and_clocks_of_their_own(arm: sd.Model) -> None:
+    draw = np.random.default_rng(7)
+    path = sd.spline([0.0, 0.04, 0.08, 0.12, 0.2], 0.3 * draw.normal(size=(4, 5, N)))
+    q, v = 0.1 * draw.normal(size=(4, N)), np.zeros((4, N))
+    run = sd.rollout(arm, q, v, dt=0.01, steps=15, control=sd.ComputedTorque(30.0, 8.0, path))
+    of_one = sd.ComputedTorque(30.0, 8.0, path[2])
+    alone = sd.rollout(arm, q[2], v[2], dt=0.01, steps=15, control=of_one)
+    assert (run.q[2] == alone.q).all()
+    torque = sd.ComputedTorque(30.0, 8.0, path)(arm, 0.05, q, v)
+    assert (torque[2] == of_one(arm, 0.05, q[2], v[2])).all()
+    clocks = draw.uniform(-0.05, 0.2, (4, 1))  # so that lanes are in other segments
+    run = sd.rollout(arm, q, v, dt=0.01, steps=15, control=of_one, states={"clock": clocks})
+    for b in range(4):
+        alone = sd.rollout(arm, q[b], v[b], dt=0.01, steps=15, control=of_one, states={"clock": clocks[b]})
+        assert (run.q[b] == alone.q).all()
+    single = sd.simulate(
+        arm, q[1], v[1], 0.15, 0.01, "semi_implicit_euler", control=of_one, states={"clock": clocks[1]}
+    )
+    assert (run.q[1] == single.q[1:]).all()
+    with pytest.raises(sd.ShapeError, match=r"centre of spec .* has shape \(4, 1, 3\)"):
+        sd.simulate(arm, q[0], v[0], 0.1, 0.01, control=sd.PDPlus(1.0, 1.0, path))
+
+
 # --- gains ----------------------------------------------------------------------------------------------
 
 
@@ -245,6 +295,30 @@ def test_gains_that_are_none_are_refused_by_their_eigenvalue(arm: sd.Model) -> N
         sd.simulate(arm, [0.0] * N, [0.0] * N, 0.1, 0.01, control=sd.PDPlus(1.0, 1.0, sd.quintic([0, 0], [1, 1], 1.0)))
     with pytest.raises(sd.SimulationError, match="held is -1"):
         sd.Gravity(held=-1)
+    with pytest.raises(sd.NonFiniteError, match=r"v_ref is \[nan"):
+        sd.PD(1.0, 1.0, [0.0] * N, [np.nan] * N)
+
+
+def test_values_that_are_not_finite_are_refused_by_name(arm: sd.Model) -> None:
+    from spatialdyn.recursions.spec import TAU, Argument, Q, Spec
+
+    def pull(bodies: Any, q: Any, reach: Any, tau: Any) -> None:
+        for i in range(len(tau)):
+            tau[i] = reach[i] - q[i]
+
+    spec, rest = Spec("pull", pull, None, (Q, Argument("reach", ("nv",), "rad", "")), TAU, "", ""), np.zeros(N)
+    law = sd.Control(spec, {"reach": [0.0, np.nan, 0.0]})
+    said = 'reach of spec "pull" has numbers that are not finite'
+    with pytest.raises(sd.NonFiniteError, match=said):
+        sd.rollout(arm, rest, rest, dt=0.01, steps=2, control=law)
+    with pytest.raises(sd.NonFiniteError, match=said):
+        sd.simulate(arm, rest, rest, 0.1, 0.01, control=law)
+    goals = np.zeros((5, 2, N))
+    goals[3, 1, 0] = np.nan
+    with pytest.raises(sd.SimulationError, match=f"sample 3: {said}"):
+        sd.rollout(arm, rest, rest, dt=0.01, control=sd.Control(spec, {"reach": goals}))
+    found = sd.rollout(arm, rest, rest, dt=0.01, control=sd.Control(spec, {"reach": goals}), check=False)
+    assert np.isfinite(found.q).all((1, 2)).tolist() == [True, True, True, False, True]
 
 
 def test_lqr_holds_what_falls() -> None:
@@ -283,6 +357,11 @@ def test_a_closed_step_is_stable_below_the_bound_and_names_its_joint() -> None:
     arm = sd.load_urdf("ur5")
     stiff = sd.PD(np.r_[100.0, 100.0, 100.0, 10.0, 10.0, 500.0], 1.0, np.zeros(6))
     assert sd.closed_step(arm, stiff, np.zeros(6), np.zeros(6), 0.02, "semi_implicit_euler").joint == arm.joints[6].name
+    two = sd.load_urdf("two_link")  # whose second joint is shaken more by a stiff first one than that itself
+    for k in (0, 1):
+        gains = np.where(np.arange(2) == k, 1e5, 10.0)
+        found = sd.closed_step(two, sd.PD(gains, 1.0, np.zeros(2)), np.zeros(2), np.zeros(2), 0.05)
+        assert found.joint == two.joints[1 + k].name
 
 
 @pytest.mark.parametrize("call", ["simulate", "rollout"])

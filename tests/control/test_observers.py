@@ -93,7 +93,7 @@ def test_the_force_on_a_tool_is_felt() -> None:
 def test_what_joints_cannot_tell_is_named() -> None:
     model, q = sd.load_urdf("two_link"), np.array([0.3, 0.8])
     r = sd.frame_jacobian(model, q, "tip").T @ np.array([1.0, 0, 0, 0, 0, 0])
-    with pytest.raises(sd.ConstraintError, match='upstream of "tip" tell 2 of 6 directions'):
+    with pytest.raises(sd.ConstraintError, match='upstream of "tip" determine 2 of 6 directions'):
         sd.contact_wrench(model, q, r, "tip")
     found = sd.contact_wrench(model, q, r, "tip", least=True)
     assert found.rank == 2

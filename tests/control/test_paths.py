@@ -124,6 +124,8 @@ def test_a_path_beyond_limits_is_refused_by_joint() -> None:
         sd.quintic([0.0], [1.0], 0.5, model)
     assert sd.quintic([0.0], [1.0], 0.5, model, limits=False).duration == 0.5
     sd.quintic([0.0], [1.0], 2.0, model)  # touches its limit
+    with pytest.raises(sd.SpatialDynError, match=r'path 2 moves joint "rod.*" to -1.2, expected'):
+        sd.quintic([[0.0], [0.5], [-1.2]], [0.1], 4.0, model)
 
 
 def test_paths_refuse_what_is_none() -> None:
@@ -140,6 +142,10 @@ def test_paths_refuse_what_is_none() -> None:
         sd.trapezoid([0.0], [1.0], -1.0, 1.0)
     with pytest.raises(sd.SpatialDynError, match="q1 is q0"):
         sd.trapezoid([0.0], [0.0], 1.0, 1.0)
+    with pytest.raises(sd.ShapeError, match=r"batch shapes do not broadcast: q0 \(2,\), q1 \(3,\)"):
+        sd.quintic(np.zeros((2, 1)), np.ones((3, 1)), 1.0)
+    with pytest.raises(sd.ShapeError, match="one alone"):
+        sd.quintic([0.0], [1.0], 1.0)[0]
     far = sd.integrate(model, sd.neutral(model), np.r_[np.zeros(3), 3.1, np.zeros(model.nv - 4)])
     with pytest.raises(sd.SpatialDynError, match=r"turns joint .* by 3.1 rad"):
         sd.quintic(sd.neutral(model), far, 1.0, model)
@@ -149,6 +155,46 @@ def test_paths_refuse_what_is_none() -> None:
         sd.quintic(sd.neutral(model), sd.neutral(model), 1.0, model).check_model(sd.load_urdf("two_link"))
 
 
+@pytest.mark.parametrize("kind", ["spline", "quintic", "trapezoid", "fourier"])
+def test_paths_of_samples_are_each_its_own(kind: str) -> None:
+    model, draw = body(), np.random.default_rng(5)
+    q = sd.integrate(model, sd.neutral(model), 0.5 * draw.normal(size=(3, 4, model.nv)))
+    rates = draw.normal(size=(3, 2, 2, model.nv))
+    make = {
+        "spline": lambda b: sd.spline([0.0, 0.3, 0.8, 1.0], q[b], model),
+        "quintic": lambda b: sd.quintic(q[b][..., 0, :], q[0, 3], 1.0, model),
+        "trapezoid": lambda b: sd.trapezoid(q[b][..., 0, :], q[b][..., 1, :], 0.5, 1.0 + np.arange(model.nv), model),
+        "fourier": lambda b: sd.fourier(rates[b][..., 0, :, :], rates[b][..., 1, :, :], 1.0, q[0, 0], model),
+    }[kind]
+    whole = make(np.arange(3))
+    assert whole.batch == (3,)
+    t = np.array([-0.1, 0.0, 0.31, 0.8, 1.7])
+    for b in range(3):
+        one = make(b)
+        assert whole[b].duration == one.duration
+        for many, alone, own in zip(whole(t[:, None]), one(t), whole[b](t), strict=True):
+            assert abs(many[:, b] - alone).max() < 1e-13
+            assert (own == many[:, b]).all()
+        peaks = zip(whole.peaks(), one.peaks(), strict=True)
+        assert all(abs(x[b] - y).max() < (1e-12 if kind != "trapezoid" else 0.05) for x, y in peaks)  # on other samples
+    assert abs(whole([0.1, 0.2, 0.3]).q[1] - make(1)(0.2).q).max() < 1e-13
+
+
+def test_extremes_of_several_cubics_are_those_of_fine_samples() -> None:
+    points = np.random.default_rng(6).normal(size=(50, 5, 3))
+    path = sd.spline([0.0, 0.4, 1.0, 1.5, 2.0], points)
+    found = path(np.linspace(0.0, 2.0, 4001)[:, None])
+    peaks = path.peaks()
+    for value, wanted in (
+        (peaks.highest, found.q.max(0)), (peaks.lowest, found.q.min(0)), (peaks.v, abs(found.v).max(0)),
+        (peaks.a, abs(found.a).max(0)),
+    ):  # fmt: skip
+        assert abs(value - wanted).max() < 1e-5 * abs(wanted).max() * (1000 if value is peaks.a else 1)
+    assert (peaks.highest >= found.q.max(0) - 1e-12).all()
+
+
 def test_a_path_is_drawn() -> None:
     figure = sd.quintic([0.0, 0.0], [1.0, 2.0], 2.0).plot()
     assert [len(x.lines) for x in figure.axes] == [2, 2, 2]
+    with pytest.raises(sd.ShapeError, match=r"is 2 paths, expected one to draw"):
+        sd.quintic([[0.0], [1.0]], [2.0], 2.0).plot()

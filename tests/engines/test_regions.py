@@ -289,14 +289,43 @@ def test_what_is_not_carried_is_refused() -> None:
         recorded(body)
 
 
-def test_sines_within_are_refused() -> None:
-    def body(x: Any, tape: Tape) -> Any:
-        for _ in when(x[0], x):
-            x[0] = scalars.sin(x[0])
-        return x[0]
+def turning(bodies: Any, v: Any, out: Any, x: Any, left: Any) -> None:
+    """Passes, v[1] in all, that add the sine and cosine of an angle that begins at v[0] and grows tenfold in each."""
+    x[0], x[1], left[0] = v[0], 0.0, v[1]
+    for _ in repeat(CAP, left, x):
+        if settled(left[0]):
+            break
+        x[1] = x[1] + scalars.sin(x[0]) + 2.0 * scalars.cos(-x[0])
+        x[0] = 10.0 * x[0]
+        left[0] = left[0] - 1.0
+    out[0] = x[1]
 
-    with pytest.raises(SpatialDynError, match="sine or cosine inside"):
-        recorded(body)
+
+TURNING = Spec(
+    "turning", turning, None, (V,), Argument("out", (1,), "", "sum"), "Turns.", "a toy", scratch=((2,), (1,)),
+)  # fmt: skip
+
+
+def test_a_sine_of_a_region_is_of_the_samples_that_run_it() -> None:
+    """Angles beyond the lanes' range reject their sample, but not one whose passes have ended before."""
+    made = recording.record((TURNING,), model().bodies)
+    v = np.zeros((11, model().nv))
+    v[:, 0], v[:, 1] = 0.7, np.arange(11) - 1.0
+    v[3, 0] = 3e3  # whose third angle would be 3e5, after its last pass
+    v[4, 0] = 1e4  # whose third is 1e6
+    v[10, 0] = 1e-9
+    found = []
+    for run in (batch_kernels.compiled(*made), InterpretedBatches(Interpreted(*made))):
+        out = np.full((11, 1), 7.25)
+        rejected = run([v], [out])
+        assert rejected.tolist() == [4, 8, 9]  # 0.7e6 is beyond 1e5
+        out[rejected] = 0.0
+        found.append(out)
+    assert np.array_equal(bits(found[0]), bits(found[1]))
+    angles = [v[k, 0] * 10.0 ** np.arange(min(max(k - 1, 0), CAP)) for k in range(11)]
+    exact = np.array([(np.sin(x) + 2.0 * np.cos(x)).sum() for x in angles])
+    kept = np.setdiff1d(np.arange(11), [4, 8, 9])
+    np.testing.assert_allclose(found[0][kept, 0], exact[kept], rtol=0.0, atol=1e-11)
 
 
 def test_what_is_computed_before_is_shared_and_what_within_is_not() -> None:

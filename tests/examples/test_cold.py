@@ -14,11 +14,8 @@ from slow import slow_but
 import spatialdyn
 from spatialdyn.examples import gallery
 
-MOST_SECONDS = 30.0  # of CPU, most of it LLVM's: 20 on a quiet machine, more where others share its cores
-# of an implicit method, the table kernel of aba_square_root, and a solver of its own: 21 to 26 on two shared cores
-HEAVY = {"double_pendulum": 45.0, "price_of_a_digit": 45.0, "ilqr": 50.0}
-# what they compile is what double_pendulum compiles, an implicit method of a robot: 24 s, as it takes
-ALIKE = {"troubleshooting", "spinning_top", "last_exercise_5_single_body", "exercise_5_hamilton"}
+MOST_SECONDS = 20.0  # of CPU, most of it LLVM's
+HEAVY = {"price_of_a_digit": 45.0}  # Numba's, of the table kernel of aba_square_root: 25 on two shared cores
 SCRIPT = """
 import resource, subprocess, sys
 command = [sys.executable, "-m", f"spatialdyn.examples.{sys.argv[1]}"]
@@ -31,7 +28,7 @@ print(done.returncode, spent.ru_utime + spent.ru_stime, done.stderr)
 @robots
 @compiled
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows does not say what a child took")
-@pytest.mark.parametrize("name", slow_but(["first_steps"], [x for x in gallery.names() if x not in ALIKE]))
+@pytest.mark.parametrize("name", slow_but(["first_steps"], gallery.names()))
 def test_an_example_takes_seconds_in_a_cold_process(name: str, tmp_path: Path) -> None:
     path = os.pathsep.join([str(Path(spatialdyn.__file__).parents[1]), os.environ.get("PYTHONPATH", "")])
     environment = {**os.environ, "PYTHONPATH": path, "MPLBACKEND": "agg"}

@@ -58,7 +58,8 @@ def test_an_inertia_wheel_is_raised_by_an_energy_that_matches() -> None:
     found = run("inertia_wheel_pendulum")
     example = gallery.module("inertia_wheel_pendulum")
     np.testing.assert_allclose(sd.crba(found["model"], [0.3, 1.0]), [[0.3, 0.2], [0.2, 0.2]], atol=1e-14)
-    assert np.diff(found["H_d"]).max() < 1e-4  # of torques that are held over a step
+    assert np.diff(found["H_d"]).max() < 1e-9
+    assert found["calm", "IDA-PBC", 3.0] == pytest.approx(18.37, abs=0.02)  # of the theory's own equations, integrated
     assert found["H_d"][-1] == pytest.approx(-example.I1 * example.M3 / 0.1, abs=1e-2)
     assert abs(found["IDA-PBC", 3.0][-1]).max() < 0.1
     assert abs(found["LQR", 3.0][-1]).max() < 1e-3
@@ -82,7 +83,7 @@ def test_ida_pbc_matches_in_symbols() -> None:
     numbers = dict(zip((I1, I2, m3, a1, a2, a3, k, kv), (0.1, 0.2, 10.0, 0.1, -0.2, 0.5, 0.1, 0.05), strict=True))
     x = np.array([0.7, -1.1, 0.4, 2.0])
     at = numbers | dict(zip((q1, q2, w1, w2), x, strict=True))
-    assert example.assigned(x) == pytest.approx(float(u.subs(at)), rel=1e-12)
+    assert example.assigned(x, example.NUMBERS, np.sin) == pytest.approx(float(u.subs(at)), rel=1e-12)
     assert example.shaped(x) == pytest.approx(float(H.subs(at)), rel=1e-12)
 
 
@@ -135,3 +136,37 @@ def test_what_a_law_leaves_out_costs_by_gear() -> None:
         assert found[50.0, time, "nothing"] < 2e-3
     assert found[1.0, 1.0, "C v"] > 2.0 * found[1.0, 2.0, "C v"]
     assert found[50.0, 0.0, "share"] > 5.0 * found[10.0, 0.0, "share"]
+
+
+@robots
+@compiled
+def test_a_hand_presses_with_what_its_spring_is_short_of() -> None:
+    found = run("pressing_on_a_wall")
+    assert found["force"][-1] == pytest.approx(24.0, rel=1e-3)
+    np.testing.assert_allclose(found["exact"], 0.7, rtol=1e-6)
+    assert found["root"].max() - found["root"].min() > 0.5
+    assert found["hand"] < 1e-6 < 1e-3 < found["elbow"]
+
+
+@robots
+@compiled
+def test_masses_are_learnt_and_only_christoffels_c_has_a_proof() -> None:
+    found = run("learning_masses")
+    for name in ("Euclidean", "natural"):
+        _, error, least = found[name]
+        assert error[-200:].max() < 0.1 * error.max()
+        assert (least.min() > 0.0) == (name == "natural")
+    falls, rises = found["V"]
+    assert (np.diff(falls) < 0.0).all()
+    assert (np.diff(rises) > 0.0).any()
+    assert 0 < found["seen"].rank < found["seen"].parameters
+
+
+@robots
+@compiled
+def test_a_quadruped_stands_through_a_push() -> None:
+    pytest.importorskip("qpsolvers")
+    _, off, speed = run("pushed_while_standing")["Solo12"]
+    assert 5e-3 < off.max() < 0.06
+    assert off[-1] < 0.2 * off.max()
+    assert speed < 0.1

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-import pinocchio as pin
 import pytest
 from example_runs import G, compiled, run
+from wheel import pin
 
 import spatialdyn as sd
 from spatialdyn.examples import gallery

@@ -7,7 +7,6 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-import pinocchio as pin
 import pytest
 from slow import slow_but
 from trees import random_tree
@@ -18,6 +17,7 @@ from spatialdyn.interop.pinocchio import from_pinocchio
 from spatialdyn.interop.states import from_drake, from_mujoco, to_drake, to_mujoco
 from spatialdyn.urdf.load import find_robot
 
+pin = pytest.importorskip("pinocchio")
 EPS = np.finfo(float).eps
 ORACLE = 1e-11  # relative to the largest entry, the bound the library promises for robots
 UNPHYSICAL = pytest.mark.filterwarnings("ignore:.*principal moments")  # some of the models have such inertias

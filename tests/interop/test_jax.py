@@ -107,7 +107,7 @@ def test_what_it_has_not_is_refused(case: Case) -> None:
         return f(q, v, tau).sum()
 
     for second in (jax.hessian(norm), jax.grad(lambda q: jax.grad(norm)(q).sum())):
-        with pytest.raises(sd.SpatialDynError, match="a second derivative was asked for"):
+        with pytest.raises(sd.SpatialDynError, match="a second derivative is not available"):
             second(q)
     for forwards in (lambda: jax.jvp(norm, (q,), (q,)), lambda: jax.jacfwd(norm)(q)):
         with pytest.raises(TypeError, match=r"aba has no forward mode \(jvp, jacfwd\), expected grad, vjp or jacrev"):

@@ -246,6 +246,33 @@ def test_continuous_time_under_constraints_is_the_limit_of_a_step() -> None:
     np.testing.assert_allclose(by_tau / h, B, rtol=0, atol=1e-6 * abs(B).max())
 
 
+# --- springs, and loads that are shared -----------------------------------------------------------------
+
+
+@pytest.mark.parametrize("touches", [True, False])
+def test_springs_have_derivatives_beside_impulses_and_alone(touches: bool) -> None:
+    made = sd.ModelBuilder("leg")
+    made.add_body("foot", None, "prismatic", (0, 0, 1), inertia=(0.2, (0, 0, 0), 0.1 * np.eye(3)))
+    made.add_body("body", "foot", "prismatic", (0, 0, 1), (0, 0, 0.5), (3.0, (0, 0, 0), 0.1 * np.eye(3)))
+    model = made.add_series_elastic("body_joint", 2000.0, 6.0, 0.01, 2.0).build()
+    scene = sd.Scene(model, contacts=sd.Contacts(model, {"foot": 0.0}, tolerance=EXACT) if touches else None)
+    q, v = np.array([-IN, 0.02, 0.01]), np.array([-0.3, 0.2, 0.1])
+    assert agree(scene, q, v, np.array([0.0, 0.1, 0.2])).active.tolist() == ["sticks"] * touches
+
+
+def test_a_sliding_box_says_that_its_corners_share_the_load_as_they_may() -> None:
+    """Four corners on a plane: any three could bear it; on three corners nothing is open."""
+    model, corners = grounded.box()
+    contacts = sd.Contacts(model, dict.fromkeys(corners, 0.0), 0.5)
+    q, v = on_the_ground(model, contacts, sd.neutral(model)), np.array([1.0, 0, 0, 0, 0, 0.5])
+    found = sd.step_derivatives(sd.Scene(model, contacts=contacts), q, v, np.zeros(6), DT)
+    assert found.active.tolist() == ["slides"] * 4
+    assert found.undetermined.all()
+    few = sd.Contacts(model, dict.fromkeys(corners[:3], 0.0), 0.5)
+    found = sd.step_derivatives(sd.Scene(model, contacts=few), q, v, np.zeros(6), DT)
+    assert not found.undetermined.any()
+
+
 # --- batches and errors ---------------------------------------------------------------------------------
 
 

@@ -12,10 +12,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-import pinocchio as pin
 import pytest
 import yourdfpy
 from inputs import run_python
+from wheel import pin
 
 from spatialdyn.calls.dynamics import rnea
 from spatialdyn.commands.cli import main

@@ -34,7 +34,7 @@ except ImportError:  # a version of Numba with its parts elsewhere: compiling ta
 else:
     OWN = {"pipeline_class": Plain}
 
-ON_STACK = 1 << 13  # bytes of a kernel's array of scratch; larger ones are allocated, which takes 20 ns
+ON_STACK = 1 << 13  # bytes of a kernel's array of scratch; larger ones are allocated
 FLAGS: dict[str, Any] = {
     "nogil": True, "error_model": "numpy", "fastmath": {"contract"}, "no_cfunc_wrapper": True
 }  # fmt: skip
@@ -186,7 +186,7 @@ def compile_signature(
     for strided in (False, True):
         for writable in (False, True):
             dispatcher._search_new_conversions(*(_sample(t, strided, writable) for t in signature))
-    # Other arguments raise at once; by default Numba searches 0.4 ms for a conversion.
+    # Other arguments raise at once; by default Numba first searches for a conversion.
     dispatcher._search_new_conversions = _no_conversion
     dispatcher._explain_matching_error = _no_match
     made: Callable[..., Any] = dispatcher

@@ -4,7 +4,7 @@ Each recursion becomes three kernels, generated from its Spec:
 
 sample_kernel  one sample: checks the arguments, allocates scratch, runs the recursion, checks the result, and
                returns a status. It has one explicit signature, so no input makes it compile again, and it takes the
-               table by its address: 0.1 µs less a call than as an array.
+               table by its address, which is cheaper to pass than an array.
 batch_kernel   many samples, through ``sample_kernel``; an input that does not vary has a step of 0.
 user_kernel    one sample, for a user's own jitted code: raises instead of returning a status.
 
@@ -324,14 +324,14 @@ def user_kernel(call: str | Spec) -> Callable[..., None]:
 
 
 class Kernels:
-    """The compiled kernels, for your own ``@njit`` code; they allocate their scratch, outputs are written in place.
+    """The compiled kernels, for your own ``@njit`` code. They allocate their scratch and write outputs in place.
 
     ``kernels.rnea(model.bodies, q, v, a, out)``, ``kernels.aba(model.bodies, q, v, tau, out)`` and so on: the
     inputs of the public call of that name, then the output, then optional inputs. Scalar outputs are arrays of
-    one. They raise ValueError on wrong sizes, norms, joints without inertia and results that are not finite.
-    A frame is its body's row and its pose in the body, ``model.joints[f.joint].row, f.placement`` for ``f =
-    model.frame(name)``; a reference is 0 local, 1 world, 2 local_world_aligned. Of a model with mimic joints they
-    take q and v of the whole tree.
+    one. They raise ValueError on wrong sizes, norms, joints without inertia and results that are not finite. A frame is
+    passed as its body's row and its pose in the body, ``model.joints[f.joint].row, f.placement`` for ``f =
+    model.frame(name)``; a reference as 0 local, 1 world, 2 local_world_aligned. For a model with mimic joints they take
+    q and v of the whole tree.
 
     A loop of your own with ``cache=True`` keeps the kernels it was compiled with, also after an upgrade. Capture
     ``STAMP`` in it (a closure variable, not a global) to have it compiled anew:

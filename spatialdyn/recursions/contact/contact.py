@@ -29,11 +29,12 @@ from ...algebra.scalars import inline
 from ...algebra.spatial import Pose
 from ...bodies.joints import place_joint
 from ..constraints.constraint_rows import carry_axes
+from ..coordinates.coordinate_rates import add_begun
 from ..joints.friction import DT
 from ..signatures import Array, Bodies, Config, Number, Record, Vector, Work
 from ..spec import TAU, Argument, Q, Spec, V
 from ..tree.crba import crba
-from ..tree.ltdl import factor_tree, solve_inward, solve_outward
+from ..tree.ltdl import add_times_L, factor_tree, solve_inward, solve_outward
 from ..tree.rnea import rnea
 from .contact_rows import (
     CONTACTS_ARGUMENT,
@@ -78,7 +79,7 @@ def contact_step(
     With M = LᵀD L, Y = J L⁻¹ and w = L (v⁺ - v), u = J v + Y w, and a change of λ changes w by D⁻¹ Yᵀ of it: G as a
     whole is not needed, only its blocks of single points.
 
-    out.after     (nv), written: v⁺
+    out.after     (nv), written: v⁺, of floating and planar joints in the axes at the beginning, see ``turn``
     out.impulse   (3 np), written: on each point, in the world's axes
     out.gap       (np), written: distance of each sphere from the ground before the step, negative in it
     out.stop      (nl), written: impulse on each joint, positive from its lower limit
@@ -96,6 +97,8 @@ def contact_step(
     solve_inward(bodies, L, after)
     for i in range(n):
         after[i] = after[i] * (1.0 / L[i, i])  # w without impulses
+    add_begun(bodies, dt, v, s.begun)
+    add_times_L(bodies, L, s.begun, after)
     write_responses(bodies, work, contact, v, out.gap, s)
     for k in range(len(s.force)):
         s.force[k] = 0.0
@@ -132,8 +135,11 @@ CONTACT_STEP = Spec(
     "contact_step", contact_step, WORK, (Q, V, TAU, DT, Contact(CONTACTS_ARGUMENT, None, MU, RESTITUTION)),
     Argument("result", ("nv+np+np+np+np+np+nl+nl+np+nl",), "", "v, impulse, gap, stop, residual, energy"),
     "A step of the velocities under contact with Coulomb friction.", "see ``recursions.contact.contact``",
-    pivots=True, regroup=True, composed=True, scratch=(Impulses(),),
-    parts=ContactResult(Argument("v", ("nv",), "rad/s | m/s", "after the step"), IMPULSE, GAP, STOP, RESIDUAL, ENERGY),
+    pivots=True, regroup=True, composed=True, large=True, scratch=(Impulses(),),
+    parts=ContactResult(
+        Argument("v", ("nv",), "rad/s | m/s", "after the step, in the axes at its beginning"), IMPULSE, GAP, STOP, RESIDUAL,
+        ENERGY,
+    ),
 )  # fmt: skip
 CONTACT_GAPS = Spec(
     "contact_gaps", contact_gaps, PLACES, (Q, CONTACTS_ARGUMENT, None),

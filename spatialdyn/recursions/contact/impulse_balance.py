@@ -3,9 +3,9 @@
 With x the velocities after the step, in the axes at its beginning, and impulses λ of points and joints and μ of
 constraints, ``impulse_step`` and ``contact_step`` leave
 
-    M (x - v - h ω × v) + h (bias + b x - τ) - Jᵀ λ - Cᵀ μ = 0,    C x + h Ċ v = 0,
+    M (x - v - d) + h (bias + b x - τ) - Jᵀ λ - Cᵀ μ = 0,    C (x - d) + h Ċ v = 0,
 
-with ω × v of floating and planar joints alone, and none beside constraints. u = J x, with a point's target c in its
+with d of floating and planar joints, as ``add_begun`` has it. u = J x, with a point's target c in its
 normal, and what the laws compare it with are outputs too: gaps, levels of dry friction and the range of joints' limits.
 
 Source: see ``recursions.contact.impulse_step``.
@@ -17,10 +17,9 @@ from dataclasses import replace
 from functools import cache
 from typing import NamedTuple
 
-from ...algebra.euclidean import Vec, cross, unrotate
+from ...algebra.euclidean import Vec, unrotate
 from ...algebra.records import mat3_of, put_mat3
 from ...algebra.scalars import inline
-from ...bodies.kinds import SE2, SE3
 from ..constraints.constrained import RATE, stabilize
 from ..constraints.constraint_rows import (
     CONSTRAINTS_ARGUMENT,
@@ -30,7 +29,7 @@ from ..constraints.constraint_rows import (
     write_drift,
     write_jacobian,
 )
-from ..coordinates.configuration import twist
+from ..coordinates.coordinate_rates import add_begun
 from ..joints.friction import DT, LAW, Law, dry_level
 from ..signatures import Array, Bodies, Config, Matrix, Number, Record, Vector, Work
 from ..spec import FEXT, TAU, Argument, Q, Spec, V
@@ -77,6 +76,7 @@ class BalanceScratch(NamedTuple):
     b: Vector = (ROWS,)  # targets c
     slopes: Array = ("np", 3, 3)
     y: Vector = ("nv",)  # acceleration
+    begun: Vector = ("nv",)
 
 
 class HeldBalanceScratch(NamedTuple):
@@ -99,19 +99,9 @@ def impulse_balance(
     """
     n, contacts = len(bodies) - 1, contact.contacts
     points, limits, joints = contacts[0].np, contacts[0].nl, contacts[0].nl + contacts[0].nd
+    add_begun(bodies, dt, v, s.begun)
     for i in range(n):
-        s.y[i] = x[i] - v[i]
-    if constraints is None:
-        for i in range(1, n + 1):
-            b, r = bodies[i], i - 1
-            if b.kind in SE3 or b.kind in SE2:
-                m = twist(b, r, v)
-                turned = cross(m.w, m.v)
-                s.y[r], s.y[r + 1] = s.y[r] - dt * turned.x, s.y[r + 1] - dt * turned.y
-                if b.kind in SE3:
-                    s.y[r + 2] = s.y[r + 2] - dt * turned.z
-    for i in range(n):
-        s.y[i] = s.y[i] / dt
+        s.y[i] = (x[i] - v[i] - s.begun[i]) / dt
     rnea(bodies, work, q, v, s.y, fext, out.momentum)
     for i in range(n):
         push = out.momentum[i] - tau[i]
@@ -148,7 +138,7 @@ def impulse_balance(
         for k in range(len(out.closing)):
             out.closing[k] = dt * out.closing[k]
             for i in range(n):
-                was = 0.0 if rate is None else v[i]
+                was = s.begun[i] if rate is None else s.begun[i] + v[i]
                 out.closing[k] = out.closing[k] + h.C[k, i] * (x[i] - was)
                 out.momentum[i] = out.momentum[i] - h.C[k, i] * given.reaction[k]
 

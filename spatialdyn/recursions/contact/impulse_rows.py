@@ -67,6 +67,7 @@ class Impulses(NamedTuple):
     off: Vector = ("nl+nd",)  # residuals of joints
     free: Vector = ("nv",)  # w without impulses
     x: Vector = ("nv",)  # change of w
+    begun: Vector = ("nv",)  # what the step adds to v beside forces, of ``add_begun``
     K: Matrix = ("nv", "nv")
     T: Matrix = (3, 3)  # derivative of a point's impulse
     N: Matrix = (3, 3)

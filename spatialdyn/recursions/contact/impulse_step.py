@@ -33,11 +33,12 @@ from ..constraints.constraint_rows import (
 )
 from ..constraints.dense import factor_dropping, quotient, solve_backward, solve_forward
 from ..coordinates.configuration import integrate
+from ..coordinates.coordinate_rates import add_begun, turn
 from ..joints.friction import BRISTLE_LAW, BRISTLES, DT, LAW, BristleLaw, add_bristles, dry_level
 from ..signatures import Bodies, Config, Matrix, Number, Record, Vector, Work
 from ..spec import FEXT, TAU, Argument, Q, Spec, V
 from ..tree.crba import crba
-from ..tree.ltdl import factor_tree, solve_inward, solve_outward
+from ..tree.ltdl import add_times_L, factor_tree, solve_inward, solve_outward
 from ..tree.rnea import rnea
 from .contact_rows import (
     CONTACTS_ARGUMENT,
@@ -98,7 +99,8 @@ class HeldScratch(NamedTuple):
     stiffness: Vector = ("nc",)  # response of an equation alone
     P: Matrix = (ROWS, "nc")  # reactions to unit impulses
     J: Matrix = ("nc", "nv")  # where the step ends
-    ways: Matrix = (2, "nv")  # displacements
+    ways: Matrix = (2, "nv")  # velocities at the end, and the displacement that closes
+    turned: Matrix = (2, "nv")  # displacement of the step, and zeros
     ends: Matrix = (2, "nq")  # configurations
 
 
@@ -112,7 +114,7 @@ def impulse_step(
     z      of bristles, as ``bristle_step``; None: dry friction
     law    of dry friction if z is None; it may be None: no friction
     fext   may be None; held and h are None without constraints
-    out.after, impulse, gap, stop, energy  written, as of ``contact_step``
+    out.after, impulse, gap, stop, energy  written, as of ``contact_step``: v⁺ in the axes at the beginning
     out.residual  (np + nl + nd), written: by how much each point and joint misses its law [m/s | rad/s]
     out.friction  (nv), written: dry friction torque [N m | N], 0 with bristles
     out.bristles  (nv), written: after the step, if there are some
@@ -123,6 +125,8 @@ def impulse_step(
     contacts, n, after = contact.contacts, len(bodies) - 1, out.after
     points, joints = contacts[0].np, contacts[0].nl + contacts[0].nd
     move_freely(bodies, work, q, v, z, tau, fext, dt, law, out, pivots, s)
+    add_begun(bodies, dt, v, s.begun)
+    add_times_L(bodies, s.L, s.begun, after)
     write_responses(bodies, work, contact, v, out.gap, s)
     if held is not None:
         hold(bodies, work, q, v, dt, held, out, s, h)
@@ -232,6 +236,8 @@ def hold(
         if rate is None:
             for i in range(n):
                 gamma[k] = gamma[k] + N[k, i] * v[i]
+        for i in range(n):
+            gamma[k] = gamma[k] - N[k, i] * s.begun[i]
     felt(bodies, L, N, G)
     for k in range(m):
         h.scale[k] = G[k, k]
@@ -300,8 +306,9 @@ def meet(
         way[i] = w[i]
     solve_outward(bodies, s.L, way)
     for i in range(n):
-        way[i] = dt * (v[i] + way[i])
-    integrate(bodies, q, way, h.ends[0])
+        h.turned[0, i], way[i], h.turned[1, i] = dt, v[i] + way[i], 0.0
+    turn(bodies, h.turned[0], h.turned[1], way, h.turned[0])
+    integrate(bodies, q, h.turned[0], h.ends[0])
     place_rows(bodies, work, h.ends[0])
     write_error(bodies, work, constraints, h.ends[0], gamma)
     for i in range(n):
@@ -314,7 +321,7 @@ def meet(
     for k in range(m):
         gamma[k] = 0.0
         for i in range(n):
-            gamma[k] = gamma[k] + h.J[k, i] * (way[i] / dt)
+            gamma[k] = gamma[k] + h.J[k, i] * way[i]
     push_back(s.L, h, w)
     for k in range(m):
         out.reaction[k] = out.reaction[k] + h.scale[k]
@@ -374,7 +381,7 @@ def within(x: Scalar, most: Scalar) -> Scalar:
 
 
 FRICTION = Argument("friction", ("nv",), "N m | N", "dry friction torques")
-AFTER = Argument("v", ("nv",), "rad/s | m/s", "after the step")
+AFTER = Argument("v", ("nv",), "rad/s | m/s", "after the step, in the axes at its beginning")
 RESIDUAL = Argument("residual", ("np+nl+nd",), "m/s | rad/s", "by how much each point and joint misses its law")
 REACTION = Argument("reaction", ("nc",), "N s | N m s", "of each equation, on frame a, in b's axes")
 START = Argument("impulses_before", (ROWS,), "", "impulses of rows in the step before", start=0.0)
@@ -412,6 +419,6 @@ def impulse_step_spec(has: frozenset[str]) -> Spec:
         Argument("result", (width,), "", ", ".join(x.name for x in parts)),
         "A step of the velocities under contact, limits, dry friction and constraints.",
         "see ``recursions.contact.impulse_step``", pivots=True, regroup=True, composed=True,
-        scratch=(Impulses(), HeldScratch() if HOLDS in has else None),
+        large=True, scratch=(Impulses(), HeldScratch() if HOLDS in has else None),
         parts=parts,
     )  # fmt: skip

@@ -362,16 +362,17 @@ SPECS = (
     ),
     Spec(
         "interpolate", interpolate, None, (_Q0, _Q1, _T), _MOVED,
-        "Configuration a part t of the way from q0 to q1 along the straight motion between them.", _LIE,
+        "Configuration at the fraction t of the straight motion from q0 to q1.", _LIE,
     ),
     Spec(
         "dintegrate", dintegrate, None, (Q, _STEP),
         Argument("D", (2, "nv", "nv"), "1", "derivatives by q and by v, in the body frames", per_coordinate=True),
-        "Derivatives of integrate(q, v) by q and by v: ``by_q, by_v = dintegrate(model, q, v)``.", _LIE,
+        "Derivatives of integrate(q, v) with respect to q and v: ``by_q, by_v = dintegrate(model, q, v)``.", _LIE,
     ),
     Spec(
         "ddifference", ddifference, None, (_Q0, _Q1),
         Argument("D", (2, "nv", "nv"), "1", "derivatives by q0 and by q1, in the body frames", per_coordinate=True),
-        "Derivatives of difference(q0, q1) by q0 and by q1: ``by_q0, by_q1 = ddifference(model, q0, q1)``.", _LIE,
+        "Derivatives of difference(q0, q1) with respect to q0 and q1: ``by_q0, by_q1 = ddifference(model, q0, q1)``.",
+        _LIE,
     ),
 )  # fmt: skip

@@ -265,7 +265,8 @@ def static_torque_derivatives(bodies: Bodies, work: Work, q: Config, fext: Matri
 
 @inline
 def _negative_product(A: Matrix, B: Matrix, out: Matrix) -> None:
-    """out = -A B, rows of B added by four: the loops over a row become SIMD code, and half as slow as by one."""
+    """out = -A B, rows of B added by four: the loops over a row become SIMD code, which is faster than one row at a
+    time."""
     n = len(A)
     for i in range(n):
         row = out[i]
@@ -312,8 +313,8 @@ def aba_derivatives_by_factor(
 ) -> None:  # fmt: skip
     """``aba_derivatives`` by M = LᵀD L, for programs: of 7 joints 4218 operations instead of 5355, as accurate.
 
-    The derivatives at no acceleration have M, and leave the bias in the forces of the subtrees. What of them the
-    acceleration does not change is one line in a program, which a kernel computes twice: 9 % slower for 32 freedoms.
+    The derivatives at no acceleration have M, and leave the bias in the forces of the subtrees. What does not depend on
+    the acceleration is one line of the program; a kernel would compute it twice.
     """
     n = len(bodies) - 1
     for i in range(n):
@@ -393,15 +394,15 @@ SPECS = (
             f"∂a/∂q {_ALONG}, ∂a/∂v and ∂a/∂tau = M⁻¹",
         ),
         "Derivatives of the forward dynamics a = aba(q, v, tau): ``da_dq, da_dv, Minv = aba_derivatives(...)``.\n\n"
-        "    A program of them grows with the cube of nv: of more than 25, batches run sample by sample unless\n"
-        "    ``specialize`` is asked for one, which is several times faster and takes half a minute to compile.",
+        "    Their program grows with nv³: above nv = 25 batches run sample by sample, unless ``specialize`` records\n"
+        "    one, which is several times faster and takes half a minute to compile.",
         _SOURCE, pivots=True, regroup=True, term_shape=("nv",) * 3, scratch=(("nv",), ("nv", "nv")),
         through_M=aba_derivatives_through_M,
     ),
     Spec(
         "generalized_gravity_derivatives", static_torque_derivatives, WORK_STATIC, (TURNED_Q, None),
         Argument("dg", ("nv", "nv"), _BY_Q, f"∂g_i/∂q_k {_ALONG}"),
-        "Derivatives of the gravity torque g(q): the stiffness that gravity makes.", _SOURCE, regroup=True,
+        "Derivatives of the gravity torque g(q): the stiffness due to gravity.", _SOURCE, regroup=True,
     ),
     Spec(
         "static_torque_derivatives", static_torque_derivatives, WORK_STATIC, (TURNED_Q, FEXT),

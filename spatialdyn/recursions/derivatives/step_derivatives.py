@@ -18,10 +18,10 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import NamedTuple
 
-from ...algebra.euclidean import add, cross, dot, neg, scale
+from ...algebra.euclidean import Vec, add, dot, neg, scale
 from ...algebra.lie import Tangent, turned_diagonal
 from ...algebra.scalars import Scalar, inline, no_inline, select
-from ...algebra.spatial import Motion
+from ...algebra.spatial import Motion, add_motion
 from ...bodies.kinds import NV, SE2, SE3
 from ..coordinates.configuration import (
     dintegrate,
@@ -31,6 +31,7 @@ from ..coordinates.configuration import (
     put_twist,
     twist,
 )
+from ..coordinates.coordinate_rates import begun, is_free, kept
 from ..joints.friction import LAW, SMOOTHING, SmoothLaw, friction_torque, smooth_friction_slope
 from ..signatures import Array, Bodies, Config, Matrix, Record, Vector, Work
 from ..spec import FEXT_OPTIONAL, TAU, Argument, Q, Spec, V
@@ -153,7 +154,7 @@ def semi_implicit_euler_derivatives(
     """v⁺ = v + h a, q⁺ = q ∘ exp(h v⁺), in joints that turn and travel as ``simulation.methods.explicit.turn`` has it.
 
     There x = v + h (a + ω × v) is the linear velocity in the axes of the beginning, q⁺ = q ∘ exp(h x) ∘ exp(h ω⁺), and
-    Rᵀ x the velocity after the step, R the rotation by h ω⁺.
+    Rᵀ x the velocity after the step, R the rotation by h ω⁺; with what keeps the momenta of free bodies, in both.
     """
     n, h, u, w, a, D, by_step, U = len(bodies) - 1, dt[0], s.u, s.w, s.a, s.D, s.by_step, s.U
     acceleration_derivatives(bodies, work, q, v, tau, fext, law, D, pivots, a, s.inverse, s.rubbed)
@@ -181,11 +182,24 @@ def semi_implicit_euler_derivatives(
     for i in range(1, n + 1):
         b, r = bodies[i], i - 1
         if travels(b):
-            m = twist(b, r, v)
-            put_twist(b, r, Motion(m.w, add(twist(b, r, w).v, scale(h, cross(m.w, m.v)))), D[0, 0])
+            m, after = twist(b, r, v), twist(b, r, w)
+            more = begun(bodies, i, h, m)
+            put_twist(b, r, Motion(add(after.w, more.w), add(after.v, more.v)), D[0, 0])
             crossed = Tangent(turned_diagonal(0.0, scale(h, m.w)), turned_diagonal(0.0, scale(-h, m.v)))
             put_tangent(b, r, crossed, 0.0, D, 1)
             lengths = NV[b.kind] - (1 if NV[b.kind] == 3 else 3)
+            for k in range(r + lengths, r + NV[b.kind]):
+                w[k] = D[0, 0, k]
+                u[k] = h * w[k]
+            if is_free(bodies, i):
+                for l in range(r + lengths, r + NV[b.kind]):
+                    for k in range(r, r + NV[b.kind]):
+                        first[k] = 1.0 if k == l else 0.0
+                    d = twist(b, r, first).w
+                    put_twist(b, r, kept_slope(bodies, i, h, m.w, d), first)
+                    for k in range(r, r + NV[b.kind]):
+                        out[n + k, n + l] = out[n + k, n + l] + first[k]
+                        first[k] = 0.0
             for k in range(r, r + lengths):
                 w[k] = D[0, 0, k]
                 first[k], u[k] = h * w[k], 0.0
@@ -223,6 +237,13 @@ def semi_implicit_euler_derivatives(
                             total = total + D[1, k, i] * by_turn[1, i, j] * (h * x[j, l])
                     out[n + k, l] = total
     _put_turn(largest_turn(bodies, u, 0.0), n, out)
+
+
+@inline
+def kept_slope(bodies: Bodies, i: int, h: Scalar, w: Vec, d: Vec) -> Motion:
+    """The derivative of ``kept`` at ω, ω, ω along d."""
+    x = add_motion(kept(bodies, i, h, d, w, w), kept(bodies, i, h, w, d, w))
+    return add_motion(x, kept(bodies, i, h, w, w, d))
 
 
 @inline

@@ -28,6 +28,7 @@ from ...algebra.lie import (
     conjugate,
     exp_jacobian,
     exp_rotation,
+    larger,
     log_factors,
     log_rotation,
     matrix,
@@ -36,15 +37,15 @@ from ...algebra.lie import (
     unit,
 )
 from ...algebra.public_arrays import read_quat, read_vec, write_quat, write_vec
-from ...algebra.scalars import atan2, cos, inline, sin
+from ...algebra.scalars import Scalar, atan2, cos, inline, select, sin
 from ...algebra.spatial import Motion
 from ...bodies.kinds import CONTINUED, LENGTHS, PLANAR, SE2, SE3, SO2, SO3
 from ..signatures import Array, Bodies, Config, Matrix, Vector, Work
-from ..spec import FEXT_OPTIONAL, TAU, Argument, Spec
-from .hamilton import WORK, hamilton_rows
+from ..spec import FEXT_OPTIONAL, TAU, Argument, Q, Spec
+from .hamilton import WORK, P, hamilton_rows
 
 FAR = 4.84  # 2.2² [rad²]: well beyond the 90° of a new chart, well before 2π, where exp is singular
-OK, MOVED = 0, 1
+OK = 0
 
 
 @inline
@@ -140,21 +141,27 @@ def chart_rate(bodies: Bodies, centres: Matrix, z: Vector, p: Vector, v: Vector,
 
 
 @inline
-def recenter(bodies: Bodies, centres: Matrix, z: Vector, p: Vector) -> int:
-    """Change to the nearest centre each rotation that is FAR from its own; returns MOVED if any was. p is scratch."""
+def recenter(bodies: Bodies, centres: Matrix, z: Vector, p: Vector) -> Scalar:
+    """Change to the nearest centre each rotation that is FAR from its own; returns 1 if any was, else 0. p is scratch.
+
+    z, centres  written in place
+    """
     n = len(bodies) - 1
-    status = OK
+    moved = 0.0
     for i in range(1, len(bodies)):
         kind = bodies[i].kind
         if kind in SO3 or kind in SE3:
             r = i - 1 + LENGTHS[kind]
-            x = read_vec(z, r)
-            if dot(x, x) > FAR:
-                a = unit(product(read_quat(centres[i]), exp_rotation(x)))
-                write_vec(p, unrotate(_inverse(x), read_vec(z, n + r)), r)
-                _rotation_to_canonical(centres, i, a, p, r, z, r, n)
-                status = MOVED
-    return status
+            x, pi, old = read_vec(z, r), read_vec(z, n + r), read_quat(centres[i])
+            far = dot(x, x) - FAR
+            a = unit(product(old, exp_rotation(x)))
+            write_vec(p, unrotate(_inverse(x), pi), r)
+            _rotation_to_canonical(centres, i, a, p, r, z, r, n)
+            write_quat(centres[i], _chosen_quat(far, read_quat(centres[i]), old))
+            write_vec(z, _chosen(far, read_vec(z, r), x), r)
+            write_vec(z, _chosen(far, read_vec(z, n + r), pi), n + r)
+            moved = select(far, 1.0, moved)
+    return moved
 
 
 # --- one rotation ---------------------------------------------------------------------------------------
@@ -183,22 +190,33 @@ def _rotation_rate(z: Vector, p: Vector, v: Vector, dp: Vector, r: int, dz: Vect
 @inline
 def nearest(a: Quat) -> Quat:
     """The Hurwitz unit nearest to a unit quaternion: ±1, ±i, ±j, ±k or (±1 ±i ±j ±k)/2; any of several equally near."""
-    x, y, z, w = abs(a.x), abs(a.y), abs(a.z), abs(a.w)
-    half = 0.5 * (x + y + z + w)
-    if half > max(max(x, y), max(z, w)):
-        return Quat(_signed(0.5, a.x), _signed(0.5, a.y), _signed(0.5, a.z), _signed(0.5, a.w))
-    if x >= y and x >= z and x >= w:
-        return Quat(_signed(1.0, a.x), 0.0, 0.0, 0.0)
-    if y >= z and y >= w:
-        return Quat(0.0, _signed(1.0, a.y), 0.0, 0.0)
-    if z >= w:
-        return Quat(0.0, 0.0, _signed(1.0, a.z), 0.0)
-    return Quat(0.0, 0.0, 0.0, _signed(1.0, a.w))
+    x, y, z, w = select(-a.x, -a.x, a.x), select(-a.y, -a.y, a.y), select(-a.z, -a.z, a.z), select(-a.w, -a.w, a.w)
+    most = larger(larger(x, y), larger(z, w))
+    half = 0.5 * (x + y + z + w) - most  # above 0: one of the last kind
+    is_x = select(most - x, 0.0, 1.0)
+    is_y = select(most - y, 0.0, 1.0 - is_x)
+    is_z = select(most - z, 0.0, 1.0 - is_x - is_y)
+    is_w = 1.0 - is_x - is_y - is_z
+    return Quat(_part(half, is_x, a.x), _part(half, is_y, a.y), _part(half, is_z, a.z), _part(half, is_w, a.w))
 
 
 @inline
-def _signed(size: float, like: float) -> float:
-    return size if like >= 0.0 else -size
+def _part(half: Scalar, alone: Scalar, like: Scalar) -> Scalar:
+    """An entry: ±1/2 where ``half`` is above 0, else ±1 where ``alone`` is, else 0; with the sign of ``like``."""
+    size = select(half, 0.5, alone)
+    return select(-like, -size, size)
+
+
+@inline
+def _chosen(x: Scalar, a: Vec, b: Vec) -> Vec:
+    """a where x is above 0, else b."""
+    return Vec(select(x, a.x, b.x), select(x, a.y, b.y), select(x, a.z, b.z))
+
+
+@inline
+def _chosen_quat(x: Scalar, a: Quat, b: Quat) -> Quat:
+    """a where x is above 0, else b."""
+    return Quat(select(x, a.x, b.x), select(x, a.y, b.y), select(x, a.z, b.z), select(x, a.w, b.w))
 
 
 @inline
@@ -238,6 +256,18 @@ def chart_map(
     chart_rate(bodies, centres, z, p, v, dp, dz)
 
 
+@inline
+def chart_z(bodies: Bodies, q: Config, p: Vector, z: Vector, centres: Matrix) -> None:
+    """z of the state (q, p) in the charts of the nearest centres."""
+    to_canonical(bodies, centres, q, p, z)
+
+
+@inline
+def chart_centres(bodies: Bodies, q: Config, p: Vector, centres: Matrix, z: Vector) -> None:
+    """The nearest centres."""
+    to_canonical(bodies, centres, q, p, z)
+
+
 Z = Argument("z", ("nv+nv",), "", "canonical coordinates")
 CENTRES = Argument("centres", ("nv+1", 6), "1", "centres of the charts")
 SLOPE = Spec(
@@ -249,4 +279,14 @@ CHARTS = Spec(
     "chart_map", chart_map, None, (Z, Argument("v", ("nv",), "", ""), Argument("dp", ("nv",), "", ""), CENTRES),
     Argument("dz", ("nv+nv",), "", "change of canonical coordinates"), "The tangent map of charts.",
     "see ``recursions.momenta.canonical_coordinates``", scratch=(("nq",), ("nv",)), composed=True,
+)  # fmt: skip
+START = (
+    Spec(
+        "chart_z", chart_z, None, (Q, P), Z, "Canonical coordinates in the charts of the nearest centres.",
+        "see ``recursions.momenta.canonical_coordinates``", scratch=(("nv+1", 6),), composed=True,
+    ),
+    Spec(
+        "chart_centres", chart_centres, None, (Q, P), CENTRES, "The nearest centres.",
+        "see ``recursions.momenta.canonical_coordinates``", scratch=(("nv+nv",),), composed=True,
+    ),
 )  # fmt: skip

@@ -303,7 +303,7 @@ SPECS = (
     Spec(
         "center_of_mass_acceleration", center_of_mass_acceleration, WORK, (TURNED_Q, V, A),
         Argument("ac", (3,), "m/s²", "acceleration of the centre of mass, in the world"),
-        "Acceleration of the centre of mass; gravity plays no part in it.", "the definition.",
+        "Acceleration of the centre of mass, without gravity.", "the definition.",
     ),
     Spec(
         "com_jacobian", center_of_mass_jacobian, WORK, (TURNED_Q,),
@@ -318,7 +318,7 @@ SPECS = (
     Spec(
         "centroidal_momentum_rate", centroidal_momentum_rate, WORK_TOTAL, (TURNED_Q, V, A),
         Argument("dh", (6,), "N | N m", "rate of change of momentum, " + _ABOUT),
-        "Rate of change of the centroidal momentum: the net force on the robot, its weight counted.", _SOURCE,
+        "Rate of change of the centroidal momentum: the net force on the robot, its weight included.", _SOURCE,
         regroup=True,
     ),
     Spec(

@@ -142,13 +142,13 @@ SPECS = (
     Spec(
         "christoffel_symbols", christoffel_symbols, WORK, (TURNED_Q,),
         Argument("Gamma", ("nv", "nv", "nv"), _UNIT, "symbols Γ_ijk with C_ij = Σ_k Γ_ijk v_k"),
-        "Christoffel symbols of the first kind of M(q); for spherical, floating and planar joints those of their "
-        "velocities, by Koszul's formula.",
+        "Christoffel symbols of the first kind of M(q); by Koszul's formula for the velocities of spherical, "
+        "floating and planar joints.",
         _SOURCE, regroup=True,
     ),
     Spec(
         "mass_matrix_derivatives", mass_matrix_derivatives, WORK, (TURNED_Q,),
         Argument("dM", ("nv", "nv", "nv"), _UNIT, "∂M_ij/∂q_k along integrate(q, e_k)"),
-        "Derivatives of the mass matrix M(q) by the configuration.", _SOURCE, regroup=True,
+        "Derivatives of the mass matrix M(q) with respect to the configuration.", _SOURCE, regroup=True,
     ),
 )  # fmt: skip

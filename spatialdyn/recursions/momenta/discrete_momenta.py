@@ -19,7 +19,7 @@ from __future__ import annotations
 from ...algebra.euclidean import Vec, add, cross, dot, scale, unrotate, zero
 from ...algebra.lie import Quat, Tangent, exp_rotation, exp_travel, log_jacobian, log_rotation, log_travel, product
 from ...algebra.records import force_of, inertia_of, motion_of, pose_of, put_force, put_vec, table_dtype, vec_of
-from ...algebra.scalars import inline, inline_or_by_rows
+from ...algebra.scalars import Scalar, inline, inline_or_by_rows, select
 from ...algebra.spatial import Force, Motion, Pose, add_force, force_to_parent, momentum, power, zero_force
 from ...bodies.joints import joint_motion, place_joint
 from ...bodies.kinds import CONTINUED
@@ -35,8 +35,16 @@ WORK = table_dtype(X=Pose, x=float, y=float, z=float, w=float, d=Vec, p=Force, v
 
 
 @inline_or_by_rows
-def sum_before(bodies: Bodies, work: Work, q: Config, xi: Vector, moved: Matrix, out: Vector) -> None:
-    """``momenta_before`` without looking at the turns: cosines of half of them are in the scratch."""
+def sum_before(bodies: Bodies, work: Work, q: Config, xi: Vector, moved: Matrix, out: Vector) -> Scalar:
+    """h J(q)ᵀ μ⁻: the momenta at the beginning of a step of unit length.
+
+    q      (nq)         coordinates at the beginning of the step
+    xi     (nv)         displacement of the joints
+    moved  (rows + 1, 6)  written: the twist log(T⁻¹ T⁺) = h V of every body, angular first
+    out    (nv)         written
+    Returns the least cosine of half the angle by which a body turns.
+    """
+    least = 1.0
     _put_displacement(work[0], Quat(0.0, 0.0, 0.0, 1.0), zero())
     put_force(work[0].p, zero_force())
     for i in range(1, len(bodies)):
@@ -51,6 +59,7 @@ def sum_before(bodies: Bodies, work: Work, q: Config, xi: Vector, moved: Matrix,
         _put_displacement(here, a, d)
         put_force(here.p, zero_force())
         if b.joint > 0:
+            least = select(least - a.w, a.w, least)
             w = log_rotation(a)
             V = Motion(w, log_travel(w, d))
             _put_twist(moved[i], V)
@@ -60,6 +69,7 @@ def sum_before(bodies: Bodies, work: Work, q: Config, xi: Vector, moved: Matrix,
     _sum_inward(bodies, work, out)
     _add_rotors(bodies, xi, out)
     _add_along(bodies, moved, out)
+    return least
 
 
 @inline_or_by_rows
@@ -182,6 +192,17 @@ def momenta_at_both_ends(
         out[1, i] = out[1, i] / h + 0.5 * h * force[i]
 
 
+@inline
+def momenta_and_turn(
+    bodies: Bodies, work: Work, q: Config, xi: Vector, out: Vector, q1: Config, moved: Matrix
+) -> None:  # fmt: skip
+    """h J(q)ᵀ μ⁻, h J(q⁺)ᵀ μ⁺, and the least cosine of half the angle by which a body turns."""
+    n = len(xi)
+    out[2 * n] = sum_before(bodies, work, q, xi, moved, out[:n])
+    integrate(bodies, q, xi, q1)
+    momenta_after(bodies, work, q1, xi, moved, out[n : 2 * n])
+
+
 XI = Argument("xi", ("nv",), "rad | m", "displacement of the joints in a step")
 H = Argument("dt", (1,), "s", "step")
 MOMENTA = Spec(
@@ -189,4 +210,10 @@ MOMENTA = Spec(
     Argument("p", (2, "nv"), "kg m²/s | kg m/s", "momenta before and after the step"),
     "Discrete Legendre transforms.", "see ``recursions.momenta.discrete_momenta``",
     scratch=(("nq",), ("nv+1", 6), ("nv",), ("nv",)), composed=True,
+)  # fmt: skip
+ENDS = Spec(
+    "momenta_and_turn", momenta_and_turn, WORK, (Q, XI),
+    Argument("ends", ("nv+nv+1",), "kg m² | kg m", "momenta of a step of unit length, and how far bodies turn"),
+    "Momenta of discrete mechanics.", "see ``recursions.momenta.discrete_momenta``",
+    scratch=(("nq",), ("nv+1", 6)), composed=True,
 )  # fmt: skip

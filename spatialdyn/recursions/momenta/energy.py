@@ -67,7 +67,7 @@ def potential_energy(bodies: Bodies, work: Work, q: Config, V: Vector) -> None:
 SPECS = (
     Spec(
         "kinetic_energy", kinetic_energy, WORK_KINETIC, (TURNED_Q, V), Argument("T", (), "J", "kinetic energy"),
-        "Kinetic energy T = ½ vᵀ M(q) v, reflected rotor inertia counted.",
+        "Kinetic energy T = ½ vᵀ M(q) v, reflected rotor inertia included.",
         "Featherstone, RBDA (2008), eq. 2.67.",
     ),
     Spec(

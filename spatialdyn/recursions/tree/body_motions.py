@@ -90,7 +90,7 @@ SPECS = (
             "accelerations", ("njoints", 6), "m/s² | rad/s²",
             "of each joint's body in its own frame, linear first; row 0 is 0",
         ),
-        "Spatial accelerations of all bodies; gravity is no part of them.", "Featherstone, RBDA (2008), eq. 5.8.",
+        "Spatial accelerations of all bodies, without gravity.", "Featherstone, RBDA (2008), eq. 5.8.",
     ),
     Spec(
         "joint_forces", joint_forces, WORK_RNEA, (TURNED_Q, V, A, FEXT_OPTIONAL),
@@ -98,7 +98,7 @@ SPECS = (
             "F", ("njoints", 6), "N | N m",
             "on each joint's body by its joint, in the body's frame, linear first; row 0 is 0",
         ),
-        "Forces that the joints transmit: those of bearings and motors together, armatures left out.",
+        "Force that each joint transmits, by bearing and motor together, without that of the armature.",
         "Featherstone, RBDA (2008), table 5.1.", scratch=(("nv",),),
     ),
 )  # fmt: skip

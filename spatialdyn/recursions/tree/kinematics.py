@@ -257,7 +257,7 @@ SPECS = (
     Spec(
         "joint_jacobians", joint_jacobians, WORK, (TURNED_Q,),
         Argument("J", (6, "nv"), "m/rad | 1", "each joint's motion subspace in world coordinates, linear first"),
-        "Jacobian of every joint at once: the columns that carry a body are its Jacobian in the world.",
+        "Jacobians of all joints in one matrix: a body's, in the world, is the columns of the joints that carry it.",
         "Featherstone, RBDA (2008), section 2.11.",
     ),
     Spec(
@@ -293,7 +293,7 @@ SPECS = (
     Spec(
         "jacobian_dot_times_v", jacobian_dot_times_v, WORK, (TURNED_Q, V, ROW, PLACEMENT, REFERENCE),
         Argument("drift", (6,), "m/s² | rad/s²", "linear first, in the reference"),
-        "J̇ v, what a frame accelerates by at zero joint acceleration: J a + J̇ v is the derivative of J v.\n\n"
+        "J̇ v, the acceleration of a frame at zero joint acceleration: J a + J̇ v is the derivative of J v.\n\n"
         "    It is a spatial acceleration in local and world, a classical one in local_world_aligned.", _BODY,
     ),
 )  # fmt: skip

@@ -86,6 +86,17 @@ def solve_outward(bodies: Bodies, L: Matrix, x: Vector) -> None:
             j = bodies[j].parent
 
 
+@inline
+def add_times_L(bodies: Bodies, L: Matrix, x: Vector, y: Vector) -> None:
+    """y += L x."""
+    for i in range(1, len(bodies)):
+        y[i - 1] = y[i - 1] + x[i - 1]
+        j = bodies[i].parent
+        while j > 0:
+            y[i - 1] = y[i - 1] + L[i - 1, j - 1] * x[j - 1]
+            j = bodies[j].parent
+
+
 SPECS = (
     Spec(
         "crba_solve", crba_solve, WORK, (TURNED_Q, V, TAU, FEXT_OPTIONAL), A,

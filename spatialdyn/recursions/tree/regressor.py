@@ -216,7 +216,7 @@ SPECS = (
     Spec(
         "inertial_parameters", inertial_parameters, None, (),
         Argument("pi", ("njoints", 10), "kg | kg m | kg m²", f"of each joint's body: {_TEN}; row 0, the world's, is 0"),
-        "Inertial parameters π of what each joint moves, in the order of the regressors' columns.", _DEFINITION,
+        "Inertial parameters π of each joint's body, in the order of the regressors' columns.", _DEFINITION,
     ),
     Spec(
         "joint_torque_regressor", joint_torque_regressor, WORK, (TURNED_Q, V, A),
@@ -224,13 +224,13 @@ SPECS = (
             "Y", ("nv", "njoints", 10), "N m | N per kg, kg m, kg m²",
             f"torque per inertial parameter of each joint's body ({_TEN})",
         ),
-        "Regressor Y of inverse dynamics: rnea is Σ Y π + armature a, with π of inertial_parameters; rotors have "
-        "terms of their own.", _SOURCE,
+        "Regressor Y of inverse dynamics: rnea is Σ Y π + armature a, with π as inertial_parameters has it; rotors "
+        "add terms of their own.", _SOURCE,
     ),
     Spec(
         "body_regressor", body_regressor, WORK_POSE, (TURNED_Q, V, A, ROW, PLACEMENT),
         Argument("Y", (6, 10), "N | N m per kg, kg m, kg m²", "force per parameter, linear first, in the frame"),
-        "Regressor of the force that moves a body which rides on a frame, against gravity: parameters and force in "
+        "Regressor of the force that moves a body fixed to a frame, gravity included; parameters and force are in "
         "the frame's coordinates.", _SOURCE,
     ),
     Spec(
@@ -248,7 +248,7 @@ SPECS = (
         Argument(
             "Y", (3, "njoints", 4), "m/kg | 1/kg", "centre of mass per mass and first moment x y z of each joint's body"
         ),
-        "Regressor of the centre of mass, the robot's total mass given: c is Σ Y π over the first four parameters.",
+        "Regressor of the centre of mass for a known total mass: c is Σ Y π over the first four parameters.",
         _DEFINITION,
     ),
 )  # fmt: skip

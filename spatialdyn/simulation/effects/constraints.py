@@ -45,7 +45,7 @@ from ...recursions.constraints.constraint_rows import CONSTRAINTS_ARGUMENT, ERRO
 from ...recursions.coordinates.configuration import integrate
 from ...recursions.spec import Argument
 from ..arithmetic import Arithmetic
-from ..methods.symplectic import SETTLED, SWEEPS
+from ..methods.iteration import SETTLED, SWEEPS
 from ..system import OK, STALLED, System, set_status
 from . import work
 from .effect import Effect

@@ -27,7 +27,7 @@ from ...constraints.dynamics import constraint_jacobian
 from ...model.model import Model
 from ..effects.constraints import Constrained, closed, momentum_along
 from ..system import STALLED, State, System, set_status
-from .symplectic import SETTLED, SWEEPS, relative
+from .iteration import SETTLED, SWEEPS, relative
 
 Array = NDArray[np.float64]
 NAME = "variational"

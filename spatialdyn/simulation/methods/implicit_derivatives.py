@@ -7,7 +7,7 @@ same equations, linear in the derivatives, are solved instead of iterated. Befor
 A step of ``variational`` solves p⁻(q, ξ, τ) = p for ξ, and then q⁺ = q ∘ exp(ξ) and p⁺ = p⁺(q, ξ, τ).
 
 F, G and the derivatives of p⁻, p⁺, M v and M⁻¹ p are those of programs along unit directions, which are lanes of one
-batch: one for each freedom of each sample. The step itself is solved by the method's own compiled loop.
+batch: one for each freedom of each sample. The step itself is that of the program of a run.
 
 Source: Hairer, Lubich, Wanner, Geometric Numerical Integration (2006), VI.4, for derivatives of symplectic methods.
 """
@@ -28,12 +28,13 @@ from ...recursions import SPECS
 from ...recursions.momenta.canonical_coordinates import CHARTS, SLOPE
 from ...recursions.momenta.discrete_momenta import MOMENTA
 from ...recursions.spec import Spec
-from ..compiled_loop import compile_loop, drive
+from ..effects.external import ExternalForces
 from ..fixed_steps import failure_message
-from ..system import State, System, held_torque, joint_table, units
+from ..momenta_steps import begun, momenta_specs, rows_kept
+from ..system import State, System, held_torque, units
 from ..tangents import along, run
+from .call_kernels import call_kernels
 from .methods import DISCRETE, Method
-from .mimic_kernels import mimic_kernels
 from .symplectic import GAUSS2, GAUSS4, GAUSS6, Tableau
 
 Array = NDArray[Any]
@@ -43,7 +44,7 @@ TABLEAUX = {"implicit_midpoint": GAUSS2, "gauss4": GAUSS4, "gauss6": GAUSS6}
 class Solved(NamedTuple):
     """Solved steps of n samples.
 
-    q, p, v  (n, ...)  the states after them
+    q, p     (n, ...)  the states after them
     z        (n, 2 nv)  before, after; of canonical methods
     work     (n, rows, 2 nv or nv)  what the method has left in its scratch
     centres  (n, nv + 1, 6)
@@ -51,7 +52,6 @@ class Solved(NamedTuple):
 
     q: Array
     p: Array
-    v: Array
     z: tuple[Array, Array]
     work: Array
     centres: Array
@@ -198,49 +198,46 @@ def _solve(
     """The steps, each as ``simulate`` takes the first one from that state."""
     family = method.family
     assert family is not None
-    assert method.advance is not None
-    nv, rows = model.nv, len(model.bodies)
-    status, still = np.zeros(3), np.zeros(nv)
-    own, unit, mimics = joint_table(model), units(model), model.mimic_matrix is not None
-    table = getattr(own, numba_kernels.TABLE)
-    kernels = None if mimics else family.kernels(fext is not None)
-    bare = System(kernels, held_torque, None, table, None, None, unit, still, None, status)
-    found: list[tuple[Array, ...]] = []
-    unsolved: list[tuple[int, str]] = []
-    for k in range(len(q)):
-        forces = np.zeros((0, 6)) if fext is None else np.ascontiguousarray(fext[k])
-        data = (table, tau[k : k + 1].copy(), forces, unit, still, tau[k].copy(), status)
-        scratch = (np.zeros(nv), np.zeros(model.nq), np.zeros((rows, 6)))
-        state = State(q[k].copy(), p[k].copy(), *scratch, np.zeros((family.rows, nv * (1 + family.wide))))
-        status[:] = 0.0
-        step = float(h[k])
-        times = (
-            0,
-            1,
-            1,
-            1,
-            step,
-            step,
-            np.zeros(2, np.int64),
-            np.empty((1, model.nq)),
-            np.empty((1, nv)),
-            np.empty((1, nv)),
-        )
-        system = bare._replace(held=data[1], fext=forces, tau=data[5])
-        if mimics:
-            system = system._replace(kernels=mimic_kernels(model, family, None if fext is None else forces))
-        family.start(system, state)
-        z = state.work[0].copy()
-        if numba_kernels.PLAIN or mimics:
-            with np.errstate(all="ignore"):
-                drive(method.advance, family.observe, system, state, *times)
+    n, nv, name = len(q), model.nv, method.name
+    acting = () if fext is None else (ExternalForces(np.empty(0)),)
+    specs = momenta_specs(name, acting)
+    start = begun(model, name, q, p)
+    forces = [] if fext is None else [fext.reshape((n, -1))]
+    given = [q, p, *start, h[:, None], tau, *forces, units(model)[None]]
+    q1, p1, *kept = run(model, specs, "", given, outputs=len(specs))
+    work = np.zeros((n, family.rows, nv * (1 + family.wide)))
+    centres = np.zeros((n, nv + 1, 6))
+    for x, at in zip(kept, rows_kept(name), strict=True):
+        if at is None:
+            centres[:] = x.reshape(centres.shape)
         else:
-            compile_loop(method, fext is not None)(*data, *state, *times)
-        if status[0] != 0:
-            unsolved.append((int(samples[k]), failure_message(status, method, model, step, state)))
-        found.append((state.q, state.w, state.v, z, state.work[0], state.work, state.by_row))
+            work[:, at] = x.reshape((n, -1, work.shape[2]))
+    unsolved: list[tuple[int, str]] = []
+    for k in np.flatnonzero(~(np.isfinite(q1).all(axis=1) & np.isfinite(p1).all(axis=1))).tolist():
+        state, reason = _alone(model, method, q[k], p[k], tau[k], float(h[k]), None if fext is None else fext[k])
+        if reason:
+            unsolved.append((int(samples[k]), reason))
+        q1[k], p1[k], work[k], centres[k] = state.q, state.w, state.work, state.by_row[: nv + 1]
     if unsolved:
         where = sample_of(unsolved[0][0], len(unsolved), batch)
         raise SimulationError(f"{where.removeprefix(' in ')}: {unsolved[0][1]}" if where else unsolved[0][1])
-    q1, p1, v1, z0, z1, work, centres = (np.array(x) for x in zip(*found, strict=True))
-    return Solved(q1, p1, v1, (z0, z1), work, centres)
+    return Solved(q1, p1, (start[0], work[:, 0]), work, centres)
+
+
+def _alone(
+    model: Model, method: Method, q: Array, p: Array, tau: Array, h: float, fext: Array | None
+) -> tuple[State, str]:  # fmt: skip
+    """The state after a step to which the program has no answer, and why it is not solved, "" if it is."""
+    family, nv = method.family, model.nv
+    assert family is not None
+    assert method.advance is not None
+    status, still, forces = np.zeros(3), np.zeros(nv), np.zeros((0, 6)) if fext is None else fext
+    kernels = call_kernels(model, family, fext)
+    system = System(kernels, held_torque, None, None, tau[None], forces, units(model), still, tau.copy(), status)
+    scratch = np.zeros((len(model.bodies), 6)), np.zeros((family.rows, nv * (1 + family.wide)))
+    state = State(q.copy(), p.copy(), np.zeros(nv), np.zeros(model.nq), *scratch)
+    with np.errstate(all="ignore"):
+        family.start(system, state)
+        method.advance(system, 0.0, h, state)
+        family.observe(system, h, state)
+    return state, failure_message(status, method, model, h, state) if status[0] != 0 else ""

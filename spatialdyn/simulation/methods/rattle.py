@@ -24,7 +24,8 @@ from ...constraints.table import Constraints
 from ...model.model import Model
 from ..effects.constraints import Constrained, closed, momentum_along
 from ..system import STALLED, State, System, set_status
-from .symplectic import SETTLED, SWEEPS, joint_rates
+from .iteration import SETTLED, SWEEPS
+from .symplectic import joint_rates
 
 Array = NDArray[np.float64]
 NAME = "stormer_verlet"

@@ -17,18 +17,19 @@ in O(n); the form in (q, p) and on joints of several freedoms is derived here.
 
 from __future__ import annotations
 
-import math
 from typing import Any, NamedTuple
 
-from ...algebra.scalars import inline, inline_unoptimized
+from ...algebra.regions import repeat, settled, when
+from ...algebra.scalars import inline, inline_unoptimized, select
 from ...engines.compiled import numba_kernels
 from ...engines.compiled.table_kernels import kernel
 from ...recursions import SPECS
 from ...recursions.momenta.discrete_momenta import WORK_AFTER, WORK_BEFORE, momenta_after, sum_before
 from ..system import OK, TURNED, State, System, copy, set_status
-from .symplectic import LARGEST, SLOW, SWEEPS, anderson_step, converged, relative
+from .iteration import SWEEPS, anderson_step, end, judge, largest, relative, sweeps_of
 
-ROWS = 17
+NUMBERS = 17  # first of the rows with a number each, of ``Sweeps``
+ROWS = 22
 TURN = 0.5  # cosine of half the angle by which a body may turn in one step, 120°
 
 
@@ -41,6 +42,7 @@ class VariationalKernels(NamedTuple):
     integrate: Any
     before: Any
     after: Any
+    end: Any
 
 
 def kernels(loaded: bool) -> VariationalKernels:
@@ -52,6 +54,7 @@ def kernels(loaded: bool) -> VariationalKernels:
         numba_kernels.sample_kernel(SPECS["integrate"]),
         kernel(momenta_before, 1, 1, 2, 1, work=WORK_BEFORE),
         kernel(momenta_after, 1, 1, 2, 1, work=WORK_AFTER),
+        end,
     )
 
 
@@ -70,20 +73,8 @@ def _loaded(system: System, q: Any, g: Any) -> int:
 
 @inline
 def momenta_before(bodies: Any, work: Any, q: Any, xi: Any, moved: Any, out: Any) -> int:
-    """h J(q)ᵀ μ⁻: the momenta at the beginning of a step of unit length.
-
-    q      (nq)         coordinates at the beginning of the step
-    xi     (nv)         displacement of the joints
-    moved  (rows + 1, 6)  written: the twist log(T⁻¹ T⁺) = h V of every body, angular first
-    out    (nv)         written
-    Returns TURNED where a body turns by more than 120°, else OK.
-    """
-    sum_before(bodies, work, q, xi, moved, out)
-    status = OK
-    for i in range(1, len(bodies)):
-        if bodies[i].joint > 0 and not work[i].w > TURN:
-            status = TURNED
-    return status
+    """``sum_before``; returns TURNED where a body turns by more than 120°, else OK."""
+    return OK if sum_before(bodies, work, q, xi, moved, out) > TURN else TURNED
 
 
 # --- the method -----------------------------------------------------------------------------------------
@@ -107,14 +98,17 @@ def variational(system: System, t: float, h: float, state: State) -> None:
     xi, old, older = state.work[0], state.work[1], state.work[2]
     mean, g, left, change = state.work[3], state.work[4], state.work[5], state.work[6]
     F, U = state.work[7:12], state.work[12:17]
-    straight = 0.0  # 1 once two displacements are known: the guess extrapolates them
     for i in range(n):
-        straight = 1.0 if old[i] != 0.0 else straight
+        mean[i] = abs(old[i])
+    straight = select(largest(mean), 1.0, 0.0)  # 1 once two displacements are known: the guess extrapolates them
     for i in range(n):
         older[i], old[i], xi[i] = old[i], xi[i], xi[i] + straight * (xi[i] - old[i])
     set_status(system, k.load(system, state.q, g), t)
-    before, known = math.inf, 0
-    for sweep in range(SWEEPS):
+    F[:], U[:] = 0.0, 0.0
+    s = sweeps_of(state.work[NUMBERS:])
+    for _ in repeat(SWEEPS, s.left, s.change, s.before, s.known, s.still, xi, F, U):
+        if settled(s.left[0]):
+            break
         for i in range(n):
             mean[i] = xi[i] / h
         system.torque(system, t, state.q, mean)
@@ -122,22 +116,16 @@ def variational(system: System, t: float, h: float, state: State) -> None:
         for i in range(n):
             left[i] = left[i] / h - state.w[i] - 0.5 * h * (system.tau[i] - g[i])
         set_status(system, k.velocity(system.table, state.q, left, change), t)
-        moved = size = 0.0
         for i in range(n):
-            change[i] *= -h
-            if not abs(change[i]) <= LARGEST:
-                moved = math.inf
-            xi[i] += change[i]
-            change[i] *= system.unit[i]
-            moved = max(moved, abs(change[i]))
-            size = max(size, system.unit[i] * (abs(xi[i]) + abs(old[i])))
-        moved = relative(moved, size)
-        if converged(system, t, moved, before, sweep, False, known > 0):
-            break
-        if known > 0 or moved > SLOW * before:
-            anderson_step(known, change, xi, F, U)
-            known += 1
-        before = moved
+            change[i] = -h * change[i]
+            xi[i] = xi[i] + change[i]
+            change[i] = change[i] * system.unit[i]
+            left[i] = abs(change[i])
+            mean[i] = system.unit[i] * (abs(xi[i]) + abs(old[i]))
+        slow = judge(system, s, relative(largest(left), largest(mean)), 0.0)
+        for _ in when(slow, s.known, xi, F, U):
+            anderson_step(s.known, change, xi, F, U)
+    k.end(system, t, s, xi)
     copy(state.stage, state.q)
     set_status(system, k.integrate(system.table, state.stage, xi, state.q), t + h)
     set_status(system, k.before(system.table, state.stage, xi, state.by_row, left), t)

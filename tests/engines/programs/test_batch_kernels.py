@@ -382,7 +382,7 @@ def test_an_array_that_overlaps_another_threads_part_is_refused(arm: sd.Model, p
 
 @pytest.mark.parametrize("n", [0, -3, 1.5, True, "2", None])
 def test_what_is_no_number_of_threads_is_refused(n: Any) -> None:
-    with pytest.raises(sd.SpatialDynError, match=f"n is {n!r}, expected a whole number of threads, 1 at least"):
+    with pytest.raises(sd.SpatialDynError, match=f"n is {n!r}, expected a whole number of threads, at least 1"):
         sd.set_num_threads(n)
 
 

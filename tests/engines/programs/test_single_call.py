@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import gc
 import inspect
 import pickle
@@ -16,7 +17,7 @@ from trees import random_tree
 
 import spatialdyn as sd
 from spatialdyn.calls import dynamics
-from spatialdyn.engines import run
+from spatialdyn.engines import object_layout, run
 from spatialdyn.engines.compiled.numba_kernels import variant
 from spatialdyn.engines.programs.run import single_call, tiered_program
 from spatialdyn.recursions import SPECS
@@ -284,6 +285,26 @@ def test_references_are_counted(arm: sd.Model) -> None:
         sd.rnea(arm, q, wrong, a)
     after = [sys.getrefcount(x) for x in objects]
     assert max(abs(x - y) for x, y in zip(before, after, strict=True)) < 40
+
+
+def test_where_cpython_exports_no_vectorcall_a_functions_own_slot_is_called(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As in CPython 3.10; positions, keywords and errors go through."""
+    if not hasattr(ctypes.pythonapi, "_PyFunction_Vectorcall"):
+        pytest.skip("CPython 3.13 exports PyObject_Vectorcall only")
+    known, usual = single_call._process(), object_layout.vectorcall()
+    slot = object_layout.api("_PyFunction_Vectorcall")
+    assert usual in known
+    monkeypatch.setattr(single_call, "_process", lambda: tuple(slot if x == usual else x for x in known))
+    plan = single_call.plan((0, 0, single_call.NO_LIMIT.ctypes.data), [(2,)], [(2,)])
+
+    def python(*given: Any, **more: Any) -> Any:
+        return given, more if more != {"wrong": 1} else {}["wrong"]
+
+    call = single_call.bound(python, [single_call.Parameter("x", single_call.ARRAY)], plan)
+    assert call([1.0, 2.0]) == (([1.0, 2.0],), {})
+    assert call("x", y=2, z=None) == (("x",), {"y": 2, "z": None})
+    with pytest.raises(KeyError):
+        call(wrong=1)
 
 
 def test_without_builtins_one_plain_path_answers(arm: sd.Model, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -95,7 +95,7 @@ class Data(Stored, Registered, Copied):
     """
 
     contacts: Any = None  # of the last initConstraintDynamics or constraintDynamics, with its ProximalSettings
-    # each call reads these: from a slot in 10 ns, from a __dict__ that was written to in 60
+    # each call reads these: a slot is faster to read than a __dict__ that was written to
     __slots__ = ("_bound", "_held", "_latest", "_nframes", "_runs", "_sizes", "_sources", "model")
     _format = "spatialdyn.compat.pinocchio data 1"
 

@@ -42,7 +42,7 @@ FLOAT64 = np.dtype(np.float64)
 
 def vector(name: str, value: Any, size: int) -> Array:
     """An argument as a float64 vector; a column (n, 1) is taken too. Raises ArgumentError, ShapeError."""
-    if type(value) is np.ndarray and value.dtype is FLOAT64 and value.shape == (size,):  # 0.1 µs in place of 0.5
+    if type(value) is np.ndarray and value.dtype is FLOAT64 and value.shape == (size,):  # the usual case first
         return value
     if not isinstance(value, np.ndarray) or value.dtype.kind not in NUMBERS:
         raise ArgumentError(f"{name} is {described(value)}, expected an array of numbers")

@@ -52,7 +52,7 @@ class Run:
 
     def __init__(self, name: str, library: LibraryModel, shape: tuple[int, ...] | None) -> None:
         self.kind = CALL_KINDS[name]
-        self.getters = self.kind.getters  # from a slot in 10 ns
+        self.getters = self.kind.getters  # a slot is read fast
         # of the call, and of the call that left ``placed_rows``
         self._stamp, self.library = array("q", [0, 0]), library
         self.fext: Array | None = None

@@ -49,8 +49,8 @@ def lanes_of(dtype: Any) -> int:
 def object_code(text: str, opt: int = 1) -> bytes:
     """Object code of a module for this host. KeyboardInterrupt comes at once, also where LLVM takes long.
 
-    opt  LLVM's level: 2 takes 1.5 times as long as 1 for code that is no faster, 0 a third for code of half the speed;
-         all compute the same bits
+    opt  LLVM's level: 2 takes longer than 1 for code that is no faster, 0 is quick and gives slow code; all
+         compute the same bits
     """
     made: bytes = interruptible(_object_code, text, opt) if len(text) > LONG else _object_code(text, opt)
     return made

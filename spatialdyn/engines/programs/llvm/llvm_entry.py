@@ -1,6 +1,7 @@
 """LLVM text of the functions through which Python runs a compiled program: over a batch, and in a time loop.
 
-ctypes passes the array objects themselves: to get an address from NumPy takes 1 µs, to read it here nothing. The first
+ctypes passes the array objects themselves: reading an address here costs nothing, while NumPy takes long to give it.
+The first
 field of a PyArrayObject, part of NumPy's C interface, is the address of its data.
 """
 
@@ -125,12 +126,15 @@ def one_entry(inputs: Sequence[int], outputs: Sequence[int], workspace: int) -> 
     return code.function("define i64 @one_entry(ptr %numbers, ptr %inputs, ptr %outputs)")
 
 
-def time_loop_entry(states: Sequence[int], inputs: int, workspace: int, lanes: int, size: int) -> str:
+def time_loop_entry(
+    states: Sequence[int], kept: int, inputs: int, workspace: int, lanes: int, size: int
+) -> str:  # fmt: skip
     """``time_loop_entry(kernel, numbers, *states, *(input, sample, time), *records, *ends, buffer, *numbers)``: tile by
     tile, all steps of a program whose outputs are the first inputs of the next step; the numbers are first, end, n,
     steps, every, recorded.
 
     states        columns of the states, arrays (n, columns) in C order
+    kept          how many of them, the first, are recorded
     kernel        the program's address; its inputs are the states, then the others
     numbers       those of the program, an array
     sample, time  strides of an input to the next sample and the next step, in numbers
@@ -147,7 +151,7 @@ def time_loop_entry(states: Sequence[int], inputs: int, workspace: int, lanes: i
     constants = _data(code, "%numbers")
     start = [_data(code, f"%s{k}") for k in range(len(states))]
     data = [_data(code, x) for x in xs]
-    records = [_data(code, f"%r{k}") for k in range(len(states))]
+    records = [_data(code, f"%r{k}") for k in range(kept)]
     ends = [_data(code, f"%e{k}") for k in range(len(states))]
     bits = _data(code, "%buffer")
     flag = byte(bits, times(put("sub i64 %end, %first"), 2))
@@ -182,7 +186,7 @@ def time_loop_entry(states: Sequence[int], inputs: int, workspace: int, lanes: i
     code.do("%record.next = sdiv i64 %t.next, %every")
     due = put("icmp sgt i64 %record.next, %record")
     code.branch(due, "keep", "stepped", then="keep")
-    for k, row in enumerate(wide):
+    for k, row in enumerate(wide[:kept]):
         for r in range(lanes):
             place = put(f"add i64 {times(code.add(sample, r), '%recorded')}, %record")
             code.copy(byte(records[k], times(place, row)), byte(f"%b{k}", r * row), row)
@@ -196,7 +200,7 @@ def time_loop_entry(states: Sequence[int], inputs: int, workspace: int, lanes: i
     code.do("ret void")
     given = "".join(f"ptr %s{k}, " for k in range(len(states)))
     given += "".join(f"ptr {x}, i64 {x}.sample, i64 {x}.time, " for x in xs)
-    given += "".join(f"ptr %{x}{k}, " for x in "re" for k in range(len(states)))
+    given += "".join(f"ptr %{x}{k}, " for x, several in (("r", kept), ("e", len(states))) for k in range(several))
     numbers = ", ".join(f"i64 %{x}" for x in ("first", "end", "n", "steps", "every", "recorded"))
     return _COPY + code.function(
         f"define void @time_loop_entry(ptr %kernel, ptr %numbers, {given}ptr %buffer, {numbers})"

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 
 from ..record.kernel_layout import KernelLayout
 from ..record.operations import CONST, FORMS, INPUT, arities, operands
 from ..record.program import Program
 
-CHUNK_LENGTH = 8000  # operations of one function, in programs of more than MOST_WHOLE: 1500 cost a step of rk4 8 %
+CHUNK_LENGTH = 8000  # operations of one function, in programs of more than MOST_WHOLE; short functions cost time
 MOST_LATE = 3000  # most operations of a program whose values are computed near their readers
 MOST_HELD = 3050  # most operations of a program with bounds that keeps its numbers in registers, see ``held``
-MOST_WHOLE = 12000  # most operations of one function: aba of talos, 9600, takes LLVM 1 s and is 10 % faster than cut
+MOST_WHOLE = 12000  # most operations of one function: aba of talos, 9600, is faster whole, and compiled in 1 s
 
 
 class Schedule:
@@ -62,9 +62,9 @@ class Schedule:
 def late(program: Program, layout: KernelLayout) -> bool:
     """Whether a program's values are computed near their readers.
 
-    With pivots there is a third sweep over the robot, for which fewer values are spilled: saves 2 to 6 % of aba, and
-    nothing without. In longer programs it costs: of aba with bounds 8 to 20 %, of a step's derivatives 2 to 7 %, of aba
-    of talos 5 %.
+    With pivots there is a third sweep over the robot, for which fewer values are spilled: it saves some per cent of
+    aba, and nothing without pivots. Longer programs are slower with it: aba with bounds, a step's derivatives, aba of
+    talos.
     """
     return bool(layout.pivots) and len(program.lines) <= MOST_LATE and not program.regions
 
@@ -73,8 +73,8 @@ def held(program: Program, layout: KernelLayout) -> bool:
     """Whether a program's numbers are held in registers where they are used again, or loaded there anew.
 
     LLVM spills what it holds too long, whole vectors, to the stack. In long programs with bounds, with three values to
-    each line, they no longer fit the first cache: loaded anew they save 36 % of rnea of panda in float32, 25 % of aba
-    of kinova, 10 % of aba of panda in float64. Shorter ones lose 5 %, and long ones without bounds gain nothing.
+    each line, they no longer fit the first cache, and loading the numbers anew is faster. Shorter programs lose by it,
+    and long ones without bounds gain nothing.
     """
     return not layout.bounds or len(program.lines) <= MOST_HELD
 
@@ -107,12 +107,14 @@ def angles(program: Program, late: bool) -> list[list[int]]:
     """
     lines = program.lines
     readers = {code for code, form in FORMS.items() if form.angle}
-    if len(lines) > MOST_WHOLE:
-        chunks = _chunks(program, late)
-        return [list(dict.fromkeys(lines[k].a for k in chunk if lines[k].code in readers)) for chunk in chunks]
-    if late:
+    if late and len(lines) <= MOST_WHOLE:
         return [_angles_depth_first(program, readers)]
-    return [list(dict.fromkeys(op.a for op in lines if op.code in readers))]
+    within = {k for region in program.regions for k in range(region.head, region.end)}  # NaN there if out of range
+    chunks: Iterable[Iterable[int]] = _chunks(program, late) if len(lines) > MOST_WHOLE else [range(len(lines))]
+    return [
+        list(dict.fromkeys(lines[k].a for k in chunk if lines[k].code in readers and k not in within))
+        for chunk in chunks
+    ]
 
 
 def _angles_depth_first(program: Program, readers: Collection[int]) -> list[int]:

@@ -24,6 +24,7 @@ from ..record.kernel_layout import Float32Range, KernelLayout
 from ..record.operations import AGAIN, CARRIED, CONST, FORMS, INPUT, NEXT, REPEAT, signed
 from ..record.program import Program
 from ..record.structure import Numbers
+from . import lookups
 from .host_cpu import host, lanes_of, object_code
 from .llvm_module import module
 from .llvm_vectors import ZERO, Vectors
@@ -41,6 +42,13 @@ def _blocks(columns: int, lanes: int) -> Iterator[tuple[int, int]]:
         yield columns - width, width
 
 
+def _common(program: Program, layout: KernelLayout) -> dict[int, tuple[int, int]]:
+    """The array and column of each line that is an input for all samples."""
+    ends = np.cumsum([0, *layout.inputs])
+    places = {int(ends[a]) + k: (a, k) for a in layout.common for k in range(layout.inputs[a])}
+    return {k: places[op.a] for k, op in enumerate(program.lines) if op.code == INPUT and op.a in places}
+
+
 class _Writer:
     """The LLVM module of one program."""
 
@@ -53,6 +61,7 @@ class _Writer:
         self.schedule = Schedule(program, late(program, layout))
         self.numbers = Numbers(program, layout)
         self.afresh = not held(program, layout)
+        self.common = _common(program, layout)
         self.whole = self.schedule.whole
         self.poison_slot = self.schedule.slot_count  # followed by the floor's slot, if ranges are checked
         self.stage = self.poison_slot + (1 if layout.range is None else 2)  # slots of rows to be streamed
@@ -61,6 +70,10 @@ class _Writer:
         self.carried = {k: self.stage + max(staged, default=0) + at for at, k in enumerate(carried)}  # their slots
         self.regions = {region.head: region for region in program.regions}
         slots = self.stage + max(staged, default=0) + len(self.carried)
+        self.lookups = lookups.find(program, self.common if self.whole else {})
+        if self.lookups.tables:  # of one function, whose values have no other slots
+            self.schedule.slots |= {end: slots + at for at, end in enumerate(self.lookups.of_end)}
+            slots += len(self.lookups.of_end)
         self.workspace = slots * lanes * (8 if self.scalar == "double" else 4)
 
     def text(self) -> str:
@@ -89,13 +102,19 @@ class _Writer:
         """Read the tile's rows and transpose them; returns the poison (0, or NaN in lanes of invalid samples) of the
         inputs, and the least sum of squares of an output array, empty if there is none.
         """
-        index = {op.a: k for k, op in enumerate(self.program.lines) if op.code == INPUT}
+        index = {op.a: k for k, op in enumerate(self.program.lines) if op.code == INPUT and k not in self.common}
+        if not self.whole:
+            for k, (a, column) in self.common.items():
+                t.store_vector(t.spread(f"%in{a}", column), "%ws", self.schedule.slots[k])
         zero = t.constant(0.0)
         poison = [ZERO] * 4
         columns: list[str] = []
         wide = self.layout.range
         driving: list[str] = []
         for a, width in enumerate(self.layout.inputs):
+            if a in self.layout.common:
+                columns += [""] * width
+                continue
             row = [t.add("%first", r) for r in range(self.lanes)]
             starts = [t.number(f"%in{a}", t.times(r, f"%step{a}")) for r in row]
             found = [""] * width
@@ -111,6 +130,8 @@ class _Writer:
             if wide and a in (wide.driving or ()):
                 driving += found
         for i, x in enumerate(columns):
+            if not x:
+                continue
             poison[i % 4] = t.fused(x, x if wide else zero, poison[i % 4])
             if i in index:
                 self.values[index[i]] = x
@@ -169,6 +190,7 @@ class _Writer:
         """Write some lines; ``inside`` one of several functions, which spills values that others need."""
         lines, values, slots = self.program.lines, self.values, self.schedule.slots
         angles: set[int] = set()
+        tables: set[tuple[int, ...]] = set()  # that have been looked up
         reach = ""
 
         def value(k: int) -> str:
@@ -176,6 +198,9 @@ class _Writer:
                 return t.negative(value(-k - 1))
             if lines[k].code == CONST:
                 return t.spread("%numbers", self.numbers.of_line[k], self.afresh)
+            if k in self.common and self.whole:
+                a, column = self.common[k]
+                return t.spread(f"%in{a}", column)
             if k not in values:
                 values[k] = t.load_vector("%ws", self.carried[k] if k in self.carried else slots[k])
             return values[k]
@@ -209,8 +234,16 @@ class _Writer:
                 if inside and k in slots:
                     t.store_vector(values[k], "%ws", slots[k])
                 continue
+            if k in self.lookups.links:
+                continue
+            if k in self.lookups.of_end:
+                conditions = self.lookups.of_end[k]
+                if conditions not in tables:
+                    tables.add(conditions)
+                    self._look_up(t, [value(c) for c in conditions], self.lookups.tables[conditions])
+                continue
             form, given = FORMS[op.code], [value(operand) for operand in signed(op)]
-            if form.angle and op.a not in angles:
+            if form.angle and not before and op.a not in angles:  # in regions an angle out of range is NaN
                 angles.add(op.a)
                 x = given[0]
                 reach = t.fused(x, x, reach) if reach else t.binary("fmul", x, x)
@@ -221,6 +254,28 @@ class _Writer:
             poison = t.poisoned_unless(t.compare("ole", reach, t.constant(MAX_ANGLE * MAX_ANGLE)), poison)
         return poison
 
+    def _look_up(self, t: Vectors, conditions: Sequence[str], chains: Sequence[lookups.Chain]) -> None:
+        """Write what is looked up to its slots: at once if one row is that of all lanes, else lane by lane."""
+        slots, name, index = self.schedule.slots, f"table{chains[0].end}", ZERO
+        for j, x in enumerate(conditions, 1):
+            index = t.put(f"select {t.truth} {t.above_zero(x)}, {t.bits} {t.integer(j)}, {t.bits} {index}")
+        rows = [t.put(f"extractelement {t.bits} {index}, i64 {lane}") for lane in range(self.lanes)]
+        if t.size < 8:
+            rows = [t.put(f"sext i32 {row} to i64") for row in rows]
+        same = "true"
+        for row in rows[1:]:
+            same = t.put(f"and i1 {same}, {t.put(f'icmp eq i64 {row}, {rows[0]}')}")
+        t.branch(same, f"{name}.one", f"{name}.each", then=f"{name}.one")
+        for end, array, column, stride in chains:
+            x = t.spread(t.number(f"%in{array}", t.times(rows[0], stride)), column)
+            t.store_vector(x, "%ws", slots[end])
+        t.jump(f"{name}.done", then=f"{name}.each")
+        for lane, row in enumerate(rows):
+            for end, array, column, stride in chains:
+                x = t.load_number(t.number(f"%in{array}", t.times(row, stride)), column)
+                t.store(self.scalar, x, t.number("%ws", slots[end] * self.lanes + lane), t.size)
+        t.jump(f"{name}.done", then=f"{name}.done")
+
     def _epilogue(self, t: Vectors, poison: str, floor: str) -> None:
         """Transpose the results into their rows and write the tile's bits."""
         lines, zero = self.program.lines, t.constant(0.0)
@@ -229,6 +284,8 @@ class _Writer:
             line, minus = self.program.outputs[place]
             if lines[line].code == CONST:
                 x = t.spread("%numbers", self.numbers.of_line[line])
+            elif line in self.common and self.whole:
+                x = t.spread(f"%in{self.common[line][0]}", self.common[line][1])
             else:
                 if line not in self.values:
                     kept = self.carried[line] if self.whole and line in self.carried else self.schedule.slots[line]

@@ -30,6 +30,8 @@ class KernelLayout:
     norms    groups of indices in the program's outputs whose squares must sum to 1
     range    norms that inputs and outputs must have, if any
     bounds   how many of the last output arrays are bounds, which may be infinite: they are not checked
+    common   indices of input arrays with one row for all samples, which are read as constants are; that they are finite
+             the caller checks
     """
 
     inputs: tuple[int, ...]
@@ -39,6 +41,7 @@ class KernelLayout:
     norms: tuple[tuple[int, ...], ...] = ()
     range: Float32Range | None = None
     bounds: int = 0
+    common: tuple[int, ...] = ()
 
     @property
     def checked(self) -> tuple[tuple[int, ...], ...]:

@@ -3,8 +3,8 @@
 A body that turns about an axis may have its origin anywhere on it: X_T · Rot(u, q) translated by s u on both sides is
 the same joint, with its placement, those of its children and its inertia expressed at the new origin. Quantities of
 the whole robot do not change; forces and placements given in a body's frame would. Denavit and Hartenberg choose
-all origins so; here one is moved only where placements get more zeros than they lose. Saves 10 to 30 % of
-the operations of legs and of a UR5, nothing of arms whose right angles are written with twelve digits.
+all origins so; here one is moved only where placements get more zeros than they lose. That saves
+operations of legs and of a UR5, none of arms whose right angles are written with twelve digits.
 """
 
 from __future__ import annotations

@@ -37,6 +37,7 @@ MOST_ROWS = 128  # above, programs grow too long: rnea, aba, crba of 101 rows co
 MOST_RESULTS = MOST_ROWS**2  # or terms, of a sample: Christoffel symbols of 18 rows compile in 1 s, of 50 rows in 54 s
 MOST_TABLE = 2048  # rows of a static table: each height of a ground is in its program
 MOST_EQUATIONS = 36  # of a static table: 8400 multiplications to factor a matrix of 36 rows
+ALONE = ("nl", "nd")  # sizes of a static table whose entries have a row of J alone: as many as the table of bodies
 POSITION = "rad | m"  # unit of the inputs that are positions
 
 
@@ -119,7 +120,7 @@ def record(
     vars(tree[0])["kind"] = 0  # programs reject samples off unit norm, also where the table allows any norm
     taken = withdraw(tree, options.parameters)
     if all(spec.regroup for spec in specs) and not (options.double_double or errors):
-        in_body = options.parameters or any(x.name == "fext" or x.table for spec in specs for x in spec.present)
+        in_body = options.parameters or any(_in_body(x) for spec in specs for x in spec.present)
         if not in_body and dtype == np.float64:  # in float32 a distance moved costs digits
             move_origins(tree)
         regroup(tree, any(spec.pivots for spec in specs))
@@ -196,6 +197,11 @@ def record(
     return Recording(program, layout)
 
 
+def _in_body(x: Argument) -> bool:
+    """Whether an input is given in the coordinates of bodies, whose origins must then stay where they are."""
+    return x.name == "fext" or x.table is not None or (x.static and x.shape == (4, 4))
+
+
 def _tracked(values: NDArray[Any]) -> NDArray[Any]:
     """An array of Constants, whose arithmetic knows its errors."""
     made = np.empty(values.shape, dtype=object)
@@ -266,7 +272,8 @@ def fits(specs: Sequence[Spec], bodies: NDArray[Any], results: int | None = None
         shapes = [(spec.output.shape, spec.term_shape) for spec in specs]
         results = sum(max(math.prod(shape_in(shape, sizes)) for shape in (out, terms)) for out, terms in shapes)
     short = 1 < len(bodies) <= MOST_ROWS + 1 and results <= MOST_RESULTS
-    short &= all(n <= MOST_EQUATIONS for x in static if isinstance(x, StaticTable) for n in x.sizes.values())
+    several = (item for x in static if isinstance(x, StaticTable) for item in x.sizes.items())
+    short &= all(n <= MOST_EQUATIONS for name, n in several if name not in ALONE)
     short &= all(len(x.rows) <= MOST_TABLE + 1 for x in static if isinstance(x, StaticTable))
     return short and all(traces(spec, bodies) for spec in specs)
 

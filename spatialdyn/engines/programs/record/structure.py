@@ -52,7 +52,7 @@ def digest(program: Program, layout: KernelLayout) -> str:
     """A digest of all that the machine code of a program depends on, but for its numbers."""
     wide = layout.range
     pivots = [place for place, _ in layout.pivots]
-    checks = (layout.units, pivots, layout.norms, wide and ("range", wide.driving), layout.bounds)
+    checks = (layout.units, pivots, layout.norms, wide and ("range", wide.driving), layout.bounds, layout.common)
     found = hashlib.sha256(program.table.astype(np.int32).tobytes())
     found.update(repr((program.outputs, layout.inputs, layout.outputs, checks)).encode())
     return found.hexdigest()

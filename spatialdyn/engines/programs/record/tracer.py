@@ -7,6 +7,7 @@ floats and on inputs that are ``Number``. A branch on a value cannot be recorded
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cache
 from typing import Any
@@ -18,8 +19,10 @@ from ....algebra import heights, regions, scalars
 from ....algebra.regions import Carried
 from ....errors import SpatialDynError
 from ....recursions.spec import Spec
+from ...polynomials import MAX_ANGLE
 from .constants import error_of
 from .operations import (
+    ABS,
     ADD,
     AGAIN,
     ATAN2,
@@ -162,6 +165,9 @@ class Number:
     def __neg__(self) -> Number:
         return Number(self.tape, self.line, not self.minus)
 
+    def __abs__(self) -> Number:
+        return Number(self.tape, self.tape.line((ABS, self.line, 0, 0, 0.0)), False)
+
     def __add__(self, other: Any) -> Any:
         if not isinstance(other, Number):
             if other == 0.0 and self.tape.absorbs(other):
@@ -232,10 +238,11 @@ def _function(code: int, odd: bool) -> Callable[[Number], Number]:
     """sin or cos of a Number: an odd function takes the sign of its argument, an even one drops it."""
 
     def record(x: Number) -> Number:
-        key = (code, x.line, 0, 0, 0.0)
-        if x.tape.inside and key not in x.tape.known:  # whether its angle is in range would depend on other samples
-            raise SpatialDynError("a recursion takes a sine or cosine inside repeat or when, expected it before")
-        return Number(x.tape, x.tape.line(key), x.minus and odd)
+        tape, at = x.tape, x.line
+        if tape.inside and (code, at, 0, 0, 0.0) not in tape.known:  # not checked as others: the sample may be done
+            angle = Number(tape, at, False)
+            at = _select(MAX_ANGLE * MAX_ANGLE - angle * angle, angle, math.nan).line
+        return Number(tape, tape.line((code, at, 0, 0, 0.0)), x.minus and odd)
 
     return record
 

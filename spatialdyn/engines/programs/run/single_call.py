@@ -54,7 +54,8 @@ def _process() -> tuple[int, ...]:
     api, constants = layout.api, (None, True, False, np.ndarray)
     functions = (
         layout.array_maker(),
-        *map(api, ("Py_IncRef", "Py_DecRef", "PyDict_GetItemWithError", "PyTuple_Pack", "PyObject_Vectorcall")),
+        *map(api, ("Py_IncRef", "Py_DecRef", "PyDict_GetItemWithError", "PyTuple_Pack")),
+        layout.vectorcall(),
         *map(api, ("PyFloat_FromDouble", "PyTuple_New")),
     )
     return (*map(id, constants), layout.kind(np.dtype(np.float64)), id(str), id(float), id(np.float64), *functions)

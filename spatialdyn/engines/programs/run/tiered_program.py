@@ -36,11 +36,14 @@ class TieredProgram:
         key: str,
         static: Sequence[Any] = (),
         options: ProgramOptions = ALL,
+        recorded: Recording | None = None,
     ) -> None:
         """As ``batch_kernels.kernel``. Raises ZeroDivisionError if a joint has zero articulated inertia in every state.
 
-        Nothing is recorded if compiled code of this table is at hand.
+        Nothing is recorded if compiled code of this table is at hand, or what is recorded is given.
         """
+        if recorded is not None:
+            self.recording = recorded
         self._arguments = (specs, bodies, key, tuple(static))
         self._options = options
         self._lock = locks.new()

@@ -37,18 +37,18 @@ class StepInput(NamedTuple):
 
 @cache
 def _compiled_loop(
-    states: tuple[int, ...], inputs: int, workspace: int, width: int, size: int
+    states: tuple[int, ...], kept: int, inputs: int, workspace: int, width: int, size: int
 ) -> tuple[Any, Callable[..., None], int]:
     """The loaded code, which must stay referenced, the compiled loop, and the bytes that it needs."""
-    digest = code_digest(f"time loop {states} {inputs} {workspace} {width} {size}")
+    digest = code_digest(f"time loop {states} {kept} {inputs} {workspace} {width} {size}")
     code = disk_cache.read(digest)
     if code is None:
-        code = host_cpu.object_code(time_loop_entry(states, inputs, workspace, width, size))
+        code = host_cpu.object_code(time_loop_entry(states, kept, inputs, workspace, width, size))
         disk_cache.write(digest, code)
     loaded = host_cpu.LoadedCode(code)
     given: list[Any] = [ctypes.c_void_p, ctypes.py_object, *[ctypes.py_object] * len(states)]
     given += [ctypes.py_object, ctypes.c_int64, ctypes.c_int64] * inputs
-    given += [ctypes.py_object] * (2 * len(states) + 1) + [ctypes.c_int64] * 6
+    given += [ctypes.py_object] * (kept + len(states) + 1) + [ctypes.c_int64] * 6
     space = buffer_size(states, states, workspace, width, size)
     return loaded, ctypes.CFUNCTYPE(None, *given)(loaded.address("time_loop_entry")), space
 
@@ -60,28 +60,32 @@ def run(
     records: Sequence[NDArray[Any]],
     steps: int,
     every: int,
+    ends: Sequence[NDArray[Any]] = (),
 ) -> NDArray[np.intp]:
     """Run every sample through all steps; returns the indices of rejected samples, which the caller has to recompute.
 
     kernel   of a program whose inputs are the states, then the others, and whose outputs are the states after a step
     states   (n, columns) each, n at least 1
-    records  (n, steps // every, columns) each, written in place: the states after every ``every`` steps
+    records  (n, steps // every, columns) each, written in place: the states after every ``every`` steps; of the first
+             states alone if they are fewer
+    ends     (n, columns) each, written in place: the states after all steps; or none
     """
     n, width = len(states[0]), kernel.lanes
     if n < width:  # fill one tile
         fill = np.minimum(np.arange(width), n - 1)
         more = [StepInput(np.ascontiguousarray(x.rows[fill])) if len(x.rows) > 1 else x for x in inputs]
         made = [np.empty((width, *r.shape[1:]), r.dtype) for r in records]
-        rejected = run(kernel, [np.ascontiguousarray(s[fill]) for s in states], more, made, steps, every)
-        for r, m in zip(records, made, strict=True):
+        last = [np.empty((width, e.shape[1]), e.dtype) for e in ends]
+        rejected = run(kernel, [np.ascontiguousarray(s[fill]) for s in states], more, made, steps, every, last)
+        for r, m in zip((*records, *ends), (*made, *last), strict=True):
             r[...] = m[:n]
         return rejected[rejected < n]
     columns = tuple(s.shape[1] for s in states)
     size = kernel.dtype.itemsize
-    _, call, space = _compiled_loop(columns, len(inputs), kernel.code.workspace, width, size)
+    _, call, space = _compiled_loop(columns, len(records), len(inputs), kernel.code.workspace, width, size)
     tiles = -(-n // width)
     if tiles == 1 and steps <= kernel.reach:
-        buffer, after = np.empty(4 + space, np.uint8), [np.empty_like(s) for s in states]
+        buffer, after = np.empty(4 + space, np.uint8), ends or [np.empty_like(s) for s in states]
         passed: list[Any] = [kernel.code.address, kernel.numbers, *states]
         for x in inputs:
             passed += [x.rows, *x.steps()]
@@ -112,6 +116,9 @@ def run(
             numbers = (n, count, each, steps // every)
             cuts = pairwise(tile + several * j // threads for j in range(threads + 1))
             thread_pool.run([partial(part, passed, numbers, *cut) for cut in cuts])
+        here = slice(min(tile * width, n - width), min((tile + several) * width, n))
+        for end, reach in zip(ends, now, strict=False):
+            end[here] = reach[here]
     starts = np.minimum(np.arange(tiles) * width, n - width)
     lane = np.arange(width)
     return np.unique((starts[:, None] + lane)[(bits[:, None] >> lane & 1) == 0])
@@ -145,7 +152,7 @@ def replay(
         after = [np.broadcast_to(np.asarray(x, np.float64), n) for x in found]
         now = [np.stack(after[a:b], 1) if a < b else np.empty((n, 0)) for a, b in pairwise(ends)]
         if (k + 1) % every == 0:
-            for record, x in zip(records, now, strict=True):
+            for record, x in zip(records, now, strict=False):
                 with np.errstate(over="ignore"):
                     record[:, (k + 1) // every - 1] = x
     return np.flatnonzero(~np.logical_and.reduce([np.isfinite(x).all(axis=1) for x in now]))

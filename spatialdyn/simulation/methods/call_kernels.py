@@ -1,0 +1,120 @@
+"""The kernels of each family of methods where steps run in Python: they compile nothing.
+
+What walks the tree is a public call, or a program: with mimic joints too, whose momenta in ``variational`` are Gᵀ those
+of the whole tree. Charts are recursions in plain Python, on the rows of independent joints.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...calls.dynamics import calls
+from ...engines.programs.record import tracer
+from ...engines.programs.record.mimic_rows import MimicRows, rows_of
+from ...engines.programs.record.tracer import scratch
+from ...errors import ConfigurationError, InertiaError, NonFiniteError
+from ...model.model import Model
+from ...recursions.coordinates.configuration import integrate
+from ...recursions.momenta.canonical_coordinates import chart_rate, from_canonical, recenter, to_canonical
+from ...recursions.momenta.discrete_momenta import ENDS, WORK_AFTER, WORK_BEFORE, momenta_after, sum_before
+from ...recursions.momenta.hamilton import P
+from ..system import NONFINITE, OK, PIVOT, TURNED, UNIT, System
+from ..tangents import OneByOne
+from . import explicit
+from .iteration import end
+from .methods import CANONICAL, EXPLICIT, Family
+from .symplectic import SymplecticKernels
+from .variational import TURN, VariationalKernels
+
+Array = NDArray[np.float64]
+
+
+def call_kernels(model: Model, family: Family, fext: Array | None) -> Any:
+    """The kernels of a family, as ``family.kernels`` gives them."""
+
+    def call(name: str, out: Any, *inputs: Any) -> int:
+        """Write the result of a public call; returns the status of its error."""
+        try:
+            out[...] = calls[name](model, *(None if x is None else np.array(x) for x in inputs))
+        except InertiaError:
+            return PIVOT
+        except ConfigurationError:
+            return UNIT
+        except NonFiniteError:
+            return NONFINITE
+        return OK if np.isfinite(out).all() else NONFINITE
+
+    def accelerate(system: System, q: Any, v: Any, a: Any) -> int:
+        return call("aba", a, q, v, system.tau, fext)
+
+    def field(system: System, q: Any, p: Any, rates: Any) -> int:
+        return call("hamilton_field", rates, q, p, system.zero, fext)
+
+    def load(system: System, q: Any, g: Any) -> int:
+        return call("generalized_gravity", g, q) if fext is None else call("static_torque", g, q, fext)
+
+    def velocity(table: Any, q: Any, p: Any, v: Any) -> int:
+        return call("velocity_from_momentum", v, q, p)
+
+    if family is EXPLICIT:
+        return explicit.kernels_of(accelerate)
+    rows = rows_of(tracer.table(model.bodies))
+    if family is CANONICAL:
+        to, back, rate, nearer = (_on(rows, x) for x in (to_canonical, from_canonical, chart_rate, recenter))
+        return SymplecticKernels(field, None, to, back, rate, nearer, end)
+    return VariationalKernels(load, None, velocity, _on(rows, _integrate), *_ends(model), end)
+
+
+def _on(rows: Any, function: Callable[..., Any]) -> Callable[..., Any]:
+    """A function of rows of the independent joints, as a kernel of a table."""
+    return lambda table, *arrays: function(rows, *arrays)
+
+
+def _integrate(rows: Any, q: Any, xi: Any, out: Any) -> int:
+    integrate(rows, q, xi, out)
+    return OK
+
+
+def _ends(model: Model) -> tuple[Callable[..., int], Callable[..., int]]:
+    """The kernels of momenta before and after a step; the latter gives those of the step of the former's last call."""
+    n, after, ends = model.nv, np.zeros(model.nv), OneByOne(model, ENDS)
+
+    def before(table: Any, q: Any, xi: Any, moved: Any, out: Any) -> int:
+        found = ends(q, xi)
+        out[:], after[:] = found[:n], found[n : 2 * n]
+        return (OK if found[2 * n] > TURN else TURNED) if np.isfinite(found).all() else NONFINITE
+
+    def momenta(table: Any, q: Any, xi: Any, moved: Any, out: Any) -> int:
+        out[:] = after
+        return OK
+
+    return before, momenta
+
+
+# --- recorded -------------------------------------------------------------------------------------------
+
+
+def _before(bodies: MimicRows, work: Any, q: Any, xi: Any, moved: Any, out: Any) -> Any:
+    """As on a tree; the twists of the whole tree, which are more than ``moved`` has rows, are its first entry."""
+    moved[0, 0] = np.full((len(bodies.tree), 6), 0.0, object)
+    return _momenta(sum_before, WORK_BEFORE, bodies, q, xi, moved, out)
+
+
+def _after(bodies: MimicRows, work: Any, q: Any, xi: Any, moved: Any, out: Any) -> None:
+    _momenta(momenta_after, WORK_AFTER, bodies, q, xi, moved, out)
+
+
+def _momenta(sweep: Any, work: np.dtype, rows: MimicRows, q: Any, xi: Any, moved: Any, out: Any) -> Any:
+    whole = np.full(len(rows.tree) - 1, 0.0, object)
+    found = sweep(rows.tree, scratch(work, len(rows.tree)), rows.q_of_tree(q), rows.v_of_tree(xi), moved[0, 0], whole)
+    out[:] = rows.output_of_model(P, whole)
+    return found
+
+
+_registered: tuple[tuple[Any, Any], ...] = ((sum_before, _before), (momenta_after, _after))
+for _sweep, _reduced in _registered:
+    _sweep.register(MimicRows)(_reduced)

@@ -1,0 +1,169 @@
+"""What a worker does with one chunk: draw, compute, reduce, write; by the job and the chunk's number alone."""
+
+from __future__ import annotations
+
+import hashlib
+import inspect
+import os
+import pickle
+import time
+import traceback
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from importlib.metadata import version
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..engines.compiled.stamp import STAMP
+from ..engines.programs.llvm import host_cpu
+from ..engines.threads import set_num_threads
+from ..errors import StudyError
+from ..simulation.scene import Scene
+from .folder import Folder
+from .reductions import Reduction, array_of
+
+Array = NDArray[Any]
+Function = Callable[[Any, np.random.Generator, int], Mapping[str, Any]]
+
+
+@dataclass(frozen=True)
+class Job:
+    """All that the chunks of a study share; pickles."""
+
+    function: Function
+    scene: Any
+    samples: int
+    chunk: int
+    seed: int
+    folder: str
+    keep: tuple[str, ...]
+    reductions: dict[str, Reduction]
+    host: dict[str, Any]
+    threads: int | None = None
+
+    def length(self, i: int) -> int:
+        """Samples of a chunk."""
+        return min(self.chunk, self.samples - i * self.chunk)
+
+
+class Outcome(NamedTuple):
+    """What became of a chunk.
+
+    failure  what its function raised, with chunk and seed; "" if it is done
+    seconds  in the worker, without writing
+    """
+
+    chunk: int
+    failure: str
+    seconds: float
+
+
+def host_of() -> dict[str, Any]:
+    """What else than the job a chunk's bits depend on: versions, and whether the processor fuses multiply and add."""
+    return {"sources": STAMP, "numpy": np.__version__, "llvmlite": version("llvmlite"), "fma": host_cpu.host()[3]}
+
+
+def run_chunk(job: Job, i: int) -> Outcome:
+    """Compute a chunk and write its part; what its function raises is written instead."""
+    folder, began = Folder(job.folder), time.perf_counter()
+    if job.threads is not None:
+        set_num_threads(job.threads)
+    try:
+        here = host_of()
+        if here != job.host:
+            other = next(name for name, x in here.items() if x != job.host[name])
+            raise StudyError(f"this worker has {other} {here[other]}, expected {job.host[other]} as the study's")
+        generator = np.random.default_rng(np.random.SeedSequence(job.seed, spawn_key=(i,)))
+        arrays = _checked(job.function(job.scene, generator, job.length(i)), job.length(i))
+        kept = {name: array_of(arrays, name) for name in job.keep}
+        states = {label: x.of(arrays, i * job.chunk) for label, x in job.reductions.items()}
+        seconds = time.perf_counter() - began
+        folder.write(i, kept, states)
+    except Exception as error:
+        text = f"chunk {i}, seed ({job.seed}, spawn_key=({i},)): {type(error).__name__}: {error}"
+        folder.write_failure(i, f"{text}\n\n{traceback.format_exc()}")
+        return Outcome(i, text, time.perf_counter() - began)
+    return Outcome(i, "", seconds)
+
+
+def _checked(found: Any, n: int) -> dict[str, Array]:
+    """What the function returned, as arrays. Raises StudyError."""
+    if not isinstance(found, Mapping) or not found:
+        raise StudyError(f"the function returned {type(found).__name__}, expected a dict of arrays (n, ...)")
+    arrays = {str(name): np.asarray(x) for name, x in found.items()}
+    for name, x in arrays.items():
+        if not x.ndim or len(x) != n:
+            raise StudyError(f"{name} has shape {x.shape}, expected ({n}, ...): a row for each sample")
+        if x.dtype.hasobject:
+            raise StudyError(f"{name} has dtype {x.dtype}, expected numbers")
+    return arrays
+
+
+# --- what a study is ------------------------------------------------------------------------------------
+
+
+def digest_of_scene(scene: Any) -> str:
+    """Of the content of a Scene or Model, the same in every process."""
+    if not isinstance(scene, Scene):
+        return str(scene.key)
+    return hashlib.sha256(f"{scene.model.key} {scene.to_toml()}".encode()).hexdigest()
+
+
+def digest_of_function(function: Any) -> str:
+    """Of a function's source, and of what it holds: its defaults, its closure, arguments of ``functools.partial``.
+
+    Raises StudyError for a function that holds what cannot be pickled.
+    """
+    held: list[Any] = []
+    while isinstance(function, partial):
+        held.append((function.args, sorted(function.keywords.items())))
+        function = function.func
+    if not inspect.isfunction(function):
+        function_type = type(function)
+        held.append(getattr(function, "__dict__", {}))
+        source = _source(function_type)
+    else:
+        cells = [x.cell_contents for x in function.__closure__ or ()]
+        held.append((function.__defaults__, function.__kwdefaults__, cells))
+        source = _source(function)
+    try:
+        values = pickle.dumps(held, 4)
+    except Exception as error:
+        raise StudyError(
+            f"the function holds what cannot be pickled ({error}): hand it over by the scene or functools.partial"
+        ) from error
+    return hashlib.sha256(source + values).hexdigest()
+
+
+def _source(thing: Any) -> bytes:
+    """Its text; the code if there is no text."""
+    try:
+        return inspect.getsource(thing).encode()
+    except (OSError, TypeError):
+        code = getattr(thing, "__code__", None)
+        return repr(thing).encode() if code is None else code.co_code + repr(code.co_names).encode()
+
+
+def manifest_of(job: Job) -> dict[str, Any]:
+    """What must agree for parts to be of one study."""
+    made: dict[str, Any] = {
+        "function": getattr(job.function, "__qualname__", type(job.function).__name__),
+        "source": digest_of_function(job.function), "scene": digest_of_scene(job.scene), "samples": job.samples,
+        "chunk": job.chunk, "seed": job.seed, "keep": list(job.keep),
+        "reduce": {label: repr(x) for label, x in job.reductions.items()},
+    }  # fmt: skip
+    return {**made, **job.host}
+
+
+def path_of(folder: Any) -> str:
+    """A folder as its absolute path. Raises StudyError."""
+    try:
+        text = os.fspath(folder)
+    except TypeError:
+        text = b""
+    if not isinstance(text, str) or not text or "\0" in text:
+        raise StudyError(f"folder is {folder!r}, expected the path of a folder")
+    return os.path.abspath(text)
