@@ -87,7 +87,7 @@ def address(x: array[int]) -> int:
 
 def put_stamp(time: str = "time") -> list[str]:
     """Statements that write a new stamp to an address."""
-    return ["places(clock, 1)[0] += 1", f"places({time}, 1)[0] = places(clock, 1)[0]"]
+    return ["advance(clock)", f"places({time}, 1)[0] = places(clock, 1)[0]"]
 
 
 class RecordedCall:

@@ -104,6 +104,12 @@ def places(address: int, count: int) -> Any:
 
 
 @inline
+def advance(address: int) -> None:
+    """Count one more at an address."""
+    places(address, 1)[0] += 1
+
+
+@inline
 def is_float64(plan: int, x: int) -> Any:
     """Whether an array is of float64 in native byte order."""
     return word(word(x, DTYPE), KIND) & SAME == word(plan, FLOAT64)
@@ -255,7 +261,8 @@ SCOPE: dict[str, Any] = {
     "word": word, "at": at, "places": places, "is_vector": is_vector, "is_matrix": is_matrix, "vector": vector,
     "no_overlap": no_overlap, "matrix": matrix, "index": index, "is_real": is_real, "real": real,
     "new_array": new_array, "new_real": new_real, "new_object": new_object, "new_tuple": new_tuple,
-    "return_none": return_none, "return_true": return_true, "discard": discard, "run_entry": run_entry,
+    "advance": advance, "return_none": return_none, "return_true": return_true, "discard": discard,
+    "run_entry": run_entry,
 }  # fmt: skip
 
 
@@ -263,7 +270,7 @@ SCOPE: dict[str, Any] = {
 def _plain() -> dict[str, Any]:
     """The functions above in plain Python: the same code, but for what it takes from compiled code."""
     native = {"word": tiers.word, "at": lambda address, shape: tiers.array_of(address, shape, F8)}
-    native |= {"places": lambda address, count: tiers.array_of(address, (count,), np.intp)}
+    native |= {"advance": tiers.advance, "places": lambda address, count: tiers.array_of(address, (count,), np.intp)}
     native |= dict.fromkeys(("_make", "_size", "_allocate", "_entry"), tiers.call_words)
     native |= {"_count": tiers.call_void, "_void": tiers.call_void, "_from_double": tiers.call_real}
     scope = {**globals(), **native}

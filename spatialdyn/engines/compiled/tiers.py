@@ -25,6 +25,7 @@ import numpy as np
 from ...algebra.scalars import cos, sin
 from ...bodies.table import BODIES
 from ...recursions.spec import Spec
+from .. import locks
 from ..polynomials import COSINE, HALF_PI, MAGIC, MAX_ANGLE, SINE
 from . import numba_kernels
 from .numba_settings import PLAIN
@@ -53,6 +54,7 @@ class Tier:
         self._code: Any = None
         self._spent = 0.0  # seconds in plain Python
         self._looked = False
+        self._lock = locks.new()  # plain Python lets other threads run; memory of a plan is for one
 
     def _compile(self) -> Any:
         raise NotImplementedError
@@ -63,9 +65,10 @@ class Tier:
     def code(self, *arguments: Any) -> Any:
         """The compiled function if compiling pays, or its code is on disk for such arguments; else None."""
         if self._code is None:
-            first, self._looked = not self._looked, True
-            if self._spent >= COMPILE_SECONDS or (first and self._is_stored(*arguments)):
-                self._code = self._compile()
+            with self._lock:
+                first, self._looked = not self._looked, True
+                if self._code is None and (self._spent >= COMPILE_SECONDS or (first and self._is_stored(*arguments))):
+                    self._code = self._compile()
         return self._code
 
     @property
@@ -79,13 +82,14 @@ class Tier:
         self.code()
 
     def in_plain_python(self, function: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
-        """A call in plain Python, whose time counts."""
-        start = perf_counter()
-        try:
-            with np.errstate(all="ignore"):
-                return function(*arguments)
-        finally:
-            self._spent += perf_counter() - start
+        """A call in plain Python, whose time counts; of one thread at a time."""
+        with self._lock:
+            start = perf_counter()
+            try:
+                with np.errstate(all="ignore"):
+                    return function(*arguments)
+            finally:
+                self._spent += perf_counter() - start
 
 
 class Tiered(Tier):
@@ -168,6 +172,12 @@ def real_of(address: int, x: int) -> float:
     """A C function of a word that returns a float."""
     found: float = _function(ctypes.c_double, ctypes.c_int64)(address)(x)
     return found
+
+
+def advance(address: int) -> None:
+    """Count one more at an address, at once for all threads."""
+    count = array_of(address, (1,), np.int64)
+    np.add(count, 1, out=count)
 
 
 def table_at(address: int) -> Any:
@@ -284,6 +294,6 @@ class TableKernel(Tiered):
 
 
 @cache
-def table_kernel(spec: Spec) -> TableKernel:
-    """The one of a call."""
-    return TableKernel(spec)
+def table_kernel(spec: Spec) -> Any:
+    """The TableKernel of a call; where nothing is compiled, its ``sample_kernel``, which takes the table itself."""
+    return numba_kernels.sample_kernel(spec) if PLAIN else TableKernel(spec)
