@@ -189,7 +189,7 @@ class Specialized:
 
         return casadi_code(given.name, given.program, jacobian_of(self._request, given), given.inputs, given.outputs)
 
-    def to_casadi(self, name: str | None = None) -> Any:
+    def to_casadi(self, name: str | None = None, jacobian: bool = True) -> Any:
         """The program as a ``casadi.Function`` of one sample, with named inputs and results.
 
         It takes numbers, SX and MX; in an MX graph it is one node, whose Jacobian is that of ``c_code``: of rnea and
@@ -201,14 +201,15 @@ class Specialized:
         always in CasADi: with quaternions or (cos, sin) pairs export the next configuration too, by ``sd.integrate``,
         so that everything stays in coordinates.
 
-        name  as of ``c_code``
+        name      as of ``c_code``
+        jacobian  False leaves the Jacobian to CasADi, also in an MX graph: it is made in a fraction of the time
 
         Raises SpatialDynError as ``c_code`` with derivatives, and where CasADi is not installed (extra "casadi")
         """
         from ..interop.casadi import to_casadi
 
         given = exported(self._request, self._recorded, "c", name)
-        return to_casadi(given, jacobian_of(self._request, given))
+        return to_casadi(given, jacobian_of(self._request, given) if jacobian else None)
 
     def to_jax(self) -> Callable[..., Any]:
         """The program as a function of JAX arrays, for jit, vmap, grad, vjp and jacrev.

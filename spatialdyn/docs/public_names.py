@@ -103,9 +103,10 @@ GROUPS = {
         "TaskTorque FrameTask ComTask PostureTask WholeBody WholeBodyMotion Relaxation",
     ),
     "identification": Group(
-        "Regressors",
-        "Torques, forces and energies as linear functions of masses, centres of mass and inertias.",
-        "joint_torque_regressor body_regressor kinetic_energy_regressor potential_energy_regressor static_regressor "
+        "Regressors and identification",
+        "Torques, forces and energies as linear functions of masses, centres of mass and inertias; these from logs.",
+        "identify Identified Validation Recording excitation base_parameters Base joint_torque_regressor "
+        "body_regressor kinetic_energy_regressor potential_energy_regressor static_regressor "
         "modified_torque_regressor momentum_regressor coriolis_transpose_regressor",
     ),
     "mechanics": Group(
@@ -139,7 +140,7 @@ GROUPS = {
         "Errors",
         "All derive from SpatialDynError, a ValueError.",
         "SpatialDynError ShapeError ConfigurationError NonFiniteError UrdfError InertiaError ModelError "
-        "ConstraintError SimulationError SimulationInterrupt StudyError",
+        "ConstraintError IdentificationError SimulationError SimulationInterrupt StudyError",
     ),
 }
 # where a name that no group lists goes, by the package that it is of

@@ -117,9 +117,9 @@ def scene_derivatives(
     if found is not None and labels:
         pair.active[sound], pair.switching[sound] = found.active, found.switching
         pair.undetermined[sound] = found.undetermined
-    shape = *batch, len(labels)
-    pair.active, pair.switching = pair.active.reshape(shape), pair.switching.reshape(shape)
-    pair.undetermined = pair.undetermined.reshape(shape)
+    full = *batch, len(labels)
+    pair.active, pair.switching = pair.active.reshape(full), pair.switching.reshape(full)
+    pair.undetermined = pair.undetermined.reshape(full)
     return pair
 
 

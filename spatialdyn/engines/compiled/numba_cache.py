@@ -59,6 +59,12 @@ class NumbaCache(_Cache):
         rebuild: Any = compiler.CompileResult._rebuild
         return rebuild(target_context, *pickle.loads(payload))
 
+    def is_stored(self, sig: Any, target_context: Any) -> bool:
+        """Whether it is in the cache as compiled for a signature."""
+        if not self._enabled:
+            return False
+        return disk_cache.read(self._digest(sig, target_context.codegen()), disk_cache.KERNEL) is not None
+
     def save_overload(self, sig: Any, data: Any) -> None:
         """Write compiled code, unless it holds addresses of this process."""
         if self._enabled and not data.lifted and not data.library.has_dynamic_globals:

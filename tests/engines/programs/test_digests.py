@@ -225,7 +225,7 @@ def test_every_kernel_captures_the_stamp(monkeypatch: pytest.MonkeyPatch) -> Non
 
 def test_calls_with_and_without_an_optional_input_have_two_names() -> None:
     labels = [
-        numba_kernels._label(numba_kernels.variant(spec, frozenset(some)))
+        numba_kernels.label(numba_kernels.variant(spec, frozenset(some)))
         for spec in SPECS.values()
         for some in _choices(spec)
     ]
