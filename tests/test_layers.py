@@ -98,6 +98,7 @@ SHARED = {
     "contact.coulomb_cone", "joints.friction", "coordinates.configuration", "contact.contact_rows", "tree.aba_motors",
     "tree.regressor", "momenta.adaptive_regressors", "control.control_laws",
     "control.inverse_kinematics", "contact.impulses", "contact.impulse_rows", "contact.newton_step", "control.paths",
+    "coordinates.coordinate_rates",
 }  # fmt: skip
 TOUCH_FILES = {"urdf", "sources", "engines", "pictures", "docs", "studies"}  # meshes, pages, parts
 # themselves, a script, and loops in TOML; one reads an environment variable
