@@ -29,12 +29,12 @@ from ..errors import SimulationError, SpatialDynError
 from ..model.model import Model
 from ..recursions.derivatives.step_derivatives import MOTION, STEPS, TURNING_STEPS
 from ..recursions.spec import FEXT, TAU, Q, V
-from .effects.friction import LUGRE
-from .effects.springs import has_springs
-from .methods import implicit_derivatives
-from .methods.explicit import HALF_TURN
-from .methods.methods import integrators
-from .scene import Scene, scene_of
+from ..simulation.effects.friction import LUGRE
+from ..simulation.effects.springs import has_springs
+from ..simulation.methods.explicit import HALF_TURN
+from ..simulation.methods.methods import integrators
+from ..simulation.scene import Scene, scene_of
+from . import implicit_derivatives
 from .scene_derivatives import StepDerivatives, constrained_linearization, scene_derivatives
 
 Array = NDArray[np.float64]
@@ -52,7 +52,7 @@ def step_derivatives(
 ) -> StepDerivatives:
     """Derivatives of a step by the state before it and the torque held over it: ``A, B = step_derivatives(...)``.
 
-    Source: see ``recursions.derivatives.step_derivatives`` and ``simulation.methods.implicit_derivatives``.
+    Source: see ``recursions.derivatives.step_derivatives`` and ``linearization.implicit_derivatives``.
 
     scene   Scene or Model, without motors and bristles; springs act in explicit methods. A Friction with ``smoothing``
             that acts alone acts by its smooth law, in explicit methods; any other one, contacts and limits act by
