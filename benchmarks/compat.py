@@ -3,14 +3,16 @@
     python benchmarks/compat.py             all groups
     python benchmarks/compat.py types       some of types, panda, talos_full_v2, first_hour
 
-Both modules take turns, round after round; prints medians over the rounds, less the time of an empty function. The
-group ``first_hour`` is what twenty usual calls cost in a new process, where nothing is compiled yet: seconds of CPU of
-each first call with an empty cache, of all of them, and of all in a second process, which finds the code on disk.
+Both modules take turns, round after round; prints medians over the rounds, less the time of an empty function, of
+compiled code. The group ``first_hour`` is what twenty usual calls cost in a new process, where nothing is compiled yet:
+seconds of CPU of each first call with an empty cache, of all of them, and of all in a second process, which finds the
+code on disk.
 """
 
 from __future__ import annotations
 
 import argparse
+import gc
 import json
 import os
 import subprocess
@@ -233,6 +235,15 @@ def print_first_hour() -> None:
     print(f"{'in all':40s}" + "".join(f"{sum(column.values()):9.3f}" for column in columns))
 
 
+def compile_all() -> None:
+    """Compile all functions that were called so far."""
+    from spatialdyn.engines.compiled.tiers import Tier
+
+    for x in gc.get_objects():
+        if isinstance(x, Tier) and x.called:
+            x.compile_now()
+
+
 def timed(group: Group, modules: Mapping[str, Any]) -> list[tuple[str, dict[str, float]]]:
     """Microseconds per call of each expression under each module."""
     values = {name: {"np": np, **group.values(module)} for name, module in modules.items()}
@@ -240,9 +251,11 @@ def timed(group: Group, modules: Mapping[str, Any]) -> list[tuple[str, dict[str,
     found = []
     for expression in group.expressions:
         contestants = {name: eval(f"lambda: {expression}", values[name]) for name in modules}
-        for run in contestants.values():
-            for _ in range(5):  # leaves out compilation and loading at the second and third call
-                run()
+        for _ in range(3):  # leaves out compilation and loading at the second and third call
+            for run in contestants.values():
+                for _ in range(5):
+                    run()
+            compile_all()
         seconds = interleaved(contestants, ROUNDS, SECONDS)
         found.append((expression, {name: 1e6 * (x - empty) for name, x in seconds.items()}))
     return found

@@ -38,13 +38,16 @@ BELOW: dict[str, tuple[str, ...]] = {
     "laws": ("calls",),
     "sources": ("constraints", "actuation", "urdf"),
     "simulation": ("lagrangian", "sources", "laws"),
+    "linearization": ("simulation",),
     "control": ("simulation",),
-    "accuracy": ("simulation",),
+    "operational": ("simulation",),
+    "identification": ("control",),
     "studies": ("simulation",),
+    "accuracy": ("identification",),
     "validate": ("interop", "urdf"),
     "pictures": ("validate", "accuracy", "control"),
     "compat": ("pictures", "accuracy", "interop", "urdf", "sources"),
-    "__init__": ("accuracy", "control", "validate", "pictures", "sources", "studies"),
+    "__init__": ("accuracy", "linearization", "control", "operational", "validate", "pictures", "sources", "studies"),
     "examples": ("__init__", "compat"),
     "docs": ("examples",),
     "commands": ("docs",),
@@ -63,7 +66,7 @@ LOOSE = {"__init__", "__main__", "errors"}  # the only modules at the package's 
 # Imports that go up nonetheless, made by a function when it is called.
 UPWARD: dict[tuple[str, str], str] = {
     (room, "pictures"): "methods that draw"
-    for room in ("calls", "model", "lagrangian", "simulation", "control", "accuracy", "validate")
+    for room in ("calls", "model", "lagrangian", "simulation", "control", "identification", "accuracy", "validate")
 } | {("calls", "interop"): "methods that hand a program to another framework"}
 # Functions below ``pictures`` that draw: each is a docstring, one import from there, and one call.
 DRAW: dict[str, set[str]] = {
@@ -75,6 +78,7 @@ DRAW: dict[str, set[str]] = {
     "calls.progress": {"bar"},
     "control.paths": {"plot"},
     "control.monitors": {"plot"},
+    "identification.identified": {"report"},
     "accuracy.requirement": {"plot", "_repr_html_"},
     "accuracy.results": {"plot", "report", "_repr_html_"},
     "accuracy.findings": {"report", "_repr_html_"},
@@ -95,12 +99,14 @@ SHARED = {
     "tree.square_root_inertia", "coordinates.configuration_off_norm", "tree.rnea_off_norm", "steps", "signatures",
     "constraints.constraint_rows", "constraints.dense", "tree.rotors", "constraints.constrained",
     "contact.coulomb_cone", "joints.friction", "coordinates.configuration", "contact.contact_rows", "tree.aba_motors",
-    "contact.impulses", "contact.impulse_rows", "contact.newton_step", "control.paths",
+    "tree.regressor", "momenta.adaptive_regressors", "control.control_laws",
+    "control.inverse_kinematics", "contact.impulses", "contact.impulse_rows", "contact.newton_step", "control.paths",
 }  # fmt: skip
 TOUCH_FILES = {"urdf", "sources", "engines", "pictures", "docs", "studies"}  # meshes, pages, parts
 # themselves, a script, and loops in TOML; one reads an environment variable
 SAVE = {
-    "simulation.trajectory", "compat.pinocchio.model.serialization_format", "commands.port", "commands.robots",
+    "simulation.trajectory", "identification.recording", "compat.pinocchio.model.serialization_format",
+    "commands.port", "commands.robots", "commands.excite", "commands.identify",
     "compat.pinocchio.coverage.strictness", "examples.c_export",
 }  # fmt: skip
 NAME_FILES = {"validate", "commands", "examples"}  # pass a file name to Pinocchio; width of the terminal; pictures
@@ -114,8 +120,8 @@ FILE_CALLS = {
 }  # fmt: skip
 LATE = {
     "yourdfpy", "lxml", "trimesh", "pinocchio", "rich", "scipy", "mpmath", "matplotlib", "sympy", "pandas", "viser",
-    "IPython", "casadi", "jax", "torch", "mujoco", "xacrodoc", "robot_descriptions", "sphinx",
-    "dask", "distributed",
+    "IPython", "qpsolvers", "casadi", "jax", "torch", "mujoco", "xacrodoc", "robot_descriptions", "sphinx",
+    "cvxpy", "clarabel", "dask", "distributed",
 }  # fmt: skip
 HEAVY = {"numba", "llvmlite", "concurrent.futures"}  # no import of the package needs them
 MUTATORS = {"append", "extend", "insert", "add", "update", "setdefault", "pop", "popitem", "clear", "remove", "discard"}

@@ -97,6 +97,22 @@ def _squares(bodies: Any, q: Any, cost: Any) -> None:
     cost[0] = sum(x * x for x in q)
 
 
+@cache
+def log() -> sd.Recording:
+    """A motion of both joints."""
+    t = np.linspace(0.0, 2.0, 81)
+    path = sd.fourier([[1.0, 0.5], [0.4, 1.5]], [[0.2, 1.0], [0.8, 0.1]], 0.5, [0.3, 0.1])
+    q, v, a = path(t)
+    tau = sd.rnea(model(), q, v, a) + 0.01 * np.random.default_rng(0).normal(size=v.shape)
+    return sd.Recording(t, q, tau, v, a)
+
+
+@cache
+def identified() -> sd.Identified:
+    """The two hinges, from it."""
+    return sd.identify(log(), model(), "log_cholesky", "inertial")
+
+
 LAW = Spec("towards", _towards, None, (Q, V, Argument("reach", ("nv",), "rad", "goal")), TAU, "", "")
 SQUARES = Spec("squares", _squares, None, (Q,), Argument("cost", (1,), "", ""), "", "")
 
@@ -170,6 +186,25 @@ def path() -> sd.Path:
 def passive() -> sd.PassivityRecord:
     """Of four steps."""
     return sd.passivity(run())
+
+
+@cache
+def adaptive() -> sd.SlotineLi:
+    """Of two hinges, with friction."""
+    friction = sd.Friction([0.1, 0.1], smoothing=0.1)
+    return sd.SlotineLi(model(), 5.0, 4.0, q(), sd.inertial_parameters(model()), 0.1, friction=friction)
+
+
+@cache
+def natural() -> sd.NaturalAdaptation:
+    """Of a slide and two hinges, with friction."""
+    friction = sd.Friction([0.1, 0.1, 0.1], smoothing=0.1)
+    pi = sd.inertial_parameters(other())
+    return sd.NaturalAdaptation(other(), 5.0, 4.0, np.zeros(3), pi, 10.0, friction=friction)
+
+
+def _naturally() -> sd.Trajectory:
+    return sd.simulate(other(), np.zeros(3), np.ones(3), 0.02, 0.01, control=natural())
 
 
 def observer() -> sd.MomentumObserver:
@@ -252,6 +287,7 @@ def _studied() -> dict[str, Any]:
 
 
 ROWS: dict[str, Callable[[], dict[str, Any]]] = {
+    "Base.text": lambda: {"k": 0},
     "ChristoffelC": lambda: {"model": model()},
     **{
         f"ChristoffelC.{name}": lambda: {"q": q(), "v": v()}
@@ -259,6 +295,10 @@ ROWS: dict[str, Callable[[], dict[str, Any]]] = {
     },
     "ChristoffelC.by_finite_differences": lambda: {"q": q(), "v": v()},
     "ComputedTorque": lambda: {"Kp": 9.0, "Kd": [6.0, 6.0], "path": path()},
+    "ComTask": lambda: {"target": np.zeros(3), "Kp": 9.0},
+    "ComTask.check": lambda: {"model": model()},
+    "ComTask.rows": lambda: {"model": model(), "q": q(), "v": v()},
+    "ComTask.with_": lambda: {"weight": 2.0},
     "Constraints": lambda: {"model": model(), "items": [sd.PointConstraint("tip")]},
     "Constraints.of_entries": lambda: {"model": model(), "entries": [{"kind": "point", "frame_a": "tip"}]},
     "Constraints.of_mjcf": lambda: {"model": model(), "text": MJCF, "q": q()},
@@ -281,12 +321,20 @@ ROWS: dict[str, Callable[[], dict[str, Any]]] = {
     "EnergyShaping.energy": lambda: {"model": model(), "q": q(), "v": v()},
     "Exact": lambda: {"model": model(), **_of_exact()},
     "Exact.__call__": lambda: {"values": q()},
+    "FrameTask": lambda: {"frame": "tip", "target": np.zeros(3), "axes": "xz", "Kp": 9.0},
+    "FrameTask.check": lambda: {"model": model()},
+    "FrameTask.rows": lambda: {"model": model(), "q": q(), "v": v()},
+    "FrameTask.with_": lambda: {"weight": 2.0},
     "Friction": lambda: {"coulomb": [0.1, 0.1], "viscous": [0.2, 0.2]},
     "Friction.check": lambda: {"model": model()},
     "Friction.of": lambda: {"model": model(), "coulomb": [0.1, 0.1]},
     "Gravity": dict,
     "Heightfield": lambda: {"z": np.zeros((3, 4)), "spacing": 0.5},
+    "Impedance": lambda: {"model": model(), "frame": "tip", "target": _reached(), "K": 50.0, "D": np.full(6, 5.0),
+                          "velocity": np.zeros(6), "acceleration": np.zeros(6)},
     "HingeConstraint": lambda: {**CONSTRAINT, **PLACES},
+    "Identified.report": lambda: {"path": "report.html", "validation": log()},
+    "Identified.validate": lambda: {"recording": log()},
     "LQR.feedback": lambda: {"q": np.zeros(1), "v": np.zeros(1), "tau": np.zeros(1)},
     "LyapunovRecord.plot": dict,
     "Model": lambda: {"robot": model().robot, "options": model().options},
@@ -301,6 +349,17 @@ ROWS: dict[str, Callable[[], dict[str, Any]]] = {
     "ModelBuilder.add_series_elastic": lambda: {"joint": "b_joint", "stiffness": 100.0, "rotor": 0.1, "ratio": 2.0},
     "ModelBuilder.build": lambda: {"gravity": (0.0, 0.0, -9.81), "root": "fixed"},
     "ModelBuilder.robot": dict,
+    "NaturalAdaptation": lambda: {"model": other(), "rates": 5.0, "gain": np.ones(3), "path": np.zeros(3),
+                                  "parameters": sd.inertial_parameters(other()), "gamma": 10.0},
+    **{f"SlotineLi.{name}": lambda: {"run": sd.simulate(model(), q(), v(), 0.02, 0.01, control=adaptive())}
+       for name in ("estimates", "frictions")},
+    **{f"NaturalAdaptation.{name}": lambda: {"run": _naturally()}
+       for name in ("estimates", "frictions", "pseudo_inertias")},
+    "NaturalAdaptation.excitation": lambda: {"q": np.zeros((2, 3)), "v": np.ones((2, 3)), "a": np.ones((2, 3))},
+    "SlotineLi": lambda: {"model": model(), "rates": 5.0, "gain": np.array([4.0, 4.0]), "path": q(),
+                          "parameters": sd.inertial_parameters(model()), "Gamma": 0.1,
+                          "friction": sd.Friction([0.1, 0.1], smoothing=0.1)},
+    "SlotineLi.excitation": lambda: {"q": np.zeros((2, 2)), "v": np.ones((2, 2)), "a": np.ones((2, 2))},
     "ModelBuilder.set_inertia": lambda: {"link": "b", "inertia": SOLID},
     "MomentumObserver": lambda: {"model": model(), "gain": np.array([50.0, 50.0]), "dt": 1e-3},
     "MomentumObserver.update": lambda: {"q": q(), "v": v(), "tau": tau()},
@@ -339,10 +398,22 @@ ROWS: dict[str, Callable[[], dict[str, Any]]] = {
     "Path.plot": dict,
     "Plane": dict,
     "PointConstraint": lambda: {**CONSTRAINT, **PLACES},
+    "PostureTask": lambda: {"target": q(), "Kp": 9.0, "joints": ["joint1", "joint2"]},
+    "PostureTask.at": lambda: {"model": model()},
+    "PostureTask.check": lambda: {"model": model()},
+    "PostureTask.rows": lambda: {"model": model(), "q": q(), "v": v()},
+    "PostureTask.with_": lambda: {"weight": 2.0},
     "Promise": lambda: {"request": program()._request, "tolerance": 1e-9, "maker": sd.specialize, "arguments": (),
                         "bounded": lambda dtype: sd.bounded(model(), sd.crba, dtype)},
     "Promise.__call__": lambda: {"arrays": q()},
     "Recommendation.__call__": lambda: {"arguments": (q(), v(), tau())},
+    "Recording": lambda: {"t": log().t, "q": log().q, "tau": log().tau, "v": log().v, "a": log().a},
+    "Recording.check": lambda: {"model": model()},
+    "Recording.from_columns": lambda: {"columns": {"t": log().t, "q0": log().t, "tau0": log().t}, "model": model()},
+    "Recording.load": lambda: {"path": "log.csv"},
+    "Recording.of": lambda: {"run": run()},
+    "Recording.save": lambda: {"path": "saved.csv"},
+    "Recording.torques": lambda: {"model": model()},
     "Requirement.plot": dict,
     "Requirement.to_full": lambda: {"q": q(), "v": v()},
     "Requirement.to_reduced": lambda: {"q": q(), "v": v()},
@@ -378,11 +449,16 @@ ROWS: dict[str, Callable[[], dict[str, Any]]] = {
     "Trajectory.save": lambda: {"path": "run.npz"},
     "Transmission": lambda: {"joints": ("joint1", "joint2"), "matrix": [[0.5, 0.5], [0.5, -0.5]]},
     "VelocityConstraint": lambda: {"A": [1.0, 2.0]},
+    "WholeBody": lambda: {"scene": sd.Scene(model(), contacts=touching()), "tasks": sd.PostureTask(q())},
+    "WholeBody.__call__": lambda: {"t": 0.0, "q": q(), "v": v()},
+    "WholeBody.solve": lambda: {"q": q(), "v": v(), "tasks": [sd.PostureTask(q())]},
     "WeldConstraint": lambda: {**CONSTRAINT, **PLACES},
     "assemble": lambda: {"robot": model().robot},
+    "base_parameters": lambda: {"model": model(), "parameters": "inertial", "samples": 60},
     "base_velocity": lambda: {"model": floating(), "q": sd.neutral(floating()), "v_joints": np.ones(1),
                               "momentum": np.zeros(6)},
     "bounded": lambda: {"model": model(), "call": sd.crba},
+    "cartesian_damping": lambda: {"Lambda": np.eye(2), "K": np.array([1.0, 2.0]), "zeta": 0.7},
     "check_conservation": lambda: {"trajectory": run()},
     "close_loops": lambda: _held("q"),
     "closed_step": lambda: {"scene": model(), "law": sd.PD(9.0, 6.0, q()), "q": q(), "v": v(), "dt": 0.01,
@@ -406,6 +482,8 @@ ROWS: dict[str, Callable[[], dict[str, Any]]] = {
     "diagnose": lambda: {"model": model(), "q": q()},
     "energy_ledger": lambda: {"trajectory": run()},
     "exact": lambda: {"model": model(), "call": sd.crba},
+    "excitation": lambda: {"model": model(), "duration": 4.0, "harmonics": 2, "parameters": "inertial", "starts": 2,
+                           "steps": 1},
     "forward_dynamics": lambda: _state(tau=tau()),
     "fourier": lambda: {"cosines": np.ones((3, 2)), "sines": np.ones((3, 2)), "frequency": 1.0, "centre": q()},
     "friction_regressor": lambda: {"model": model(), "v": v()},
@@ -417,6 +495,7 @@ ROWS: dict[str, Callable[[], dict[str, Any]]] = {
     "gravity_stiffness_bound": lambda: {"model": model(), "samples": 10, "seed": 1},
     "hamilton_equations": lambda: {"model": model(), "q": q(), "p": v()},
     "hamilton_simulation": lambda: {"scene": model(), "q0": q(), "p": v(), "duration": 0.02, "dt": 0.01},
+    "identify": lambda: {"recording": log(), "model": model(), "method": "log_cholesky", "parameters": "inertial"},
     "impact": lambda: _held("q", "v", restitution=0.5),
     "impact of J": lambda: {**_state(), **_jacobian(), "restitution": 0.5, "damping": 0.1},
     "independent_joints": lambda: _held("q"),
@@ -430,6 +509,8 @@ ROWS: dict[str, Callable[[], dict[str, Any]]] = {
     "mobility": lambda: _held("q"),
     "momentum_observer_step": lambda: {"model": model(), "q": q(), "v": v(), "tau": tau(), "gain": np.ones(2),
                                        "dt": 1e-3, "memory": np.zeros(6)},
+    "operational_space": lambda: _state(frame="tip", axes="xz"),
+    "operational_space_coupling": lambda: {"model": model(), "q": q(), "frame": "tip", "other": "link1"},
     "passivity": lambda: {"run": run(), "storage": lambda t, q, v: t},
     "plot": lambda: {"runs": [run(), run()], "what": "q"},
     "poisson_bracket": lambda: {"model": model(), "F": lambda q, p: q[0], "G": lambda q, p: p[0], "q": q(), "p": v()},
@@ -452,6 +533,7 @@ ROWS: dict[str, Callable[[], dict[str, Any]]] = {
     "spring_torque": lambda: {"model": elastic(), "q": np.zeros(elastic().nq), "v": np.zeros(elastic().nv)},
     "step": lambda: _in_scene(_state(tau=tau(), dt=0.01)),
     "step_derivatives": lambda: _in_scene(_state(tau=tau(), dt=0.01)),
+    "task_torque": lambda: _state(tasks=[sd.FrameTask("tip", axes="z")], posture=tau()),
     "study": _studied,
     "to_actuators": lambda: _state(tau=tau(), transmissions=sd.Transmission(("joint1",), 2.0)),
     "to_drake": lambda: _state(joints=["joint1", "joint2"]),
@@ -468,30 +550,38 @@ ROWS: dict[str, Callable[[], dict[str, Any]]] = {
     "wrench_at": lambda: {"model": model(), "q": q(), "frame": "tip", "force": np.zeros(6)},
 }  # fmt: skip
 INSTANCES: dict[str, Callable[[], Any]] = {
+    "Base": lambda: identified().base,
+    "Identified": identified,
+    "Recording": log,
     "ChristoffelC": lambda: sd.ChristoffelC(model()),
     "Constraints": held,
     "Contacts": touching,
+    "ComTask": lambda: sd.ComTask(np.zeros(3)),
     "Control": control,
     "Scene": lambda: sd.Scene(model(), friction=friction(), limits=True),
     "Diagnosis": findings,
     "EnergyLedger": lambda: sd.energy_ledger(run()),
     "EnergyShaping": lambda: sd.EnergyShaping([20.0, 20.0], [5.0, 5.0], q()),
     "Exact": lambda: sd.exact(model(), sd.crba),
+    "FrameTask": lambda: sd.FrameTask("tip", axes="xz"),
     "Friction": friction,
     "LQR": lambda: sd.LQR(np.ones((1, 2)), np.eye(2), np.zeros(2)),
     "LyapunovRecord": lambda: sd.lyapunov(run(), run().energy),
     "Model": model,
     "ModelBuilder": elastic_builder,
+    "NaturalAdaptation": natural,
     "MomentumObserver": observer,
     "Motor": motor,
     "Moments": lambda: sd.Moments("tau"),
     "PassivityRecord": passive,
     "Path": path,
+    "PostureTask": lambda: sd.PostureTask(q()),
     "Promise": promise,
     "Quantiles": lambda: sd.Quantiles("tau"),
     "Recommendation": recommendation,
     "Requirement": requirement,
     "Rollout": samples,
+    "SlotineLi": adaptive,
     "Specialized": program,
     "Study": lambda: sd.study(**_studied()).run(),
     "SymbolicManipulator": symbols,
@@ -499,6 +589,7 @@ INSTANCES: dict[str, Callable[[], Any]] = {
     "Tradeoff": lambda: recommendation().tradeoff,
     "Trajectory": run,
     "Transmission": lambda: sd.Transmission(("joint1",), 2.0),
+    "WholeBody": lambda: sd.WholeBody(model(), sd.PostureTask(q()), limits=()),
     "Worst": lambda: sd.Worst("most"),
 }
 

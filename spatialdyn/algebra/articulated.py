@@ -4,7 +4,20 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from .euclidean import Mat3, Sym, add, add_mat3, add_sym, apply_sym, congruence, matmul, rotate, transpose, unrotate
+from .euclidean import (
+    Mat3,
+    Sym,
+    Vec,
+    add,
+    add_mat3,
+    add_sym,
+    apply_sym,
+    congruence,
+    matmul,
+    rotate,
+    transpose,
+    unrotate,
+)
 from .scalars import inline
 from .spatial import Force, Inertia, Motion, Pose
 
@@ -67,14 +80,25 @@ def subtract_outer(A: Articulated, U: Force, W: Force) -> Articulated:
 
 @inline
 def articulated_to_parent(X: Pose, A: Articulated) -> Articulated:
-    """An articulated inertia from child to parent coordinates: Xᵀ A X, symmetric by construction.
+    """An articulated inertia from child to parent coordinates: Xᵀ A X, symmetric by construction."""
+    return articulated_at_parent(X.p, rotate_articulated(X.R, A))
 
-    With everything rotated, H' = H + p̃ M and I' = I - H p̃ + p̃ H'ᵀ.
-    """
-    R, p = X.R, X.p
+
+@inline
+def rotate_articulated(R: Mat3, A: Articulated) -> Articulated:
+    """An articulated inertia from axes of orientation R to the axes that R is given in, about the same origin."""
     M = congruence(R, A.M)
     H = matmul(matmul(R, A.H), transpose(R))
-    I = congruence(R, A.I)
+    return Articulated(congruence(R, A.I), H, M)
+
+
+@inline
+def articulated_at_parent(p: Vec, A: Articulated) -> Articulated:
+    """An articulated inertia moved from an origin at p to the origin that p is measured from.
+
+    H' = H + p̃ M and I' = I - H p̃ + p̃ H'ᵀ.
+    """
+    I, H, M = A.I, A.H, A.M
     G = Mat3(
         H.xx + (p.y * M.xz - p.z * M.xy), H.xy + (p.y * M.yz - p.z * M.yy), H.xz + (p.y * M.zz - p.z * M.yz),
         H.yx + (p.z * M.xx - p.x * M.xz), H.yy + (p.z * M.xy - p.x * M.yz), H.yz + (p.z * M.xz - p.x * M.zz),

@@ -146,6 +146,12 @@ def write_body(out: Any, B: Body) -> None:
 
 
 @inline
+def read_parameters(x: Any) -> Inertia:
+    """Read ten numbers (10,): m, h, and of Ī xx xy yy xz yz zz."""
+    return Inertia(x[0], read_vec(x, 1), Sym(x[4], x[5], x[7], x[6], x[8], x[9]))
+
+
+@inline
 def write_parameters(out: Any, I: Inertia) -> None:
     """Write ten numbers (10,): m, h, and of Ī xx xy yy xz yz zz."""
     out[0] = I.m

@@ -19,7 +19,6 @@ from ..engines.programs.record.program import Program
 from ..engines.programs.run import batch_kernels, single_call
 from ..engines.programs.run.single_call import Parameter
 from ..engines.programs.transform import derived, float32_range
-from ..engines.programs.transform.casadi_code import casadi_code
 from ..engines.programs.transform.source_code import PRINTERS
 from ..errors import InertiaError, NonFiniteError, ShapeError, SpatialDynError
 from ..model.model import Model
@@ -186,9 +185,11 @@ class Specialized:
         if not as_flag("derivatives", derivatives):
             return self._code("c", name)
         given = exported(self._request, self._recorded, "c", name)
+        from ..engines.programs.transform.casadi_code import casadi_code
+
         return casadi_code(given.name, given.program, jacobian_of(self._request, given), given.inputs, given.outputs)
 
-    def to_casadi(self, name: str | None = None) -> Any:
+    def to_casadi(self, name: str | None = None, jacobian: bool = True) -> Any:
         """The program as a ``casadi.Function`` of one sample, with named inputs and results.
 
         It takes numbers, SX and MX; in an MX graph it is one node, whose Jacobian is that of ``c_code``: of rnea and
@@ -200,14 +201,15 @@ class Specialized:
         always in CasADi: with quaternions or (cos, sin) pairs export the next configuration too, by ``sd.integrate``,
         so that everything stays in coordinates.
 
-        name  as of ``c_code``
+        name      as of ``c_code``
+        jacobian  False leaves the Jacobian to CasADi, also in an MX graph: it is made in a fraction of the time
 
         Raises SpatialDynError as ``c_code`` with derivatives, and where CasADi is not installed (extra "casadi")
         """
         from ..interop.casadi import to_casadi
 
         given = exported(self._request, self._recorded, "c", name)
-        return to_casadi(given, jacobian_of(self._request, given))
+        return to_casadi(given, jacobian_of(self._request, given) if jacobian else None)
 
     def to_jax(self) -> Callable[..., Any]:
         """The program as a function of JAX arrays, for jit, vmap, grad, vjp and jacrev.

@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..calls.arguments import as_array, as_number
 from ..bodies.kinds import SE2, SE3
+from ..calls.arguments import as_array, as_number
 from ..calls.dynamics import calls, checked_call
 from ..errors import SimulationError
 from ..model.model import Model

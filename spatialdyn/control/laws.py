@@ -54,16 +54,21 @@ def following(core: Spec, path: Spec) -> Spec:
 
     def recursion(rows: Any, *arrays: Any) -> None:
         given = dict(zip((x.name for x in inputs), arrays, strict=False))
-        tau, rate = arrays[len(inputs) :]
+        tau, *learnt, rate = arrays[len(inputs) :]
         nq, nv = len(given[Q.name]), len(given[V.name])
         q, v, a = np.split(evaluated(path, rows, (nq + 2 * nv,), given), [nq, nq + nv])
         known = {**given, "q_ref": q, "v_ref": v, "a_ref": a}
-        tau[:] = evaluated(core, rows, (nv,), {name: x for name, x in known.items() if name in wanted})
+        ends = np.cumsum([nv, *map(len, learnt)])
+        found = evaluated(core, rows, (ends[-1],), {name: x for name, x in known.items() if name in wanted})
+        for part, values in zip((tau, *learnt), np.split(found, ends[:-1]), strict=True):
+            part[:] = values
         rate[0] = 1.0
 
-    parts = TAU, Argument(CLOCK.name + RATE, (1,), "", "of the clock")
+    parts = (*(core.parts or (TAU,)), Argument(CLOCK.name + RATE, (1,), "", "of the clock"))
     name = f"{core.name}_on_{path.name}"
-    return Spec(name, recursion, None, inputs, TAU, core.summary, core.source, parts=parts, regroup=True, composed=True)
+    return Spec(
+        name, recursion, None, inputs, TAU, core.summary, core.source, parts=parts, regroup=core.regroup, composed=True
+    )
 
 
 def gain_of(name: str, value: ArrayLike, size: int, least: float | None = 0.0) -> Array:

@@ -194,8 +194,6 @@ class Path:
 
         Raises ShapeError for several paths, of which ``path[b]`` is one.
         """
-        if self.batch:
-            raise ShapeError(f"path is {self.batch[0]} paths, expected one to draw: path[0].plot()")
         from ..pictures.control_plots import plot_path
 
         return plot_path(self, path)

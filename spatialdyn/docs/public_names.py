@@ -25,8 +25,8 @@ GROUPS = {
     "robots": Group(
         "Load, build and change robots",
         "From a file, from another library, or without a file; and back to a file.",
-        "load load_urdf from_mjmodel from_pinocchio ModelBuilder Model Frame Joint Rotor Robot assemble to_urdf "
-        "to_mjcf total_mass inertial_parameters",
+        "load load_urdf from_mjmodel from_pinocchio ModelBuilder Model Frame Joint JointLimits Rotor Robot assemble "
+        "to_urdf to_mjcf total_mass inertial_parameters",
     ),
     "dynamics": Group(
         "Inverse and forward dynamics",
@@ -91,14 +91,23 @@ GROUPS = {
         "Control",
         "Paths, laws, gains, observers, and checks of a run.",
         "Path PathPoint PathPeaks quintic trapezoid spline fourier PD PDGravity PDPlus ComputedTorque Passivity "
-        "EnergyShaping StateFeedback Gravity Gains critical_gains gravity_stiffness_bound lqr LQR closed_step "
+        "EnergyShaping StateFeedback Gravity Impedance SlotineLi NaturalAdaptation Excitation cartesian_damping "
+        "Gains critical_gains gravity_stiffness_bound lqr LQR closed_step "
         "ClosedStep largest_step MomentumObserver momentum_observer_step detection_thresholds ContactWrench "
         "contact_wrench base_velocity passivity PassivityRecord lyapunov LyapunovRecord",
     ),
+    "tasks": Group(
+        "Operational space and tasks",
+        "Inertia and forces of a frame; tasks in strict order; robots that stand on their feet.",
+        "operational_space OperationalSpace operational_space_inertia_inverse operational_space_coupling task_torque "
+        "TaskTorque FrameTask ComTask PostureTask WholeBody WholeBodyMotion Relaxation",
+    ),
     "identification": Group(
-        "Regressors",
-        "Torques, forces and energies as linear functions of masses, centres of mass and inertias.",
-        "joint_torque_regressor body_regressor kinetic_energy_regressor potential_energy_regressor static_regressor",
+        "Regressors and identification",
+        "Torques, forces and energies as linear functions of masses, centres of mass and inertias; these from logs.",
+        "identify Identified Validation Recording excitation base_parameters Base joint_torque_regressor "
+        "body_regressor kinetic_energy_regressor potential_energy_regressor static_regressor "
+        "modified_torque_regressor momentum_regressor coriolis_transpose_regressor",
     ),
     "mechanics": Group(
         "Lagrange and Hamilton",
@@ -131,13 +140,14 @@ GROUPS = {
         "Errors",
         "All derive from SpatialDynError, a ValueError.",
         "SpatialDynError ShapeError ConfigurationError NonFiniteError UrdfError InertiaError ModelError "
-        "ConstraintError SimulationError SimulationInterrupt StudyError",
+        "ConstraintError IdentificationError SimulationError SimulationInterrupt StudyError",
     ),
 }
 # where a name that no group lists goes, by the package that it is of
 BY_PACKAGE = {
     "accuracy": "accuracy", "actuation": "actuation", "calls": "dynamics", "constraints": "constraints",
-    "control": "control", "interop": "conversion", "laws": "control", "lagrangian": "mechanics", "model": "robots",
+    "control": "control", "interop": "conversion", "laws": "control", "lagrangian": "mechanics",
+    "linearization": "derivatives", "model": "robots",
     "pictures": "pictures", "recursions": "dynamics", "simulation": "simulation", "sources": "robots",
     "urdf": "robots", "identification": "identification", "studies": "studies", "operational": "control",
 }  # fmt: skip

@@ -28,7 +28,7 @@ from ..errors import SpatialDynError
 from .frameworks import framework
 
 
-def to_casadi(given: Exported, jacobian: Program) -> Any:
+def to_casadi(given: Exported, jacobian: Program | None) -> Any:
     """``Specialized.to_casadi``."""
     casadi = framework("casadi")
     if not casadi.Function.check_name(given.name):
@@ -43,6 +43,8 @@ def to_casadi(given: Exported, jacobian: Program) -> Any:
         part = casadi.vertcat(*entries[at : at + rows * width])
         values.append(casadi.reshape(part, width, rows).T)
         at += rows * width
+    if jacobian is None:
+        return casadi.Function(given.name, symbols, values, inputs, outputs)
     found = walk(casadi, jacobian, columns)
     wide, blocks, row = len(columns), [], 0
     for shape in results:

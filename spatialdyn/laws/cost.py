@@ -79,6 +79,11 @@ def check_cost(cost: Any) -> Cost:
     return cost
 
 
+def is_of_cost(name: str) -> bool:
+    """Whether an input of a law is that of a cost that became part of it."""
+    return name.startswith(OWN)
+
+
 def with_cost(control: Control | None, cost: Cost) -> Control:
     """A control law with the sum of a cost as a further state; without a law its torque is 0."""
     made: Control = Control.__new__(Control)

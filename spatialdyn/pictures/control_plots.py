@@ -8,6 +8,7 @@ import numpy as np
 
 from ..control.monitors import LyapunovRecord, PassivityRecord
 from ..control.paths import Path
+from ..errors import ShapeError
 from .figures import check_path, dash, new_figure, written
 
 if TYPE_CHECKING:
@@ -19,6 +20,8 @@ POINTS = 400  # of a curve
 def plot_path(path: Path, file: Any) -> Figure:
     """``Path.plot``."""
     check_path(file)
+    if path.batch:
+        raise ShapeError(f"path is {path.batch[0]} paths, expected one to draw: path[0].plot()")
     t = np.linspace(0.0, path.duration, POINTS)
     figure = new_figure(6.4, 6.0)
     rows = figure.subplots(3, 1, sharex=True)

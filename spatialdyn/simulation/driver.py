@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ..calls.dynamics import calls
 from ..engines.compiled import numba_kernels
 from ..errors import SimulationError
-from ..laws.cost import OWN
+from ..laws.cost import is_of_cost
 from ..laws.law_specs import own_name
 from .fixed_steps import run_sample
 from .plan import Plan
@@ -68,7 +68,7 @@ def _value_not_finite(plan: Plan, b: int) -> str:
     if plan.feedback is None:
         return ""
     for name, x in plan.feedback.values.items():  # but of a cost, whose sum is named with its time
-        if not (own_name(name).startswith(OWN) or np.isfinite(x[min(b, len(x) - 1)]).all()):
+        if not (is_of_cost(own_name(name)) or np.isfinite(x[min(b, len(x) - 1)]).all()):
             what = f'{own_name(name)} of spec "{plan.feedback.spec.name}"'
             return f"{what} has numbers that are not finite, expected finite ones"
     return ""

@@ -11,7 +11,7 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
-from ..errors import SpatialDynError, UrdfError
+from ..errors import SpatialDynError, UrdfError, pip_install
 from ..model.model import Model
 from ..urdf.load import find_robot, load_urdf, robot_names
 from ..urdf.sources import is_yourdfpy
@@ -129,7 +129,10 @@ def _file(name: str) -> str:
             return description_file(name)
         near = difflib.get_close_matches(name, [*description_names(), *robot_names()], 3, 0.6)
         more = [x for x in near if x in description_names()]
-        raise UrdfError(f"{error}" + (f"; of robot_descriptions: {', '.join(more)}" if more else "")) from None
+        hint = f"; of robot_descriptions: {', '.join(more)}" if more else ""
+        if name.endswith("_description") and not description_names():
+            hint = f"; robot_descriptions is not installed; {pip_install('descriptions')}"
+        raise UrdfError(f"{error}{hint}") from None
 
 
 def compiled_file(path: str) -> Any:

@@ -12,6 +12,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from importlib.metadata import version
+from types import CodeType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -144,7 +145,13 @@ def _source(thing: Any) -> bytes:
         return inspect.getsource(thing).encode()
     except (OSError, TypeError):
         code = getattr(thing, "__code__", None)
-        return repr(thing).encode() if code is None else code.co_code + repr(code.co_names).encode()
+        return thing.__qualname__.encode() if code is None else _content(code)
+
+
+def _content(code: CodeType) -> bytes:
+    """What a function does that has no text: its code, and that of the functions in it."""
+    constants = [_content(x) if isinstance(x, CodeType) else repr(x).encode() for x in code.co_consts]
+    return b"\0".join([code.co_code, repr(code.co_names).encode(), *constants])
 
 
 def manifest_of(job: Job) -> dict[str, Any]:

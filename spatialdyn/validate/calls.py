@@ -27,7 +27,8 @@ class Call:
     peer    name of Pinocchio's function of (model, data, *inputs); or, composed of several, a function of (pin, model,
             data, *inputs), which is not timed; empty if there is neither
     result  function that reads the result from Pinocchio's data; None if ``peer`` returns it
-    frame   Pinocchio's function of (model, data, frame, reference) to call after ``peer``, for calls of a frame
+    frame   Pinocchio's function of (model, data, frame, reference) to call after ``peer``, for calls of a frame;
+            without a peer, any name
     static  arguments of the public call after frame and reference
     data    whether ``peer`` takes data
     """
@@ -137,6 +138,10 @@ CALLS = (
     Call("interpolate", "q q1 t", "interpolate", data=False),
     Call("dintegrate", "q d", "dIntegrate", data=False),
     Call("ddifference", "q q1", "dDifference", data=False),
+    Call("operational_space_inertia_inverse", "q", "", frame="getFrameJacobian"),
+    Call("modified_torque_regressor", "q v d a", ""),
+    Call("momentum_regressor", "q v", ""),
+    Call("coriolis_transpose_regressor", "q v", ""),
     Call("momentum", "q v", ""),
     Call("velocity_from_momentum", "q tau", ""),
     Call("hamiltonian", "q tau", ""),

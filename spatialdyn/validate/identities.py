@@ -264,6 +264,40 @@ IDENTITIES: dict[str, tuple[str, Sides]] = {
             _call("integrate", m, s.q, s.t[:, None] * s.d),
         ),
     ),
+    "operational_space_inertia_inverse": (
+        "Λ⁻¹ = J M⁻¹ Jᵀ",
+        lambda m, s: (
+            _call("operational_space_inertia_inverse", m, s.q),
+            (J := _call("frame_jacobian", m, s.q)) @ _call("minverse", m, s.q)[:, None, None] @ np.swapaxes(J, -1, -2),
+        ),
+    ),
+    "modified_torque_regressor": (
+        "that of rnea at v_r = v",
+        lambda m, s: (
+            _call("modified_torque_regressor", m, s.q, s.v, s.v, s.a),
+            _call("joint_torque_regressor", m, s.q, s.v, s.a),
+        ),
+    ),
+    "momentum_regressor": (
+        "what accelerations v add to that of rnea at rest",
+        lambda m, s: (
+            _call("momentum_regressor", m, s.q, s.v),
+            _call("joint_torque_regressor", m, s.q, 0.0 * s.v, s.v)
+            - _call("joint_torque_regressor", m, s.q, 0.0 * s.v, 0.0 * s.v),
+        ),
+    ),
+    "coriolis_transpose_regressor": (
+        "dᵀ (Cᵀ v) = vᵀ (C d)",
+        lambda m, s: (
+            np.einsum("si,sijk->sjk", s.d, _call("coriolis_transpose_regressor", m, s.q, s.v)),
+            np.einsum(
+                "si,sijk->sjk",
+                s.v,
+                _call("modified_torque_regressor", m, s.q, s.v, s.d, 0.0 * s.a)
+                - _call("modified_torque_regressor", m, s.q, s.v, 0.0 * s.d, 0.0 * s.a),
+            ),
+        ),
+    ),
     "momentum": ("p = M v", _product("momentum", "crba")),
     "velocity_from_momentum": (
         "momentum(velocity) = p",

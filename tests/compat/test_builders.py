@@ -246,6 +246,26 @@ def test_an_appended_model_is_the_same(frame: str) -> None:
     assert_same_dynamics(mine, other)
 
 
+def test_an_appended_geometry_is_the_same() -> None:
+    coal, found = pytest.importorskip("coal"), []
+    for pin in (ours, theirs):
+        a, b = pin.buildSampleModelManipulator(), pin.buildModelFromXML(TOOL)
+        shapes = []
+        for model in (a, b):
+            shapes.append(pin.GeometryModel())
+            for k in (0, 1, model.njoints - 1):
+                place, at = pin.SE3(np.diag([1.0, -1.0, -1.0]), np.arange(3.0) + k), model.getFrameId(model.names[k])
+                name = f"{model.name} {shapes[-1].ngeoms}"
+                shapes[-1].addGeometryObject(pin.GeometryObject(name, k, at, place, coal.Sphere(0.1)))
+            shapes[-1].addCollisionPair(pin.CollisionPair(0, 2))
+        whole, shape = pin.appendModel(a, b, *shapes, a.getFrameId("effector_body"), pin.SE3(np.eye(3), np.ones(3)))
+        objects = [(x.name, x.parentJoint, x.parentFrame) for x in shape.geometryObjects]
+        places = np.array([x.placement.homogeneous for x in shape.geometryObjects])
+        found.append((objects, [(x.first, x.second) for x in shape.collisionPairs], whole.njoints, places))
+    assert found[0][:3] == found[1][:3]
+    np.testing.assert_allclose(found[0][3], found[1][3], rtol=0.0, atol=1e-12)
+
+
 def test_appending_keeps_gravity_and_armature_and_refuses_two_of_a_name() -> None:
     a, b = ours.buildSampleModelManipulator(), ours.buildModelFromXML(TOOL)
     a.gravity.linear[2], a.name = -1.6, "arm"

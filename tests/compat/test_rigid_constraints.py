@@ -209,6 +209,10 @@ def test_what_contacts_refuse() -> None:
     p, model, data, models, datas = case.made[0]
     with pytest.raises(TypeError, match="expected a list of RigidConstraintModel"):
         p.constraintDynamics(model, data, case.q, case.v, case.tau, models[0], datas)
+    with pytest.raises(TypeError, match=r"contacts\[1\] is .*RigidConstraintData.*, expected RigidConstraintModel"):
+        p.constraintDynamics(model, data, case.q, case.v, case.tau, [models[0], datas[0]], datas)
+    with pytest.raises(TypeError, match=r"fext\[1\] is .*, expected Force"):
+        p.rnea(model, data, case.q, case.v, case.v, [p.Force.Zero(), *[1.0] * (model.njoints - 1)])
     with pytest.raises(ValueError, match="1 contacts have 0 data"):
         p.constraintDynamics(model, data, case.q, case.v, case.tau, models, [])
     with pytest.raises(TypeError, match="got 2 numbers, expected 0, 3 or 4"):
@@ -247,3 +251,22 @@ def test_factors_hold_settings_of_their_own() -> None:
     assert (np.diag(other.matrix())[:3] == -1.0).all()
     assert p.BaumgarteCorrectorParameters(1, 2) == p.BaumgarteCorrectorParameters(1.0, 2.0)
     assert models[0].m_baumgarte_parameters == p.BaumgarteCorrectorParameters(0, 0)
+
+
+def test_a_contact_places_its_frames_and_the_factors_are_pinocchios() -> None:
+    case = Case("CONTACT_6D", "LOCAL", loop=True)
+    sizes, found = [], []
+    for p, model, data, models, datas in case.made:
+        sizes.append((model.createData().constraint_chol.size(), data.constraint_chol.size()))
+        settings = p.ProximalSettings(1e-10, 1e-3, 1)
+        for _ in range(2):  # in ours the second call is a builtin
+            p.constraintDynamics(model, data, case.q, case.v, case.tau, models, datas, settings)
+        factors = data.constraint_chol
+        own = models[1].createData()
+        models[1].calc(model, data, own)
+        J = models[1].jacobian(model, data, own)
+        places = [x.homogeneous for x in (own.oMc1, own.oMc2, own.c1Mc2)]
+        found.append((factors.matrix(), factors.U, np.ravel(factors.D), J, *places))
+    assert sizes[0] == sizes[1]
+    for one, other in zip(*found, strict=True):
+        np.testing.assert_allclose(one, other, rtol=0.0, atol=1e4 * EPS * max(1.0, abs(other).max()))

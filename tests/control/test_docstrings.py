@@ -8,8 +8,10 @@ from importlib import import_module
 import pytest
 
 MODULES = (
-    "control.gains", "control.inverse_kinematics", "control.laws", "control.monitors", "control.observers",
-    "control.paths", "laws.control", "accuracy.requires",
+    "control.adaptive", "control.gains", "control.impedance", "control.inverse_kinematics", "control.laws",
+    "control.monitors", "control.observers", "control.paths", "laws.control", "accuracy.requires",
+    "operational.hierarchy", "operational.space", "operational.tasks", "operational.whole_body",
+    "identification.base", "identification.excitation", "identification.identify", "identification.recording",
 )  # fmt: skip
 
 
@@ -17,5 +19,7 @@ MODULES = (
 def test_the_examples_of_the_docstrings_hold(name: str) -> None:
     if name == "control.gains":
         pytest.importorskip("scipy")
+    if name == "operational.whole_body":
+        pytest.importorskip("qpsolvers")
     tried = doctest.testmod(import_module(f"spatialdyn.{name}"))
     assert (tried.failed, tried.attempted > 0) == (0, True)

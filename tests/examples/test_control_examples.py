@@ -136,3 +136,37 @@ def test_what_a_law_leaves_out_costs_by_gear() -> None:
         assert found[50.0, time, "nothing"] < 2e-3
     assert found[1.0, 1.0, "C v"] > 2.0 * found[1.0, 2.0, "C v"]
     assert found[50.0, 0.0, "share"] > 5.0 * found[10.0, 0.0, "share"]
+
+
+@robots
+@compiled
+def test_a_hand_presses_with_what_its_spring_is_short_of() -> None:
+    found = run("pressing_on_a_wall")
+    assert found["force"][-1] == pytest.approx(24.0, rel=1e-3)
+    np.testing.assert_allclose(found["exact"], 0.7, rtol=1e-6)
+    assert found["root"].max() - found["root"].min() > 0.5
+    assert found["hand"] < 1e-6 < 1e-3 < found["elbow"]
+
+
+@robots
+@compiled
+def test_masses_are_learnt_and_only_christoffels_c_has_a_proof() -> None:
+    found = run("learning_masses")
+    for name in ("Euclidean", "natural"):
+        _, error, least = found[name]
+        assert error[-200:].max() < 0.1 * error.max()
+        assert (least.min() > 0.0) == (name == "natural")
+    falls, rises = found["V"]
+    assert (np.diff(falls) < 0.0).all()
+    assert (np.diff(rises) > 0.0).any()
+    assert 0 < found["seen"].rank < found["seen"].parameters
+
+
+@robots
+@compiled
+def test_a_quadruped_stands_through_a_push() -> None:
+    pytest.importorskip("qpsolvers")
+    _, off, speed = run("pushed_while_standing")["Solo12"]
+    assert 5e-3 < off.max() < 0.06
+    assert off[-1] < 0.2 * off.max()
+    assert speed < 0.1

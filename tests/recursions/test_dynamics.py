@@ -291,7 +291,8 @@ def test_every_public_call_is_in_a_test_against_an_oracle() -> None:
         "jacobian_dot_times_v", "joint_jacobians", "joint_jacobians_dot", "normalize", "interpolate", "dintegrate",
         "ddifference", "momentum", "momentum_rate", "velocity_from_momentum", "hamiltonian", "hamilton_field",
         "inertial_parameters", "joint_torque_regressor", "body_regressor", "kinetic_energy_regressor",
-        "potential_energy_regressor", "static_regressor",
+        "potential_energy_regressor", "static_regressor", "operational_space_inertia_inverse",
+        "modified_torque_regressor", "momentum_regressor", "coriolis_transpose_regressor",
         *(name for name in SPECS if name.endswith("_derivatives") and name != "mass_matrix_derivatives"),
     }  # fmt: skip
     assert set(SPECS) == elsewhere | {name for name in ORACLE if name in SPECS}

@@ -85,6 +85,21 @@ def test_energies_and_centre_of_mass_are_y_pi(case: tuple[RandomTree, Any, State
     close(np.einsum("ijk,jk->i", sd.static_regressor(model, s.q), pi[:, :4]), sd.center_of_mass(model, s.q))
 
 
+def test_regressors_without_accelerations_are_linear_in_pi(case: tuple[RandomTree, Any, State]) -> None:
+    """Of M a_r + C v_r + g with the C of Christoffel's symbols, of p = M v, and of Cᵀ v."""
+    _, model, s = case
+    pi, rotors = sd.inertial_parameters(model), armatures(model)
+
+    def of(Y: Array) -> Array:
+        return np.einsum("ijk,jk->i", Y, pi)
+
+    v_r, a_r = s.tau, s.a
+    torque = sd.modified_rnea(model, s.q, s.v, v_r, a_r)
+    close(of(sd.modified_torque_regressor(model, s.q, s.v, v_r, a_r)) + rotors * a_r, torque, abs(torque).max())
+    close(of(sd.momentum_regressor(model, s.q, s.v)) + rotors * s.v, sd.momentum(model, s.q, s.v))
+    close(of(sd.coriolis_transpose_regressor(model, s.q, s.v)), sd.coriolis_transpose_times_velocity(model, s.q, s.v))
+
+
 UNITS = [
     Inertia(*(float(k == 0), Vec(*(float(k == 1 + i) for i in range(3))), Sym(*(float(k == at) for at in order))))
     for order in [(4, 5, 7, 6, 8, 9)]
@@ -99,6 +114,8 @@ def test_each_column_is_the_torque_of_that_parameter_alone(seed: int) -> None:
     model, s = made.model, random_state(made.tree, np.random.default_rng(seed))
     Y = sd.joint_torque_regressor(model, s.q, s.v, s.a)
     T, V = sd.kinetic_energy_regressor(model, s.q, s.v), sd.potential_energy_regressor(model, s.q)
+    adaptive = sd.modified_torque_regressor(model, s.q, s.v, s.tau, s.a)
+    P, C = sd.momentum_regressor(model, s.q, s.v), sd.coriolis_transpose_regressor(model, s.q, s.v)
     for joint in model.joints[1:]:
         for k, unit in enumerate(UNITS):
             rows = table(model.bodies)
@@ -107,6 +124,9 @@ def test_each_column_is_the_torque_of_that_parameter_alone(seed: int) -> None:
             put_inertia(rows[joint.row].inertia, unit)
             at = model.names.index(joint.name)
             close(_run("rnea", rows, (s.q, s.v, s.a, None), model.nv), Y[:, at, k])
+            close(_run("modified_rnea", rows, (s.q, s.v, s.tau, s.a), model.nv), adaptive[:, at, k])
+            close(_run("momentum", rows, (s.q, s.v), model.nv), P[:, at, k])
+            close(_run("coriolis_transpose_times_velocity", rows, (s.q, s.v), model.nv), C[:, at, k])
             close(_run("kinetic_energy", rows, (s.q, s.v), 1)[0], T[at, k])
             close(_run("potential_energy", rows, (s.q,), 1)[0], V[at, k])
 

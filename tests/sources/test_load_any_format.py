@@ -153,6 +153,12 @@ def test_names_of_robots_here_come_first(monkeypatch: pytest.MonkeyPatch) -> Non
     assert sd.load("two_link").robot.source == str(find_robot("two_link"))
 
 
+def test_a_description_without_its_package_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("spatialdyn.sources.load.description_names", frozenset)
+    with pytest.raises(sd.UrdfError, match=r"robot_descriptions is not installed; pip install robot_descriptions$"):
+        sd.load("ur5_description")
+
+
 def test_commands_take_what_load_takes(files: Path, capsys: pytest.CaptureFixture[str]) -> None:
     pytest.importorskip("mujoco")
     assert main(["info", str(files / "m.xml")]) == 0

@@ -179,6 +179,17 @@ def test_what_a_function_holds_is_part_of_it() -> None:
         chunks.digest_of_function(lambda model, rng, n: stream)
 
 
+def test_a_function_without_a_text_is_known_by_its_code() -> None:
+    def of(text: str) -> Any:
+        scope: dict[str, Any] = {}
+        exec(f"def f(model, rng, n):\n    def g(x):\n        return {text}\n    return g(n)\n", scope)
+        return scope["f"]
+
+    digests = [chunks.digest_of_function(of(text)) for text in ("x + 1", "x + 1", "x + 2", "x.one", "x.two")]
+    assert digests[0] == digests[1]
+    assert len(set(digests)) == 4
+
+
 @pytest.mark.parametrize(
     ("fn", "message"),
     [

@@ -9,9 +9,9 @@ from ...algebra.public_arrays import read_body
 from ...algebra.records import inertia_of, motion_of, put_inertia
 from ...algebra.scalars import inline, sqrt
 from ...bodies.table import BODIES
-from ...engines.compiled import jit
 from ...engines.compiled.cpython import Builtin, dims
 from ...engines.compiled.table_kernels import kernel
+from ...engines.compiled.tiers import NATIVE
 from ...engines.object_layout import DATA
 from .operator_kernels import deferred
 from .operators import inertia_about_origin
@@ -95,6 +95,6 @@ def builtin() -> Builtin:
     ]
     scope = {
         "sound": sound, "put": put_inertia, "about_origin": inertia_about_origin, "read": read_body,
-        "put_bounds": put_bounds, "table_at": jit.table_at,
+        "put_bounds": put_bounds, "table_at": NATIVE["table_at"],
     }  # fmt: skip
     return Builtin("put_inertia", ["before", "joint", "inertia"], words, body, scope)

@@ -4,8 +4,7 @@
 it may be an input. Arrays have to be float64, C-ordered, writable and of the right size: nothing is checked.
 ``value_builtin`` makes functions of Python's own calling convention that check their arguments and make the result.
 
-A call takes a tenth of the time or less of the operator in plain Python. Each is compiled at its first call and cached
-on disk under its text.
+A call takes a tenth of the time or less of the operator in plain Python, which runs it until compiling pays.
 """
 
 from __future__ import annotations
@@ -21,6 +20,7 @@ import numpy as np
 
 from ...algebra import euclidean, lie, public_arrays, spatial
 from ...engines.compiled import numba_kernels
+from ...engines.compiled.tiers import Tiered, Twin, real_of
 from ...engines.object_layout import DATA, RANK, SHAPE, TYPE
 from . import operators
 
@@ -100,15 +100,21 @@ def on_arrays(formula: Formula) -> Operation:
 
 
 def compiled_text(name: str, parameters: Sequence[str], body: Sequence[str], **scope: Any) -> Operation:
-    """A kernel of statements that name functions of the algebra and of ``scope``, made at its first call."""
+    """A kernel of statements that name functions of the algebra and of ``scope``, made at its first call.
 
-    def make() -> Operation:
+    Plain Python runs it until compiling pays (``tiers``).
+    """
+
+    def source(plain: bool) -> Operation:
+        text, names = ["stamp", *body], {**SCOPE, **scope}
+        return numba_kernels.kernel_from_text(f"algebra_{name}", list(parameters), text, names)
+
+    def jitted(made: Operation) -> Any:
         from ...engines.compiled import jit
 
-        made = numba_kernels.kernel_from_text(f"algebra_{name}", list(parameters), ["stamp", *body], {**SCOPE, **scope})
-        return jit.numba_jit(made, nogil=False)  # releasing the GIL costs time
+        return jit.numba_jit(made, nogil=False, contract=False)  # releasing the GIL costs time
 
-    return deferred(make)
+    return Tiered(source, jitted)
 
 
 def compiled(function: Operation) -> Operation:
@@ -218,5 +224,9 @@ def _draw_between() -> Any:
         "    put_direction(out, first, size, share, one, two)",
         "return answer",
     ]
-    scope = {"between": operators.between, "put_direction": operators.put_direction, "draw": real_function}
+    scope = {
+        "between": operators.between,
+        "put_direction": operators.put_direction,
+        "draw": Twin(real_of, lambda: real_function),
+    }
     return Builtin("draw_between", ["lower", "upper"], ["next_double", "state", "units", "count"], body, scope)

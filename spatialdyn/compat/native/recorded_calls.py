@@ -15,7 +15,6 @@ from itertools import chain
 from typing import Any
 
 import numpy as np
-from numba import carray  # type: ignore[attr-defined]
 
 from ...algebra import public_arrays, spatial
 from ...algebra.records import motion_of, pose_of, put_pose
@@ -23,9 +22,10 @@ from ...algebra.scalars import inline
 from ...algebra.spatial import Motion, Pose, identity_pose
 from ...bodies.joints import place_joint
 from ...bodies.kinds import CONTINUED
-from ...engines.compiled import jit, numba_kernels
+from ...engines.compiled import numba_kernels
 from ...engines.compiled.checks import all_finite, unit_norm
-from ...engines.compiled.cpython import Builtin, dims, kernel_address
+from ...engines.compiled.cpython import Builtin, Entry, dims
+from ...engines.compiled.tiers import NATIVE, Twin, array_of, table_kernel
 from ...engines.object_layout import DATA
 from ...recursions import SPECS
 from ...recursions.spec import LOCAL, LOCAL_WORLD_ALIGNED, WORLD, Argument, Spec
@@ -87,11 +87,11 @@ def address(x: array[int]) -> int:
 
 def put_stamp(time: str = "time") -> list[str]:
     """Statements that write a new stamp to an address."""
-    return ["places(clock, 1)[0] += 1", f"places({time}, 1)[0] = places(clock, 1)[0]"]
+    return ["advance(clock)", f"places({time}, 1)[0] = places(clock, 1)[0]"]
 
 
-class KernelCall:
-    """A call of a sample kernel by a builtin; kernels whose arguments have like ranks share it, which saves compiling.
+class RecordedCall:
+    """A builtin that runs an ``Entry``: of a program, or of a table kernel. Calls whose arguments are alike share it.
 
     unused  vectors (nv,) that follow the inputs and are recorded only
     words   of its plan: those that do not depend on the model
@@ -101,22 +101,40 @@ class KernelCall:
         inputs = [x for x in spec.present if x.name != "fext"]
         self.sizes = [*(x.shape[0] if x.shape else 0 for x in inputs), *["nv"] * unused]
         self.spec, self.words, self.axes = spec, words, numba_kernels.kernel_shape(spec.output)
+        self.inputs, self.own = len(spec.present), len(inputs)
         kinds = "".join("v" if x else "r" for x in self.sizes)
         self.builtin = make(kinds, len(self.axes), unused, len(inputs) < len(spec.present))
 
-    def bind(self, *alive: Any, **given: int) -> Callable[..., Any]:
-        """The function for the table and the sizes ``nq, nv, njoints`` of a model, and other words of its plan."""
+    def bind(self, *alive: Any, entry: Entry | None = None, **given: int) -> Callable[..., Any]:
+        """The function for the table and the sizes ``nq, nv, njoints`` of a model, and other words of its plan.
+
+        entry  runs the call, by default on the table
+        """
+        entry = entry or Entry(self.spec)
         names = {name: given.pop(name) for name in SIZES}
         sizes, axes = ([int(names.get(str(x), x)) for x in of] for of in (self.sizes, self.axes))
-        words = {"kernel": kernel_address(self.spec), "clock": address(clock.now), "tuple": id(tuple)} | self.words
+        staged = np.empty(sum(n or 1 for n in sizes) + math.prod(axes))
+        places, first = [], staged.ctypes.data
+        for n in sizes:  # numbers behind the vectors, which are recorded
+            places.append(first if n else 0)
+            first += 8 * n
+        for k, n in enumerate(sizes):
+            if not n:
+                places[k], first = first, first + 8
+        pointers = np.zeros(self.inputs + 1, np.int64)
+        pointers[: self.own] = places[: self.own]
+        words = {"program": entry.address, "clock": address(clock.now), "tuple": id(tuple)} | self.words
         words |= {f"size{k}": n for k, n in enumerate(sizes)} | {f"axis{k}": n for k, n in enumerate(axes)}
-        staged = np.empty(sum(sizes) + math.prod(axes))
         words |= {"staged": staged.ctypes.data, "given": sum(sizes), "forces": 6 * names["njoints"]}
-        words |= {"memory": 0, "result": 0, "time": 0, **given}
-        return self.builtin.bind(*alive, staged, **{name: words[name] for name in self.builtin.words})
+        words |= {"pointers": pointers.ctypes.data, "inputs": self.inputs, "parts": first}
+        words |= {"memory": 0, "result": 0, "time": 0, "out": 0, **given}
+        for k in range(self.inputs):  # of a call on recorded inputs
+            pointers[k] = words.pop(f"address{k}", pointers[k])
+        pointers[self.inputs] = words["out"]
+        return self.builtin.bind(*alive, staged, pointers, entry, **{x: words[x] for x in self.builtin.words})
 
 
-def recorded_call(name: str, unused: int = 0, returns: int = ARRAY, forces: bool = False) -> KernelCall:
+def recorded_call(name: str, unused: int = 0, returns: int = ARRAY, forces: bool = False) -> RecordedCall:
     """``(*inputs, *unused) -> result`` of a public call for one sample that records its inputs and result, if bound to
     memory for them.
 
@@ -128,36 +146,39 @@ def recorded_call(name: str, unused: int = 0, returns: int = ARRAY, forces: bool
     Returns None if not applicable. Words: table, sizes, memory for the inputs, result, time.
     """
     spec = numba_kernels.variant(SPECS[name], frozenset(["fext"] if forces else []))
-    return KernelCall(_call, spec, unused, returns=returns)
+    return RecordedCall(_call, spec, unused, returns=returns)
 
 
 @cache
 def _call(kinds: str, rank: int, unused: int, forces: bool) -> Builtin:
-    """A call of a kernel; kinds: of each input, "v" a vector, "r" a number. Vectors are copied first."""
+    """A call of an entry; kinds: of each input, "v" a vector, "r" a number. Inputs are copied first."""
     arguments, axes = [f"x{k}" for k in range(len(kinds))], [f"axis{k}" for k in range(rank)]
-    words = ["table", "kernel", *(f"size{k}" for k in range(len(kinds))), *axes]
-    words += ["given", "forces", "staged", "memory", "result", "returns", "clock", "time", "tuple"]
+    words = ["table", "program", *(f"size{k}" for k in range(len(kinds))), *axes]
+    words += ["given", "forces", "inputs", "pointers", "staged", "parts", "memory", "result", "returns", "clock"]
+    words += ["time", "tuple"]
     checks = [
         f"is_vector(plan, x{k}, size{k})" if kind == "v" else f"is_real(plan, x{k})" for k, kind in enumerate(kinds)
     ]
-    shape, count, passed = f"({', '.join(axes)},)", " * ".join(axes), [f"y{k}" for k in range(len(kinds) - unused)]
+    count = " * ".join(axes)
     if forces:
         arguments, checks = [*arguments, "fext"], [*checks, "is_vector(plan, fext, forces)"]
-        passed.append(f"at(word(fext, {DATA}), (forces // 6, 6))")
     body = [f"if not ({' and '.join(checks)}): return return_none(plan)"] if checks else []
     body.append("first = staged")
     for k, kind in enumerate(kinds):
         if kind == "r":
-            body.append(f"y{k} = real(x{k})")
+            body.append(f"at(word(pointers, {k}), (1,))[0] = real(x{k})")
         else:
-            body += [f"y{k} = at(first, (size{k},))", f"copy(vector(x{k}, size{k}), y{k})", f"first += 8 * size{k}"]
+            body += [f"copy(vector(x{k}, size{k}), at(first, (size{k},)))", f"first += 8 * size{k}"]
+    if forces:
+        body.append(f"places(pointers, inputs)[inputs - 1] = word(fext, {DATA})")
     body += [
         "answer, out = 0, result",
-        f"if returns == {PARTS}: out = first",
+        f"if returns == {PARTS}: out = parts",
         f"if returns == {ARRAY}:",
         *(f"    {line}" for line in make_answer(words, "axis0", rank)),
         f"    out = word(answer, {DATA})",
-        f"if run_kernel(kernel, table, ({', '.join([*passed, f'at(out, {shape})'])},)) != {numba_kernels.OK}:",
+        "places(pointers, inputs + 1)[inputs] = out",
+        "if not run_entry(program, table, pointers, pointers + 8 * inputs):",
         "    return discard(plan, answer) if answer != 0 else return_none(plan)",
         "if memory != 0:",
         "    copy(at(staged, (given,)), at(memory, (given,)))",
@@ -178,20 +199,16 @@ def copy(x: Any, out: Any) -> None:
         out[i] = x[i]
 
 
-def recompute(name: str) -> KernelCall:
+def recompute(name: str) -> RecordedCall:
     """``() -> True``: writes a public call's result at the recorded inputs in place. Words: table, sizes, addresses."""
-    return KernelCall(_recompute, numba_kernels.variant(SPECS[name], frozenset()))
+    return RecordedCall(lambda *_: _recompute(), numba_kernels.variant(SPECS[name], frozenset()))
 
 
 @cache
-def _recompute(kinds: str, rank: int, *_: Any) -> Builtin:
-    inputs, axes = range(len(kinds)), [f"axis{k}" for k in range(rank)]
-    words = ["table", "kernel", *(f"size{k}" for k in inputs), *axes, *(f"address{k}" for k in inputs), "out"]
-    arrays = [*(f"at(address{k}, (size{k},))" for k in inputs), f"at(out, ({', '.join(axes)},))"]
-    run = f"run_kernel(kernel, table, ({', '.join(arrays)},)) == {numba_kernels.OK}"
-    return Builtin(
-        f"recompute_{kinds}_{rank}", [], words, [f"return return_true(plan) if {run} else return_none(plan)"], {}
-    )
+def _recompute() -> Builtin:
+    run = "run_entry(program, table, pointers, pointers + 8 * inputs)"
+    body = [f"return return_true(plan) if {run} else return_none(plan)"]
+    return Builtin("recompute", [], ["table", "program", "pointers", "inputs"], body, {})
 
 
 @cache
@@ -227,7 +244,7 @@ def place_frames(joints_too: bool) -> Builtin:
         run = f"if sample_kernel(table, q_in, X) != {numba_kernels.OK}: return return_none(plan)"
         body = [*_check_arguments(spec.present), *body, run, *record(q="nq"), *put_stamp("time_of_joints")]
     body.append(f"place_all(X, places(joints, frames), at(placements, {STACK}), at(result, {STACK}))")
-    scope = {"sample_kernel": numba_kernels.sample_kernel(spec), "place_all": _place_all, "copy": copy}
+    scope = {"sample_kernel": table_kernel(spec).twin, "place_all": _place_all, "copy": copy}
     label = "place_joints_and_frames" if joints_too else "place_frames"
     return Builtin(label, ["q"] * joints_too, words, [*body, *put_stamp(), "return return_true(plan)"], scope)
 
@@ -301,17 +318,30 @@ def frame_motion(classical: bool) -> Builtin:
 
 
 ON_TABLE = {  # names that bodies of builtins on the table use
-    "table_at": jit.table_at, "unit_norm": unit_norm, "all_finite": all_finite, "copy": copy, "turn": jit.turn,
-    "allocate": jit.memory, "array_at": jit.array_at, "release": jit.release, "FLOAT": numba_kernels.FLOAT,
+    **NATIVE, "memory_of": NATIVE["memory"], "unit_norm": unit_norm, "all_finite": all_finite, "copy": copy,
+    "FLOAT": numba_kernels.FLOAT,
 }  # fmt: skip
 # q beside its cosines and sines, as a recursion takes ``TURNED_Q``
-TURN_Q = ["angles = allocate(24 * nq)", "turned = array_at(angles, (3, nq), FLOAT)", "turn(q_in, turned)"]
+TURN_Q = ["angles = memory_of(24 * nq)", "q_turned = turned(q_in, array_at(angles, (3, nq), FLOAT))"]
 
 
-@inline
-def _rows_at(bodies: Any, address: int) -> Any:
-    """The scratch rows of ``joint_jacobians`` at an address."""
-    return carray(jit.pointer(address), (len(bodies),), kinematics.WORK)
+def _rows_in_plain_python(bodies: Any, address: int) -> Any:
+    return array_of(address, (len(bodies),), kinematics.WORK)
+
+
+def _compiled_rows() -> Any:
+    from numba import carray  # type: ignore[attr-defined]
+
+    from ...engines.compiled.jit import pointer
+
+    @inline
+    def rows_at(bodies: Any, address: int) -> Any:
+        return carray(pointer(address), (len(bodies),), kinematics.WORK)
+
+    return rows_at
+
+
+ROWS_AT = Twin(_rows_in_plain_python, _compiled_rows)  # the scratch rows of ``joint_jacobians`` at an address
 
 
 @cache
@@ -339,8 +369,8 @@ def frame_jacobian(name: str) -> Builtin:
         "    return discard(plan, answer)",
         "return answer",
     ]
-    scope = {**ON_TABLE, "sample_kernel": numba_kernels.sample_kernel(spec), "coded": _reference_code}
-    scope |= {"placed": kinematics.placed_frame_jacobian, "rows_at": _rows_at}
+    scope = {**ON_TABLE, "sample_kernel": table_kernel(spec).twin, "coded": _reference_code}
+    scope |= {"placed": kinematics.placed_frame_jacobian, "rows_at": ROWS_AT}
     return Builtin(name, ["frame", "reference"], words, body, scope)
 
 
@@ -367,7 +397,7 @@ def jacobians() -> Builtin:
         *TURN_Q,
         f"out, work = at(word(answer, {DATA}), (6, nv)), rows_at(bodies, placed_rows)",
         "places(time, 2)[1] = 0",
-        "jacobians(bodies, work, turned, out)",
+        "jacobians(bodies, work, q_turned, out)",
         "release(angles, 24 * nq)",
         "if not all_finite(out): return discard(plan, answer)",
         "if oMi != 0: write_poses(bodies, work, at(oMi, (njoints, 4, 4)))",
@@ -377,7 +407,7 @@ def jacobians() -> Builtin:
         "places(time, 2)[1] = word(time, 0)",
         "return answer",
     ]
-    scope = {**ON_TABLE, "rows_at": _rows_at, "jacobians": kinematics.joint_jacobians, "write_poses": _write_poses}
+    scope = {**ON_TABLE, "rows_at": ROWS_AT, "jacobians": kinematics.joint_jacobians, "write_poses": _write_poses}
     return Builtin("joint_jacobians", ["q"], words, body, scope)
 
 
@@ -415,11 +445,11 @@ def motions(name: str) -> Builtin:
         "if n > 0:",
         *(f"    {line}" for line in new),
         "X, found, space = at(oMi, (njoints, 4, 4)), at(out, (njoints, 6)), len(bodies) * WORK_SIZE",
-        "scratch = allocate(space)",
+        "scratch = memory_of(space)",
         "work = array_at(scratch, (len(bodies),), WORK)",
         f"q_in = {taken[0]}",
         *TURN_Q,
-        f"recursion(bodies, work, turned, {', '.join(taken[1:])}, found)",
+        f"recursion(bodies, work, q_turned, {', '.join(taken[1:])}, found)",
         "compose_rows(bodies, work, X, at(v_out, (njoints, 6)))",
         "release(angles, 24 * nq)",
         "release(scratch, space)",
@@ -468,7 +498,7 @@ def frame_jacobian_at() -> Builtin:
         "i, p, out = places(joints, frames)[k], at(placements + 128 * k, (4, 4)), "
         + f"at(word(answer, {DATA}), (6, nv))",
         "space, held = len(bodies) * WORK_SIZE, (1 if oMi != 0 else 0) + (2 if liMi != 0 else 0)",
-        "scratch = allocate(space)",
+        "scratch = memory_of(space)",
         "work = array_at(scratch, (len(bodies),), WORK)",
         "place_path(bodies, work, q_in, i, at(oMi, (njoints, 4, 4)), at(liMi, (njoints, 4, 4)), held)",
         "jacobian(bodies, work, i, p, code, out)",

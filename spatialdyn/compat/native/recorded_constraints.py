@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...algebra.scalars import inline
-from ...engines.compiled import jit, numba_kernels
+from ...engines.compiled import numba_kernels
 from ...engines.compiled.cpython import Builtin
+from ...engines.compiled.tiers import NATIVE, table_kernel
 from ...engines.object_layout import DATA, SHAPE
 from ...recursions import SPECS
 from ...recursions.constraints.kkt import bordered_inverse, constrained
@@ -67,10 +68,10 @@ def scope_of_constraints() -> dict[str, Any]:
     """Names that the bodies of these builtins use."""
 
     def kernel(name: str) -> Any:
-        return numba_kernels.sample_kernel(numba_kernels.variant(SPECS[name], frozenset()))
+        return table_kernel(numba_kernels.variant(SPECS[name], frozenset())).twin
 
     return {
-        "mass_matrix": kernel("crba"), "bias_of": kernel("nonlinear_effects"), "table_at": jit.table_at,
+        "mass_matrix": kernel("crba"), "bias_of": kernel("nonlinear_effects"), "table_at": NATIVE["table_at"],
         "solve": constrained, "inverse": bordered_inverse, "copy": copy, "copy2": _copy2, "empty": np.empty,
     }  # fmt: skip
 

@@ -1,14 +1,17 @@
-"""Compiled functions with the calling convention of CPython's builtins, made of text by Numba.
+"""Functions with the calling convention of CPython's builtins, made of text: compiled by Numba once that pays.
 
 What a function needs beside its arguments is its *plan*, an array of addresses and sizes that it gets as ``self``. A
 function whose argument checks fail returns None and sets no error: the caller falls back to a call that names the
-fault. Where ``READY`` is False (see ``object_layout``) every function made here returns None.
+fault. Where ``READY`` is False (see ``object_layout``) every function made here returns None. Until compiling it pays
+(see ``tiers``) the same text runs in plain Python.
 """
 
 from __future__ import annotations
 
+import ctypes
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache
+from types import FunctionType
 from typing import Any
 
 import numpy as np
@@ -21,13 +24,15 @@ from ...algebra.scalars import inline
 from ...recursions.spec import Spec
 from .. import object_layout as layout
 from ..object_layout import ALIGNED, DATA, DOUBLE, DTYPE, FLAGS, ITEMS, KIND, RANK, SAME, SHAPE, STRIDES, TYPE
-from . import jit, numba_kernels
+from . import jit, numba_kernels, tiers
+from .numba_settings import PLAIN
+from .tiers import NATIVE, Tier, scope_in
 
 F8 = np.float64
 HEAD = ("none", "true", "ndarray", "float64", "integer", "real", "new", "up", "down", "as_size", "forget",
         "allocate", "from_double")  # fmt: skip
 NONE, TRUE, NDARRAY, FLOAT64, INTEGER, REAL, MAKE, UP, DOWN, AS_SIZE, FORGET, ALLOCATE, FROM_DOUBLE = range(len(HEAD))
-READY = layout.READY and not numba_kernels.PLAIN
+READY = layout.READY and not PLAIN
 _HALF, _WORD = ir.IntType(32), ir.IntType(64)
 
 
@@ -74,29 +79,14 @@ def _word_at(typing_context: Any, base: Any, k: Any) -> Any:
     return types.int64(types.intp, types.intp), generate
 
 
-def _kernel_call(typing_context: Any, kernel: Any, table: Any, arrays: Any) -> Any:
-    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        kinds, convention = [types.intp, *signature.args[2]], context.call_conv
-        function = convention.get_function_type(types.int64, kinds).as_pointer()
-        passed = [values[1], *(builder.extract_value(values[2], k) for k in range(len(kinds) - 1))]
-        status, found = convention.call_function(
-            builder, builder.inttoptr(values[0], function), types.int64, kinds, passed
-        )
-        with builder.if_then(status.is_error, likely=False):
-            convention.return_status_propagate(builder, status)
-        return found
-
-    return types.int64(types.intp, types.intp, arrays), generate
-
-
 _make: Any = _call(_WORD, _WORD, _HALF, _WORD, _HALF, _WORD, _WORD, _HALF, _HALF, _WORD)
 _count: Any = _call(ir.VoidType(), _WORD)
 _size: Any = _call(_WORD, _WORD)
 _void: Any = _call(ir.VoidType())
 _allocate: Any = _call(_WORD, _WORD, _WORD)
+_entry: Any = _call(_WORD, _WORD, _WORD, _WORD)
 _from_double: Any = intrinsic(_real_call)
 real_function: Any = intrinsic(_real_function)  # (address, word) -> float64 of a C function
-run_kernel: Any = intrinsic(_kernel_call)  # (address, table, arrays) -> status of a ``sample_kernel``
 word: Any = intrinsic(_word_at)
 _pointer = jit.pointer
 
@@ -111,6 +101,12 @@ def at(address: int, shape: tuple[int, ...]) -> Any:
 def places(address: int, count: int) -> Any:
     """Array of indices at an address."""
     return carray(_pointer(address), (count,), np.intp)
+
+
+@inline
+def advance(address: int) -> None:
+    """Count one more at an address."""
+    places(address, 1)[0] += 1
 
 
 @inline
@@ -247,21 +243,41 @@ def discard(plan: int, x: int) -> Any:
     return return_none(plan)
 
 
+@inline
+def run_entry(program: int, table: int, inputs: int, outputs: int) -> Any:
+    """Run the three words of an ``Entry`` on arrays of addresses; whether the outputs are written.
+
+    Its context is the table if the entry has none of its own.
+    """
+    left = word(word(program, 2), 0)
+    if left == 0:
+        return False
+    places(word(program, 2), 1)[0] = left - 1
+    context = word(program, 1)
+    return _entry(word(program, 0), (context if context != 0 else table, inputs, outputs)) == 1
+
+
 SCOPE: dict[str, Any] = {
     "word": word, "at": at, "places": places, "is_vector": is_vector, "is_matrix": is_matrix, "vector": vector,
     "no_overlap": no_overlap, "matrix": matrix, "index": index, "is_real": is_real, "real": real,
     "new_array": new_array, "new_real": new_real, "new_object": new_object, "new_tuple": new_tuple,
-    "return_none": return_none, "return_true": return_true, "discard": discard, "run_kernel": run_kernel,
+    "advance": advance, "return_none": return_none, "return_true": return_true, "discard": discard,
+    "run_entry": run_entry,
 }  # fmt: skip
 
 
 @cache
-def kernel_address(spec: Spec) -> int:
-    """The address of the machine code of a ``sample_kernel``, for ``run_kernel``."""
-    kernel: Any = numba_kernels.sample_kernel(spec)
-    (made,) = kernel.overloads.values()
-    address: int = made.library.get_pointer_to_function(made.fndesc.llvm_func_name)
-    return address
+def _plain() -> dict[str, Any]:
+    """The functions above in plain Python: the same code, but for what it takes from compiled code."""
+    native = {"word": tiers.word, "at": lambda address, shape: tiers.array_of(address, shape, F8)}
+    native |= {"advance": tiers.advance, "places": lambda address, count: tiers.array_of(address, (count,), np.intp)}
+    native |= dict.fromkeys(("_make", "_size", "_allocate", "_entry"), tiers.call_words)
+    native |= {"_count": tiers.call_void, "_void": tiers.call_void, "_from_double": tiers.call_real}
+    scope = {**globals(), **native}
+    for name, function in {"is_float64": is_float64, **SCOPE}.items():
+        if name not in native:
+            scope[name] = FunctionType(function.__code__, scope, name)
+    return {name: scope[name] for name in SCOPE}
 
 
 @cache
@@ -287,8 +303,11 @@ def unavailable(*arguments: Any) -> None:
     """The function where no builtin can be made: returns None."""
 
 
-class Builtin:
-    """A compiled function, to be bound to plans."""
+_SIGNATURE = (types.intp, types.intp, types.intp)
+
+
+class Builtin(Tier):
+    """A function, to be bound to plans."""
 
     def __init__(
         self,
@@ -303,31 +322,184 @@ class Builtin:
 
         The body returns ``new_array(...)``, ``return_true(plan)`` or ``return_none(plan)``; 0 if it has set a Python
         error. An exception that it raises becomes a SystemError. Of the last ``optional`` arguments a call may pass
-        the first ones; the others are 0.
+        the first ones; the others are 0. Names of the scope may be of type Twin.
         """
+        super().__init__()
         self.words = tuple(words)
         least, most = len(arguments) - optional, len(arguments)
         text = ["stamp", f"plan = word(self, {DATA})", f"if n < {least} or n > {most}: return return_none(plan)"]
         text += [f"{name} = word(plan, {len(HEAD) + k})" for k, name in enumerate(words)]
         for k, name in enumerate(arguments):
             text.append(f"{name} = word(args, {k})" if k < least else f"{name} = word(args, {k}) if n > {k} else 0")
-        function = numba_kernels.kernel_from_text(
-            f"builtin_{label}", ["self", "args", "n"], [*text, *body], {**SCOPE, **scope}
-        )
-        dispatcher: Any = jit.numba_jit(function, nogil=False, from_c=True)
-        signature = (types.intp, types.intp, types.intp)
-        dispatcher.compile(signature)
-        made = dispatcher.overloads[signature]
-        self._code = dispatcher  # keeps the code in memory
+        self._label, self._text, self._scope = label, [*text, *body], scope
+        self._plain: Any = None
+        self._dispatcher: Any = None
+
+    def _function(self, plain: bool) -> Callable[..., Any]:
+        scope = {**(_plain() if plain else SCOPE), **scope_in(plain, self._scope)}
+        return numba_kernels.kernel_from_text(f"builtin_{self._label}", ["self", "args", "n"], self._text, scope)
+
+    def _is_stored(self, *arguments: Any) -> bool:
+        jitted: Any = jit.numba_jit(self._function(plain=True), nogil=False, from_c=True, contract=False)
+        return tiers.is_stored(jitted, _SIGNATURE)
+
+    def _compile(self) -> Callable[..., Any]:
+        dispatcher: Any = jit.numba_jit(self._function(plain=False), nogil=False, from_c=True, contract=False)
+        dispatcher.compile(_SIGNATURE)
+        made = dispatcher.overloads[_SIGNATURE]
+        self._dispatcher = dispatcher  # keeps the code in memory
         address = made.library.get_pointer_to_function(made.fndesc.llvm_cfunc_wrapper_name)
-        self._make = layout.maker(label, address)
+        return layout.maker(self._label, address)
+
+    def interpret(self, plan: layout.Words, given: tuple[Any, ...]) -> Any:
+        """A call in plain Python."""
+        self._plain = self._plain or self._function(plain=True)
+        addresses = (ctypes.c_int64 * max(1, len(given)))(*map(id, given))
+        try:
+            passed = id(plan), ctypes.addressof(addresses), len(given)
+            made = self.in_plain_python(self._plain, passed)
+        except ArithmeticError as fault:
+            raise SystemError(f"{self._label} failed in plain Python") from fault
+        if not made:
+            raise MemoryError(f"there is no memory for the result of {self._label}")
+        found = ctypes.cast(made, ctypes.py_object).value
+        ctypes.pythonapi.Py_DecRef(ctypes.py_object(found))
+        return found
 
     def bind(self, *alive: Any, **words: int) -> Callable[..., Any]:
         """The function with a plan, ``function.__self__``, which keeps a reference to what its words point at."""
         given = [words.pop(name) for name in self.words]
         if words:
             raise TypeError(f"a plan has no words {sorted(words)}, expected {', '.join(self.words)}")
-        return self._make(layout.words([*_head(), *given], self, *alive))
+        plan, make = layout.words([*_head(), *given], self, *alive), self.code()
+        return Interpreted(self, plan) if make is None else make(plan)
+
+
+class Interpreted:
+    """A Builtin with a plan that is not compiled yet."""
+
+    __slots__ = ("__self__", "_builtin", "_compiled")
+
+    def __init__(self, builtin: Builtin, plan: layout.Words) -> None:
+        """Bind them."""
+        self._builtin, self.__self__ = builtin, plan
+        self._compiled: Any = None
+
+    def __call__(self, *given: Any) -> Any:
+        call = self._compiled
+        if call is None:
+            make = self._builtin.code()
+            if make is None:
+                return self._builtin.interpret(self.__self__, given)
+            call = self._compiled = make(self.__self__)
+        return call(*given)
+
+
+# --- entries -------------------------------------------------------------------------------------------------
+
+
+class TableEntry(Tier):
+    """``entry(table, inputs, outputs) -> 1``, or 0, of a call on any table, as programs have it.
+
+    words  its address, no context, and the address of how many calls it answers
+    """
+
+    def __init__(self, spec: Spec) -> None:
+        """Of a call."""
+        super().__init__()
+        self._spec = spec
+        kernel, arrays = tiers.table_kernel(spec), [*spec.present, spec.output]
+        text = ["stamp", "bodies = table_at(table)"]
+        for k, x in enumerate(arrays):
+            shape = ", ".join(numba_kernels.extent(spec, size) for size in numba_kernels.kernel_shape(x))
+            place = "word(outputs, 0)" if x is spec.output else f"word(inputs, {k})"
+            one = "" if x.shape or x is spec.output else "[0]"
+            text.append(f"x{k} = at({place}, ({shape},)){one}")
+        passed = ", ".join(f"x{k}" for k in range(len(arrays)))
+        self._text = [*text, f"return 1 if kernel(table, {passed}) == {numba_kernels.OK} else 0"]
+        self._scope = {"kernel": kernel.twin, "table_at": NATIVE["table_at"]}
+        self._left = np.array([1 << 62])
+        plain = self._function(plain=True)
+
+        def call(table: int, inputs: int, outputs: int) -> int:
+            if self._spent >= tiers.COMPILE_SECONDS:
+                return 0
+            try:
+                return int(self.in_plain_python(plain, (table, inputs, outputs)))
+            except ArithmeticError:
+                return 0
+
+        self._callback = ctypes.PYFUNCTYPE(ctypes.c_int64, *[ctypes.c_int64] * 3)(call)
+        self.address = ctypes.cast(self._callback, ctypes.c_void_p).value or 0
+        self.renew()
+
+    def _function(self, plain: bool) -> Callable[..., Any]:
+        scope = {**(_plain() if plain else SCOPE), **scope_in(plain, self._scope)}
+        name = f"entry_{numba_kernels.label(self._spec)}"
+        return numba_kernels.kernel_from_text(name, ["table", "inputs", "outputs"], self._text, scope)
+
+    def _is_stored(self, *arguments: Any) -> bool:
+        jitted: Any = jit.numba_jit(self._function(plain=True), nogil=False, from_c=True, contract=False)
+        return tiers.is_stored(jitted, _SIGNATURE)
+
+    def _compile(self) -> Any:
+        dispatcher: Any = jit.numba_jit(self._function(plain=False), nogil=False, from_c=True, contract=False)
+        dispatcher.compile(_SIGNATURE)
+        made = dispatcher.overloads[_SIGNATURE]
+        self.address = made.library.get_pointer_to_function(made.fndesc.llvm_cfunc_wrapper_name)
+        return dispatcher
+
+    def renew(self) -> None:
+        """Compile it if that pays."""
+        self.code()
+
+    @property
+    def words(self) -> tuple[int, int, int]:
+        """Its words."""
+        self.renew()
+        return self.address, 0, self._left.ctypes.data
+
+
+class Entry:
+    """What runs a call on a model, three words that builtins read: address of an entry, its context, and the address
+    of how many calls it answers.
+
+    program  a TieredProgram; None for the table kernel
+    """
+
+    def __init__(self, spec: Spec, program: Any = None) -> None:
+        """Of a call."""
+        self._spec, self.program = spec, program
+        self._words = np.zeros(3, np.int64)
+        self._alive: list[Any] = []
+        self.address = self._words.ctypes.data
+        self._take()
+
+    def _take(self) -> None:
+        if self.program is None:
+            words: tuple[int, int, int] = table_entry(self._spec).words
+        else:
+            words, alive = self.program.single()
+            self._alive.append(alive)
+        self._words[:] = words
+
+    def renew(self) -> bool:
+        """Take faster code if there is some by now; whether there is."""
+        before = self._words.tolist()
+        if self.program is None or layout.words_at(before[2], 1)[0] == 0:
+            self._take()
+        return self._words.tolist() != before
+
+    def use_table(self) -> None:
+        """Run the table kernel from now on."""
+        self.program = None
+        self._take()
+
+
+@cache
+def table_entry(spec: Spec) -> TableEntry:
+    """The one of a call."""
+    return TableEntry(spec)
 
 
 def retarget(function: Any, model: Any) -> None:

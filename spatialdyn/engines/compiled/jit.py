@@ -115,6 +115,13 @@ def rows_at(address: int, dtype: Any) -> Any:
     return carray(pointer(address), (header[0].last_row + 1,), dtype)
 
 
+@inline
+def turned(q: Any, memory: Any) -> Any:
+    """q beside its cosines and sines (3, nq), as a recursion takes ``TURNED_Q``, in that memory."""
+    turn(q, memory)
+    return memory
+
+
 def number(x: Any) -> Any:
     """The value of a float, or of an array without axes."""
     return x
@@ -168,12 +175,16 @@ def _aside(compiled: Callable[..., Any], *arguments: Any, **named: Any) -> Any:
 
 
 def compile_signature(
-    function: Callable[..., Any], signature: tuple[Any, ...], nogil: bool = True
+    function: Callable[..., Any],
+    signature: tuple[Any, ...],
+    nogil: bool = True,
+    keep: bool = True,
+    contract: bool = True,
 ) -> Callable[..., Any]:
     """A function compiled for one signature only: arguments that do not match raise TypeError at once."""
     if PLAIN:
         return _plain(function, signature)
-    dispatcher: Any = numba_jit(function, nogil)
+    dispatcher: Any = numba_jit(function, nogil, keep, contract=contract)
     _aside(dispatcher.compile, signature)
     dispatcher.disable_compile()
     for strided in (False, True):

@@ -10,6 +10,7 @@ user_kernel    one sample, for a user's own jitted code: raises instead of retur
 
 They are compiled when first called and cached on disk (``numba_cache``) by a digest of their text and what they
 capture: a hash of the sources of the packages that hold compiled code (STAMP), so an edited helper changes the digest.
+Those of a recursion from elsewhere, of which the stamp says nothing, are compiled in each process.
 A user's own function in Numba's cache, whose key is its own file only, must capture ``STAMP`` too.
 """
 
@@ -31,7 +32,7 @@ from . import disk_cache
 from .checks import all_finite, no_overlap, pivots_regular, unit_norm
 from .generated import function_from_text
 from .numba_settings import PLAIN as PLAIN
-from .stamp import STAMP
+from .stamp import STAMP, names
 
 OK, SHAPE, UNIT, PIVOT, NONFINITE = range(5)
 
@@ -65,7 +66,7 @@ def kernel_shape(argument: Argument) -> tuple[str | int, ...]:
     return argument.shape or (1,)
 
 
-def _extent(spec: Spec, *shape: str | int) -> str:
+def extent(spec: Spec, *shape: str | int) -> str:
     """The length of an array of that shape, as an expression in the kernel's names."""
     known = _SIZES | {size: f"{x.name}_rows[0].{size}" for x in spec.present for size in x.sizes}
     factors = [" + ".join(known.get(x, x) for x in str(size).split("+")) for size in shape or (1,)]
@@ -74,7 +75,7 @@ def _extent(spec: Spec, *shape: str | int) -> str:
 
 def _size_checks(spec: Spec, argument: Argument) -> list[str]:
     return [
-        f"{argument.name}.shape[{axis}] != {_extent(spec, size)}" for axis, size in enumerate(kernel_shape(argument))
+        f"{argument.name}.shape[{axis}] != {extent(spec, size)}" for axis, size in enumerate(kernel_shape(argument))
     ]
 
 
@@ -84,7 +85,7 @@ def _scratch(spec: Spec) -> dict[str, tuple[list[str], str]]:
     if spec.pivots:
         found["pivots"] = ["len(bodies) - 1"], "FLOAT"
     shapes = zip(_scratch_names(spec), flat(spec.scratch), strict=True)
-    return found | {name: ([_extent(spec, x) for x in shape], "FLOAT") for name, shape in shapes}
+    return found | {name: ([extent(spec, x) for x in shape], "FLOAT") for name, shape in shapes}
 
 
 def _scratch_names(spec: Spec) -> list[str]:
@@ -102,7 +103,7 @@ def _records(spec: Spec) -> dict[str, type]:
     return {type(x).__name__: type(x) for x in (*spec.inputs, spec.parts, *spec.scratch) if is_record(x)}
 
 
-def _body(spec: Spec, fail: Callable[[int], str], plain: bool = PLAIN) -> list[str]:
+def statements(spec: Spec, fail: Callable[[int], str], plain: bool = PLAIN) -> list[str]:
     """The statements around a recursion; ``fail(status)`` is the statement that ends the kernel."""
     arrays = [x for x in spec.present if x.shape]
     mismatch = " or ".join(c for x in (*arrays, spec.output) if not x.optional for c in _size_checks(spec, x))
@@ -122,7 +123,7 @@ def _body(spec: Spec, fail: Callable[[int], str], plain: bool = PLAIN) -> list[s
         if x.unit_norm:
             lines += [f"if not unit_norm(bodies, {x.name}):", f"    {fail(UNIT)}"]
     turned = {x.name for x in spec.present if x.turned and not plain}
-    scratch = {f"{name}_turned": (["3", _extent(spec, "nq")], "FLOAT") for name in turned} | _scratch(spec)
+    scratch = {f"{name}_turned": (["3", extent(spec, "nq")], "FLOAT") for name in turned} | _scratch(spec)
     for name, (shape, dtype) in scratch.items():
         lines.append(f"{name}_size = {' * '.join(f'({x})' for x in shape)} * {dtype}_SIZE")
         lines.append(f"{name}_memory = memory({name}_size)")
@@ -134,7 +135,7 @@ def _body(spec: Spec, fail: Callable[[int], str], plain: bool = PLAIN) -> list[s
     passed += [] if spec.parts else [spec.output.name]
     parts: list[str | None] = []
     for k, part in enumerate(spec.parts):
-        lines.append(f"end{k} = {f'end{k - 1} + ' if k else ''}{_extent(spec, *part.shape)}")
+        lines.append(f"end{k} = {f'end{k - 1} + ' if k else ''}{extent(spec, *part.shape)}")
         parts.append(f"{spec.output.name}[{f'end{k - 1}' if k else '0'}:end{k}]")
     passed += [_call_of(type(spec.parts), parts)] if is_record(spec.parts) else parts
     names = iter(_scratch_names(spec))
@@ -179,11 +180,12 @@ def native(plain: bool = PLAIN) -> dict[str, Any]:
         }
     from . import jit
 
-    names = "table_at", "rows_at", "memory", "array_at", "release", "turn"
-    return {name: getattr(jit, name) for name in names}
+    own = "table_at", "rows_at", "memory", "array_at", "release", "turn"
+    return {name: getattr(jit, name) for name in own}
 
 
-def _scope(spec: Spec, plain: bool = PLAIN) -> dict[str, Any]:
+def scope(spec: Spec, plain: bool = PLAIN) -> dict[str, Any]:
+    """The names of ``statements``."""
     return {
         **native(plain),
         **{f"{x.name}_dtype": x.table for x in spec.present if x.table},
@@ -212,7 +214,7 @@ def _type(argument: Argument, extra: int, writable: bool = False, layout: str = 
     return made(types.float64, rank, layout, readonly=not writable)
 
 
-def _label(spec: Spec) -> str:
+def label(spec: Spec) -> str:
     """A name that no other variant of a call has: the kernel's name in the cache."""
     return "_".join([spec.name, *(x.name for x in spec.present)])
 
@@ -225,24 +227,31 @@ def _named(spec: Spec) -> AbstractContextManager[None]:
 def sample_kernel(spec: Spec) -> Callable[..., int]:
     """``(table, *inputs, output) -> status`` of one sample; inputs of any layout, none modified."""
     with _LOCK, _named(spec):  # a fork waits for the import too
-        from numba import types
-
         from . import jit
 
         parameters = ["table", *(x.name for x in spec.present), spec.output.name]
-        body = ["bodies = table_at(table)", *_body(spec, lambda status: f"return {status}"), f"return {OK}"]
-        function = kernel_from_text(_label(spec), parameters, body, _scope(spec))
-        return jit.compile_signature(
-            function, (types.intp, *(_type(x, 0) for x in spec.present), _type(spec.output, 0, True, "C"))
-        )
+        body = ["bodies = table_at(table)", *statements(spec, lambda status: f"return {status}"), f"return {OK}"]
+        function = kernel_from_text(label(spec), parameters, body, scope(spec))
+        return jit.compile_signature(function, signature(spec), keep=names(spec))
+
+
+def signature(spec: Spec) -> tuple[Any, ...]:
+    """The types of the arguments of a ``sample_kernel``."""
+    from numba import types
+
+    return types.intp, *(_type(x, 0) for x in spec.present), _type(spec.output, 0, True, "C")
 
 
 @cache
 def plain_kernel(spec: Spec) -> Callable[..., int]:
     """A ``sample_kernel`` in plain Python, which takes the table itself: for a few samples, it compiles nothing."""
     parameters = ["table", *(x.name for x in spec.present), spec.output.name]
-    body = ["bodies = table_at(table)", *_body(spec, lambda status: f"return {status}", plain=True), f"return {OK}"]
-    return kernel_from_text(_label(spec), parameters, body, _scope(spec, plain=True))
+    body = [
+        "bodies = table_at(table)",
+        *statements(spec, lambda status: f"return {status}", plain=True),
+        f"return {OK}",
+    ]
+    return kernel_from_text(label(spec), parameters, body, scope(spec, plain=True))
 
 
 def is_made(spec: Spec) -> bool:
@@ -279,13 +288,13 @@ def batch_kernel(spec: Spec) -> Callable[..., int]:
             "        failed += 1",
             "return failed",
         ]
-        function = kernel_from_text(_label(spec) + "_batch", parameters, body, {"sample_kernel": sample_kernel(spec)})
-        signature: list[Any] = [types.intp, types.int64]
+        function = kernel_from_text(label(spec) + "_batch", parameters, body, {"sample_kernel": sample_kernel(spec)})
+        kinds: list[Any] = [types.intp, types.int64]
         for x in varying:
-            signature += [_type(x, 1, layout="C"), types.int64]
-        signature += [_type(x, 0) for x in static]
-        signature += [_type(spec.output, 1, True, "C"), types.Array(types.int8, 1, "C")]
-        made = jit.compile_signature(function, tuple(signature))
+            kinds += [_type(x, 1, layout="C"), types.int64]
+        kinds += [_type(x, 0) for x in static]
+        kinds += [_type(spec.output, 1, True, "C"), types.Array(types.int8, 1, "C")]
+        made = jit.compile_signature(function, tuple(kinds), keep=names(spec))
         _made.add(spec)
         return made
 
@@ -309,10 +318,10 @@ def user_kernel(call: str | Spec) -> Callable[..., None]:
     optional = [x for x in spec.present if x.optional]
     parameters = ["bodies", *(x.name for x in required), spec.output.name, *(f"{x.name}=None" for x in optional)]
     body = [f"{x.name} = number({x.name})" for x in required if not (x.shape or x.static)]
-    body += _body(spec, lambda status: f"raise ValueError({_MESSAGES[status]!r})")
-    function = kernel_from_text(f"{name}_user", parameters, body, {**_scope(spec), "number": jit.number})
+    body += statements(spec, lambda status: f"raise ValueError({_MESSAGES[status]!r})")
+    function = kernel_from_text(f"{name}_user", parameters, body, {**scope(spec), "number": jit.number})
     function.__doc__ = f"``{name}({', '.join(parameters)})`` for jitted code. {spec.summary}"
-    return jit.numba_jit(function)
+    return jit.numba_jit(function, keep=names(spec))
 
 
 class Kernels:

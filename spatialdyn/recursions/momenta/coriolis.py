@@ -24,6 +24,7 @@ from ...algebra.coriolis_factor import (
     coriolis_transpose_times,
 )
 from ...algebra.euclidean import add, cross, dot, matmul, neg, rotate, scale, zero
+from ...algebra.public_arrays import read_parameters
 from ...algebra.records import (
     coriolis_factor_of,
     force_of,
@@ -64,7 +65,7 @@ from ...algebra.spatial import (
     zero_motion,
 )
 from ...bodies.joints import joint_motion, place_joint
-from ..signatures import Bodies, Config, Matrix, Vector, Work
+from ..signatures import Array, Bodies, Config, Matrix, Vector, Work
 from ..spec import TAU, TURNED_Q, A, Argument, Spec, V
 from ..steps import body_velocity
 from ..tree.rotors import add_couple, of_other, rotor_factor, rotor_in_root_axes
@@ -221,6 +222,14 @@ def modified_rnea(bodies: Bodies, work: Work, q: Config, v: Vector, v_r: Vector,
     Per body ẇ = S a_r + v × S v_r along the tree, and f = I ẇ + B(I, v) w. It is no case of ``rnea``: there v = w,
     and products of ω with itself save a fifth of the work.
     """
+    modified_sweeps(bodies, work, q, v, v_r, a_r, None, tau)
+
+
+@inline
+def modified_sweeps(
+    bodies: Bodies, work: Work, q: Config, v: Vector, v_r: Vector, a_r: Vector, pi: Array, tau: Vector
+) -> None:
+    """The same of bodies with other inertial parameters pi (njoints, 10), row 0 zero; None for the table's."""
     n = len(bodies) - 1
     put_motion(work[0].v, zero_motion())
     put_motion(work[0].w, zero_motion())
@@ -228,7 +237,8 @@ def modified_rnea(bodies: Bodies, work: Work, q: Config, v: Vector, v_r: Vector,
     put_force(work[0].f, zero_force())
     for i in range(1, n + 1):
         b, here, parent = bodies[i], work[i], work[bodies[i].parent]
-        S, I = motion_of(b.S), inertia_of(b.inertia)
+        S = motion_of(b.S)
+        I = inertia_of(b.inertia) if pi is None else read_parameters(pi[b.joint])
         place_joint(bodies, i, q, here.X)
         X = pose_of(here.X)
         wJ = joint_motion(bodies, i, v_r)

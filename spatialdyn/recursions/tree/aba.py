@@ -174,6 +174,13 @@ def aba_outward(bodies: Bodies, work: Work, v: Vector, gravity: Vec, a: Vector) 
 @inline
 def minverse(bodies: Bodies, work: Work, q: Config, Minv: Matrix, pivots: Vector) -> None:
     """M⁻¹ column by column through one articulated sweep."""
+    articulate(bodies, work, q, pivots)
+    inverse_columns(bodies, work, Minv)
+
+
+@inline
+def articulate(bodies: Bodies, work: Work, q: Config, pivots: Vector) -> None:
+    """The articulated sweep alone: X, U and d = 1/D of each row, of whatever torques and forces."""
     n = len(bodies) - 1
     for i in range(1, n + 1):
         place_joint(bodies, i, q, work[i].X)
@@ -195,7 +202,6 @@ def minverse(bodies: Bodies, work: Work, q: Config, Minv: Matrix, pivots: Vector
         put_force(here.U, U)
         here.d = d
         pivots[i - 1] = D
-    inverse_columns(bodies, work, Minv)
 
 
 @inline

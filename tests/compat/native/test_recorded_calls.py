@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 from trees import random_state, random_tree
+from unfused import unfused
 
 import spatialdyn as sd
-from spatialdyn.calls.dynamics import table_call
 from spatialdyn.compat.native import operator_kernels, recorded_calls, recorded_constraints
 from spatialdyn.constraints.contact import solve
 from spatialdyn.engines.compiled import cpython
@@ -38,7 +38,7 @@ def test_a_call_notes_its_inputs_and_its_result(case: Any) -> None:
     tau, memory = np.empty(model.nv), np.empty(model.nq + 2 * model.nv + 3)
     call = bound(recorded_calls.recorded_call("rnea"), model, {"memory": memory, "result": tau, "time": TIME})
     found = call(s.q, s.v, s.a)
-    np.testing.assert_array_equal(found, table_call("rnea", model, s.q, s.v, s.a))
+    np.testing.assert_array_equal(found, unfused("rnea", model, s.q, s.v, s.a))
     np.testing.assert_array_equal(tau, found)
     np.testing.assert_array_equal(memory, np.concatenate([s.q, s.v, s.a, model.gravity]))
     assert not np.shares_memory(tau, found)
@@ -51,7 +51,7 @@ def test_a_result_may_be_returned_in_parts(case: Any) -> None:
     function = recorded_calls.recorded_call("rnea_derivatives", returns=recorded_calls.PARTS)
     call = bound(function, model, {"memory": memory, "result": result, "time": TIME})
     found = call(s.q, s.v, s.a)
-    np.testing.assert_array_equal(found, table_call("rnea_derivatives", model, s.q, s.v, s.a))
+    np.testing.assert_array_equal(found, unfused("rnea_derivatives", model, s.q, s.v, s.a))
     np.testing.assert_array_equal(found, result)
     assert type(found) is tuple
     assert all(x.flags.owndata and sys.getrefcount(x) == 3 for x in found)
@@ -67,7 +67,7 @@ def test_forces_are_a_last_vector(case: Any) -> None:
         model,
         {"memory": memory, "result": tau, "time": TIME},
     )
-    np.testing.assert_array_equal(call(s.q, s.v, s.a, s.fext.ravel()), table_call("rnea", model, s.q, s.v, s.a, s.fext))
+    np.testing.assert_array_equal(call(s.q, s.v, s.a, s.fext.ravel()), unfused("rnea", model, s.q, s.v, s.a, s.fext))
     assert call(s.q, s.v, s.a) is call(s.q, s.v, s.a, s.fext.ravel()[:-1]) is None
 
 
@@ -79,7 +79,7 @@ def test_a_result_may_stay_and_more_be_noted(case: Any) -> None:
     function = recorded_calls.recorded_call("forward_kinematics", 2, recorded_calls.RESULT)
     assert bound(function, model, {"memory": memory, "result": X, "time": stamp})(s.q, s.v, s.a) is True
     assert before < stamp[0] < recorded_calls.clock()
-    np.testing.assert_array_equal(X, table_call("forward_kinematics", model, s.q))
+    np.testing.assert_array_equal(X, unfused("forward_kinematics", model, s.q))
     np.testing.assert_array_equal(memory, np.concatenate([s.q, s.v, s.a, model.gravity]))
 
 
@@ -96,7 +96,7 @@ def test_an_input_may_lie_in_the_result() -> None:
     for given in (room[n : 2 * n], room[n + 2 : 2 : -1], room[n + count + n - 1 : n + count - 1 : -1]):
         before = given.copy()
         assert call(given, q) is True
-        np.testing.assert_array_equal(X, table_call("forward_kinematics", model, before))
+        np.testing.assert_array_equal(X, unfused("forward_kinematics", model, before))
         before = given.copy()
         assert call(q, given) is True
         np.testing.assert_array_equal(memory[n : 2 * n], before)
@@ -118,7 +118,7 @@ def test_a_call_is_made_again_on_what_was_noted(case: Any) -> None:
     out = np.empty((model.njoints, 6))
     arrays = {"address0": s.q, "address1": s.v, "out": out}
     assert bound(recorded_calls.recompute("joint_velocities"), model, arrays)() is True
-    np.testing.assert_array_equal(out, table_call("joint_velocities", model, s.q, s.v))
+    np.testing.assert_array_equal(out, unfused("joint_velocities", model, s.q, s.v))
 
 
 @compiled
@@ -149,8 +149,8 @@ def test_the_answer_under_constraints_is_the_librarys(case: Any) -> None:
     arrays |= {"before": np.zeros(1, np.int64), "scratch": recorded_constraints.scratch_of(n, m)}
     clock = recorded_calls.address(recorded_calls.clock.now)
     call = bound(recorded_constraints.dynamics(), model, arrays, m=m, clock=clock)
-    bias = table_call("nonlinear_effects", model, s.q, s.v)
-    expected = solve(model, table_call("crba", model, s.q), s.tau - bias, J, drift, 0.1)
+    bias = unfused("nonlinear_effects", model, s.q, s.v)
+    expected = solve(model, unfused("crba", model, s.q), s.tau - bias, J, drift, 0.1)
     np.testing.assert_array_equal(call(s.q, s.v, s.tau, J, drift, 0.1), expected.x)
     np.testing.assert_array_equal(arrays["force"], expected.force)
     assert 0 < arrays["before"][0] < arrays["time"][0] == recorded_calls.clock.now[0]

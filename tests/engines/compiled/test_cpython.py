@@ -11,10 +11,11 @@ from typing import Any
 import numpy as np
 import pytest
 from trees import random_state, random_tree
+from unfused import unfused
 
 import spatialdyn as sd
-from spatialdyn.calls.dynamics import table_call
 from spatialdyn.compat.native import recorded_calls
+from spatialdyn.engines import run
 from spatialdyn.engines.compiled import cpython
 
 pytestmark = pytest.mark.skipif(not cpython.READY, reason="nothing is compiled, or Python is not as expected")
@@ -30,26 +31,58 @@ def state() -> Any:
     return random_state(random_tree(2, 7, floating=True).tree, np.random.default_rng(0))
 
 
-def bound(name: str, model: sd.Model) -> Any:
+def bound(name: str, model: sd.Model, compiled: bool = True) -> Any:
+    sizes, call = {"nq": model.nq, "nv": model.nv, "njoints": model.njoints}, recorded_calls.recorded_call(name)
+    if compiled:
+        call.builtin.compile_now()
+        cpython.table_entry(call.spec).compile_now()
+    return call.bind(model, table=model.address, **sizes)
+
+
+def test_a_builtin_does_the_same_in_plain_python(model: Any, state: Any) -> None:
+    s = state
+    for name, given in (("rnea", (s.q, s.v, s.a)), ("crba", (s.q,)), ("interpolate", (s.q, s.q, 0.25))):
+        call = bound(name, model)
+        builtin = call.__self__.alive[0]
+        np.testing.assert_array_equal(builtin.interpret(call.__self__, given), call(*given))
+        assert builtin.interpret(call.__self__, (*given, 1)) is None
+        assert builtin.interpret(call.__self__, (2.0 * s.q, *given[1:])) is None
+
+
+def test_an_entry_is_renewed_once_its_calls_are_used_up(model: Any, state: Any) -> None:
+    """An interpreted program answers a number of calls; then compiled code, with the same bits."""
+    s, spec = state, recorded_calls.recorded_call("rnea").spec
+    program = run.program(spec, model.with_(gravity=[0.0, 0.0, -9.7]), ()).program
+    program._at_hand = lambda *given, **named: None  # as with an empty cache
+    entry = cpython.Entry(spec, program)
     sizes = {"nq": model.nq, "nv": model.nv, "njoints": model.njoints}
-    return recorded_calls.recorded_call(name).bind(model, table=model.address, **sizes)
+    call = recorded_calls.recorded_call("rnea").bind(model, table=model.address, entry=entry, **sizes)
+    first = call(s.q, s.v, s.a)
+    assert not entry.renew()
+    program._calls[0] = 0
+    assert call(s.q, s.v, s.a) is None
+    del program._at_hand
+    assert entry.renew()
+    np.testing.assert_array_equal(call(s.q, s.v, s.a), first)
+    entry.use_table()
+    np.testing.assert_array_equal(call(s.q, s.v, s.a), unfused("rnea", model, s.q, s.v, s.a))
 
 
 def test_a_builtin_gives_the_bits_of_the_call(model: Any, state: Any) -> None:
     s = state
     found = bound("rnea", model)(s.q, s.v, s.a)
-    np.testing.assert_array_equal(found, table_call("rnea", model, s.q, s.v, s.a))
+    np.testing.assert_array_equal(found, unfused("rnea", model, s.q, s.v, s.a))
     assert type(found) is np.ndarray
     assert found.flags.owndata
     assert found.flags.writeable
     M = bound("crba", model)(s.q)
-    np.testing.assert_array_equal(M, table_call("crba", model, s.q))
+    np.testing.assert_array_equal(M, unfused("crba", model, s.q))
     assert M.flags.c_contiguous
 
 
 def test_numbers_that_are_apart_are_read_where_they_are(model: Any, state: Any) -> None:
     s = state
-    call, expected = bound("rnea", model), table_call("rnea", model, s.q, s.v, s.a)
+    call, expected = bound("rnea", model), unfused("rnea", model, s.q, s.v, s.a)
     np.testing.assert_array_equal(call(s.q, np.stack([s.v, s.a], 1)[:, 0], s.a), expected)
     np.testing.assert_array_equal(call(s.q, s.v[::-1].copy()[::-1], s.a), expected)
     read_only = s.a.copy()
@@ -83,7 +116,7 @@ def test_the_number_of_arguments_is_checked(model: Any, state: Any) -> None:
 
 def test_a_number_is_a_float(model: Any, state: Any) -> None:
     call, s = bound("interpolate", model), state
-    np.testing.assert_array_equal(call(s.q, s.q, 0.5), table_call("interpolate", model, s.q, s.q, 0.5))
+    np.testing.assert_array_equal(call(s.q, s.q, 0.5), unfused("interpolate", model, s.q, s.q, 0.5))
     assert call(s.q, s.q, 1) is call(s.q, s.q, np.float64(0.5)) is call(s.q, s.q, None) is None
 
 
@@ -133,7 +166,7 @@ def test_a_plan_has_the_words_it_says() -> None:
 def test_a_builtin_keeps_what_it_points_at(state: Any) -> None:
     made = random_tree(2, 7, floating=True).model
     s, call = state, bound("rnea", made)
-    expected = table_call("rnea", made, s.q, s.v, s.a)
+    expected = unfused("rnea", made, s.q, s.v, s.a)
     del made
     np.testing.assert_array_equal(call(s.q, s.v, s.a), expected)
 
@@ -142,7 +175,7 @@ def test_a_builtin_can_be_had_for_another_model_of_the_same_sizes(model: Any, st
     other, s, call = model.with_(gravity=[1.0, 2.0, 3.0]), state, bound("rnea", model)
     cpython.retarget(call, other)
     cpython.retarget(len, other)  # a function without a plan
-    np.testing.assert_array_equal(call(s.q, s.v, s.a), table_call("rnea", other, s.q, s.v, s.a))
+    np.testing.assert_array_equal(call(s.q, s.v, s.a), unfused("rnea", other, s.q, s.v, s.a))
 
 
 def test_functions_may_outlive_what_they_are_made_by() -> None:

@@ -12,6 +12,7 @@ from ....calls import dynamics
 from ....engines.compiled import numba_kernels
 from ....engines.compiled.cpython import unavailable
 from ....engines.compiled.generated import function_from_text
+from ....engines.compiled.tiers import table_kernel
 from ....recursions import SPECS
 from ...native import recorded_calls
 from ..data.data import Data, library_of
@@ -50,7 +51,7 @@ def _kernel(name: str, nv: int) -> Any:
     """The table kernel of a call about a frame, the names of its inputs, and the shape of its output."""
     spec = SPECS[name]
     inputs, shape = [x.name for x in spec.present if not x.static], [nv if n == "nv" else n for n in spec.output.shape]
-    return numba_kernels.sample_kernel(numba_kernels.variant(spec, frozenset())), inputs, shape
+    return table_kernel(numba_kernels.variant(spec, frozenset())), inputs, shape
 
 
 def call_about_frame(name: str, run: Any, joint: int, placement: Array, *static: int) -> Array:

@@ -25,7 +25,8 @@ from ..data.run import Run
 from ..explog import Jlog6
 from ..model.constraints import ContactType, ProximalSettings, RigidConstraintData, RigidConstraintModel
 from ..model.model import Model
-from ..types.arguments import ArgumentError, Array, described, expected, number
+from ..types.arguments import ArgumentError, Array, all_expected, described, expected, number
+from ..types.bases import Registered
 from ..types.frame import Convention, ReferenceFrame
 from ..types.motion import Force, Motion
 from ..types.se3 import SE3
@@ -98,8 +99,9 @@ def _contact(at: Any, model: RigidConstraintModel) -> Contact:
 def _pairs(models: Any, datas: Any) -> list[tuple[RigidConstraintModel, RigidConstraintData]]:
     """Contacts and their data, checked."""
     for x, kind in ((models, RigidConstraintModel), (datas, RigidConstraintData)):
-        if not isinstance(x, list) or not all(isinstance(one, kind) for one in x):
+        if not isinstance(x, list):
             raise ArgumentError(f"contacts are {described(x)}, expected a list of {kind.__name__}")
+        all_expected(x, kind, "contacts")
     if len(models) != len(datas):
         raise ShapeError(f"{len(models)} contacts have {len(datas)} data, expected one for each")
     for model in models:
@@ -137,9 +139,9 @@ def _at(model: Model, data: Data, q: Any, v: Any = None, a: Any = None) -> Any:
 
 
 def initConstraintDynamics(model: Model, data: Data, contact_models: Any, contact_datas: Any) -> None:
-    """Check a list of RigidConstraintModel and their RigidConstraintData; nothing has to be prepared here."""
+    """Check a list of RigidConstraintModel and their RigidConstraintData, for the size of ``data.constraint_chol``."""
     library_of(model, data)
-    _pairs(contact_models, contact_datas)
+    data.contacts = _pairs(contact_models, contact_datas), ProximalSettings()
 
 
 def constraintDynamics(
@@ -162,7 +164,7 @@ def constraintDynamics(
             settings = _settings(prox_settings)
             found: Array | None = call(q, v, tau, settings._x)
             if found is not None:
-                run.contact = solved
+                run.contact, data.contacts = solved, (data.contacts[0], settings)
                 data.note_builtin_call(before)
                 data.note_builtin_call(run)
                 return found
@@ -178,6 +180,7 @@ def constraintDynamics(
     run.result[...], run.contact = solved.x, solved
     _share(pairs, solved.force)
     data.note_call(run)
+    data.contacts = pairs, settings
     _bind(data, every, run, pairs)
     return np.array(solved.x)
 
@@ -391,7 +394,7 @@ def _inverse(x: Array) -> Array:
     return np.asarray(np.linalg.inv(x))
 
 
-class ConstraintCholeskyDecomposition:
+class ConstraintCholeskyDecomposition(Registered):
     """K = U D Uᵀ of K = [-mu 1, J; Jᵀ, M], U upper triangular with unit diagonal: ``(model, data, contact_models,
     contact_datas)``, then ``compute`` with the M of ``data``.
     """
@@ -400,6 +403,23 @@ class ConstraintCholeskyDecomposition:
         self._J, self._M, self._mu = np.zeros((0, 0)), np.zeros((0, 0)), np.zeros(0)
         if model is not None:
             self.rebuild(model, data, contact_models, contact_datas)
+
+    @classmethod
+    def of(cls, data: Data) -> ConstraintCholeskyDecomposition:
+        """The factors of the last constraintDynamics of a Data; zero before it, and empty without contacts."""
+        made = cls()
+        if data.contacts is None:
+            return made
+        pairs, settings = data.contacts
+        made.rebuild(data.model, data, [x for x, _ in pairs], [own for _, own in pairs])
+        run, every = data._runs.get("contacts"), data._runs.get("all")
+        if run is not None and every is not None:
+            made._J, _ = _system(every, pairs, False)
+            made._M = every.library.compute("crba", every.q, at=(every.gravity, every.bodies))
+            made.updateDamping(settings.mu)
+        return made
+
+    jacobian = staticmethod(getConstraintsJacobian)
 
     def rebuild(self, model: Model, data: Data, contact_models: Any, contact_datas: Any) -> None:
         """Take the sizes of other contacts."""

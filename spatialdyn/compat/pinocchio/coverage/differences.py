@@ -38,9 +38,10 @@ buildGeomFromUrdf, buildModelsFromUrdf of a URDF whose meshes are not found | Va
     are searched too; an error when the shape is needed
 GeometryData: collision_functors, contactPatchRequests and their kin, radius | members | OutOfScopeError, an
     AttributeError
-RigidConstraintModel, RigidConstraintData: calc, jacobian, setCompliance, retrieveCompliance; lambdas_joint1,
+RigidConstraintModel, RigidConstraintData: setCompliance, retrieveCompliance; lambdas_joint1,
     extended_motion_propagators_joint1 and _joint2 | one contact's part of a solver, its scratch | OutOfScopeError, an
     AttributeError
+data.constraint_chol, data.contact_chol | the factors of the last call, written in place | new factors at each read
 RigidConstraintData: contact_acceleration and its kin, contact1_acceleration_drift, contact2_acceleration_drift |
     written by constraintDynamics | zero
 constraintDynamics, impulseDynamics of contacts that depend on each other with mu = 0, the default | nan |

@@ -94,6 +94,7 @@ class Data(Stored, Registered, Copied):
     Runs that getters of Jacobians read.
     """
 
+    contacts: Any = None  # of the last initConstraintDynamics or constraintDynamics, with its ProximalSettings
     # each call reads these: a slot is faster to read than a __dict__ that was written to
     __slots__ = ("_bound", "_held", "_latest", "_nframes", "_runs", "_sizes", "_sources", "model")
     _format = "spatialdyn.compat.pinocchio data 1"
@@ -227,6 +228,13 @@ class Data(Stored, Registered, Copied):
             cached = run.cache[name] = run.stamp, np.asarray(run.kind.fills[name](run))
         return cached[1]
 
+    @property
+    def constraint_chol(self) -> Any:
+        """The ConstraintCholeskyDecomposition of the contacts of the last constraintDynamics."""
+        return Registered.classes["ConstraintCholeskyDecomposition"].of(self)
+
+    contact_chol = constraint_chol
+
     if TYPE_CHECKING:
 
         def __getattr__(self, name: str) -> Any: ...
@@ -308,7 +316,7 @@ class Field:
 
 
 SCRATCH = """
-    B Fcrb Ivx Yaba a_in constraint_chol contact_chol dAdq dAdv dac_da dac_dq dac_dv dvc_dq
+    B Fcrb Ivx Yaba a_in dAdq dAdv dac_da dac_dq dac_dv dvc_dq
     end_idx_v_fromRow idx_vExtended_to_idx_v_fromRow joints lambda_c_prox lastChild
     mimic_parents_fromRow mimic_subtree_joint non_mimic_parents_fromRow nvSubtree nvSubtree_fromRow oK oL oYaba
     oYaba_augmented of_augmented osim parents_fromRow primal_dual_contact_solution primal_rhs_contact q_in

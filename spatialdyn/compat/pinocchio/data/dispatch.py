@@ -23,6 +23,7 @@ from ..types.arguments import (
     Array,
     RangeError,
     ValueRuntimeError,
+    all_expected,
     described,
     documented_rows,
     expected,
@@ -59,8 +60,9 @@ def vector(name: str, value: Any, size: int) -> Array:
 
 def forces(fext: Any, library: LibraryModel, njoints: int) -> Array:
     """External forces on the library's joints (njoints, 6), from a list of one Force for each joint of the model."""
-    if not isinstance(fext, (list, Rows)) or not all(isinstance(force, Force) for force in fext):
+    if not isinstance(fext, (list, Rows)):
         raise ArgumentError(f"fext is {described(fext)}, expected a list of Force")
+    all_expected(fext, Force, "fext")
     if len(fext) != njoints:
         raise ShapeError(f"fext has {len(fext)} forces, expected {njoints}, one for each joint")
     given = np.array([force._x for force in fext])
@@ -79,6 +81,8 @@ def compute(model: Model, data: Data, kind: str, given: tuple[Any, ...], fext: A
     library = library_of(model, data)
     entry = CALL_KINDS[kind]
     run: Run = data.run_of(kind, model, library)
+    if entry.call:
+        library.renew(entry.call, fext is not None)
     try:  # the builtin applies after an edit of the model, whose Run is new or points to the edited model
         result = run.call(*given) if fext is None else run.call_with_forces(fext, *given)
     except SystemError:

@@ -178,7 +178,8 @@ class Run:
             places["oMi"] = 0 if self.oMi is None else self.oMi.ctypes.data
             return recorded_calls.jacobians().bind(*alive, self.placed_rows, self.oMi, **places, **library.words)
         function = recorded_calls.recorded_call(kind.call, kind.unused_inputs, kind.returns, forces)
-        return function.bind(*alive, **library.words, **places)
+        entry = library.entry(kind.call, forces)
+        return function.bind(*alive, entry=entry, **library.words, **places)
 
     def hold(self, held: Mapping[str, Array], recompute_field: Callable[[Run, str], Any]) -> None:
         """Have calls write these held fields: the result itself in place, the others by builtin or recipe."""
@@ -259,7 +260,7 @@ class Run:
             return None
         words = {f"address{k}": inputs[input.name].ctypes.data for k, input in enumerate(spec.present)}
         return recorded_calls.recompute(recipe.call).bind(
-            library, x, *inputs.values(), **library.words, **words, out=x.ctypes.data
+            library, x, *inputs.values(), entry=library.entry(recipe.call), **library.words, **words, out=x.ctypes.data
         )
 
 

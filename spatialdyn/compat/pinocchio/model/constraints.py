@@ -11,7 +11,8 @@ import numpy as np
 from ....errors import ModelError
 from ...native import recorded_contacts as numbers
 from ..coverage.coverage import Partial
-from ..types.arguments import ArgumentError, by_name, described, expected, number
+from ..types.arguments import ArgumentError, Array, by_name, described, expected, number
+from ..types.bases import Registered
 from ..types.containers import list_class
 from ..types.frame import Enum, ReferenceFrame
 from ..types.motion import Force, Motion
@@ -101,7 +102,7 @@ class RigidConstraintModel(Partial):
     desired_contact_placement, desired_contact_velocity, desired_contact_acceleration  kept, unused as in Pinocchio
     """
 
-    _instead = dict.fromkeys(["calc", "jacobian", "setCompliance", "retrieveCompliance"], _INSTEAD)
+    _instead = dict.fromkeys(["setCompliance", "retrieveCompliance"], _INSTEAD)
     _owner = None
     joint1_id = part("joint1_id", 2, "Index of the first joint.", int)
     joint2_id = part("joint2_id", 3, "Index of the second joint.", int)
@@ -153,6 +154,19 @@ class RigidConstraintModel(Partial):
     def residualSize(self) -> int:
         """Number of constraints: 3 or 6."""
         return int(self._x[0])
+
+    def calc(self, model: Model, data: Any, constraint_data: RigidConstraintData) -> None:
+        """Write oMc1, oMc2 and c1Mc2 to the data of the contact, from ``data.oMi``."""
+        expected(model, Model, "model")
+        own, X = expected(constraint_data, RigidConstraintData, "constraint_data"), data.array("oMi")
+        own.oMc1 = SE3.over(X[self.joint1_id]) * self.joint1_placement
+        own.oMc2 = SE3.over(X[self.joint2_id]) * self.joint2_placement
+        own.c1Mc2 = own.oMc1.actInv(own.oMc2)
+
+    def jacobian(self, model: Model, data: Any, constraint_data: RigidConstraintData) -> Array:
+        """``getConstraintJacobian`` of this contact."""
+        factors = Registered.classes["ConstraintCholeskyDecomposition"]
+        return factors.jacobian(model, data, [self], [constraint_data])  # type: ignore[no-any-return]
 
     def createData(self) -> RigidConstraintData:
         """A RigidConstraintData."""

@@ -136,6 +136,7 @@ class Tree:
         self._library: Any = None  # LibraryModel, None from an edit on
         self._frame_placements: Any = None  # FramePlacements, None from an edit of a frame on
         self._library_before: Any = None  # the last LibraryModel, None after an edit of the tree
+        self._edited: Any = None  # whether it is the copy of one that was edited; None after an edit of the tree
         self._inertia_numbers: Any = None  # array of the LibraryModel, None from an edit of the list on
         self._inertia_rows: dict[int, int] = {}  # rows of that array, by id of the Inertia
         self._edited_inertias: dict[int, Inertia] = {}  # by id, edited since
@@ -144,7 +145,7 @@ class Tree:
         on_inertia_edit = self._owner_of("_library", "_inertia_numbers")
         MODELS.add(self)
         on_tree_edit = self._owner_of(
-            "_library", "_frame_placements", "_library_before", "_inertia_numbers", "_placement_numbers"
+            "_library", "_frame_placements", "_library_before", "_inertia_numbers", "_placement_numbers", "_edited"
         )
         self.name = ""
         self.nq = self.nv = self.nvExtended = 0
@@ -183,6 +184,7 @@ class Tree:
         """Write gravity to the LibraryModel; with an angular part the next call raises."""
         library, x = self._library, self._gravity._x
         if library is not None and library.has_builtins and x[3] == 0.0 == x[4] and x[5] == 0.0:
+            library.note_edit()
             library.gravity[:] = x[:3]  # Runs of earlier calls have recorded theirs
         else:
             self._library = self._placement_numbers = None  # so that all is checked

@@ -17,8 +17,9 @@ from ....algebra.rotations import NORM_ROUNDING
 from ....bodies.kinds import kind_of, unit_part
 from ....bodies.table import BODIES
 from ....calls import dynamics
-from ....engines.compiled.cpython import READY, unavailable
-from ....engines.compiled.numba_kernels import PLAIN
+from ....engines import run as engine
+from ....engines.compiled.cpython import READY, Entry, unavailable
+from ....engines.compiled.numba_kernels import PLAIN, variant
 from ....errors import ModelError
 from ....interop.pinocchio import check_depth_first, fresh_name
 from ....model.assembly import Options
@@ -59,6 +60,7 @@ class LibraryModel:
     kernel_table  the table as kernels take it
     rows      (njoints,) row of its table of bodies that carries each joint's body; 0 for the universe
     parents   (njoints,) of the Model's joints
+    edited    whether it was edited after its first call: the table kernels then answer, whose table is written in place
     joints    None if its joints are the Model's one to one; else (njoints,) its joint that carries each joint's body
 
     Calls of the library for one sample are attributes, as builtins: ``library.integrate(q, v)``, which returns None if
@@ -80,6 +82,7 @@ class LibraryModel:
         self.units = tuple((part.start, part.stop - part.start) for part in self.unit_parts)
         self.has_builtins = READY and model.mimic_matrix is None  # not with mimic joints, nor without compiled code
         self.takes_edits = self.has_builtins and self.joints is None
+        self.edited = False
         self._take(model, np.frombuffer(model.bodies.tobytes(), np.uint8), inertias, numbers)
 
     def _take(self, model: SdModel, bodies: Any, inertias: Array, numbers: ModelNumbers) -> None:
@@ -93,6 +96,7 @@ class LibraryModel:
         self._put_inertia: Any = None
         self._masses: tuple[Any, Array] = None, np.empty(0)
         self._past: list[tuple[int, Array]] = []  # inertias, and the time until which they were those of the table
+        self._entries: dict[Any, Entry] = {}
         self.runs: WeakSet[Any] = WeakSet()  # the last calls, which keep the inertias before they are forgotten
         self.words = {"table": self.address, "nq": model.nq, "nv": model.nv, "njoints": model.njoints}
 
@@ -100,7 +104,7 @@ class LibraryModel:
         """The LibraryModel of the same tree, as a Model with other numbers; bodies as bytes."""
         found = LibraryModel.__new__(LibraryModel)
         names = ("joint_map", "parents", "rows", "row_numbers", "joints", "frames", "unit_parts", "units",
-                 "has_builtins", "takes_edits")  # fmt: skip
+                 "has_builtins", "takes_edits", "edited")  # fmt: skip
         found.__dict__.update({name: self.__dict__[name] for name in names})
         found._take(model, bodies, inertias, numbers)
         return found
@@ -116,6 +120,7 @@ class LibraryModel:
         at, armature = numbers.placements, numbers.armature
         if not (abs(at) < MOST).all() or not ((armature >= 0.0) & (armature < MOST)).all():
             return None
+        self.note_edit()
         found = self.copy()
         found.numbers, found._placed, bodies = numbers, {**self._placed, **placed}, found.table.view(BODIES)
         bodies["armature"][1:] = armature
@@ -136,6 +141,7 @@ class LibraryModel:
         after = self._put_inertia(before, joint, inertia)
         if after is None:
             return False
+        self.note_edit()
         self._past.append((clock.now[0] + 1, before))
         if len(self._past) == PAST:
             for run in self.runs:
@@ -188,11 +194,32 @@ class LibraryModel:
         call = self.__dict__[name] = self._bound(name)
         return call
 
+    def note_edit(self) -> None:
+        """Have table kernels answer from now on: recording programs of an edited model takes milliseconds each."""
+        if not self.edited:
+            self.edited = True
+            for entry in self._entries.values():
+                entry.use_table()
+
+    def entry(self, name: str, forces: bool = False) -> Entry:
+        """What runs a call: the library's program, or the table kernel if there is none or the model was edited."""
+        spec = variant(SPECS[name], frozenset(["fext"] if forces else []))
+        found = self._entries.get(spec)
+        if found is None:
+            made = None if self.edited else engine.program(spec, self._model, ())
+            found = self._entries[spec] = Entry(spec, None if made is None else made.program)
+        return found
+
+    def renew(self, name: str, forces: bool = False) -> bool:
+        """Take faster code of a call if there is some by now; whether there is."""
+        return self.has_builtins and self.entry(name, forces).renew()
+
     def _bound(self, name: str, forces: bool = False) -> Callable[..., Any]:
         """A call as a builtin, which returns None if not applicable."""
         if not self.has_builtins:
             return unavailable
-        return recorded_calls.recorded_call(name, forces=forces).bind(self, **self.words)
+        call = recorded_calls.recorded_call(name, forces=forces)
+        return call.bind(self, entry=self.entry(name, forces), **self.words)
 
     def compute(self, name: str, *values: Any, at: tuple[Array, Array] | None = None) -> Any:
         """A call, external forces last, if any; ``at`` gravity and inertias of an earlier call: by a builtin, or with
@@ -200,15 +227,20 @@ class LibraryModel:
         """
         if values and values[-1] is None:
             values = values[:-1]
-        spec, found = SPECS[name], None
-        if at is None or self.is_at(*at):
-            if values and len(values) == len(spec.present) and spec.present[-1].optional:
+        spec, now = SPECS[name], at is None or self.is_at(*at)
+        forces = bool(values) and len(values) == len(spec.present) and spec.present[-1].optional
+        for _ in range(2 if now else 0):
+            if forces:
                 found = self._bound(name, True)(*values[:-1], values[-1].ravel())
             else:
                 found = getattr(self, name)(*values)
-        if found is None:
-            found = dynamics.table_call(name, self.model if at is None else self.model_at(*at), *values)
-        return found
+            if found is not None:
+                return found
+            if not self.renew(name, forces):
+                break
+        if now and not self.edited and self.has_builtins:
+            return dynamics.calls[name](self._model, *values)
+        return dynamics.table_call(name, self.model if at is None else self.model_at(*at), *values)
 
     def off_norm(self, q: Array) -> bool:
         """Whether norms are not checked and a quaternion or (cos, sin) pair of q is off its unit norm."""
@@ -256,6 +288,7 @@ def library_model(model: Model) -> LibraryModel:
             found = before if _takes_edit(model, before) else _updated(model, before)
         if found is None:
             found = _assembled(model)
+            found.edited = before is not None or bool(model._edited)
             model._frame_placements = None
         own = vars(model)
         own["_library"] = own["_library_before"] = found
@@ -387,6 +420,7 @@ def _updated(model: Model, before: LibraryModel) -> LibraryModel | None:
     norms = None if now.strict == then.strict else not now.strict
     links, joints = _changed_links(compiled, before.inertias, inertias), _changed_joints(compiled, placed, now.armature)
     made = edited(compiled, links, joints, _numbers(model.gravity._x[:3]), norms)
+    before.note_edit()
     return before.with_model(made, np.frombuffer(made.bodies.tobytes(), np.uint8), inertias, now)
 
 

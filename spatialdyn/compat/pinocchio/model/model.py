@@ -106,7 +106,8 @@ class Model(Tree, Stored, Copied):
         self._arrays = {name: x.copy() for name, x in other._arrays.items()}
         for name, q in other.referenceConfigurations.items():
             self.referenceConfigurations[name] = np.array(q)
-        library = given["_library"]
+        library, before = given["_library"], given["_library_before"]
+        own["_edited"] = other._edited or (before is not None and (library is None or before.edited))
         if library is not None:
             own["_library"] = own["_library_before"] = library.copy()
             own["_inertia_numbers"], own["_placement_numbers"] = given["_inertia_numbers"], given["_placement_numbers"]

@@ -11,7 +11,7 @@ from ....errors import ModelError, ShapeError
 from ..types.arguments import ArgumentError, by_name, described, expected
 from ..types.frame import FIXED_JOINT, JOINT, Frame
 from ..types.se3 import SE3
-from .geometry import GeometryModel
+from .geometry import CollisionPair, GeometryModel
 from .joint import JointModel
 from .joint_tree import ARRAYS
 from .joints import JointModelMimic, Mimic
@@ -101,15 +101,27 @@ def transformJointIntoMimic(
     return _rebuilt(input_model, {}, {follower: mimic})
 
 
-def appendModel(modelA: Model, modelB: Model, frame_in_modelA: int, aMb: SE3) -> Model:
+def appendModel(modelA: Model, modelB: Model, *arguments: Any, **named: Any) -> Any:
     """A model in which the universe of B is fixed to a frame of A.
 
-    frame_in_modelA  index of the frame
-    aMb              SE3, pose of B's universe in it
+    geom_modelA, geom_modelB  optional GeometryModels of both; one with the objects and pairs of both is returned with
+                              the model: A's objects come first, and objects of A and of B make pairs if they are on
+                              different joints
+    frame_in_modelA           index of the frame
+    aMb                       SE3, pose of B's universe in it
 
     B's joints come after the subtree of the frame's joint, so that all are depth first. Gravity is that of A.
     Raises ModelError for a missing frame, or a name that both have.
     """
+    geometry = "geom_modelA geom_modelB " * (len(arguments) + len(named) == 4)
+    given = by_name("appendModel", f"{geometry}frame_in_modelA aMb", arguments, named, 4 if geometry else 2)
+    shapes = [expected(given[name], GeometryModel, name) for name in geometry.split()]
+    made = _appended(modelA, modelB, given["frame_in_modelA"], given["aMb"])
+    return (made[0], _appended_geometry(made, shapes)) if shapes else made[0]
+
+
+def _appended(modelA: Model, modelB: Model, frame_in_modelA: int, aMb: SE3) -> tuple[Model, _Part, _Part]:
+    """The model, and its parts."""
     expected(modelA, Model, "modelA")
     expected(modelB, Model, "modelB")
     expected(aMb, SE3, "aMb")
@@ -131,6 +143,25 @@ def appendModel(modelA: Model, modelB: Model, frame_in_modelA: int, aMb: SE3) ->
                 B.add(j)
     vars(whole)["nbodies"] = 1 + modelA.njoints + modelB.njoints  # as Pinocchio counts them
     _copy_configurations(whole, A, B)
+    return whole, A, B
+
+
+def _appended_geometry(made: tuple[Model, _Part, _Part], shapes: list[GeometryModel]) -> GeometryModel:
+    """The objects and pairs of both."""
+    whole, parts, first = GeometryModel(), made[1:], 0
+    for part, given in zip(parts, shapes, strict=True):
+        first = whole.ngeoms
+        for x in given.copy().geometryObjects:
+            carrier = part.carriers[x.parentJoint]
+            x.parentJoint, x.placement = carrier.joint, carrier.placement * x.placement
+            x.parentFrame = part.frames.get(x.parentFrame, x.parentFrame)
+            whole.addGeometryObject(x)
+        for pair in given.collisionPairs:
+            whole.addCollisionPair(CollisionPair(pair.first + first, pair.second + first))
+    for i, one in enumerate(whole.geometryObjects[:first]):
+        for j, other in enumerate(whole.geometryObjects[first:], first):
+            if one.parentJoint != other.parentJoint:
+                whole.addCollisionPair(CollisionPair(i, j))
     return whole
 
 

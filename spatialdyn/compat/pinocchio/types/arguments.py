@@ -78,6 +78,14 @@ def expected(value: Any, kind: type, what: str) -> Any:
     return value
 
 
+def all_expected(values: Any, kind: type, what: str) -> Any:
+    """The values themselves. Raises ArgumentError, naming the first item that is not of that type."""
+    for k, x in enumerate(values):
+        if not isinstance(x, kind):
+            raise ArgumentError(f"{what}[{k}] is {described(x)}, expected {kind.__name__}")
+    return values
+
+
 def number(value: Any, what: str) -> float:
     """A real number as Boost.Python takes one: int, float and their subclasses."""
     if not isinstance(value, (int, float, np.floating, np.integer)):

@@ -120,7 +120,7 @@ def record(
     vars(tree[0])["kind"] = 0  # programs reject samples off unit norm, also where the table allows any norm
     taken = withdraw(tree, options.parameters)
     if all(spec.regroup for spec in specs) and not (options.double_double or errors):
-        in_body = options.parameters or any(x.name == "fext" or x.table for spec in specs for x in spec.present)
+        in_body = options.parameters or any(_in_body(x) for spec in specs for x in spec.present)
         if not in_body and dtype == np.float64:  # in float32 a distance moved costs digits
             move_origins(tree)
         regroup(tree, any(spec.pivots for spec in specs))
@@ -195,6 +195,11 @@ def record(
         tuple(widths), tuple(places), tuple(dict.fromkeys(units)), tuple(pivots), tuple(norms), sizes_of
     )
     return Recording(program, layout)
+
+
+def _in_body(x: Argument) -> bool:
+    """Whether an input is given in the coordinates of bodies, whose origins must then stay where they are."""
+    return x.name == "fext" or x.table is not None or (x.static and x.shape == (4, 4))
 
 
 def _tracked(values: NDArray[Any]) -> NDArray[Any]:

@@ -1,0 +1,304 @@
+"""Adaptive laws: ``SlotineLi`` and ``NaturalAdaptation`` follow a path with masses and inertias that they learn."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..actuation.friction import Friction, check_friction
+from ..calls.arguments import as_array, as_number, check_model
+from ..calls.dynamics import calls
+from ..errors import InertiaError, ModelError, NonFiniteError, ShapeError, SimulationError
+from ..model.model import Model
+from ..recursions.control.adaptive_laws import adaptive_spec
+from .laws import Law, _is_matrix, _reference, gain_of
+from .paths import Path
+
+Array = NDArray[np.float64]
+ROUNDED = 1e-9  # of the largest column of Y: what the right angles of a file, rounded, make of a column that is 0
+EXCITED = 1e-6  # of the largest eigenvalue of ∫ Yᵀ Y, scaled to a diagonal of 1: below, a combination was not seen
+
+
+class Excitation(NamedTuple):
+    """What a motion shows of the parameters that a law learns, from ∫ Yᵀ Y dt with each column scaled to 1.
+
+    rank         combinations of parameters that act on the torques: these can be learnt, others never
+    parameters   how many are learnt
+    condition    largest over least eigenvalue of those combinations: how unevenly they are learnt
+    eigenvalues  (parameters,) falling
+    """
+
+    rank: int
+    parameters: int
+    condition: float
+    eigenvalues: Array
+
+
+class Adaptive(Law):
+    """What both laws have in common."""
+
+    smooth = False
+
+    def __init__(
+        self, natural: bool, model: Model, rates: ArrayLike, gain: ArrayLike, path: Path | ArrayLike,
+        own: dict[str, Array], deadzone: float, friction: Friction | None, friction_gain: ArrayLike, held: bool | float,
+    ) -> None:  # fmt: skip
+        """Of the inputs ``own`` of one law, and those of both."""
+        self.model = model
+        if model.mimic_matrix is not None:
+            raise ModelError(f'robot "{model.name}" has joints that mimic others, expected none for adaptive laws')
+        if model.bodies["geared"].any() or model.bodies["coupled"].any():
+            raise ModelError(f'robot "{model.name}" has rotors on moving links or differentials, expected none')
+        reference, n = _reference(path)
+        one, two = gain_of("rates", rates, n), gain_of("gain", gain, n)
+        zone = as_number(deadzone)
+        if not 0.0 <= zone < math.inf:
+            raise SimulationError(f"deadzone is {deadzone!r}, expected 0 or more [rad/s]")
+        values = {"rates": one, "gain": two, **own, "deadzone": np.array([zone])}
+        if friction is not None:
+            values |= _friction(model, friction, friction_gain)
+        self.friction = friction is not None
+        core = adaptive_spec(natural, _is_matrix(one), _is_matrix(two), self.friction)
+        super().__init__(core, values, reference, held)
+        self.checks = (*self.checks, self._check)
+
+    def _check(self, model: Model) -> None:
+        """Raise ModelError for a model of other joints."""
+        if model.nv != self.model.nv or model.njoints != self.model.njoints:
+            raise ModelError(
+                f'robot "{model.name}" has {model.njoints} joints and {model.nv} freedoms, expected those of '
+                f'"{self.model.name}", {self.model.njoints} and {self.model.nv}, whose parameters the law learns'
+            )
+
+    def estimates(self, run: Any) -> Array:
+        """The inertial parameters (..., njoints, 10) that were estimated, of a Trajectory or Rollout at its times."""
+        raise NotImplementedError
+
+    def frictions(self, run: Any) -> Array:
+        """The estimates (..., 2, nv) of dry friction and damping. Raises SimulationError for a law without."""
+        if not self.friction:
+            raise SimulationError("the law learns no friction, expected one with friction=")
+        found: Array = self.values["friction"] + _state_of(run, "worn")
+        return found
+
+    def excitation(self, q: ArrayLike, v: ArrayLike, a: ArrayLike) -> Excitation:
+        """What a motion q (N, nq), v, a (N, nv) shows of the parameters that are learnt: tracking needs none of it, but
+        only what is shown converges.
+        """
+        Y = np.asarray(calls["modified_torque_regressor"](self.model, q, v, v, a))
+        chosen = np.broadcast_to(self._learnt(), Y.shape[-2:]).ravel()
+        W = Y.reshape(-1, chosen.size)[:, chosen]
+        size = np.linalg.norm(W, axis=0)
+        felt = size > ROUNDED * size.max(initial=0.0)
+        W = np.where(felt, W / np.where(felt, size, 1.0), 0.0)
+        w = np.sort(np.linalg.eigvalsh(W.T @ W))[::-1].clip(0.0)
+        seen = w > EXCITED * max(w.max(initial=0.0), np.finfo(float).tiny)
+        rank = int(seen.sum())
+        return Excitation(rank, int(chosen.sum()), float(w[0] / w[rank - 1]) if rank else math.inf, w)
+
+    def _learnt(self) -> Any:
+        """Which of the parameters (njoints, 10) are learnt."""
+        raise NotImplementedError
+
+
+class SlotineLi(Adaptive):
+    """Adaptive control: tau = M̂ a_r + Ĉ v_r + ĝ - K s with estimates that learn by π̂⁺ = π̂ - h Γ Yᵀ s.
+
+    model          Model of the joints; its own masses do not count
+    rates, gain    Λ [1/s] and K [N m s/rad | N s/m], as of ``Passivity``
+    path           Path, or positions to hold (nq,)
+    parameters     (njoints, 10)  first estimates, in the order of ``inertial_parameters``
+    Gamma          number or (njoints, 10), 0 or more: how fast each is learnt; 0 keeps it
+    bounds         (least, most), each (njoints, 10): the estimates stay between
+    deadzone       |s| up to which nothing is learnt [rad/s]: what noise and friction leave would be learnt as mass
+    friction       Friction, first estimates of coulomb and viscous, with smoothing: the law learns and gives them
+    friction_gain  number or (2, nv): how fast those are learnt
+    held           as of ``Control``; estimates move from step to step
+
+    V = ½ sᵀM s + ½ π̃ᵀΓ⁻¹π̃ falls along motions: V̇ = -sᵀK s, by the Ṁ - 2C that is skew. The path is tracked whatever the
+    estimates; they converge to the true parameters only where the motion excites them: ``excitation``. They may
+    leave what is physical, with a negative mass: ``NaturalAdaptation`` never does.
+    Raises  SimulationError, ShapeError, ModelError
+    Source  Slotine and Li, On the adaptive control of robot manipulators (1987).
+
+    >>> import numpy as np, spatialdyn as sd
+    >>> model = sd.load_urdf("two_link")
+    >>> guess = 0.5 * sd.inertial_parameters(model)
+    >>> law = sd.SlotineLi(model, 5.0, 10.0, sd.quintic([0.0, 0.0], [1.0, 0.5], 1.0), guess, 0.5)
+    >>> run = sd.simulate(model, [0.0, 0.0], [0.0, 0.0], 2.0, 2e-3, control=law)
+    >>> law.estimates(run).shape
+    (1001, 3, 10)
+    """
+
+    def __init__(
+        self, model: Model, rates: ArrayLike, gain: ArrayLike, path: Path | ArrayLike, parameters: ArrayLike,
+        Gamma: ArrayLike, *, bounds: Sequence[ArrayLike] | None = None, deadzone: float = 0.0,
+        friction: Friction | None = None, friction_gain: ArrayLike = 1.0, held: bool | float = True,
+    ) -> None:  # fmt: skip
+        """See the class."""
+        check_model(model)
+        first = _table(model, "parameters", parameters)
+        step = _table(model, "Gamma", Gamma, spread=True)
+        if (step < 0.0).any():
+            raise SimulationError(f"Gamma has {step.min():.6g}, expected 0 or more")
+        least, most = np.full_like(first, -1e300), np.full_like(first, 1e300)
+        if bounds is not None:
+            if not isinstance(bounds, Sequence) or len(bounds) != 2:
+                raise SimulationError(f"bounds is {bounds!r}, expected (least, most)")
+            least, most = (_table(model, "bounds", x, spread=True, finite=False) for x in bounds)
+            out = (first < least) | (first > most)
+            if out.any():
+                j, k = np.argwhere(out)[0]
+                raise SimulationError(
+                    f'parameter {k} of joint "{model.names[j]}" is {first[j, k]:.6g}, expected between bounds '
+                    f"{least[j, k]:.6g} and {most[j, k]:.6g}"
+                )
+        own = {"first": first, "step": step, "least": least, "most": most}
+        super().__init__(False, model, rates, gain, path, own, deadzone, friction, friction_gain, held)
+
+    def estimates(self, run: Any) -> Array:
+        """See ``Adaptive``."""
+        found: Array = self.values["first"] + _state_of(run, "learnt")
+        return found
+
+    def _learnt(self) -> Any:
+        return self.values["step"] > 0.0
+
+
+class NaturalAdaptation(Adaptive):
+    """Adaptive control as ``SlotineLi``, with estimates that stay physical whatever the step: P̂⁺ = G exp(-h/γ GᵀLG) Gᵀ.
+
+    P̂ = G Gᵀ is the pseudo-inertia of a body, positive definite exactly if mass, centre of mass and inertia are those of
+    some body. The distance that γ weighs does not depend on units or frames, so one number serves all bodies.
+
+    model          Model of the joints; its own masses do not count
+    rates, gain    as of ``SlotineLi``
+    path           Path, or positions to hold (nq,)
+    parameters     (njoints, 10)  first estimates, each of a body with volume: no point masses, rods or discs
+    gamma          number or (njoints,), above 0: small learns fast; inf keeps a body as it is
+    deadzone, friction, friction_gain, held  as of ``SlotineLi``
+
+    A step whose h/γ GᵀLG is larger than 1 is taken as one of 1: with a γ so small P̂ would run to the edge at once.
+    Raises  InertiaError naming the joint whose body has no volume; SimulationError, ShapeError, ModelError
+    Source  Lee, Kwon and Park, A natural adaptive control law for robot manipulators (2018).
+
+    >>> import numpy as np, spatialdyn as sd
+    >>> b = sd.ModelBuilder("rod").add_body("rod", None, "revolute", (0, 1, 0), inertia=(1.0, (0.3, 0, 0), np.eye(3)))
+    >>> model = b.build()
+    >>> law = sd.NaturalAdaptation(model, 5.0, 4.0, [0.8], 0.5 * sd.inertial_parameters(model), 10.0)
+    >>> run = sd.simulate(model, [0.0], [0.0], 1.0, 2e-3, control=law)
+    >>> bool((law.estimates(run)[:, 1, 0] > 0).all())
+    True
+    """
+
+    def __init__(
+        self, model: Model, rates: ArrayLike, gain: ArrayLike, path: Path | ArrayLike, parameters: ArrayLike,
+        gamma: ArrayLike, *, deadzone: float = 0.0, friction: Friction | None = None, friction_gain: ArrayLike = 1.0,
+        held: bool | float = True,
+    ) -> None:  # fmt: skip
+        """See the class."""
+        check_model(model)
+        given = as_array("gamma", gamma)
+        if given.shape not in ((), (model.njoints,)):
+            raise ShapeError(f"gamma has shape {given.shape}, expected a number or ({model.njoints},)")
+        if not (given > 0.0).all():
+            raise SimulationError(f"gamma is {given.tolist()}, expected numbers above 0")
+        step = np.broadcast_to(1.0 / given, (model.njoints,)).copy()
+        step[0] = 0.0
+        own = {"first": _factors(model, _table(model, "parameters", parameters)), "step": step}
+        super().__init__(True, model, rates, gain, path, own, deadzone, friction, friction_gain, held)
+
+    def estimates(self, run: Any) -> Array:
+        """See ``Adaptive``."""
+        G = self.values["first"] + _state_of(run, "learnt")
+        return parameters_of(G @ np.swapaxes(G, -1, -2))
+
+    def pseudo_inertias(self, run: Any) -> Array:
+        """P̂ (..., njoints, 4, 4) of a Trajectory or Rollout at its times, row 0 zero."""
+        G = self.values["first"] + _state_of(run, "learnt")
+        found: Array = G @ np.swapaxes(G, -1, -2)
+        return found
+
+    def _learnt(self) -> Any:
+        return self.values["step"][:, None] > 0.0
+
+
+def _state_of(run: Any, name: str) -> Array:
+    states: Any = getattr(run, "states", None)
+    if not isinstance(states, Mapping):
+        raise SimulationError(f"run is {run!r}, expected a Trajectory or Rollout of this law")
+    if name not in states:
+        raise SimulationError(f"run has states {', '.join(states) or 'none'}, expected one of this law, with {name}")
+    return np.asarray(states[name])
+
+
+def _table(model: Model, name: str, value: ArrayLike, spread: bool = False, finite: bool = True) -> Array:
+    """Numbers (njoints, 10), row 0 zero; ``spread``: one number will do. Raises ShapeError, NonFiniteError."""
+    x = as_array(name, value)
+    shape = (model.njoints, 10)
+    if x.shape != shape and not (spread and x.ndim == 0):
+        raise ShapeError(f"{name} has shape {x.shape}, expected {'a number or ' if spread else ''}{shape}")
+    if np.isnan(x).any() or (finite and not np.isfinite(x).all()):
+        raise NonFiniteError(f"{name} has numbers that are not finite, expected finite ones")
+    found = np.broadcast_to(x, shape).clip(-1e300, 1e300)
+    if not spread:
+        found[0] = 0.0
+    return found
+
+
+def _friction(model: Model, friction: Any, gain: ArrayLike) -> dict[str, Array]:
+    """The inputs of learnt friction. Raises ModelError, ShapeError, SimulationError."""
+    given = check_friction(model, friction)
+    if given.smoothing is None:
+        raise ModelError("friction has no smoothing, expected one: the law's sign is tanh(v/ε)")
+    n = model.nv
+    step = as_array("friction_gain", gain)
+    if step.shape not in ((), (2, n)):
+        raise ShapeError(f"friction_gain has shape {step.shape}, expected a number or (2, {n})")
+    if not ((step >= 0.0) & np.isfinite(step)).all():
+        raise SimulationError(f"friction_gain is {step.tolist()}, expected finite numbers of 0 or more")
+    return {
+        "smoothing": np.array(given.smoothing), "friction": np.stack([given.coulomb, given.viscous]),
+        "friction_step": np.broadcast_to(step, (2, n)).copy(),
+    }  # fmt: skip
+
+
+def pseudo_inertia(pi: Array) -> Array:
+    """P (..., 4, 4) = [Σ h; hᵀ m] of parameters (..., 10)."""
+    P = np.zeros((*pi.shape[:-1], 4, 4))
+    xx, xy, yy, xz, yz, zz = (pi[..., k] for k in range(4, 10))
+    half = 0.5 * (xx + yy + zz)
+    for k, I in enumerate((xx, yy, zz)):
+        P[..., k, k] = half - I
+        P[..., k, 3] = P[..., 3, k] = pi[..., 1 + k]
+    for (i, j), I in (((0, 1), xy), ((0, 2), xz), ((1, 2), yz)):
+        P[..., i, j] = P[..., j, i] = -I
+    P[..., 3, 3] = pi[..., 0]
+    return P
+
+
+def parameters_of(P: Array) -> Array:
+    """π (..., 10) of pseudo-inertias (..., 4, 4)."""
+    xx, yy, zz = P[..., 0, 0], P[..., 1, 1], P[..., 2, 2]
+    rotational = (yy + zz, -P[..., 0, 1], zz + xx, -P[..., 0, 2], -P[..., 1, 2], xx + yy)
+    return np.stack([P[..., 3, 3], P[..., 0, 3], P[..., 1, 3], P[..., 2, 3], *rotational], -1)
+
+
+def _factors(model: Model, parameters: Array) -> Array:
+    """Cholesky factors (njoints, 4, 4), row 0 zero. Raises InertiaError naming the joint."""
+    G = np.zeros((model.njoints, 4, 4))
+    for j, P in enumerate(pseudo_inertia(parameters)):
+        if j == 0:
+            continue
+        w = np.linalg.eigvalsh(P)
+        if not w[0] > 1e-12 * w[-1] or not w[-1] > 0.0:
+            raise InertiaError(
+                f'body of joint "{model.names[j]}" has a pseudo-inertia with the eigenvalue {w[0]:.3g}, largest '
+                f"{w[-1]:.3g}, expected all above 0: those of a mass with volume"
+            )
+        G[j] = np.linalg.cholesky(P)
+    return G

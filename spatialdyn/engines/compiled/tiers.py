@@ -1,0 +1,299 @@
+"""Functions that plain Python runs until compiling them pays: both ways have the same bits.
+
+Numba takes a second or more to compile a function, and a new process with an empty cache calls dozens. So the source
+runs in plain Python first. It is compiled once the time spent there reaches what compiling is expected to cost, or
+loaded at once if its compiled code is on disk. LLVM may fuse no product and sum of such a function (``contract``), so
+compiled code rounds as plain Python does, and only the time of a call depends on calls before.
+
+Where compiled code reads memory by address, plain Python reads it by ``ctypes``: a ``Twin`` is a name of the source
+with its two meanings, and the functions below are those of plain Python.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import math
+import struct
+from collections.abc import Callable, Mapping
+from fractions import Fraction
+from functools import cache
+from time import perf_counter
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ...algebra.scalars import cos, sin
+from ...bodies.table import BODIES
+from ...recursions.spec import Spec
+from .. import locks
+from ..polynomials import COSINE, HALF_PI, MAGIC, MAX_ANGLE, SINE
+from . import numba_kernels
+from .numba_settings import PLAIN
+
+COMPILE_SECONDS = 1.0  # expected to compile a function
+SHIFT, (LARGE, SMALL, LEAST) = MAGIC["double"], HALF_PI["double", True]
+
+
+class Twin(NamedTuple):
+    """What a name of the source is in plain Python, and a function that makes what it is in compiled code."""
+
+    plain: Any
+    compiled: Callable[[], Any]
+
+
+def scope_in(plain: bool, scope: Mapping[str, Any]) -> dict[str, Any]:
+    """Names of a source in plain Python, or in compiled code."""
+    chosen = {name: (x.plain if plain else x.compiled()) for name, x in scope.items() if isinstance(x, Twin)}
+    return {**scope, **chosen}
+
+
+class Tier:
+    """Whether a function is compiled. A subclass makes it: ``_compile``, and says whether it ``_is_stored``."""
+
+    def __init__(self) -> None:
+        self._code: Any = None
+        self._spent = 0.0  # seconds in plain Python
+        self._looked = False
+        self._lock = locks.new()  # plain Python lets other threads run; memory of a plan is for one
+
+    def _compile(self) -> Any:
+        raise NotImplementedError
+
+    def _is_stored(self, *arguments: Any) -> bool:
+        raise NotImplementedError
+
+    def code(self, *arguments: Any) -> Any:
+        """The compiled function if compiling pays, or its code is on disk for such arguments; else None."""
+        if self._code is None:
+            with self._lock:
+                first, self._looked = not self._looked, True
+                if self._code is None and (self._spent >= COMPILE_SECONDS or (first and self._is_stored(*arguments))):
+                    self._code = self._compile()
+        return self._code
+
+    @property
+    def called(self) -> bool:
+        """Whether it was called."""
+        return self._looked
+
+    def compile_now(self) -> None:
+        """Compile it, whether that pays or not."""
+        self._looked, self._spent = True, COMPILE_SECONDS
+        self.code()
+
+    def in_plain_python(self, function: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
+        """A call in plain Python, whose time counts; of one thread at a time."""
+        with self._lock:
+            start = perf_counter()
+            try:
+                with np.errstate(all="ignore"):
+                    return function(*arguments)
+            finally:
+                self._spent += perf_counter() - start
+
+
+class Tiered(Tier):
+    """A function of arrays and numbers, to be called as it is."""
+
+    def __init__(self, source: Callable[[bool], Any], compiled: Callable[[Any], Any]) -> None:
+        """A function that makes the source, in plain Python or for compiled code, and one that has Numba take it."""
+        super().__init__()
+        self._source, self._compiled = source, compiled
+        self._plain: Any = None
+        self._dispatcher: Any = None
+
+    def __call__(self, *arguments: Any) -> Any:
+        code = self._code
+        if code is None and (code := self.code(*arguments)) is None:
+            self._plain = self._plain or self._source(True)
+            return self.in_plain_python(self._plain, arguments)
+        return code(*arguments)
+
+    def _compile(self) -> Any:
+        self._dispatcher = self._dispatcher or self._compiled(self._source(False))
+        return self._dispatcher
+
+    def _is_stored(self, *arguments: Any) -> bool:
+        if PLAIN:
+            return True
+        from numba import typeof  # type: ignore[attr-defined]
+
+        return is_stored(self._compile(), tuple(map(typeof, arguments)))
+
+
+def is_stored(dispatcher: Any, signature: tuple[Any, ...]) -> bool:
+    """Whether the code of a dispatcher of ``jit.numba_jit`` for a signature is on disk."""
+    return bool(dispatcher._cache.is_stored(signature, dispatcher.targetctx))
+
+
+# --- memory in plain Python ------------------------------------------------------------------------------
+
+
+def word(base: int, k: int) -> int:
+    """The word k behind an address."""
+    return ctypes.c_int64.from_address(int(base + 8 * k)).value
+
+
+def array_of(address: int, shape: tuple[int, ...], dtype: Any) -> Any:
+    """Array at an address, in C order."""
+    size = int(math.prod(shape))
+    if not size:
+        return np.empty(shape, dtype)
+    memory = (ctypes.c_char * (size * np.dtype(dtype).itemsize)).from_address(int(address))
+    return np.frombuffer(memory, dtype, size).reshape(shape)
+
+
+@cache
+def _function(result: Any, *given: Any) -> Any:
+    return ctypes.PYFUNCTYPE(result, *given)
+
+
+def call_words(address: int, arguments: tuple[int, ...]) -> int:
+    """A C function of words that returns a word; -1 if it sets an error."""
+    try:
+        found: int = _function(ctypes.c_int64, *[ctypes.c_int64] * len(arguments))(address)(*arguments)
+    except OverflowError:
+        return -1
+    return found
+
+
+def call_void(address: int, arguments: tuple[int, ...]) -> None:
+    """A C function of words that returns nothing."""
+    _function(None, *[ctypes.c_int64] * len(arguments))(address)(*arguments)
+
+
+def call_real(address: int, x: float) -> int:
+    """A C function of a float that returns a word."""
+    found: int = _function(ctypes.c_int64, ctypes.c_double)(address)(x)
+    return found
+
+
+def real_of(address: int, x: int) -> float:
+    """A C function of a word that returns a float."""
+    found: float = _function(ctypes.c_double, ctypes.c_int64)(address)(x)
+    return found
+
+
+def advance(address: int) -> None:
+    """Count one more at an address, at once for all threads."""
+    count = array_of(address, (1,), np.int64)
+    np.add(count, 1, out=count)
+
+
+def table_at(address: int) -> Any:
+    """The table of bodies at an address."""
+    world = array_of(address, (1,), BODIES)
+    return array_of(address, (int(world[0].last_row) + 1,), BODIES)
+
+
+# --- sines, as compiled kernels have them ------------------------------------------------------------------
+
+
+class Angle(float):
+    """An angle with its cosine and sine."""
+
+    cosine: float
+    sine: float
+
+
+cos.register(Angle)(lambda x: x.cosine)
+sin.register(Angle)(lambda x: x.sine)
+
+
+def fma(a: float, b: float, c: float) -> float:
+    """A product and a sum, rounded once."""
+    found = Fraction(a) * Fraction(b) + Fraction(c)
+    return float(found) if found else a * b + c
+
+
+def _angle(x: float) -> Angle:
+    """The polynomials of ``sines.turn``; the C library's functions for large angles and without fused multiply-add."""
+    made = Angle(x)
+    if not abs(x) <= MAX_ANGLE or not _has_fma():
+        made.cosine, made.sine = cos(x), sin(x)
+        return made
+    shifted = fma(x, 2.0 / math.pi, SHIFT)
+    n = shifted - SHIFT
+    whole = fma(n, -LARGE, x)
+    r = fma(n, -LEAST, fma(n, -SMALL, whole))
+    low = fma(n, -SMALL, whole - r)
+    z = r * r
+    p, c = SINE["double"][-1], COSINE["double"][-1]
+    for a, b in zip(SINE["double"][-2::-1], COSINE["double"][-2::-1], strict=True):
+        p, c = fma(z, p, a), fma(z, c, b)
+    c = fma(z, c, -0.5)
+    s, c = fma(z, fma(r, p, low), r), fma(z, c, 1.0)
+    (quadrant,) = struct.unpack("<q", struct.pack("<d", shifted))
+    if quadrant & 1:
+        s, c = c, s
+    made.cosine, made.sine = -c if quadrant + 1 & 2 else c, -s if quadrant & 2 else s
+    return made
+
+
+@cache
+def _has_fma() -> bool:
+    from .sines import has_fma
+
+    return has_fma()
+
+
+def turned(q: Any, memory: Any = None) -> list[Angle]:
+    """Coordinates with their cosines and sines, as a recursion takes ``TURNED_Q`` in plain Python."""
+    return [_angle(float(x)) for x in q]
+
+
+def _of_jit(name: str) -> Callable[[], Any]:
+    def compiled() -> Any:
+        from . import jit
+
+        return getattr(jit, name)
+
+    return compiled
+
+
+NATIVE: dict[str, Any] = {  # names of a source that compiled code takes from ``jit``
+    "table_at": Twin(table_at, _of_jit("table_at")),
+    "memory": Twin(lambda size: size, _of_jit("memory")),
+    "array_at": Twin(lambda memory, shape, dtype: np.empty(shape, dtype), _of_jit("array_at")),
+    "release": Twin(lambda memory, size: None, _of_jit("release")),
+    "turned": Twin(turned, _of_jit("turned")),
+}
+
+
+# --- table kernels -----------------------------------------------------------------------------------------
+
+
+class TableKernel(Tiered):
+    """``(address of the table, *inputs, output) -> status`` of a call, as ``numba_kernels.sample_kernel``."""
+
+    def __init__(self, spec: Spec) -> None:
+        """Of a call."""
+        parameters = ["table", *(x.name for x in spec.present), spec.output.name]
+        turns = {f"turn({x.name}, {x.name}_turned)": f"{x.name}_turned = turned({x.name}, {x.name}_turned)"
+                 for x in spec.present if x.turned}  # fmt: skip
+        body = numba_kernels.statements(spec, lambda status: f"return {status}")
+        text = ["bodies = table_at(table)", *(turns.get(x, x) for x in body), f"return {numba_kernels.OK}"]
+        name, scope = f"{numba_kernels.label(spec)}_unfused", {**numba_kernels.scope(spec), **NATIVE}
+
+        def function(plain: bool) -> Any:
+            return numba_kernels.kernel_from_text(name, parameters, text, scope_in(plain, scope))
+
+        super().__init__(function, self._jitted)
+        self._spec = spec
+        self.twin = Twin(self, self._compile)
+
+    def _jitted(self, source: Any) -> Any:
+        from . import jit
+
+        return jit.compile_signature(source, numba_kernels.signature(self._spec), contract=False)
+
+    def _is_stored(self, *arguments: Any) -> bool:
+        from . import jit
+
+        return is_stored(jit.numba_jit(self._source(True), contract=False), numba_kernels.signature(self._spec))
+
+
+@cache
+def table_kernel(spec: Spec) -> Any:
+    """The TableKernel of a call; where nothing is compiled, its ``sample_kernel``, which takes the table itself."""
+    return numba_kernels.sample_kernel(spec) if PLAIN else TableKernel(spec)

@@ -1,0 +1,90 @@
+"""A quadruped and a humanoid that stand on their feet by a quadratic program, and are pushed.
+
+Learn    sd.WholeBody finds joint torques for a robot whose base has no motor: accelerations and forces of the feet at
+         once, within friction, torques and limits, so that the centre of mass and the posture come back.
+Look at  the impulse in N s that each survives for ten seconds. Talos weighs 886 N on soles of 20 by 12 cm, which alone
+         hold it: the forces may only push, and their centre has to stay under the feet. Where no torque within all
+         limits is left, the smallest relaxation is taken, and it has a name.
+Needs    pip install example-robot-data qpsolvers daqp
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+import spatialdyn as sd
+from spatialdyn.examples.gallery import picture, start, write
+from spatialdyn.model.robot import Link, RobotJoint
+
+DT, PUSH = 4e-3, (0.5, 0.6)
+SOLE = ((0.1, 0.06), (0.1, -0.06), (-0.1, 0.06), (-0.1, -0.06))
+
+
+def talos() -> tuple[sd.Model, dict[str, float], Any]:
+    """Talos with a frame at each corner of its soles, its points, and bent knees."""
+    robot = sd.load_urdf("talos_reduced", root="floating").robot
+    links, joints, points = list(robot.links), list(robot.joints), {}
+    for side in ("left", "right"):
+        for k, (x, y) in enumerate(SOLE):
+            name, X = f"{side}_corner_{k}", np.eye(4)
+            X[:2, 3], points[name] = (x, y), 0.0
+            links.append(Link(name))
+            joints.append(RobotJoint(f"{name}_joint", "fixed", f"{side}_sole_link", name, tuple(X.ravel().tolist())))
+    model = sd.assemble(replace(robot, links=tuple(links), joints=tuple(joints)), root="floating")
+    q = np.r_[sd.neutral(model)[:7], np.clip(sd.neutral(model)[7:], model.lower[7:] + 0.05, model.upper[7:] - 0.05)]
+    for side in ("left", "right"):
+        for k, angle in ((3, -0.4), (4, 0.8), (5, -0.4)):
+            q[model.joint(f"leg_{side}_{k}_joint").idx_q] = angle
+    return model, points, q
+
+
+def solo() -> tuple[sd.Model, dict[str, float], Any]:
+    """Solo12, the spheres of its feet, and bent knees."""
+    model = sd.load_urdf("solo12", root="floating")
+    q = sd.neutral(model).copy()
+    legs = {"FL": 1, "FR": 1, "HL": -1, "HR": -1}
+    for leg, bend in legs.items():
+        q[model.joint(f"{leg}_HFE").idx_q], q[model.joint(f"{leg}_KFE").idx_q] = 0.7 * bend, -1.4 * bend
+    return model, {f"{leg}_FOOT": 0.016 for leg in legs}, q
+
+
+def stand(robot: Any, frame: str, impulse: float, seconds: float) -> tuple[Any, Any, float]:
+    """Times, the centre of mass's distance from where it was, and the last speed, of a robot that is pushed."""
+    model, points, q = robot
+    contacts = sd.Contacts(model, points, friction=0.7)
+    q[2] -= sd.contact_gaps(model, contacts, q).min()
+    scene, c = sd.Scene(model, contacts=contacts, friction=False), sd.center_of_mass(model, q)
+    base = sd.FrameTask(frame, target=sd.frame_placement(model, q, frame), axes="rxyz", Kp=50.0)
+    tasks = [sd.ComTask(c, Kp=30.0, weight=10.0), base, sd.PostureTask(q, Kp=50.0, weight=0.1)]
+    body = sd.WholeBody(scene, tasks, dt=DT, infeasible="relax")
+    side = np.array([impulse / (PUSH[1] - PUSH[0]), 0.0, 0.0, 0.0, 0.0, 0.0])
+
+    def push(t: float, q: Any, v: Any) -> Any:
+        return sd.wrench_at(model, q, frame, side * (PUSH[0] <= t < PUSH[1]))
+
+    run = sd.simulate(scene, q, np.zeros(model.nv), seconds, DT, torque=body, fext=push)
+    return run.t, np.linalg.norm(sd.center_of_mass(model, run.q) - c, axis=1), float(abs(run.v[-1]).max())
+
+
+def main(quick: bool = False, save: str | None = None) -> dict[str, Any]:
+    """Print how far each robot is moved by its push and where it ends; returns those motions."""
+    robots: dict[str, Any] = {"Solo12": (solo, "base_link", 1.0), "Talos": (talos, "torso_2_link", 20.0)}
+    found, seconds = {}, 1.5 if quick else 10.0
+    for name, (make, frame, impulse) in list(robots.items())[: 1 if quick else 2]:
+        found[name] = _, off, _ = stand(make(), frame, impulse, seconds)
+        print(f"{name}: {impulse:g} N s move its centre of mass by {off.max():.3f} m, {off[-1]:.1e} m at the end")
+    if save:
+        figure, axes = picture()
+        for name, (t, off, _) in found.items():
+            axes.plot(t, off, label=f"{name}, {robots[name][2]:g} N s")
+        axes.set(xlabel="t [s]", ylabel="centre of mass from where it was [m]")
+        axes.legend()
+        write(figure, save)
+    return found
+
+
+if __name__ == "__main__":
+    start(main)

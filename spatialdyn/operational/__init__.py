@@ -1,0 +1,1 @@
+"""Operational space: inertia and forces of a frame, tasks in strict order, whole bodies by quadratic programs."""

@@ -1,0 +1,205 @@
+"""Whole bodies: weight carried, KKT, other solvers, cones and limits, priorities, what gives way, bad input."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from standing_robots import box, talos
+
+import spatialdyn as sd
+from spatialdyn.operational.viable import upper
+
+pytest.importorskip("qpsolvers")
+KKT = 1e-10  # of accelerations and of forces over the weight: a program without active inequalities
+SOLVERS = 1e-6  # the same between solvers
+CARRIED = 1e-6  # of the weight: the small weights of f² and a² move it
+MET = 1e-6  # [m/s²] of equations that hold
+BRAKED = 1e-6  # [rad] beyond a limit: the last step of braking ends at rest, or on the limit
+
+
+def standing(model: sd.Model, q: Any) -> list[Any]:
+    return [sd.ComTask(sd.center_of_mass(model, q), Kp=20.0, weight=10.0), sd.PostureTask(q, Kp=20.0, weight=0.1)]
+
+
+@pytest.mark.parametrize("robot", [box, talos], ids=["box", "talos"])
+def test_the_ground_carries_the_weight(robot: Any) -> None:
+    model, scene, q = robot()
+    found = sd.WholeBody(scene, standing(model, q)).solve(q, np.zeros(model.nv))
+    weight = 9.81 * model.total_mass
+    np.testing.assert_allclose(found.forces.sum(0), [0, 0, weight], atol=CARRIED * weight)
+    assert (found.forces[:, 2] >= 0).all()
+    assert abs(found.a).max() < 1e-3
+    assert found.residual < 1e-8
+    assert not found.tau[:6].any()
+    fext = sum(
+        sd.wrench_at(model, q, name, np.r_[sd.frame_placement(model, q, name)[:3, :3].T @ f, 0, 0, 0])
+        for name, f in zip(found.points, found.forces, strict=True)
+    )
+    np.testing.assert_allclose(sd.aba(model, q, np.zeros(model.nv), found.tau, fext), found.a, atol=1e-8)
+
+
+def kkt(body: sd.WholeBody, q: Any, v: Any) -> Any:
+    """The solution of the equations alone."""
+    program, made = body._program(q, v)
+    rows = [(task, task.rows(body.model, q, v)) for task in body.tasks]
+    from spatialdyn.operational.whole_body import _with
+
+    p = _with(program, rows, body._weights(made))
+    A, n = p.A, len(p.g)
+    K = np.block([[p.P, A.T], [A, np.zeros((len(A), len(A)))]])
+    return np.linalg.solve(K, np.r_[-p.g, p.b])[:n]
+
+
+def test_without_active_limits_it_is_the_solution_of_the_equations() -> None:
+    model, scene, q = box()
+    v = np.r_[np.zeros(6), 0.1, -0.1]
+    body = sd.WholeBody(scene, standing(model, q), limits=())
+    x = kkt(body, q, v)
+    found = body.solve(q, v)
+    np.testing.assert_allclose(found.a, x[: model.nv], atol=KKT * max(1.0, abs(x).max()))
+    np.testing.assert_allclose(found.forces[:, 2], body.weight * x[model.nv :: 3], atol=KKT * body.weight * 10)
+
+
+def test_other_solvers_find_the_same() -> None:
+    model, scene, q = box()
+    v = np.r_[np.zeros(6), 0.3, -0.2]
+    task = [sd.ComTask(sd.center_of_mass(model, q) + np.array([0.05, 0, 0]), Kp=40.0), *standing(model, q)[1:]]
+    first = sd.WholeBody(scene, task).solve(q, v)
+    for solver in ("quadprog", "clarabel"):
+        pytest.importorskip(solver)
+        with pytest.warns() if solver == "clarabel" else _nothing():
+            other = sd.WholeBody(scene, task, solver=solver).solve(q, v)
+        np.testing.assert_allclose(other.a, first.a, atol=1e2 * SOLVERS)
+        np.testing.assert_allclose(other.forces, first.forces, atol=1e2 * SOLVERS * 70)
+
+
+def _nothing() -> Any:
+    from contextlib import nullcontext
+
+    return nullcontext()
+
+
+def test_forces_stay_in_their_cones_and_torques_in_their_limits() -> None:
+    """A centre of mass that is asked for 30 m/s² aslant: feet on ice hold by all their friction, the task is missed."""
+    model, scene, q = box()
+    ice = sd.Scene(model, contacts=sd.Contacts(model, dict.fromkeys(scene.contacts.names, 0.0), friction=0.05))
+    fast = sd.ComTask(acceleration=[30.0, 30.0, 0.0])
+    found = sd.WholeBody(ice, [fast, sd.PostureTask(q, weight=1e-3)], largest=40.0).solve(q, np.zeros(model.nv))
+    f = found.forces
+    share = np.linalg.norm(f[:, :2], axis=1) / (0.05 * f[:, 2])
+    assert (share <= 1.0 + 1e-4).all()
+    assert share.max() > 0.99
+    assert (f[:, 2] <= 40.0 + 1e-6).all()
+    assert (abs(found.tau[6:]) <= 20.0 + 1e-6).all()
+    assert abs(found.missed[0][0]) > 20.0
+    assert found.relaxed == ()
+
+
+def test_tasks_of_higher_priority_are_not_disturbed() -> None:
+    """The centre of mass first, an arm that wants to swing second; of weights alone both are missed."""
+    model, scene, q = box()
+    first = sd.ComTask(sd.center_of_mass(model, q), Kp=20.0)
+    swing = sd.FrameTask("fore", acceleration=[3.0, 0.0, 0.0], axes="xyz", priority=1)
+    v = np.zeros(model.nv)
+    strict = sd.WholeBody(scene, [first, swing]).solve(q, v)
+    weighted = sd.WholeBody(scene, [first, swing.with_(priority=0)]).solve(q, v)
+    assert abs(strict.missed[0]).max() < 1e-4
+    assert abs(weighted.missed[0]).max() > 1e-2
+    assert strict.residual < 1e-6
+
+
+def test_what_has_to_give_way_is_named() -> None:
+    """An arm that spins so fast that centrifugal forces lift the box, where the ground only pushes."""
+    _, scene, q = box()
+    bent = q.copy()
+    bent[7] = 0.9
+    push = sd.PostureTask(acceleration=[0.0, 0.0], Kp=0.0, Kd=0.0)
+    still = sd.WholeBody(scene, push)
+    v = np.r_[np.zeros(6), 1.0, 0.0]
+    assert still.solve(bent, v).relaxed == ()
+    fast = np.r_[np.zeros(6), 200.0, 0.0]
+    with pytest.raises(sd.ConstraintError, match=r"the least to give way is (push of the ground|torque|friction)"):
+        sd.WholeBody(scene, push, limits=("torque",)).solve(bent, fast)
+    soft = sd.WholeBody(scene, push, limits=("torque",), infeasible="relax").solve(bent, fast)
+    assert soft.relaxed
+    assert soft.relaxed[0].amount > 0.0
+    assert str(soft.relaxed[0]).startswith(soft.relaxed[0].name)
+
+
+def test_braking_ends_before_the_limit() -> None:
+    """From any viable state, with the acceleration that the bound allows taken in full, step after step."""
+    h, brake, fastest, limit = 1e-2, 5.0, np.array([2.0]), 1.0
+    for q0, v0 in ((0.0, 0.0), (0.5, 2.0), (0.9, 0.9), (1.0, 0.0)):
+        q, v = np.array([q0]), np.array([v0])
+        for _ in range(400):
+            a = np.minimum(upper(limit - q, v, fastest, brake, h), 50.0)
+            q, v = q + h * v + 0.5 * h * h * a, v + h * a
+            assert q[0] <= limit + BRAKED
+            assert v[0] <= fastest[0] + 1e-9
+    assert q[0] > limit - 1e-2
+    assert upper(np.array([-0.1]), np.array([1.0]), fastest, brake, h)[0] == -brake  # beyond: braked, not more
+
+
+def test_feet_that_slip_are_slowed() -> None:
+    model, scene, q = box()
+    v = np.zeros(model.nv)
+    v[0] = 0.1
+    found = sd.WholeBody(scene, standing(model, q), damping=20.0).solve(q, v)
+    for name in found.points:
+        a = sd.frame_acceleration(model, q, v, found.a, name, "local_world_aligned", classical=True)
+        np.testing.assert_allclose(a[:3], [-2.0, 0.0, 0.0], atol=MET)
+
+
+def test_a_push_is_survived_in_closed_loop() -> None:
+    """The box is pushed for 50 ms and stands again; its forces act as it asked for."""
+    model, scene, q = box()
+    tasks = [standing(model, q)[0].with_(Kp=80.0, Kd=None), sd.PostureTask(q, Kp=100.0, weight=0.1)]
+    body = sd.WholeBody(scene, tasks, dt=4e-3, infeasible="relax")
+
+    def push(t: float, q: Any, v: Any) -> Any:
+        force = [40.0 if 0.05 <= t < 0.1 else 0.0, 0, 0, 0, 0, 0]
+        return sd.wrench_at(model, q, "fore", force)
+
+    run = sd.simulate(scene, q, np.zeros(model.nv), 0.5, 4e-3, torque=body, fext=push)
+    c = sd.center_of_mass(model, run.q)
+    far = abs(c - c[0]).max()
+    assert far > 1e-3
+    assert abs(c[-1] - c[0]).max() < 0.5 * far
+    assert abs(run.v[-1]).max() < 0.2 * abs(run.v).max()
+
+
+BAD: list[tuple[dict[str, Any], type[Exception], str]] = [
+    ({"tasks": []}, sd.SpatialDynError, "tasks is"),
+    ({"tasks": sd.FrameTask("hand")}, sd.ModelError, "hand"),
+    ({"solver": "gurobi9"}, sd.SpatialDynError, "solver is 'gurobi9'"),
+    ({"limits": "force"}, sd.SpatialDynError, "limits has 'force'"),
+    ({"dt": 0.0}, sd.SpatialDynError, "dt is 0.0"),
+    ({"standing": "some"}, sd.SpatialDynError, "standing is 'some'"),
+    ({"infeasible": "ignore"}, sd.SpatialDynError, "infeasible is"),
+    ({"scene": 1}, sd.SpatialDynError, "model is a int"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("change", "kind", "message"), BAD)
+def test_bad_input_is_named(change: dict[str, Any], kind: type[Exception], message: str) -> None:
+    model, scene, q = box()
+    with pytest.raises(kind, match=message):
+        sd.WholeBody(**({"scene": scene, "tasks": standing(model, q)} | change))
+
+
+def test_ground_that_is_not_flat_and_states_that_do_not_fit_are_refused() -> None:
+    model, scene, q = box()
+    hills = sd.Contacts(model, {"corner0": 0.0}, terrain=sd.Heightfield(np.zeros((3, 3)), 1.0))
+    with pytest.raises(sd.ConstraintError, match="expected a Plane"):
+        sd.WholeBody(sd.Scene(model, contacts=hills), standing(model, q))
+    body = sd.WholeBody(scene, standing(model, q))
+    with pytest.raises(sd.ShapeError, match="q has shape"):
+        body.solve(q[None], np.zeros(model.nv))
+    with pytest.raises(sd.NonFiniteError, match="v has"):
+        body.solve(q, np.full(model.nv, np.nan))
+    b = sd.ModelBuilder("feather", "world").add_body("a", None, "floating", inertia=(0.0, (0, 0, 0), np.zeros((3, 3))))
+    light = b.build()
+    with pytest.raises(sd.ConstraintError, match="no inertia behind it"):
+        sd.WholeBody(sd.Scene(light, contacts=sd.Contacts(light, {"a": 0.0})), sd.ComTask())
