@@ -24,7 +24,6 @@ from spatialdyn.examples.optimal_control import Problem, cost_of, reach, swing_u
 from spatialdyn.recursions.spec import TAU, Argument, Q, Spec, V
 
 Array = np.ndarray
-FAR = 1e9  # in place of a limit that there is not
 
 
 @numba.njit(cache=True)
@@ -34,13 +33,6 @@ def add_by(A, x, out):  # type: ignore[no-untyped-def]
         for i in range(len(out)):
             out[i] += A[k, i] * x[k]
     return out
-
-
-@numba.njit(cache=True)
-def put(x, out):  # type: ignore[no-untyped-def]
-    """Write x; ``out[...] = x`` takes Numba seconds to compile."""
-    for i in range(len(x)):
-        out[i] = x[i]
 
 
 @numba.njit(cache=True)
@@ -69,21 +61,17 @@ LAW = Spec("ilqr", law, None, (Q, V, *(Argument(x, y, "", "") for x, y in SIZES.
 
 def forward(p: Problem, x: Array, push: Array, K: Array) -> tuple[Array, Array]:
     """The motion X from x[0] in semi-implicit steps under U, push + K (X - x) within the limits; and U."""
-    n, low, high = p.model.nv, np.maximum(p.low, -FAR), np.minimum(p.high, FAR)
-    scene = sd.Scene(p.model, friction=False)
-    control = sd.Control(LAW, {"push": push, "gains": K, "around": x[:-1], "low": low, "high": high})
-    X = np.vstack([x[:1], np.hstack([*sd.rollout(scene, x[0, :n], x[0, n:], dt=p.h, control=control)])])
-    return X, np.clip(push + (K @ (X - x)[:-1, :, None])[..., 0], low, high)
+    n, limits = p.model.nv, {"low": np.nan_to_num(p.low), "high": np.nan_to_num(p.high)}
+    control = sd.Control(LAW, {"push": push, "gains": K, "around": x[:-1], **limits})
+    X = x.copy()
+    X[1:, :n], X[1:, n:] = sd.rollout(sd.Scene(p.model, friction=False), x[0, :n], x[0, n:], dt=p.h, control=control)
+    return X, np.clip(push + (K @ (X - x)[:-1, :, None])[..., 0], p.low, p.high)
 
 
 @numba.njit(cache=True)
 def free_inverse(H, free):  # type: ignore[no-untyped-def]
     """H⁻¹ of the free unknowns, 0 elsewhere, by Gauss and Jordan; and whether H is positive there."""
-    n, X = len(H), H.copy()
-    for k in range(n):
-        for j in range(n):
-            if not free[k]:
-                X[k, j] = X[j, k] = 0.0
+    n, X = len(H), H * np.outer(1.0 * free, 1.0 * free)
     for k in range(n):
         pivot = X[k, k]
         if free[k] and not pivot > 0.0:
@@ -127,28 +115,28 @@ def box_minimum(H, g, low, high):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True)
 def backward(C, slope, W, g, H, low, high, mu, k, K):  # type: ignore[no-untyped-def]
-    """Riccati's recursion from the end: changes k (T, n), gains K (T, n, 2n); the decrease, NaN if H is indefinite.
+    """Riccati's recursion from the end: the decrease, NaN if H is indefinite; new k (T, n), gains K (T, n, 2n).
 
     C (T, 2n, 3n)  derivatives of the steps by (x, u); slope (T, 3n) and W (3n, 3n) of the cost of each
     g, H           of the cost of the last state
     """
     n, less, HC = 2 * k.shape[1], 0.0, np.empty_like(C[0])
+    k, K = np.zeros_like(k), np.zeros_like(K)
     for t in range(len(C) - 1, -1, -1):
         Q = W + np.dot(C[t].T, np.dot(H, C[t], HC))
         r = add_by(C[t], g, slope[t].copy())
         Hux, Huu, gb = Q[n:, :n].copy(), Q[n:, n:].copy(), r[n:]
         step, inverse, positive = box_minimum(Huu + mu * np.eye(len(gb)), gb, low[t], high[t])
         if not positive:
-            return np.nan
-        put(step, k[t])
-        K[t].fill(0.0)
+            return np.nan, k, K
+        add_by(np.eye(len(gb)), step, k[t])
         add_product(-inverse, Hux, K[t])
         by_k = add_by(Huu, k[t], np.zeros(len(gb)))
         less -= k[t] @ (gb + 0.5 * by_k)
         g = add_by(Hux, k[t], add_by(K[t], gb + by_k, r[:n].copy()))
         half = add_product(K[t], add_product(0.5 * Huu, K[t], Hux.copy()), 0.5 * Q[:n, :n])
         H = half + half.T
-    return less
+    return less, k, K
 
 
 def ilqr(p: Problem, u: Array, tolerance: float = 1e-12, most: int = 300) -> tuple[Array, Array, list[float], Array]:
@@ -164,7 +152,7 @@ def ilqr(p: Problem, u: Array, tolerance: float = 1e-12, most: int = 300) -> tup
             x, u, (_, slope, W, last) = new, forces, found
             q, v = x[:-1, :n].copy(), x[:-1, n:].copy()
             C = np.concatenate(sd.step_derivatives(sd.Scene(p.model, friction=False), q, v, u, p.h), axis=2)
-        less = backward(C, slope, W, *last, p.low - u, p.high - u, mu, k, K)
+        less, k, K = backward(C, slope, W, *last, p.low - u, p.high - u, mu, k, K)
         size = 0.0 if np.isnan(less) else min(1.0, 4.0 * taken)
         while size > 1e-3:
             with suppress(sd.SimulationError):  # of a motion that leaves the range of numbers
@@ -193,11 +181,9 @@ def main(quick: bool = False, save: str | None = None) -> dict[str, Any]:
         began = time.perf_counter()
         x, u, costs, _ = ilqr(p, np.tile(p.force, (T, 1)), 1e-9 if name == "reach" else 1e-12)
         spent = 1e3 * (time.perf_counter() - began) / len(costs)
-        print(
-            f"{name:15} cost {costs[-1]:.10f} in {len(costs) - 1} iterations, {spent:.2f} ms each, compiling included"
-        )
-        bound = np.mean((u == p.low) | (u == p.high))
-        print(f"{'':15} largest torque {abs(u).max():.4f}, {bound:.0%} of all at a limit")
+        print(f"{name:15} cost {costs[-1]:.10f} in {len(costs) - 1} iterations, {spent:.2f} ms each with compiling")
+        bound = f"{np.mean((u == p.low) | (u == p.high)):.0%} of all at a limit"
+        print(f"{'':15} largest torque {abs(u).max():.4f}, {bound}")
         found[name] = x, u, costs
     if save:
         figure, axes = picture()
