@@ -21,9 +21,9 @@ def box() -> tuple[sd.Model, sd.Scene, Any]:
     b = sd.ModelBuilder("box", "world").add_body("box", None, "floating", inertia=solid)
     for k, (x, y) in enumerate(((0.1, 0.1), (0.1, -0.1), (-0.1, 0.1), (-0.1, -0.1))):
         b.add_body(f"corner{k}", "box", "fixed", placement=(x, y, -0.1))
-    link = (1.0, (0.0, 0, 0.1), 0.01 * np.eye(3))
-    b.add_body("upper", "box", "revolute", (0, 1, 0), (0, 0, 0.1), link, "shoulder", (-1.0, 1.0), 3.0, 20.0)
-    b.add_body("fore", "upper", "revolute", (1, 0, 0), (0, 0, 0.2), link, "elbow", (-1.0, 1.0), 3.0, 20.0)
+    link, limits = (1.0, (0.0, 0, 0.1), 0.01 * np.eye(3)), sd.JointLimits(-1.0, 1.0, 3.0, 20.0)
+    b.add_body("upper", "box", "revolute", (0, 1, 0), (0, 0, 0.1), link, "shoulder", limits=limits)
+    b.add_body("fore", "upper", "revolute", (1, 0, 0), (0, 0, 0.2), link, "elbow", limits=limits)
     model = b.build()
     contacts = sd.Contacts(model, {f"corner{k}": 0.0 for k in range(4)}, friction=0.6)
     q = sd.neutral(model).copy()
