@@ -49,7 +49,9 @@ def one_point(quick: bool) -> list[Row]:
                 near = min((abs(x - found).max() for x in slides_by_angle(B, r, mu)), default=np.inf)
                 worst = max(worst, near / abs(found).max())
                 off += bool(near > FAN * abs(found).max())
-    return [[f"{4 * count} blocks, {slid} slide", "0 wrong", f"{off} wrong, {missed} should stick, nearest {worst:.1e}"]]
+    return [
+        [f"{4 * count} blocks, {slid} slide", "0 wrong", f"{off} wrong, {missed} should stick, nearest {worst:.1e}"]
+    ]
 
 
 def body(corners: int) -> sd.Model:
@@ -82,9 +84,7 @@ def dropped(quick: bool) -> list[Row]:
             q = np.c_[np.zeros((each, 3)), turns / np.linalg.norm(turns, axis=1, keepdims=True)]
             q[:, 2] -= sd.contact_gaps(model, contacts, q).min(axis=1) - 0.05
             v = rng.standard_normal((each, 6)) * np.array([1, 1, 1, 3, 3, 3])
-            run = sd.rollout(
-                sd.Scene(model, contacts=contacts), q, v, dt=DT, steps=300, record="contacts", check=False
-            )
+            run = sd.rollout(sd.Scene(model, contacts=contacts), q, v, dt=DT, steps=300, record="contacts", check=False)
             assert run.contacts is not None
             assert np.isfinite(run.q).all()
             found.append(run.contacts.residual)

@@ -102,7 +102,7 @@ def bodies(rounds: int) -> None:
 
     def assembled() -> Any:
         program, made = body._program(q, v)
-        return _with(program, [(x, x.rows(model, q, v)) for x in body.tasks], body._weights(made))
+        return _with(program, [(x, x._of_state(model, q, v)) for x in body.tasks], body._weights(made))
 
     program = assembled()
     whole = least(lambda: body.solve(q, v), 50, rounds)

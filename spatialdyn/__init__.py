@@ -26,6 +26,7 @@ from .engines.compiled.numba_kernels import kernels
 from .errors import (
     ConfigurationError,
     ConstraintError,
+    IdentificationError,
     InertiaError,
     ModelError,
     NonFiniteError,
@@ -37,7 +38,7 @@ from .errors import (
     UrdfError,
 )
 from .model.model import Frame, Joint, Model, assemble
-from .model.robot import Robot, Rotor
+from .model.robot import JointLimits, Robot, Rotor
 from .urdf.load import load_urdf
 
 if TYPE_CHECKING:
@@ -114,6 +115,11 @@ if TYPE_CHECKING:
         momentum_observer_step,
     )
     from .control.paths import Path, PathPeaks, PathPoint, fourier, quintic, spline, trapezoid
+    from .identification.base import Base, base_parameters
+    from .identification.excitation import excitation
+    from .identification.identified import Identified, Validation
+    from .identification.identify import identify
+    from .identification.recording import Recording
     from .interop.pinocchio import from_pinocchio
     from .interop.states import from_drake, from_mujoco, to_drake, to_mujoco
     from .lagrangian.check_conservation import check_conservation
@@ -123,6 +129,7 @@ if TYPE_CHECKING:
     from .lagrangian.symbolic_manipulator import SymbolicManipulator
     from .laws.control import Control
     from .laws.cost import Cost
+    from .linearization.step_derivatives import linearize, step_derivatives
     from .model.builder import ModelBuilder
     from .model.transmission import Transmission
     from .operational.hierarchy import TaskTorque, task_torque
@@ -140,7 +147,6 @@ if TYPE_CHECKING:
     from .simulation.runs import hamilton_simulation, simulate
     from .simulation.scene import Scene
     from .simulation.single_step import step
-    from .simulation.step_derivatives import linearize, step_derivatives
     from .simulation.trajectory import Trajectory
     from .sources.load import load
     from .sources.mjmodel import from_mjmodel
@@ -154,31 +160,32 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 __all__ = [
     *_dynamics.__all__,
-    "ChristoffelC", "ClosedStep", "ComTask", "ComputedTorque", "ConfigurationError", "Constrained",
+    "Base", "ChristoffelC", "ClosedStep", "ComTask", "ComputedTorque", "ConfigurationError", "Constrained",
     "ConstrainedDerivatives", "ConstrainedImpact", "ConstrainedMotion", "ConstraintError", "Constraints",
     "ContactRecord", "ContactStep", "ContactWrench", "Contacts", "Control", "Cost", "CouplerConstraint", "Diagnosis",
     "DistanceConstraint", "EnergyLedger", "EnergyShaping", "Exact", "Excitation", "Finding", "Frame", "FrameTask",
-    "Friction", "Gains", "Gravity", "Heightfield", "HingeConstraint", "IKResult", "Impact", "Impedance", "InertiaError",
-    "Joint", "LQR", "LyapunovRecord", "Mobility", "Model", "ModelBuilder", "ModelError", "Moments", "MomentumObserver",
-    "Motor", "NaturalAdaptation", "NonFiniteError", "OperationalSpace", "Option", "PD", "PDGravity", "PDPlus",
-    "Passivity", "PassivityRecord", "Path", "PathPeaks", "PathPoint", "Plane", "PointConstraint", "PostureTask",
-    "Promise", "Quantiles", "Recommendation", "Relaxation", "Requirement", "Robot", "RollingConstraint", "Rollout",
-    "Rotor", "Scene", "ShapeError", "SimulationError", "SimulationInterrupt", "SlotineLi", "SpatialDynError",
-    "Specialized", "StateFeedback", "Study", "StudyError", "SymbolicManipulator", "TallQR", "TaskTorque", "Tradeoff",
-    "Trajectory", "Transmission", "UrdfError", "VelocityConstraint", "WeldConstraint", "WholeBody", "WholeBodyMotion",
-    "Worst", "assemble", "base_velocity", "bounded", "cartesian_damping", "check_conservation", "close_loops",
+    "Friction", "Gains", "Gravity", "Heightfield", "HingeConstraint", "IKResult", "IdentificationError", "Identified",
+    "Impact", "Impedance", "InertiaError", "Joint", "JointLimits", "LQR", "LyapunovRecord", "Mobility", "Model",
+    "ModelBuilder", "ModelError", "Moments", "MomentumObserver", "Motor", "NaturalAdaptation", "NonFiniteError",
+    "OperationalSpace", "Option", "PD", "PDGravity", "PDPlus", "Passivity", "PassivityRecord", "Path", "PathPeaks",
+    "PathPoint", "Plane", "PointConstraint", "PostureTask", "Promise", "Quantiles", "Recommendation", "Recording",
+    "Relaxation", "Requirement", "Robot", "RollingConstraint", "Rollout", "Rotor", "Scene", "ShapeError",
+    "SimulationError", "SimulationInterrupt", "SlotineLi", "SpatialDynError", "Specialized", "StateFeedback", "Study",
+    "StudyError", "SymbolicManipulator", "TallQR", "TaskTorque", "Tradeoff", "Trajectory", "Transmission", "UrdfError",
+    "Validation", "VelocityConstraint", "WeldConstraint", "WholeBody", "WholeBodyMotion", "Worst", "assemble",
+    "base_parameters", "base_velocity", "bounded", "cartesian_damping", "check_conservation", "close_loops",
     "closed_step", "compare_with_pinocchio", "compile", "conserved_quantities", "constrained_dynamics",
     "constrained_dynamics_derivatives", "constraint_drift", "constraint_error", "constraint_jacobian", "contact_gaps",
-    "contact_step", "contact_wrench", "critical_gains", "delassus", "detection_thresholds", "diagnose", "energy_ledger",
-    "exact", "forward_dynamics", "fourier", "friction_regressor", "friction_torque", "from_drake", "from_mjmodel",
-    "from_mujoco", "from_pinocchio", "gravity_stiffness_bound", "hamilton_equations", "hamilton_simulation", "impact",
-    "independent_joints", "integrators", "kernels", "largest_step", "linearize", "load", "load_urdf", "lqr", "lyapunov",
-    "mobility", "momentum_observer_step", "operational_space", "operational_space_coupling", "passivity", "plot",
-    "poisson_bracket", "project_configuration", "project_velocity", "quintic", "random_configuration",
-    "read_transmissions", "recommend", "requires", "rollout", "simplify", "simulate", "solve_ik", "specialize",
-    "spline", "spring_energy", "spring_torque", "step", "step_derivatives", "study", "task_torque", "to_actuators",
-    "to_drake", "to_joints", "to_mjcf", "to_mujoco", "to_urdf", "torque_limits", "trade", "trapezoid",
-    "verify_skew_symmetry", "view", "wrench_at",
+    "contact_step", "contact_wrench", "critical_gains", "delassus", "detection_thresholds", "diagnose",
+    "energy_ledger", "exact", "excitation", "forward_dynamics", "fourier", "friction_regressor", "friction_torque",
+    "from_drake", "from_mjmodel", "from_mujoco", "from_pinocchio", "gravity_stiffness_bound", "hamilton_equations",
+    "hamilton_simulation", "identify", "impact", "independent_joints", "integrators", "kernels", "largest_step",
+    "linearize", "load", "load_urdf", "lqr", "lyapunov", "mobility", "momentum_observer_step", "operational_space",
+    "operational_space_coupling", "passivity", "plot", "poisson_bracket", "project_configuration", "project_velocity",
+    "quintic", "random_configuration", "read_transmissions", "recommend", "requires", "rollout", "simplify",
+    "simulate", "solve_ik", "specialize", "spline", "spring_energy", "spring_torque", "step", "step_derivatives",
+    "study", "task_torque", "to_actuators", "to_drake", "to_joints", "to_mjcf", "to_mujoco", "to_urdf",
+    "torque_limits", "trade", "trapezoid", "verify_skew_symmetry", "view", "wrench_at",
 ]  # fmt: skip
 
 _LATE = {  # {module: public names}, imported when one is asked for: half the time of an import
@@ -212,11 +219,15 @@ _LATE = {  # {module: public names}, imported when one is asked for: half the ti
     "control.gains": "ClosedStep Gains LQR closed_step critical_gains gravity_stiffness_bound largest_step lqr",
     "control.monitors": "LyapunovRecord PassivityRecord lyapunov passivity",
     "control.paths": "Path PathPeaks PathPoint fourier quintic spline trapezoid", "interop.pinocchio": "from_pinocchio",
+    "identification.base": "Base base_parameters", "identification.identified": "Identified Validation",
+    "identification.identify": "identify", "identification.excitation": "excitation",
+    "identification.recording": "Recording",
     "interop.states": "from_drake from_mujoco to_drake to_mujoco",
     "lagrangian.check_conservation": "check_conservation", "lagrangian.conserved": "conserved_quantities",
     "lagrangian.coriolis_constructions": "ChristoffelC verify_skew_symmetry",
     "lagrangian.hamiltonian": "hamilton_equations poisson_bracket",
-    "lagrangian.symbolic_manipulator": "SymbolicManipulator", "model.builder": "ModelBuilder",
+    "lagrangian.symbolic_manipulator": "SymbolicManipulator",
+    "linearization.step_derivatives": "linearize step_derivatives", "model.builder": "ModelBuilder",
     "model.transmission": "Transmission", "urdf.transmissions": "read_transmissions",
     "operational.hierarchy": "TaskTorque task_torque",
     "operational.space": "OperationalSpace operational_space operational_space_coupling",
@@ -226,16 +237,15 @@ _LATE = {  # {module: public names}, imported when one is asked for: half the ti
     "simulation.ledger": "EnergyLedger energy_ledger",
     "simulation.methods.methods": "integrators", "simulation.rollout_result": "Rollout",
     "simulation.rollouts": "rollout", "simulation.runs": "hamilton_simulation simulate", "simulation.scene": "Scene",
-    "simulation.single_step": "step", "simulation.step_derivatives": "linearize step_derivatives",
-    "simulation.trajectory": "Trajectory", "sources.load": "load", "sources.mjmodel": "from_mjmodel",
-    "sources.to_mjcf": "to_mjcf", "sources.to_urdf": "to_urdf",
+    "simulation.single_step": "step", "simulation.trajectory": "Trajectory", "sources.load": "load",
+    "sources.mjmodel": "from_mjmodel", "sources.to_mjcf": "to_mjcf", "sources.to_urdf": "to_urdf",
     "studies.reductions": "Moments Quantiles TallQR Worst", "studies.study": "Study study",
     "validate.comparison": "compare_with_pinocchio",
 }  # fmt: skip
 _MODULE_OF = {name: module for module, names in _LATE.items() for name in names.split()}
 _ROOMS = (
-    "accuracy", "actuation", "constraints", "control", "interop", "lagrangian", "laws", "operational", "pictures",
-    "sources", "simulation", "studies", "validate",
+    "accuracy", "actuation", "constraints", "control", "identification", "interop", "lagrangian", "laws",
+    "linearization", "operational", "pictures", "sources", "simulation", "studies", "validate",
 )  # fmt: skip
 
 

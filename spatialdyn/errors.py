@@ -20,6 +20,8 @@ EXTRAS: dict[str, tuple[str, ...]] = {  # the packages of each extra of pyprojec
     "mujoco": ("mujoco",),
     "ros": ("xacrodoc",),
     "descriptions": ("robot_descriptions",),
+    "identification": ("cvxpy", "clarabel"),
+    "wbc": ("qpsolvers", "daqp"),
     "cluster": ("dask", "distributed"),
     "docs": ("sphinx", "myst-parser", "furo"),
 }
@@ -56,6 +58,10 @@ class ConfigurationError(SpatialDynError):
 
 class ConstraintError(SpatialDynError):
     """Constraints that do not determine their forces, or a parameter of a contact that is out of range."""
+
+
+class IdentificationError(SpatialDynError):
+    """A recording that does not tell what is asked of it; what it tells is the message's table."""
 
 
 class NonFiniteError(SpatialDynError):

@@ -38,14 +38,16 @@ BELOW: dict[str, tuple[str, ...]] = {
     "laws": ("calls",),
     "sources": ("constraints", "actuation", "urdf"),
     "simulation": ("lagrangian", "sources", "laws"),
+    "linearization": ("simulation",),
     "control": ("simulation",),
     "operational": ("simulation",),
-    "accuracy": ("simulation",),
+    "identification": ("control",),
     "studies": ("simulation",),
+    "accuracy": ("identification",),
     "validate": ("interop", "urdf"),
     "pictures": ("validate", "accuracy", "control"),
     "compat": ("pictures", "accuracy", "interop", "urdf", "sources"),
-    "__init__": ("accuracy", "control", "operational", "validate", "pictures", "sources", "studies"),
+    "__init__": ("accuracy", "linearization", "control", "operational", "validate", "pictures", "sources", "studies"),
     "examples": ("__init__", "compat"),
     "docs": ("examples",),
     "commands": ("docs",),
@@ -64,7 +66,7 @@ LOOSE = {"__init__", "__main__", "errors"}  # the only modules at the package's 
 # Imports that go up nonetheless, made by a function when it is called.
 UPWARD: dict[tuple[str, str], str] = {
     (room, "pictures"): "methods that draw"
-    for room in ("calls", "model", "lagrangian", "simulation", "control", "accuracy", "validate")
+    for room in ("calls", "model", "lagrangian", "simulation", "control", "identification", "accuracy", "validate")
 } | {("calls", "interop"): "methods that hand a program to another framework"}
 # Functions below ``pictures`` that draw: each is a docstring, one import from there, and one call.
 DRAW: dict[str, set[str]] = {
@@ -76,6 +78,7 @@ DRAW: dict[str, set[str]] = {
     "calls.progress": {"bar"},
     "control.paths": {"plot"},
     "control.monitors": {"plot"},
+    "identification.identified": {"report"},
     "accuracy.requirement": {"plot", "_repr_html_"},
     "accuracy.results": {"plot", "report", "_repr_html_"},
     "accuracy.findings": {"report", "_repr_html_"},
@@ -102,7 +105,8 @@ SHARED = {
 TOUCH_FILES = {"urdf", "sources", "engines", "pictures", "docs", "studies"}  # meshes, pages, parts
 # themselves, a script, and loops in TOML; one reads an environment variable
 SAVE = {
-    "simulation.trajectory", "compat.pinocchio.model.serialization_format", "commands.port", "commands.robots",
+    "simulation.trajectory", "identification.recording", "compat.pinocchio.model.serialization_format",
+    "commands.port", "commands.robots", "commands.excite", "commands.identify",
     "compat.pinocchio.coverage.strictness", "examples.c_export",
 }  # fmt: skip
 NAME_FILES = {"validate", "commands", "examples"}  # pass a file name to Pinocchio; width of the terminal; pictures
@@ -117,7 +121,7 @@ FILE_CALLS = {
 LATE = {
     "yourdfpy", "lxml", "trimesh", "pinocchio", "rich", "scipy", "mpmath", "matplotlib", "sympy", "pandas", "viser",
     "IPython", "qpsolvers", "casadi", "jax", "torch", "mujoco", "xacrodoc", "robot_descriptions", "sphinx",
-    "dask", "distributed",
+    "cvxpy", "clarabel", "dask", "distributed",
 }  # fmt: skip
 HEAVY = {"numba", "llvmlite", "concurrent.futures"}  # no import of the package needs them
 MUTATORS = {"append", "extend", "insert", "add", "update", "setdefault", "pop", "popitem", "clear", "remove", "discard"}

@@ -77,7 +77,7 @@ PACKAGES = {  # by the beginning of a name
     "plot": "matplotlib", "Tradeoff": "matplotlib", "Trajectory": "matplotlib", "Rollout": "matplotlib",
     "EnergyLedger": "matplotlib", "Diagnosis": "matplotlib", "Specialized": "casadi", "Exact": "mpmath",
     "exact": "mpmath", "trade": "mpmath", "recommend": "mpmath", "Recommendation": "mpmath",
-    "Requirement": "matplotlib",
+    "Requirement": "matplotlib", "Identified": "matplotlib", "WholeBody": "qpsolvers",
 }  # fmt: skip
 
 
@@ -162,6 +162,7 @@ def _elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("MPLBACKEND", "Agg")
     valid_calls.run().save("run.npz")
+    valid_calls.log().save("log.csv")
     yield
     thread_pool.ask(None)
 

@@ -72,6 +72,7 @@ CASES: dict[Callable[..., Any], tuple[dict[str, Any], dict[str, Any]]] = {
             "actuators": ("a", "m"),
         },
     ),
+    sd.JointLimits: ({}, {"lower": -1.0, "upper": 2.0, "velocity": 3.0, "effort": 4.0}),
     sd.Rotor: ({"inertia": 0.1, "ratio": 2.0}, {"inertia": 0.2, "ratio": -2.0, "axis": (0.0, 1.0, 0.0)}),
     sd.Moments: ({"output": "tau"}, {"output": "q"}),
     sd.Quantiles: ({"output": "tau"}, {"output": "q", "at": (0.1, 0.9), "bits": 8}),
@@ -130,9 +131,9 @@ CASES: dict[Callable[..., Any], tuple[dict[str, Any], dict[str, Any]]] = {
         {"name": "b", "inertia": BOX},
         {
             "name": "c", "parent": "a", "joint": "prismatic", "axis": (0, 1, 0), "placement": POSE,
-            "inertia": (3.0, (0.2, 0.5, 0.3), BOX[2]), "joint_name": "other", "limits": (-1.0, 2.0), "velocity": 3.0,
-            "effort": 3.0, "damping": 0.1, "friction": 0.1, "armature": 0.1, "mimic": {"leader": "lead"},
-            "rotor": sd.Rotor(0.1, 2.0),
+            "inertia": (3.0, (0.2, 0.5, 0.3), BOX[2]), "joint_name": "other",
+            "limits": sd.JointLimits(-1.0, 2.0, 3.0, 4.0), "damping": 0.1, "friction": 0.1, "armature": 0.1,
+            "mimic": {"leader": "lead"}, "rotor": sd.Rotor(0.1, 2.0),
         },
     ),
     built: (

@@ -97,6 +97,22 @@ def _squares(bodies: Any, q: Any, cost: Any) -> None:
     cost[0] = sum(x * x for x in q)
 
 
+@cache
+def log() -> sd.Recording:
+    """A motion of both joints."""
+    t = np.linspace(0.0, 2.0, 81)
+    path = sd.fourier([[1.0, 0.5], [0.4, 1.5]], [[0.2, 1.0], [0.8, 0.1]], 0.5, [0.3, 0.1])
+    q, v, a = path(t)
+    tau = sd.rnea(model(), q, v, a) + 0.01 * np.random.default_rng(0).normal(size=v.shape)
+    return sd.Recording(t, q, tau, v, a)
+
+
+@cache
+def identified() -> sd.Identified:
+    """The two hinges, from it."""
+    return sd.identify(log(), model(), "log_cholesky", "inertial")
+
+
 LAW = Spec("towards", _towards, None, (Q, V, Argument("reach", ("nv",), "rad", "goal")), TAU, "", "")
 SQUARES = Spec("squares", _squares, None, (Q,), Argument("cost", (1,), "", ""), "", "")
 
@@ -271,6 +287,7 @@ def _studied() -> dict[str, Any]:
 
 
 ROWS: dict[str, Callable[[], dict[str, Any]]] = {
+    "Base.text": lambda: {"k": 0},
     "ChristoffelC": lambda: {"model": model()},
     **{
         f"ChristoffelC.{name}": lambda: {"q": q(), "v": v()}
@@ -316,6 +333,8 @@ ROWS: dict[str, Callable[[], dict[str, Any]]] = {
     "Impedance": lambda: {"model": model(), "frame": "tip", "target": _reached(), "K": 50.0, "D": np.full(6, 5.0),
                           "velocity": np.zeros(6), "acceleration": np.zeros(6)},
     "HingeConstraint": lambda: {**CONSTRAINT, **PLACES},
+    "Identified.report": lambda: {"path": "report.html", "validation": log()},
+    "Identified.validate": lambda: {"recording": log()},
     "LQR.feedback": lambda: {"q": np.zeros(1), "v": np.zeros(1), "tau": np.zeros(1)},
     "LyapunovRecord.plot": dict,
     "Model": lambda: {"robot": model().robot, "options": model().options},
@@ -388,6 +407,13 @@ ROWS: dict[str, Callable[[], dict[str, Any]]] = {
                         "bounded": lambda dtype: sd.bounded(model(), sd.crba, dtype)},
     "Promise.__call__": lambda: {"arrays": q()},
     "Recommendation.__call__": lambda: {"arguments": (q(), v(), tau())},
+    "Recording": lambda: {"t": log().t, "q": log().q, "tau": log().tau, "v": log().v, "a": log().a},
+    "Recording.check": lambda: {"model": model()},
+    "Recording.from_columns": lambda: {"columns": {"t": log().t, "q0": log().t, "tau0": log().t}, "model": model()},
+    "Recording.load": lambda: {"path": "log.csv"},
+    "Recording.of": lambda: {"run": run()},
+    "Recording.save": lambda: {"path": "saved.csv"},
+    "Recording.torques": lambda: {"model": model()},
     "Requirement.plot": dict,
     "Requirement.to_full": lambda: {"q": q(), "v": v()},
     "Requirement.to_reduced": lambda: {"q": q(), "v": v()},
@@ -428,6 +454,7 @@ ROWS: dict[str, Callable[[], dict[str, Any]]] = {
     "WholeBody.solve": lambda: {"q": q(), "v": v(), "tasks": [sd.PostureTask(q())]},
     "WeldConstraint": lambda: {**CONSTRAINT, **PLACES},
     "assemble": lambda: {"robot": model().robot},
+    "base_parameters": lambda: {"model": model(), "parameters": "inertial", "samples": 60},
     "base_velocity": lambda: {"model": floating(), "q": sd.neutral(floating()), "v_joints": np.ones(1),
                               "momentum": np.zeros(6)},
     "bounded": lambda: {"model": model(), "call": sd.crba},
@@ -455,6 +482,8 @@ ROWS: dict[str, Callable[[], dict[str, Any]]] = {
     "diagnose": lambda: {"model": model(), "q": q()},
     "energy_ledger": lambda: {"trajectory": run()},
     "exact": lambda: {"model": model(), "call": sd.crba},
+    "excitation": lambda: {"model": model(), "duration": 4.0, "harmonics": 2, "parameters": "inertial", "starts": 2,
+                           "steps": 1},
     "forward_dynamics": lambda: _state(tau=tau()),
     "fourier": lambda: {"cosines": np.ones((3, 2)), "sines": np.ones((3, 2)), "frequency": 1.0, "centre": q()},
     "friction_regressor": lambda: {"model": model(), "v": v()},
@@ -466,6 +495,7 @@ ROWS: dict[str, Callable[[], dict[str, Any]]] = {
     "gravity_stiffness_bound": lambda: {"model": model(), "samples": 10, "seed": 1},
     "hamilton_equations": lambda: {"model": model(), "q": q(), "p": v()},
     "hamilton_simulation": lambda: {"scene": model(), "q0": q(), "p": v(), "duration": 0.02, "dt": 0.01},
+    "identify": lambda: {"recording": log(), "model": model(), "method": "log_cholesky", "parameters": "inertial"},
     "impact": lambda: _held("q", "v", restitution=0.5),
     "impact of J": lambda: {**_state(), **_jacobian(), "restitution": 0.5, "damping": 0.1},
     "independent_joints": lambda: _held("q"),
@@ -520,6 +550,9 @@ ROWS: dict[str, Callable[[], dict[str, Any]]] = {
     "wrench_at": lambda: {"model": model(), "q": q(), "frame": "tip", "force": np.zeros(6)},
 }  # fmt: skip
 INSTANCES: dict[str, Callable[[], Any]] = {
+    "Base": lambda: identified().base,
+    "Identified": identified,
+    "Recording": log,
     "ChristoffelC": lambda: sd.ChristoffelC(model()),
     "Constraints": held,
     "Contacts": touching,

@@ -13,6 +13,8 @@ from ..calls.arguments import as_array, as_count, as_number, as_words
 from ..calls.dynamics import calls
 from ..calls.progress import Progress, Steps, check_progress, reporting
 from ..errors import ModelError, NonFiniteError, ShapeError, SpatialDynError
+from ..identification.motions import motion_of
+from ..identification.recording import Recording
 from ..laws.control import Control, check_control
 from ..model.model import Model
 from ..simulation import integrators
@@ -28,15 +30,16 @@ from .scene_search import WIDE, Search, Stage, Trial
 Array = NDArray[np.float64]
 SAMPLES = 32
 MOST = 1 << 12
+TOLERANCE = 1e-3  # rad | m
 SPREAD = 0.01  # [rad | m], [rad/s | m/s]
 
 
 def requires(
     scene: Scene | Model,
-    q0: ArrayLike,
-    v0: ArrayLike,
-    duration: float,
-    tolerance: float,
+    q0: ArrayLike | Recording,
+    v0: ArrayLike | None = None,
+    duration: float | None = None,
+    tolerance: float = TOLERANCE,
     torque: ArrayLike | None = None,
     control: Control | None = None,
     observe: str | Observe | None = None,
@@ -54,6 +57,8 @@ def requires(
     scene      Scene: the robot and all that acts; a Model is a scene on which nothing else acts
     q0, v0     (nq,), (nv,)  the start [rad | m], [rad/s | m/s], around which samples scatter; or states (n, nq), (n,
                nv): every other one is used to choose, the rest to verify the choice
+               q0 may be a Recording: its first state, its torques, each held until the next sample, and its duration,
+               or a shorter one; v0 and torque are left out then
     duration   of the motion [s]
     tolerance  largest change of what is observed, against the whole scene
     torque     (nv,), or (steps, nv) each held over its step, of the whole robot [N m | N]; zero if left out
@@ -95,6 +100,10 @@ def requires(
     """
     scene = scene_of(scene)
     model = scene.model
+    if isinstance(q0, Recording):
+        q0, v0, duration, torque = _recorded(model, q0, v0, duration, torque)
+    elif v0 is None or duration is None:
+        raise SpatialDynError(f"{'v0' if v0 is None else 'duration'} is None, expected it where q0 is no Recording")
     within, seconds, count = checked_tolerance(tolerance), as_number(duration), as_count(samples, MOST)
     if not math.isfinite(within):
         raise SpatialDynError(f"tolerance is {tolerance!r}, expected a finite number above 0")
@@ -277,6 +286,24 @@ def _torque(model: Model, torque: Any) -> Array | None:
     if not np.isfinite(x).all():
         raise NonFiniteError("torque has numbers that are not finite, expected finite ones")
     return np.array(x)
+
+
+def _recorded(
+    model: Model, log: Recording, v0: Any, duration: float | None, torque: Any
+) -> tuple[Array, Array, float, Array]:
+    """q0, v0, duration and torques of a recording. Raises SpatialDynError."""
+    for name, given in (("v0", v0), ("torque", torque)):
+        if given is not None:
+            raise SpatialDynError(f"{name} was given, expected None beside a Recording, which has it")
+    log.check(model)
+    motion = motion_of(log, model, None, False)
+    whole = len(motion) - 1
+    wanted = whole if duration is None else as_number(duration) / log.dt
+    steps = round(wanted) if 0.5 < wanted < whole + 0.5 else 0
+    if not steps:
+        raise SpatialDynError(f"duration is {duration!r}, expected None or {log.dt:g} to {whole * log.dt:g} s")
+    tau = log.torques(model)[motion.first : motion.first + steps]
+    return motion.states.q[0], motion.states.v[0], steps * log.dt, tau
 
 
 def _state(name: str, given: Any, size: int) -> Array:

@@ -88,6 +88,7 @@ __all__ = [
     "velocity_from_momentum",
 ]
 calls: dict[str, Callable[..., Any]]
+python_calls: dict[str, Callable[..., Any]]
 
 def checked_call(spec: Spec, model: Model, values: tuple[Any, ...], static: tuple[Any, ...], out: Any) -> Any: ...
 def set_num_threads(n: int) -> None: ...

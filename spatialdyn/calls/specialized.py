@@ -19,7 +19,6 @@ from ..engines.programs.record.program import Program
 from ..engines.programs.run import batch_kernels, single_call
 from ..engines.programs.run.single_call import Parameter
 from ..engines.programs.transform import derived, float32_range
-from ..engines.programs.transform.casadi_code import casadi_code
 from ..engines.programs.transform.source_code import PRINTERS
 from ..errors import InertiaError, NonFiniteError, ShapeError, SpatialDynError
 from ..model.model import Model
@@ -186,6 +185,8 @@ class Specialized:
         if not as_flag("derivatives", derivatives):
             return self._code("c", name)
         given = exported(self._request, self._recorded, "c", name)
+        from ..engines.programs.transform.casadi_code import casadi_code
+
         return casadi_code(given.name, given.program, jacobian_of(self._request, given), given.inputs, given.outputs)
 
     def to_casadi(self, name: str | None = None, jacobian: bool = True) -> Any:

@@ -12,6 +12,7 @@ from ..recursions import SPECS
 from ..recursions.spec import Spec
 from .arguments import REFERENCES, as_flag, frame_row_and_placement, reference_code
 from .dynamics import calls as public
+from .dynamics import python_calls
 
 CHOOSERS = {"forward_dynamics": "aba, crba_solve, aba_refined or aba_square_root"}  # and the calls they choose from
 
@@ -29,8 +30,11 @@ def spec_of(call: Any) -> Spec | None:
     named = getattr(call, "torque_spec", None) or getattr(call, "spec", None)
     if isinstance(named, Spec):
         return named
-    name = getattr(call, "__name__", None)  # a call is made at its first use: this makes no other
-    return SPECS[name] if isinstance(name, str) and name in SPECS and public[name] is call else None
+    name = getattr(call, "__name__", None)
+    if not isinstance(name, str) or name not in SPECS:
+        return None
+    known = (public.get(name), python_calls.get(name))  # made at their first use: get makes none
+    return SPECS[name] if any(x is call for x in known) else None
 
 
 def specs_of(calls: Any) -> tuple[Spec, ...]:

@@ -1,6 +1,6 @@
 """The command line: ``spatialdyn info ROBOT``, ``compare [ROBOT ...|--all]``, ``derive ROBOT``, ``simulate ROBOT``,
-``view ROBOT``, ``check ROBOT``, ``trade ROBOT``, ``requires ROBOT``, ``compile ROBOT``, ``port SCRIPT``,
-``run SCRIPT``, ``study FILE``, ``example [NAME]``, ``docs``.
+``view ROBOT``, ``check ROBOT``, ``trade ROBOT``, ``requires ROBOT``, ``identify ROBOT LOG``, ``excite ROBOT``,
+``compile ROBOT``, ``port SCRIPT``, ``run SCRIPT``, ``study FILE``, ``example [NAME]``, ``docs``.
 
 Exit status: 0 success; 1 disagreement with Pinocchio, an error found by ``check``, or a script with missing names; 2
 bad input, reported in one line on stderr; 130 Ctrl-C, likewise; 141 a reader that closed stdout early; of ``run`` that
@@ -29,6 +29,8 @@ COMMANDS = {
     "view": "a robot in the browser, or in one page to keep",
     "trade": "error and cost of every option for a task, and the cheapest within a tolerance",
     "requires": "which parts of a scene a motion needs, and the cheapest scene that keeps it",
+    "identify": "inertias and friction of a robot from a log of positions and torques, with intervals",
+    "excite": "a path that moves every parameter of a robot, within its limits",
     "compile": "compile a robot's calls ahead, and keep the code on disk",
     "port": "which of Pinocchio's names a script uses, and which are supported",
     "run": "a script, unchanged, with this library in the place of Pinocchio",
@@ -37,7 +39,7 @@ COMMANDS = {
     "docs": "the pages about this library, as a site in a folder",
 }  # {command, a module of this folder: its help}
 RUN = "run"  # what follows its script is the script's
-LISTS = ("--q0", "--v0", "--q")  # options that take numbers separated by commas
+LISTS = ("--q0", "--v0", "--q", "--centre")  # options that take numbers separated by commas
 PIPE_CLOSED = 141  # likewise: the reader of stdout, such as head, has closed it
 
 

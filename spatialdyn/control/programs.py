@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
@@ -12,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..engines.compiled import numba_kernels
-from ..engines.programs.record import recording, structure
+from ..engines.programs.record import recording
 from ..engines.programs.run import batch_kernels, time_loop
 from ..engines.programs.run.time_loop import StepInput
 from ..engines.run import hashable
@@ -34,14 +33,12 @@ def _recorded(spec: Spec, model: Model, static: tuple[bytes | int, ...]) -> reco
 
 @lru_cache(maxsize=64)
 def _kernel(spec: Spec, model: Model, static: tuple[bytes | int, ...], common: tuple[int, ...]) -> Any:
-    """The kernel, by the content of what is recorded, whose inputs ``common`` have one row; None if there is none."""
+    """The kernel, whose inputs ``common`` have one row; None if there is none."""
     if numba_kernels.PLAIN or not recording.fits((spec,), model.bodies, static=_values(static)):
         return None
     program, layout = _recorded(spec, model, static)
     made = recording.Recording(program, replace(layout, common=common))
-    found = hashlib.sha256(structure.digest(*made).encode())
-    found.update(structure.Numbers(*made).values(np.float64).tobytes())
-    return batch_kernels.kernel((spec,), model.bodies, found.hexdigest(), _values(static), recorded=made)
+    return batch_kernels.kernel((spec,), model.bodies, model.key, _values(static), recorded=made)
 
 
 def repeated(

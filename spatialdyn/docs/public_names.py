@@ -25,8 +25,8 @@ GROUPS = {
     "robots": Group(
         "Load, build and change robots",
         "From a file, from another library, or without a file; and back to a file.",
-        "load load_urdf from_mjmodel from_pinocchio ModelBuilder Model Frame Joint Rotor Robot assemble to_urdf "
-        "to_mjcf total_mass inertial_parameters",
+        "load load_urdf from_mjmodel from_pinocchio ModelBuilder Model Frame Joint JointLimits Rotor Robot assemble "
+        "to_urdf to_mjcf total_mass inertial_parameters",
     ),
     "dynamics": Group(
         "Inverse and forward dynamics",
@@ -103,9 +103,10 @@ GROUPS = {
         "TaskTorque FrameTask ComTask PostureTask WholeBody WholeBodyMotion Relaxation",
     ),
     "identification": Group(
-        "Regressors",
-        "Torques, forces and energies as linear functions of masses, centres of mass and inertias.",
-        "joint_torque_regressor body_regressor kinetic_energy_regressor potential_energy_regressor static_regressor "
+        "Regressors and identification",
+        "Torques, forces and energies as linear functions of masses, centres of mass and inertias; these from logs.",
+        "identify Identified Validation Recording excitation base_parameters Base joint_torque_regressor "
+        "body_regressor kinetic_energy_regressor potential_energy_regressor static_regressor "
         "modified_torque_regressor momentum_regressor coriolis_transpose_regressor",
     ),
     "mechanics": Group(
@@ -139,13 +140,14 @@ GROUPS = {
         "Errors",
         "All derive from SpatialDynError, a ValueError.",
         "SpatialDynError ShapeError ConfigurationError NonFiniteError UrdfError InertiaError ModelError "
-        "ConstraintError SimulationError SimulationInterrupt StudyError",
+        "ConstraintError IdentificationError SimulationError SimulationInterrupt StudyError",
     ),
 }
 # where a name that no group lists goes, by the package that it is of
 BY_PACKAGE = {
     "accuracy": "accuracy", "actuation": "actuation", "calls": "dynamics", "constraints": "constraints",
-    "control": "control", "interop": "conversion", "laws": "control", "lagrangian": "mechanics", "model": "robots",
+    "control": "control", "interop": "conversion", "laws": "control", "lagrangian": "mechanics",
+    "linearization": "derivatives", "model": "robots",
     "pictures": "pictures", "recursions": "dynamics", "simulation": "simulation", "sources": "robots",
     "urdf": "robots", "identification": "identification", "studies": "studies", "operational": "control",
 }  # fmt: skip

@@ -1,6 +1,7 @@
 """Identification of a payload: mass and centre of an unknown load from torques that were measured.
 
-Learn    body_regressor and frame_jacobian: τ is linear in the load's ten parameters, τ = rnea + Jᵀ Y π.
+Learn    body_regressor and frame_jacobian: τ is linear in the load's ten parameters, τ = rnea + Jᵀ Y π. excitation
+         and identify(payload=): the same of a log on a path, as a load that can exist.
 Look at  what can be told apart. Poses at rest give the mass and the centre of mass and nothing about inertia (rank 4);
          motion gives all ten, the inertia with the fewest digits: its torques are the smallest.
 Needs    pip install example-robot-data for the UR5
@@ -45,7 +46,12 @@ def main(quick: bool = False) -> dict[str, Array]:
         for name, x, s, truth in zip(NAMES, pi, deviation, found["true"], strict=True):
             known = s > 0 and (rank == 10 or name[0] == "m")
             print(f"  {name:6} {x:9.5f} ± {s:7.5f}   true {truth:9.5f}" if known else f"  {name:6} not seen")
-    return found
+    t = np.linspace(0.0, 8.0, 8 * n // 40)
+    q, v, a = sd.excitation(model, 8.0, 3, payload=frame, starts=4, steps=4)(t)  # a path that shows all ten
+    tau = sd.rnea(loaded, q, v, a) + noise * rng.normal(size=q.shape)
+    fit = sd.identify(sd.Recording(t, q, tau, v, a), model, "log_cholesky", "inertial", payload=frame)
+    print(f"on a path, as a load that can exist: {fit.parameters[0]:.3f} kg, the rest in fit.model()")
+    return found | {"load": fit.parameters, "carried": np.array(fit.model().total_mass)}
 
 
 if __name__ == "__main__":

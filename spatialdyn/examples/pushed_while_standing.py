@@ -5,7 +5,7 @@ Learn    sd.WholeBody finds joint torques for a robot whose base has no motor: a
 Look at  the impulse in N s that each survives for ten seconds. Talos weighs 886 N on soles of 20 by 12 cm, which alone
          hold it: the forces may only push, and their centre has to stay under the feet. Where no torque within all
          limits is left, the smallest relaxation is taken, and it has a name.
-Needs    pip install example-robot-data "spatialdyn[wbc]"
+Needs    pip install example-robot-data qpsolvers daqp
 """
 
 from __future__ import annotations

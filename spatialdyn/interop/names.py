@@ -116,7 +116,8 @@ NAMES: dict[str, Aliases] = {
     "spline": Aliases("splines trajectory cubic_spline waypoints trajectory_generation", "", "", "mstraj"),
     "quintic": Aliases("minimum_jerk min_jerk", "", "", "jtraj"),
     "trapezoid": Aliases("trapezoidal trapezoidal_profile velocity_profile", "", "", "mtraj"),
-    "fourier": Aliases("excitation fourier_series"),
+    "fourier": Aliases("fourier_series"),
+    "identify": Aliases("identification parameter_identification system_identification sysid"),
     "Trajectory": Aliases("trajectories"),
     "SymbolicManipulator": Aliases("symbolic sympy eom equations_of_motion lagrange"),
 }  # fmt: skip
@@ -126,7 +127,6 @@ EXAMPLES: dict[str, str] = {  # of the gallery: words for what it shows that no 
     "ilqr": "ilqr ddp trajopt trajectory_optimization optimal_control",
     "mppi_on_lanes": "mppi mpc",
     "gravity_compensation": "gravity_compensation",
-    "payload_identification": "identify identification parameter_identification system_identification sysid",
     "gradient_of_a_design": "grad gradient gradients autodiff autograd",
     "c_export": "c_code codegen export export_c",
     "casadi_export": "casadi to_casadi",

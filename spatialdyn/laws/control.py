@@ -7,7 +7,6 @@ by its name, so that another law of the same name does not meet an old kernel.
 
 from __future__ import annotations
 
-import hashlib
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -19,9 +18,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..calls.arguments import as_array, as_number, broadcast, check_model, core_shape
 from ..engines.compiled import numba_kernels
-from ..engines.programs.record import recording, structure
+from ..engines.programs.record import recording
 from ..engines.programs.record.recording import Recording
-from ..engines.programs.run import batch_kernels
 from ..engines.programs.run.tiered_program import TieredProgram
 from ..errors import NonFiniteError, ShapeError, SimulationError
 from ..model.model import Model
@@ -254,20 +252,12 @@ def shown(given: Any) -> str:
 
 
 @lru_cache(maxsize=32)
-def recorded(
-    specs: tuple[Spec, ...], model: Model, static: tuple[Any, ...], dtype: np.dtype
-) -> tuple[Recording | None, str]:
-    """The recording of Specs that have a control law in them, and the digest of its content: their key in caches.
-
-    None if a joint has zero articulated inertia.
-    """
+def recorded(specs: tuple[Spec, ...], model: Model, static: tuple[Any, ...], dtype: np.dtype) -> Recording | None:
+    """The recording of Specs that have a control law in them; None if a joint has zero articulated inertia."""
     try:
-        made = recording.record(specs, model.bodies, static, dtype=dtype)
+        return recording.record(specs, model.bodies, static, dtype=dtype)
     except ZeroDivisionError:
-        return None, model.key
-    found = hashlib.sha256(structure.digest(*made).encode())
-    found.update(structure.Numbers(*made).values(np.float64).tobytes())
-    return made, found.hexdigest()
+        return None
 
 
 def law_torques(
@@ -308,29 +298,11 @@ def _torques_of(
 @lru_cache(maxsize=64)
 def _program(spec: Spec, model: Model, static: tuple[Any, ...], common: tuple[int, ...]) -> TieredProgram:
     """The program of a law's torque, whose inputs ``common`` have one row for all samples."""
-    made, key = recorded((spec,), model, static, np.dtype(np.float64))
+    made = recorded((spec,), model, static, np.dtype(np.float64))
     if made is None:
         raise SimulationError(f'law "{spec.name}" divides by an inertia that is 0')
     made = Recording(made.program, replace(made.layout, common=common))
-    return TieredProgram((spec,), model.bodies, f"{key} {common}", static, recorded=made)
-
-
-def step_kernel(
-    specs: tuple[Spec, ...], model: Model, static: tuple[Any, ...], dtype: Any = np.float64, one: bool = False,
-    by_content: bool = False, common: tuple[int, ...] = (),
-) -> Any:  # fmt: skip
-    """The kernel of a step's Specs, None if a joint has zero articulated inertia; by content if a law is in them.
-
-    common  indices of inputs with one row, of finite numbers, for all samples; only by content
-    """
-    if not by_content:
-        return batch_kernels.kernel(specs, model.bodies, model.key, static, dtype=dtype, one=one)
-    made, key = recorded(specs, model, static, np.dtype(dtype))
-    if made is None:
-        return None
-    if common:
-        made, key = Recording(made.program, replace(made.layout, common=common)), f"{key} {common}"
-    return batch_kernels.kernel(specs, model.bodies, key, static, dtype=dtype, one=one, recorded=made)
+    return TieredProgram((spec,), model.bodies, model.key, static, recorded=made)
 
 
 @lru_cache(maxsize=64)

@@ -2,17 +2,36 @@
 
 from __future__ import annotations
 
+import functools
 import math
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Callable, Mapping
+from typing import Any, ParamSpec, TypeVar
 
 from numpy.typing import ArrayLike
 
 from ..bodies.kinds import kind_of
 from ..errors import ModelError
 from .model import Model, assemble
-from .robot import Link, Mimic, Robot, RobotJoint, Rotor, Spring
+from .robot import JointLimits, Link, Mimic, Robot, RobotJoint, Rotor, Spring
 from .robot_checks import check_inertias, check_tree, floats, make_joint, make_link, pose_matrix
+
+P = ParamSpec("P")
+T = TypeVar("T")
+
+
+def _bounds_in_limits(call: Callable[P, T]) -> Callable[P, T]:
+    """``add_body``, which refuses what is a field of its limits by the line to write."""
+
+    @functools.wraps(call)
+    def named(*args: P.args, **kwargs: P.kwargs) -> T:
+        given = [f"{name}={kwargs[name]!r}" for name in ("velocity", "effort") if name in kwargs]
+        if given:
+            pair = kwargs.get("limits", ())
+            first = [repr(x) for x in pair] if isinstance(pair, (tuple, list)) else []
+            raise ModelError(f"{', '.join(given)} is given, expected limits=sd.JointLimits({', '.join(first + given)})")
+        return call(*args, **kwargs)
+
+    return named
 
 
 class ModelBuilder:
@@ -40,6 +59,7 @@ class ModelBuilder:
         self._links[link] = make_link(link, inertia)
         return self
 
+    @_bounds_in_limits
     def add_body(
         self,
         name: str,
@@ -49,9 +69,8 @@ class ModelBuilder:
         placement: Any = None,
         inertia: tuple[float, ArrayLike, ArrayLike] | None = None,
         joint_name: str | None = None,
-        limits: tuple[float, float] = (-math.inf, math.inf),
-        velocity: float = math.inf,
-        effort: float = math.inf,
+        limits: JointLimits | tuple[float, float] = (-math.inf, math.inf),
+        *,
         damping: float = 0.0,
         friction: float = 0.0,
         armature: float = 0.0,
@@ -67,6 +86,8 @@ class ModelBuilder:
         placement   of the joint in the parent: xyz (3,) [m], a pair (xyz, rpy [rad]) or a pose (4, 4)
         inertia     (mass [kg], com (3,) [m], rotational inertia (3, 3) about the com [kg m²]), in the link's frame
         joint_name  by default ``name + "_joint"``
+        limits      JointLimits, or the lower and the upper position alone [rad | m]
+        damping     viscous coefficient [N m s/rad | N s/m];  friction  dry friction [N m | N]
         armature    rotor inertia of every freedom [kg m² | kg], added to the diagonal of M; see ``RobotJoint``
         mimic       Mimic, or a mapping with its fields
         pitch       of a helical joint: travel along its axis per radian [m/rad], of either sign
@@ -83,11 +104,13 @@ class ModelBuilder:
         if name in self._links:
             raise ModelError(f'robot "{self.name}" has two links named "{name}", expected distinct names')
         what = f'joint "{joint_name}"'
-        lower, upper = floats(limits, 2, f"{what} has limits")
+        bounds = limits if isinstance(limits, JointLimits) else JointLimits(*floats(limits, 2, f"{what} has limits"))
         placed = pose_matrix(placement, f"placement of {what}").ravel().tolist()
         scalars = {
-            "velocity": velocity,
-            "effort": effort,
+            "lower": bounds.lower,
+            "upper": bounds.upper,
+            "velocity": bounds.velocity,
+            "effort": bounds.effort,
             "damping": damping,
             "friction": friction,
             "armature": armature,
@@ -103,8 +126,6 @@ class ModelBuilder:
                 name,
                 tuple(placed),
                 along,
-                lower,
-                upper,
                 mimic=_mimic(mimic, what),
                 rotor=rotor,
                 **values,

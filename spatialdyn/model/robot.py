@@ -39,6 +39,26 @@ class Mimic:
 
 
 @dataclass(frozen=True)
+class JointLimits:
+    """What bounds a joint, of every coordinate: positions, and the velocity and effort of its drive, both ways.
+
+    lower, upper  positions [rad | m]
+    velocity      largest speed [rad/s | m/s]
+    effort        largest torque or force [N m | N]
+
+    >>> import spatialdyn as sd
+    >>> builder = sd.ModelBuilder("arm").add_body("rod", limits=sd.JointLimits(-1.0, 2.0, effort=30.0))
+    >>> builder.build().effort_limit
+    array([30.])
+    """
+
+    lower: float = -math.inf
+    upper: float = math.inf
+    velocity: float = math.inf
+    effort: float = math.inf
+
+
+@dataclass(frozen=True)
 class Rotor:
     """The rotor of a joint's motor, which turns on the link before the joint at ``ratio`` times the joint's velocity.
 

@@ -8,13 +8,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..calls.arguments import as_finite, check_model
+from ..calls.arguments import as_finite, broadcast, check_model
 from ..calls.dynamics import calls
 from ..errors import ModelError, ShapeError, SpatialDynError
 from ..model.model import Model
 from .space import times
 from .spectral import DAMPING, LENGTH, axes_of, lengths_of, share_of, spectral_inverse
-from .tasks import FrameTask, PostureTask, Rows, Task
+from .tasks import FrameTask, PostureTask, Rows, Task, rows_of
 
 Array = NDArray[np.float64]
 
@@ -82,7 +82,7 @@ def task_torque(
     done: list[Rows] = []
     ranks, weaks = [], []
     for task in given:
-        rows = task.rows(model, q, v)
+        rows = rows_of(task, model, q, v)
         lengths = lengths_of([3 * int(x) for x in rows.turning], length)
         Jp = rows.J @ N
         back = inverse @ np.swapaxes(Jp, -1, -2)
@@ -107,11 +107,12 @@ def _posture(model: Model, q: Array, v: Array, posture: Any) -> Array:
         return np.zeros(model.nv)
     if isinstance(posture, Task):
         posture.check(model)
-        rows = posture.rows(model, q, v)
+        rows = rows_of(posture, model, q, v)
         return times(np.asarray(calls["crba"](model, q)), times(np.swapaxes(rows.J, -1, -2), rows.wanted))
     tau = as_finite("posture", posture)
     if tau.shape[-1:] != (model.nv,):
         raise ShapeError(f"posture has shape {tau.shape}, expected (..., {model.nv})")
+    broadcast(["q", "v", "posture"], [q.shape[:-1], v.shape[:-1], tau.shape[:-1]])
     return tau
 
 

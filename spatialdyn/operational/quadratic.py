@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import ConstraintError, SpatialDynError
+from ..errors import ConstraintError, SpatialDynError, pip_install
 
 Array = NDArray[np.float64]
 VIOLATED = 1e-5  # of the robot's weight, a limit or an acceleration to brake with: what a solution may miss
@@ -54,7 +54,7 @@ def available() -> list[str]:
     try:
         import qpsolvers
     except ImportError:
-        raise SpatialDynError('WholeBody needs qpsolvers and a solver: pip install "spatialdyn[wbc]"') from None
+        raise SpatialDynError(f"qpsolvers is not installed; {pip_install('wbc')}") from None
     return list(qpsolvers.available_solvers)
 
 

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..calls.arguments import as_array, as_number, as_word
+from ..calls.arguments import as_array, as_finite, as_items, as_number, as_word, broadcast, check_model
 from ..calls.dynamics import calls
 from ..errors import ModelError, NonFiniteError, ShapeError, SpatialDynError
 from ..model.model import Frame, Model
@@ -41,12 +41,28 @@ class Rows(NamedTuple):
 class Task:
     """What tasks have in common: ``FrameTask``, ``ComTask``, ``PostureTask`` are tasks."""
 
-    def rows(self, model: Model, q: Array, v: Array) -> Rows:
-        """The equations at a state q (..., nq), v (..., nv)."""
+    def rows(self, model: Model, q: ArrayLike, v: ArrayLike) -> Rows:
+        """The equations at a state q (..., nq), v (..., nv). Raises as ``check``, and NonFiniteError."""
+        self.check(model)
+        at, speed = as_finite("q", q), as_finite("v", v)
+        for name, x, size in (("q", at, model.nq), ("v", speed, model.nv)):
+            if x.shape[-1:] != (size,):
+                raise ShapeError(f"{name} has shape {x.shape}, expected (..., {size})")
+        given = {"q": at.shape[:-1], "v": speed.shape[:-1]}
+        for name in ("target", "acceleration", "velocity"):
+            x = getattr(self, name)
+            if x is not None:
+                given[name] = x.shape[: x.ndim - (2 if x.shape[-2:] == (4, 4) else 1)]
+        broadcast([*given], [*given.values()])
+        return self._of_state(model, at, speed)
+
+    def _of_state(self, model: Model, q: Array, v: Array) -> Rows:
+        """The same, of arrays that fit."""
         raise NotImplementedError
 
     def check(self, model: Model) -> None:
         """Raise ModelError or ShapeError if the task is none of this model's."""
+        check_model(model)
 
     def with_(self, **changes: Any) -> Any:
         """The task with some of its fields changed, as its target from step to step."""
@@ -71,13 +87,13 @@ def _numbers(task: Any, *names: str) -> None:
 def _gains(task: Any, follows: bool, moves: bool) -> None:
     """Kp and Kd, 0 or above, or defaults: 100 1/s² where there is a target, and Kd critically damped."""
     _numbers(task, "Kp", "Kd")
+    for name in ("Kp", "Kd"):
+        if getattr(task, name) is not None and (getattr(task, name) < 0.0).any():
+            raise SpatialDynError(f"{name} is {getattr(task, name).tolist()}, expected 0 or more")
     if task.Kp is None:
         object.__setattr__(task, "Kp", np.float64(100.0 if follows else 0.0))
     if task.Kd is None:
         object.__setattr__(task, "Kd", 2.0 * np.sqrt(task.Kp) if follows else np.float64(20.0 if moves else 0.0))
-    for name in ("Kp", "Kd"):
-        if (getattr(task, name) < 0.0).any():
-            raise SpatialDynError(f"{name} is {getattr(task, name).tolist()}, expected 0 or more")
 
 
 def _common(task: Any, name: str) -> None:
@@ -160,10 +176,10 @@ class FrameTask(Task):
 
     def check(self, model: Model) -> None:
         """Raise ModelError if there is no such frame."""
-        model.frame(self.frame)
+        check_model(model).frame(self.frame)
 
-    def rows(self, model: Model, q: Array, v: Array) -> Rows:
-        """See the class."""
+    def _of_state(self, model: Model, q: Array, v: Array) -> Rows:
+        """See ``Task``."""
         rows = axes_of(self.axes)
         J = np.asarray(calls["frame_jacobian"](model, q, self.frame, self.reference))[..., rows, :]
         drift = np.asarray(calls["jacobian_dot_times_v"](model, q, v, self.frame, self.reference))[..., rows]
@@ -217,8 +233,8 @@ class ComTask(Task):
         m = len(rows)
         _fits(self, {"target": 3, "acceleration": m, "velocity": m, "Kp": m, "Kd": m})
 
-    def rows(self, model: Model, q: Array, v: Array) -> Rows:
-        """See the class."""
+    def _of_state(self, model: Model, q: Array, v: Array) -> Rows:
+        """See ``Task``."""
         rows = axes_of(self.axes)
         J = np.asarray(calls["com_jacobian"](model, q))[..., rows, :]
         drift = np.asarray(calls["center_of_mass_acceleration"](model, q, v, 0.0 * v))[..., rows]
@@ -254,7 +270,7 @@ class PostureTask(Task):
         """Check the fields."""
         _common(self, "posture")
         if self.joints is not None:
-            given = [self.joints] if isinstance(self.joints, str) else list(self.joints)
+            given = as_items("joints", self.joints, str, "names of joints")
             if not given or len(set(given)) < len(given):
                 raise SpatialDynError(f"joints is {self.joints!r}, expected names, each once")
             object.__setattr__(self, "joints", tuple(given))
@@ -263,6 +279,7 @@ class PostureTask(Task):
 
     def at(self, model: Model) -> list[int]:
         """The freedoms of the joints, by index in v. Raises ModelError."""
+        check_model(model)
         if self.joints is None:
             named = [joint for joint in model.joints[1:] if not (joint.kind == "floating" and joint.parent == 0)]
         else:
@@ -277,14 +294,20 @@ class PostureTask(Task):
         m = len(self.at(model))
         _fits(self, {"target": model.nq, "acceleration": m, "velocity": m, "Kp": m, "Kd": m})
 
-    def rows(self, model: Model, q: Array, v: Array) -> Rows:
-        """See the class."""
+    def _of_state(self, model: Model, q: Array, v: Array) -> Rows:
+        """See ``Task``."""
         at = self.at(model)
         J = np.eye(model.nv)[at]
         e = None if self.target is None else np.asarray(calls["difference"](model, q, self.target))[..., at]
         kinds = {k: joint for joint in model.joints[1:] for k in range(joint.idx_v, joint.idx_v + joint.nv)}
         turning = np.array([kinds[k].kind != "prismatic" for k in at])
         return Rows(J, 0.0 * v[..., at], feedback(self, v[..., at], e), turning)
+
+
+def rows_of(task: Any, model: Model, q: Array, v: Array) -> Rows:
+    """The equations of a task, or of an object with its methods, whose arguments have been checked."""
+    found: Rows = task._of_state(model, q, v) if isinstance(task, Task) else task.rows(model, q, v)
+    return found
 
 
 def feedback(task: Any, rate: Array, e: Array | None) -> Array:

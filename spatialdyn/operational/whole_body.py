@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..calls.arguments import as_finite, as_number, as_words, check_model
+from ..calls.arguments import as_finite, as_number, as_word, as_words, check_model
 from ..calls.dynamics import calls
 from ..constraints.contact_dynamics import contact_gaps
 from ..errors import ConstraintError, ModelError, ShapeError, SpatialDynError
@@ -29,7 +29,7 @@ from .feet import Stance, feet_of, ground_axes, stance
 from .hierarchy import check_tasks
 from .quadratic import Program, Relaxation, available, relax, residual, solve
 from .standing import Standing
-from .tasks import Rows, Task
+from .tasks import Rows, Task, rows_of
 from .viable import upper
 
 Array = NDArray[np.float64]
@@ -116,15 +116,11 @@ class WholeBody:
         self.force_weight, self.motion_weight = (
             _positive(name, x) for name, x in (("force_weight", force_weight), ("motion_weight", motion_weight))
         )
-        self.standing = standing if standing == "all" and isinstance(standing, str) else _positive("standing", standing)
+        whole = isinstance(standing, str) and standing == "all"
+        self.standing = standing if whole else _positive("standing", standing)
         self.largest = math.inf if largest is None else _positive("largest", largest)
-        if infeasible not in ("raise", "relax"):
-            raise SpatialDynError(f'infeasible is {infeasible!r}, expected "raise" or "relax"')
-        self.infeasible = infeasible
-        known = available()
-        if solver not in known:
-            raise SpatialDynError(f"solver is {solver!r}, expected one of {', '.join(known) or 'none: install one'}")
-        self.solver = solver
+        self.infeasible = as_word("infeasible", infeasible, ("raise", "relax"))
+        self.solver = as_word("solver", solver, available())
         floats = [x for x in model.joints[1:] if x.kind == "floating" and x.parent == 0]
         self.base = 6 if floats else 0
         self.weight = max(float(np.linalg.norm(model.gravity)) * model.total_mass, 1e-300)
@@ -155,7 +151,7 @@ class WholeBody:
             if x.shape != (size,):
                 raise ShapeError(f"{name} has shape {x.shape}, expected ({size},): one state")
         given = self.tasks if tasks is None else check_tasks(self.model, tasks)
-        rows = [task.rows(self.model, q, v) for task in given]
+        rows = [rows_of(task, self.model, q, v) for task in given]
         program, made = self._program(q, v)
         levels = sorted({int(task.priority) for task in given})
         if len(levels) == 1:

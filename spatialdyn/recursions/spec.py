@@ -105,11 +105,13 @@ class Spec:
                 first axis. Every Spec with pivots has one.
     composed    the recursion is made of others and walks no tree itself: with mimic joints it takes the model's own
                 coordinates, and those others are reduced by G
+    stamped     the recursion closes over nothing but what the package itself has: see ``engines.compiled.stamp``
     regroup     the output is unchanged when inertias are regrouped towards the root: it describes no single body
     lacks       columns of the table whose terms the recursion has not: a model with some is refused
     residual    of a call that solves, two names: of the call that gives its input back from its output, as rnea gives
                 back aba's tau, or whose product with its output is 1, as crba's with minverse's; and of that with M⁻¹
-    large       its table kernel takes half a minute to compile: calls that have no program are computed in NumPy
+    large       its table kernel takes half a minute to compile: steps run it as its program, as calls do, and calls
+                that have no program are computed in NumPy
     source      where the recursion comes from
     """
 
@@ -131,6 +133,7 @@ class Spec:
     residual: tuple[str, ...] = ()
     composed: bool = False
     large: bool = False
+    stamped: bool = True
 
     @cached_property  # read a dozen times by each call of a rollout
     def present(self) -> tuple[Argument, ...]:

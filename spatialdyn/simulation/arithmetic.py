@@ -18,7 +18,6 @@ from ..engines.compiled import numba_kernels
 from ..engines.programs.record import tracer
 from ..engines.programs.record.mimic_rows import evaluate, rows_of
 from ..model.model import Model
-from ..recursions.contact.contact_rows import CONTACTS_ARGUMENT
 from ..recursions.spec import Spec, shape_in, sizes_of
 from .system import System, set_status
 
@@ -100,7 +99,7 @@ class Computed:
             finite = all(np.isfinite(x).all() for x in found.values())
             set_status(self.system, numba_kernels.OK if finite else numba_kernels.NONFINITE, self.t)
             return found
-        if any(x.name == CONTACTS_ARGUMENT.name for x in spec.present):
+        if spec.large:
             static = tuple(known[x.name] for x in spec.present if x.static)
             if run.program(numba_kernels.variant(spec, self._optional(spec, known)), self.model, static) is not None:
                 return self._by_program(spec, known)
@@ -111,7 +110,7 @@ class Computed:
         return dict(zip(_names(own), own.split(out, sizes), strict=True))
 
     def _by_program(self, spec: Spec, known: Mapping[str, Any]) -> dict[str, Any]:
-        """The same as calls answer: contacts as a table kernel take a minute to compile, as a program milliseconds."""
+        """The same as calls answer."""
         own = numba_kernels.variant(spec, self._optional(spec, known))
         sizes, out = self._sized(own, known)
         given = [x for x in own.present if not x.static]

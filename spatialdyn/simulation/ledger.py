@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from ..errors import SimulationError
 from ..model.model import Model
-from .effects.work import BY_FREEDOM, KINDS
+from .effects import work as works
 from .trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -32,7 +32,7 @@ class EnergyLedger:
     change      (N,)      E - E(0), kinetic and potential energy; that of springs is not in it, they do work [J]
     work        {kind: (N, k)}  work done on the robot since the first sample [J]: "torque", "friction", "external"
                 and "springs" by freedom, "constraints" by equation, "projection" of all constraints, "contacts" by
-                point and limited joint; only kinds that acted in the run
+                point and limited joint, and what further effects do; only kinds that acted in the run
     labels      {kind: k names}
     error       (N,)      ε = change - all work: what the integrator's steps add [J]
     robot, method   as of the trajectory
@@ -95,25 +95,28 @@ def energy_ledger(trajectory: Trajectory) -> EnergyLedger:
     """
     if not isinstance(trajectory, Trajectory):
         raise SimulationError(f"trajectory is a {type(trajectory).__name__}, expected a Trajectory of simulate")
-    found = {kind: trajectory.states[name] for name, kind in KINDS.items() if name in trajectory.states}
-    if not found:
+    own = () if trajectory.scene is None else (x.work for x in trajectory.scene.effects if x.work is not None)
+    shapes = {x.name: x.shape for x in (*works.KNOWN, *own)}
+    states = {name: trajectory.states[name] for name in shapes if name in trajectory.states}
+    if not states:
         raise SimulationError('trajectory has no work, expected one of simulate(..., record="work")')
-    work = {kind: x - x[:1] for kind, x in found.items()}
+    kinds = {name: name.removeprefix(works.PREFIX) for name in states}
+    work = {kinds[name]: x - x[:1] for name, x in states.items()}
     energy = trajectory.energy if trajectory.spring_energy is None else trajectory.energy - trajectory.spring_energy
     change = energy - energy[:1]
     error = change - sum(x.sum(axis=1) for x in work.values())
-    labels = {kind: _labels(kind, x.shape[1], trajectory) for kind, x in work.items()}
+    labels = {kinds[name]: _labels(kinds[name], shapes[name], x.shape[1], trajectory) for name, x in states.items()}
     return EnergyLedger(trajectory.t, change, work, labels, error, trajectory.robot, trajectory.method)
 
 
-def _labels(kind: str, count: int, run: Trajectory) -> tuple[str, ...]:
-    """Names of the columns of a kind, by the scene of the run; numbers without one."""
+def _labels(kind: str, shape: tuple[str | int, ...], count: int, run: Trajectory) -> tuple[str, ...]:
+    """Names of the columns of a kind, of a state of that shape, by the scene of the run; numbers without one."""
     names: Sequence[str] = ()
-    if kind in BY_FREEDOM and run.model is not None:
+    if shape == works.TORQUE.shape and run.model is not None:
         names = _freedoms(run.model)
-    elif kind == "constraints" and run.scene is not None and run.scene.constraints is not None:
+    elif shape == works.CONSTRAINTS.shape and run.scene is not None and run.scene.constraints is not None:
         names = [str(x.label) for x in run.scene.constraints.equations]
-    elif kind == "contacts" and run.scene is not None:
+    elif shape == works.CONTACTS.shape and run.scene is not None:
         names = run.scene.unilateral.labels
     if len(names) == count:
         return tuple(names)

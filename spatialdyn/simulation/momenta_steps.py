@@ -114,7 +114,7 @@ def momenta_specs(method: str, acting: tuple[Effect, ...] = (), forced: bool = T
         return q, p, *(x.reshape(inputs[y.name].shape) for x, y in zip(held, own, strict=True))
 
     label = "_".join(["step_in_momenta", method, *(x.name for x in acting)])
-    return specs_of(label, given, (Q, P, *own), after, family is CANONICAL)
+    return specs_of(label, given, (Q, P, *own), after, acting, family is CANONICAL)
 
 
 # --- the recursions, as the methods call them -----------------------------------------------------------

@@ -6,7 +6,7 @@ What is known from scene and method alone is kept with the scene: a run that is 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import Any, NamedTuple
 
@@ -14,13 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..calls.arguments import core_shape
-from ..calls.dynamics import calls
+from ..calls.dynamics import python_calls
 from ..calls.specialize import specialize
 from ..calls.specialized import Specialized
 from ..engines.compiled import numba_kernels
 from ..engines.programs.record import recording
 from ..engines.programs.run import batch_kernels
-from ..laws.control import step_kernel
+from ..laws.control import recorded
 from ..model.model import Model
 from ..recursions.spec import Argument, Spec
 from .effects import of_run, work
@@ -52,12 +52,12 @@ class Way(NamedTuple):
 
 def way_of(scene: Scene, method: Any) -> Way:
     """The method of a run, None for that of the scene. Raises SpatialDynError, SimulationError."""
-    known = scene._plans.get(method) if method is None or isinstance(method, str) else None
-    if known is None:
+    kept = scene._plans.get(method) if method is None or isinstance(method, str) else None
+    if kept is None:
         name = check_method(scene, scene.method if method is None else method, integrators)
-        found = Way(integrators[name], any(isinstance(x, (SmoothFriction, Springs)) for x in scene.effects))
-        known = scene._plans.setdefault(method, found)
-    return known  # type: ignore[no-any-return]
+        way = Way(integrators[name], any(isinstance(x, (SmoothFriction, Springs)) for x in scene.effects))
+        kept = scene._plans.setdefault(method, way)
+    return kept  # type: ignore[no-any-return]
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,32 +100,29 @@ class Plan:
     @cached_property
     def feedback(self) -> Feedback | None:
         """The control law."""
-        found: Feedback | None = find(self.effects, Feedback)
-        return found
+        return find(self.effects, Feedback)
 
     @cached_property
     def constrained(self) -> Constrained | None:
         """The constraints."""
-        found: Constrained | None = find(self.effects, Constrained)
-        return found
+        return find(self.effects, Constrained)
 
     @cached_property
     def contact(self) -> Contact | None:
         """What acts by impulses."""
-        found: Contact | None = find(self.effects, Contact)
-        return found
+        return find(self.effects, Contact)
 
     @cached_property
     def work(self) -> tuple[Argument, ...]:
         """The states of the work that is recorded. Symplectic methods integrate no work of constraints: it is 0."""
         if not self.works:
             return ()
-        found = [x.work for x in self.effects if x.work is not None]
+        works = [x.work for x in self.effects if x.work is not None]
         if self.constrained is not None and self.method not in (*EXPLICIT_METHODS, *SCIPY_METHODS):
-            found.remove(work.CONSTRAINTS)
+            works.remove(work.CONSTRAINTS)
         elif self.constrained is not None and self.constrained.projects:
-            found.append(work.PROJECTION)
-        return (work.TORQUE, *found)
+            works.append(work.PROJECTION)
+        return (work.TORQUE, *works)
 
     @cached_property
     def states(self) -> tuple[Argument, ...]:
@@ -161,8 +158,8 @@ class Plan:
     def _cores(self) -> dict[str, tuple[int, ...]]:
         """Shapes of the inputs that are no tables."""
         tables = [x for x in self.tables if hasattr(x, "sizes")]
-        found = (x for effect in self.effects for x in effect.inputs if x.name in self.values)
-        return {x.name: core_shape(self.model, x, tables) for x in found}
+        inputs = (x for effect in self.effects for x in effect.inputs if x.name in self.values)
+        return {x.name: core_shape(self.model, x, tables) for x in inputs}
 
     def given(self, sample: int, step: int) -> dict[str, Any]:
         """The inputs of one step of one sample, by name."""
@@ -180,7 +177,7 @@ class Plan:
 
     def failure(self, states: dict[str, Array], dt: float, t: float) -> str:
         """What is wrong with the steps until t, by states (flat) after them; "" if nothing is."""
-        return next((found for x in self.judged if (found := x.failure(states, dt, t))), "")
+        return next((reason for x in self.judged if (reason := x.failure(states, dt, t))), "")
 
     # --- programs ---------------------------------------------------------------------------------------
 
@@ -217,7 +214,7 @@ class Plan:
         self, works: tuple[Argument, ...] = (), forced: bool = True, dtype: Any = np.float64, one: bool = True,
         common: tuple[int, ...] = (),
     ) -> Any:  # fmt: skip
-        """The kernel of a step; None for a robot too long for a program. As of ``step_specs`` and ``step_kernel``."""
+        """The kernel of a step; None for a robot too long for a program. As of ``step_specs`` and ``batch_kernels``."""
         parts = self.method, self.structure, works, self.tables, forced, np.dtype(dtype), one, common
         return _kernel(self.model, *parts)
 
@@ -236,7 +233,10 @@ def _kernel(
     specs = specs_of_step(method, effects, works, forced)
     if not recording.fits(specs, model.bodies, static=static):
         return None
-    return step_kernel(specs, model, static, dtype, one=one, by_content=any(map(_is_users, effects)), common=common)
+    made = None if specs[0].stamped else recorded(specs, model, static, dtype)  # which a check of the law has too
+    if made is not None and common:
+        made = recording.Recording(made.program, replace(made.layout, common=common))
+    return batch_kernels.kernel(specs, model.bodies, model.key, static, dtype=dtype, one=one, recorded=made)
 
 
 def specs_of_step(
@@ -248,14 +248,9 @@ def specs_of_step(
     return momenta_specs(method, effects, forced)
 
 
-def _is_users(effect: Effect) -> bool:
-    """Whether the package's own sources, which kept code is named by, do not say what an effect computes."""
-    return isinstance(effect, Feedback) or not type(effect).__module__.startswith(f"{__name__.partition('.')[0]}.")
-
-
 @lru_cache(maxsize=batch_kernels.CACHE_SIZE)
 def _specialized(model: Model, names: tuple[str, ...]) -> Specialized:
-    return specialize(model, [calls[name] for name in names])
+    return specialize(model, [python_calls[name] for name in names])  # builtins would be made for their names alone
 
 
 # --- of a run -------------------------------------------------------------------------------------------

@@ -127,14 +127,14 @@ class Recorder:
             states = self.states.shown(self.own_rows[:n].copy())
         if control is not None and n:
             tau += law_torques(control, model, q, v, tau, states, self.kept[:n], self.steps.dt, self.steps.total)
-        touched, contact = None, self.plan.contact
+        impulses, contact = None, self.plan.contact
         if contact is not None and contact.records:
             at = dict(zip((x.name for x in self.states.arguments), self.states.slices, strict=True))
-            touched = contact.record(q, self.own_rows[:n, at[contact.own.name]])
+            impulses = contact.record(q, self.own_rows[:n, at[contact.own.name]])
         held = spring_energy(model, q) if "springs" in (x.name for x in self.plan.scene.effects) else None
         energy = T + V if held is None else T + V + held
         words = (self.method.name, self.steps.dt, model.name, interrupted, model)
-        return Trajectory(self.t[:n].copy(), q, v, p, tau, energy, *words, states, touched, held, self.plan.scene)
+        return Trajectory(self.t[:n].copy(), q, v, p, tau, energy, *words, states, impulses, held, self.plan.scene)
 
 
 def _of_samples(calls_of: Specialized, *arrays: Array) -> list[Array]:

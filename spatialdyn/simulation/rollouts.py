@@ -143,11 +143,11 @@ def rollout(
         records = [x[:, -1] for x in records] if T else [x.copy() for x in now]
     t = np.array(T * dt) if isinstance(record, str) else dt * every * np.arange(1.0, T // every + 1.0)
     q, v, *after = [x[0] for x in records] if single else records
-    contact, touched = plan.contact, None
+    contact, impulses = plan.contact, None
     if contact is not None and contact.records:
-        touched = contact.record(q, after[[x.name for x in plan.states].index(contact.own.name)])
+        impulses = contact.record(q, after[[x.name for x in plan.states].index(contact.own.name)])
     shown = initial.shown(np.concatenate(after, axis=-1)) if after else {}
-    return Rollout(q, v, t, model, shown, touched, scene, method)
+    return Rollout(q, v, t, model, shown, impulses, scene, method)
 
 
 # --- arguments -------------------------------------------------------------------------------------------
@@ -174,13 +174,13 @@ def _is_number(x: Any) -> bool:
 
 
 def _states(model: Model, q0: ArrayLike, v0: ArrayLike) -> list[Array]:
-    found = []
+    states = []
     for name, value, columns in (("q0", q0, model.nq), ("v0", v0, model.nv)):
         x = as_array(name, value)
         if x.ndim not in (1, 2) or x.shape[-1] != columns:
             raise ShapeError(f"{name} has shape {x.shape}, expected (B, {columns}) or ({columns},)")
-        found.append(np.atleast_2d(x))
-    return found
+        states.append(np.atleast_2d(x))
+    return states
 
 
 def _inputs(
@@ -206,9 +206,9 @@ def _inputs(
     (B,) = broadcast(["q0", "v0", *several], [start[0].shape[:1], start[1].shape[:1], *several.values()])
     T = _steps(steps, {name: lead[-1] for name, lead in axes.items() if lead})
     rows = {name: _step_rows(name, x, core, B, T) for name, (x, core) in arrays.items()}
-    found, forces = rows.pop("tau", None), rows.pop("fext", None)
+    torques, forces = rows.pop("tau", None), rows.pop("fext", None)
     forces = None if forces is None else forces.reshape((*forces.shape[:2], model.njoints, 6))
-    return start, (B, T), (found, forces)
+    return start, (B, T), (torques, forces)
 
 
 def _is_single(q0: Any, v0: Any, tau: Any, fext: Any, control: Control | None) -> bool:
@@ -226,19 +226,19 @@ def _check_lanes(scene: Scene, number: np.dtype[Any]) -> None:
         )
 
 
-def _steps(steps: int | None, found: dict[str, int]) -> int:
+def _steps(steps: int | None, lengths: dict[str, int]) -> int:
     """T from the argument and from the axes of inputs, by name. Raises ShapeError if they differ."""
     if steps is not None and not (_is_number(steps) and math.isfinite(steps) and steps == int(steps) and steps >= 0):
         raise SimulationError(f"steps is {steps!r}, expected a whole number of 0 or more")
-    several = {name: k for name, k in found.items() if k != 1}
+    several = {name: k for name, k in lengths.items() if k != 1}
     if steps is not None:
         several["argument steps"] = int(steps)
     numbers = list(several.values())
     if len(set(numbers)) > 1:
         listed = ", ".join(f"{name} {k}" for name, k in several.items())
-        beside = "; an input of samples has an axis of steps too, which may be 1" if found else ""
-        raise ShapeError(f"numbers of steps differ: {listed}, expected one{beside}")
-    if not several and not found:
+        hint = "; an input of samples has an axis of steps too, which may be 1" if lengths else ""
+        raise ShapeError(f"numbers of steps differ: {listed}, expected one{hint}")
+    if not several and not lengths:
         raise SimulationError("steps is None, expected a whole number: no input has an axis of steps")
     return numbers[0] if numbers else 1
 

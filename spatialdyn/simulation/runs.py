@@ -104,10 +104,10 @@ def simulate(
     In methods in momenta, states of a law that have rates are integrated for half a step before and half a step after
     the motion, to order 2. Work is integrated as the motion is; in methods in momenta by their stages, or the
     trapezoidal rule. Explicit methods, and those in momenta where nothing but tau and fext acts, step a robot by one
-    program if neither torque nor fext is a function and the robot is short enough (its freedoms times the evaluations of
-    ``integrators`` at most 128). The program is compiled once per scene and method, 0.1 s for a two-link arm, 0.6 s for
-    a Panda, 3 s for a humanoid by rk4, and cached on disk. All else runs in the table kernel, or, with effects, and in
-    momenta with a function, in Python. This choice, and so every bit of the result, depends neither on the number of
+    program if neither torque nor fext is a function and the robot is short enough: its freedoms times the evaluations
+    of ``integrators`` at most 128. The program is compiled once per scene and method, 0.1 s for a two-link arm, 0.6 s
+    for a Panda, 3 s for a humanoid by rk4, and cached on disk. All else runs in the table kernel, or, with effects, and
+    in momenta with a function, in Python. This choice, and so every bit of the result, depends neither on the number of
     steps nor, except for SciPy's methods, on the number of samples in a ``rollout``.
 
     Returns Trajectory.
@@ -319,7 +319,7 @@ def _run(run: _Run, duration: float, dt: float, torque: Any, fext: Any) -> Traje
         raise
     trajectory = recorder.trajectory(run.control)
     driven = asked.user is not None or run.control is not None or fext is not None or scene.fext is not None
-    if not driven and not any(x.name == "springs" for x in scene.effects):  # else the work of what drives it is unknown
+    if not driven and not any(x.drives for x in scene.effects):  # else the work of what drives it is unknown
         _judge(trajectory, recorder, asked)
     return trajectory
 

@@ -18,7 +18,6 @@ from ..constraints.dynamics import stabilization_time
 from ..constraints.table import Constraints, check_constraints
 from ..errors import NonFiniteError, ShapeError, SimulationError, SpatialDynError
 from ..model.model import Model
-from ..sources import declared_scene, scene_toml
 from .effects import of_scene
 from .effects.effect import Effect
 from .effects.friction import IMPLICIT, STEPPED
@@ -136,6 +135,8 @@ class Scene:
         >>> sd.Scene.of(builder.build()).friction
         <Friction of each freedom: coulomb [0.], viscous [0.1], static [0.]>
         """
+        from ..sources import declared_scene
+
         model = model.model if isinstance(model, Scene) else check_model(model)  # itself, not an equal one
         return cls(model, **declared_scene.options_of(model))
 
@@ -156,10 +157,14 @@ class Scene:
         >>> scene.acts, sd.Scene.from_toml(model, scene.to_toml()) == scene
         (('contacts', 'limits'), True)
         """
+        from ..sources import scene_toml
+
         return cls(scene_of(model).model, **scene_toml.read(model, text))
 
     def to_toml(self) -> str:
         """The scene, without its model, as a TOML text, which ``from_toml`` reads to the same bits."""
+        from ..sources import scene_toml
+
         return scene_toml.write(self._given(), DEFAULTS)
 
     def with_(self, **changes: Any) -> Scene:
@@ -182,8 +187,8 @@ class Scene:
     @property
     def acts(self) -> tuple[str, ...]:
         """Names of what acts: some of ``EFFECTS``, and "springs"."""
-        found = [name for name in EFFECTS if getattr(self, name) is not None and getattr(self, name) is not False]
-        return (*found, *(x.name for x in self.effects if x.name == "springs"))
+        names = [name for name in EFFECTS if getattr(self, name) is not None and getattr(self, name) is not False]
+        return (*names, *(x.name for x in self.effects if x.name == "springs"))
 
     @property
     def unilateral(self) -> Contacts:
@@ -257,8 +262,8 @@ def scene_of(given: Any) -> Scene:
     """A scene as it is, or that of a Model on which nothing else acts. Raises ModelError."""
     if isinstance(given, Scene):
         return given
-    found = _bare(check_model(given))
-    return found if found.model is given else Scene(given)  # models of the same numbers may be of two files
+    bare = _bare(check_model(given))
+    return bare if bare.model is given else Scene(given)  # models of the same numbers may be of two files
 
 
 @functools.lru_cache(maxsize=64)

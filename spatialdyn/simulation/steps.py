@@ -285,14 +285,14 @@ def step_specs(
     given = (Q, V, *own, DT, *((TAU,) if forced else ()), *beside)
     feedback = find(acting, Feedback)
     label = "_".join(["rollout", method, *(x.name for x in acting if x.name != "control")])
-    return specs_of(label, given, (Q, V, *own), after, feedback is None or feedback.spec.regroup)
+    return specs_of(label, given, (Q, V, *own), after, acting, feedback is None or feedback.spec.regroup)
 
 
 def specs_of(
     label: str, given: Sequence[Argument], states: Sequence[Argument],
-    after: Callable[[Any, dict[str, Any]], Sequence[Any]], regroup: bool,
+    after: Callable[[Any, dict[str, Any]], Sequence[Any]], acting: tuple[Effect, ...], regroup: bool,
 ) -> tuple[Spec, ...]:  # fmt: skip
-    """Specs of the states after a step, of ``after(rows, inputs by name)``, which gives them all at once."""
+    """Specs of the states after a step with these effects, of ``after(rows, inputs by name)``, which gives them all."""
     given = tuple(replace(x, optional=False) for x in given)
     names = [x.name for x in given]
     last: list[Any] = [None]  # rows, inputs and results: the Specs are recorded one after another, and a loop only once
@@ -311,6 +311,7 @@ def specs_of(
         Spec(
             f"{label}_{x.name}", state_after(k), None, given, replace(x, name=f"{x.name}_after", unit_norm=False),
             "A step of a rollout.", "see ``simulation.methods``", regroup=regroup, composed=True,
+            stamped=all(x.stamped for x in acting),
         )
         for k, x in enumerate(states)
     )  # fmt: skip

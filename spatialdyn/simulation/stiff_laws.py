@@ -41,9 +41,8 @@ def warn_of_stiff_law(
     if {x.name for x in (*plan.states,)} - {in_step(CLOCK.name)} or not all(np.isfinite(x).all() for x in start):
         return
     kind = plan.model.key, plan.method, plan.structure, dt
-    gains = b"".join(x.tobytes() for name, x in control.values.items() if not name.startswith(REFERENCES))
     seen = _judged(kind)
-    if gains in seen or len(seen) >= MOST:
+    if len(seen) >= MOST or (gains := _gains(control)) in seen:
         return
     seen.add(gains)
     found = _growth(plan, start, tau, dt)
@@ -57,6 +56,12 @@ def warn_of_stiff_law(
         )
 
 
+@lru_cache(maxsize=32)
+def _gains(control: Control) -> bytes:
+    """The numbers of a law, its references left out; of one and the same law once."""
+    return b"".join(x.tobytes() for name, x in control.values.items() if not name.startswith(REFERENCES))
+
+
 @lru_cache(maxsize=256)
 def _judged(kind: Hashable) -> set[bytes]:
     """Numbers that have been judged of laws of a kind."""
@@ -68,9 +73,7 @@ def _growth(
 ) -> tuple[str, float, float, float | None] | None:
     """The joint, the growth of errors in a step, that of the motion, and a step that would do; None if all is well."""
     model, n = plan.model, plan.model.nv
-    made = recorded(step_specs(plan.method, plan.structure, (), tau is not None), model, plan.tables, np.dtype(float))[
-        0
-    ]
+    made = recorded(step_specs(plan.method, plan.structure, (), tau is not None), model, plan.tables, np.dtype(float))
     if made is None:
         return None
     times = dt * 0.5 ** np.arange(HALVINGS + 1.0)

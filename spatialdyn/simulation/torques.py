@@ -122,9 +122,9 @@ def with_force(asks: Callable[..., None], force: Callable[[float, Array, Array],
 
 def forces_at(force: Callable[[float, Array, Array], Any], t: float, q: Any, v: Any, shape: tuple[int, ...]) -> Array:
     """External forces of a function at a time. Raises SimulationError, ShapeError with the time."""
-    found = as_array("fext", force(t, np.array(q), np.array(v)))
-    if found.shape != shape:
-        raise ShapeError(f"fext has shape {found.shape} at t = {t:.9g} s, expected {shape}")
-    if not np.isfinite(found).all():
-        raise SimulationError(f"fext is {found.tolist()} at t = {t:.9g} s, expected finite numbers")
-    return found
+    forces: Array = as_array("fext", force(t, np.array(q), np.array(v)))
+    if forces.shape != shape:
+        raise ShapeError(f"fext has shape {forces.shape} at t = {t:.9g} s, expected {shape}")
+    if not np.isfinite(forces).all():
+        raise SimulationError(f"fext is {forces.tolist()} at t = {t:.9g} s, expected finite numbers")
+    return forces

@@ -134,8 +134,8 @@ class Trajectory:
             made = cls(*values)
             springs = parts.pop(SPRINGS, None)
             states = {x.removeprefix(STATE): parts.pop(x) for x in [*parts] if x.startswith(STATE)}
-            touched = {x.removeprefix(CONTACT): parts.pop(x) for x in [*parts] if x.startswith(CONTACT)}
-            contacts = ContactRecord(**touched) if touched else None
+            fields = {x.removeprefix(CONTACT): parts.pop(x) for x in [*parts] if x.startswith(CONTACT)}
+            contacts = ContactRecord(**fields) if fields else None
             made = replace(made, states=states, contacts=contacts, spring_energy=springs)
             key, text = _scene_of(parts.pop(SCENE, None))
             _check_parts(made, parts)
@@ -214,8 +214,8 @@ def _read(path: str | PathLike[str]) -> dict[str, Array]:
     import zipfile
 
     with open(path, "rb") as file, zipfile.ZipFile(file) as archive:
-        found = {name.removesuffix(".npy"): io.BytesIO(archive.read(name)) for name in archive.namelist()}
-    return {name: np.lib.format.read_array(data, allow_pickle=False) for name, data in found.items()}
+        files = {name.removesuffix(".npy"): io.BytesIO(archive.read(name)) for name in archive.namelist()}
+    return {name: np.lib.format.read_array(data, allow_pickle=False) for name, data in files.items()}
 
 
 def _scene_of(part: Array | None) -> tuple[str | None, str]:

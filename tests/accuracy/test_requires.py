@@ -48,6 +48,25 @@ def verdicts(found: Requirement) -> dict[tuple[str, str], str]:
     return {(x.part, x.form): x.verdict for x in found.rows}
 
 
+def test_a_recording_is_a_motion() -> None:
+    """Its first state and torques: what a log of a damped arm needs is the damping, not a friction of 1e-7."""
+    scene = sd.Scene(MODEL, friction=sd.Friction(viscous=0.5))
+    run = sd.simulate(scene, *START, 0.2, 0.01, torque=np.array([1.0, 0.5]), method="semi_implicit_euler")
+    log = sd.Recording.of(run)
+    log = sd.Recording(log.t, log.q, log.tau + 1e-3 * np.sin(log.t)[:, None], log.v)
+    found = sd.requires(scene, log, tolerance=1e-3, samples=FEW, kinds="friction")
+    assert (found.full, found.duration) == (scene, pytest.approx(0.2))
+    assert "friction" in found.needed
+    weak = scene.with_(friction=sd.Friction(viscous=1e-7))
+    less = sd.requires(weak, log, duration=0.1, samples=FEW, kinds="friction")
+    assert less.duration == pytest.approx(0.1)
+    assert "friction" not in less.scene.acts
+    with pytest.raises(sd.SpatialDynError, match="v0 was given"):
+        sd.requires(scene, log, START[1])
+    with pytest.raises(sd.SpatialDynError, match="v0 is None"):
+        sd.requires(scene, START[0])
+
+
 def test_friction_that_cannot_matter_and_limits_never_reached_are_left_out() -> None:
     scene = sd.Scene(MODEL, friction=sd.Friction(coulomb=1e-6, viscous=1e-7), limits=True)
     found = required(scene)

@@ -37,6 +37,7 @@ Reference = Literal["local", "world", "local_world_aligned"]
 
 __all__ = {names}
 calls: dict[str, Callable[..., Any]]
+python_calls: dict[str, Callable[..., Any]]
 
 def checked_call(spec: Spec, model: Model, values: tuple[Any, ...], static: tuple[Any, ...], out: Any) -> Any: ...
 def set_num_threads(n: int) -> None: ...

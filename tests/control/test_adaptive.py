@@ -108,12 +108,26 @@ def test_wrong_masses_are_tracked_and_estimates_stay_physical(arm: sd.Model, pat
 
 
 def test_any_step_leaves_the_natural_estimate_physical(arm: sd.Model, path: sd.Path) -> None:
-    """A γ of 1e-9 asks for steps 1e8 times as large as fit."""
+    """A γ of 1e-9 makes steps 1e8 times as large as fit."""
     law = sd.NaturalAdaptation(arm, RATES, GAIN, path, wrong(arm), 1e-9)
     run = sd.simulate(arm, Q0, V0, 0.05, DT, control=law)
     assert (np.linalg.eigvalsh(law.pseudo_inertias(run)[:, 1:])[..., 0] > 0.0).all()
 
 
+def test_friction_is_given_and_learnt_by_its_line(arm: sd.Model, path: sd.Path) -> None:
+    pi, first = sd.inertial_parameters(arm), sd.Friction([0.8, 0.5], [0.3, 0.2], smoothing=0.05)
+    bare = sd.SlotineLi(arm, RATES, GAIN, path, pi, 0.0)
+    law = sd.SlotineLi(arm, RATES, GAIN, path, pi, 0.0, friction=first, friction_gain=20.0)
+    sign, at = np.tanh(V0 / 0.05), path(0.0)
+    given = law(arm, 0.0, Q0, V0) - bare(arm, 0.0, Q0, V0)
+    np.testing.assert_allclose(given, [0.8, 0.5] * sign + [0.3, 0.2] * V0, rtol=1e-9)
+    s = V0 - at.v - RATES * (at.q - Q0)
+    found = law.frictions(sd.simulate(arm, Q0, V0, DT, DT, control=law))[1]
+    wanted = np.array([[0.8, 0.5], [0.3, 0.2]]) - DT * 20.0 * np.array([sign, V0]) * s
+    np.testing.assert_allclose(found, wanted.clip(0.0), rtol=1e-9)
+
+
+@pytest.mark.slow(quick="test_friction_is_given_and_learnt_by_its_line")
 def test_friction_is_learnt_beside_masses(arm: sd.Model, path: sd.Path) -> None:
     """Without its columns the law follows less well; with them the estimates go towards what acts."""
     friction = sd.Friction([0.8, 0.5], [0.3, 0.2], smoothing=0.05)

@@ -115,7 +115,7 @@ def test_peaks_of_polynomials_are_exact_where_samples_are_near() -> None:
 
 def test_a_path_beyond_limits_is_refused_by_joint() -> None:
     builder = sd.ModelBuilder("arm").add_body(
-        "rod", None, limits=(-1.0, 1.0), velocity=2.0, inertia=(1.0, (0, 0, 1), np.eye(3))
+        "rod", None, limits=sd.JointLimits(-1.0, 1.0, velocity=2.0), inertia=(1.0, (0, 0, 1), np.eye(3))
     )
     model = builder.build()
     with pytest.raises(sd.SpatialDynError, match=r'joint "rod.*" to 1.5, expected its limits, -1 to 1'):

@@ -215,6 +215,29 @@ def test_payload_is_found_within_its_deviations() -> None:
     assert (found["deviation moving"] < 1e-3).all()
     np.testing.assert_allclose(found["at rest"][:4], true[:4], rtol=0, atol=2e-3)
     assert abs(found["at rest"][4:]).max() < 1e-12  # the least-norm solution has none of what is not seen
+    np.testing.assert_allclose(found["load"], true, rtol=0.05, atol=5e-3)
+    assert found["carried"] - found["load"][0] == pytest.approx(sd.load_urdf("ur5").total_mass, rel=1e-12)
+
+
+@robots
+@compiled
+def test_a_panda_is_found_from_an_exciting_path() -> None:
+    pytest.importorskip("matplotlib")
+    found = run("panda_identification")
+    assert found["base"].rank == 43
+    assert all(values[0] > 0.0 for values in found["log_cholesky"].eigenvalues.values())
+    assert min(values[0] for values in found["wls"].eigenvalues.values()) < 0.0
+    assert found["after"] < 0.1 * found["before"]
+    assert "Another motion" in found["page"]
+
+
+def test_friction_takes_a_slow_and_a_fast_motion() -> None:
+    found = run("friction_of_a_joint")
+    for name, fit in ((k, x) for k, x in found.items() if k != "scene"):
+        assert (abs(fit.beta - [0.15, 0.8, 0.2]) < 2.0 * fit.half_width).all(), name
+    assert found["slow"].half_width[0] > 10.0 * found["both"].half_width[0]
+    assert found["fast"].half_width[1] > 2.0 * found["both"].half_width[1]
+    assert found["scene"].friction.coulomb[0] == found["both"].parameters[1]
 
 
 @robots
@@ -440,7 +463,7 @@ def test_principles_of_mechanics_hold_to_rounding() -> None:
     assert max(found.values()) < 1e-11
 
 
-@pytest.mark.slow(quick="simulation/test_step_derivatives.py::test_a_batch_is_its_samples")
+@pytest.mark.slow(quick="linearization/test_step_derivatives.py::test_a_batch_is_its_samples")
 @compiled
 def test_ilqr_reaches_the_cost_that_other_solvers_reach_and_keeps_its_limits() -> None:
     """3.5517082866 by DDP and by FDDP of Crocoddyl 3.1, from the same start."""
@@ -469,7 +492,7 @@ def test_ilqr_reaches_the_cost_that_other_solvers_reach_and_keeps_its_limits() -
 
 @compiled
 @robots
-@pytest.mark.slow(quick="simulation/test_step_derivatives.py::test_a_batch_is_its_samples")
+@pytest.mark.slow(quick="linearization/test_step_derivatives.py::test_a_batch_is_its_samples")
 def test_ilqr_brings_a_panda_to_its_point() -> None:
     example = gallery.module("ilqr")
     p = example.reach(sd.load_urdf("panda"))
@@ -482,7 +505,7 @@ def test_ilqr_brings_a_panda_to_its_point() -> None:
     np.testing.assert_allclose(hand - start, [0.3, 0.0, -0.2], rtol=0, atol=0.02)
 
 
-@pytest.mark.slow(quick="simulation/test_step_derivatives.py::test_a_batch_is_its_samples")
+@pytest.mark.slow(quick="linearization/test_step_derivatives.py::test_a_batch_is_its_samples")
 @compiled
 def test_gains_along_a_swing_up_hold_it_and_end_as_those_of_the_standing_pole() -> None:
     found = run("swing_up_lqr")

@@ -52,7 +52,7 @@ def test_names_of_other_libraries_lead_to_ours(name: str, ours: str) -> None:
 @pytest.mark.parametrize(
     ("name", "hint"),
     [
-        ("identify", "see `spatialdyn example payload_identification`"),
+        ("mppi", "see `spatialdyn example mppi_on_lanes`"),
         ("collision", "no shapes are here to collide; Pinocchio with coal, or MuJoCo, finds collisions"),
         ("planner", "paths are not planned here; OMPL finds them, and spline joins their points"),
         ("load_mjcf", "sd.load reads MJCF, xacro and URDF, from_mjmodel a mujoco.MjModel"),

@@ -751,12 +751,26 @@ def test_each_number_of_a_joint_is_in_its_own_array() -> None:
     """Of two joints, all numbers distinct."""
     builder = sd.ModelBuilder()
     numbers = primes(2, 7)
-    for k, (lower, upper, *rest) in enumerate(numbers.tolist()):
-        named = dict(zip(("velocity", "effort", "damping", "friction", "armature"), rest, strict=True))
-        builder.add_body(f"b{k}", inertia=BALL, limits=(-lower, upper), **named)
+    for k, (lower, upper, velocity, effort, *rest) in enumerate(numbers.tolist()):
+        named = dict(zip(("damping", "friction", "armature"), rest, strict=True))
+        limits = sd.JointLimits(-lower, upper, velocity, effort)
+        builder.add_body(f"b{k}", inertia=BALL, limits=limits, **named)
     model = builder.build()
     arrays = -model.lower, model.upper, model.velocity_limit, model.effort_limit, model.damping, model.friction
     np.testing.assert_array_equal(np.stack([*arrays, model.armature], 1), numbers)
+
+
+def test_bounds_are_one_record_and_their_old_keywords_show_it() -> None:
+    """The line that the error shows makes the joint."""
+    builder: Any = sd.ModelBuilder()
+    given = message(builder.add_body, "b", inertia=BALL, limits=(-1.0, 2), velocity=3.0, effort=4.0)
+    line = "limits=sd.JointLimits(-1.0, 2, velocity=3.0, effort=4.0)"
+    assert given == f"velocity=3.0, effort=4.0 is given, expected {line}"
+    made = eval(f"builder.add_body('b', inertia=BALL, {line})").build()
+    assert [made.lower[0], made.upper[0], made.velocity_limit[0], made.effort_limit[0]] == [-1.0, 2.0, 3.0, 4.0]
+    assert message(builder.add_body, "c", effort=[4.0]).endswith("expected limits=sd.JointLimits(effort=[4.0])")
+    for wrong, why in ((sd.JointLimits(effort="x"), "effort 'x', expected"), (2.0, "limits 2.0, expected 2 numbers")):
+        assert why in message(builder.add_body, "c", limits=wrong)
 
 
 # --- mimic joints by hand -----------------------------------------------------------------------------------

@@ -15,6 +15,7 @@ pytest.importorskip("qpsolvers")
 KKT = 1e-10  # of accelerations and of forces over the weight: a program without active inequalities
 SOLVERS = 1e-6  # the same between solvers
 CARRIED = 1e-6  # of the weight: the small weights of f² and a² move it
+MET = 1e-6  # [m/s²] of equations that hold
 BRAKED = 1e-6  # [rad] beyond a limit: the last step of braking ends at rest, or on the limit
 
 
@@ -81,12 +82,15 @@ def _nothing() -> Any:
 
 
 def test_forces_stay_in_their_cones_and_torques_in_their_limits() -> None:
-    """A centre of mass that is asked for 30 m/s² sideways: the feet hold, the task is missed."""
+    """A centre of mass that is asked for 30 m/s² aslant: feet on ice hold by all their friction, the task is missed."""
     model, scene, q = box()
-    fast = sd.ComTask(acceleration=[30.0, 0.0, 0.0])
-    found = sd.WholeBody(scene, [fast, sd.PostureTask(q, weight=1e-3)], largest=40.0).solve(q, np.zeros(model.nv))
+    ice = sd.Scene(model, contacts=sd.Contacts(model, dict.fromkeys(scene.contacts.names, 0.0), friction=0.05))
+    fast = sd.ComTask(acceleration=[30.0, 30.0, 0.0])
+    found = sd.WholeBody(ice, [fast, sd.PostureTask(q, weight=1e-3)], largest=40.0).solve(q, np.zeros(model.nv))
     f = found.forces
-    assert (np.linalg.norm(f[:, :2], axis=1) <= 0.6 * f[:, 2] + 1e-6).all()
+    share = np.linalg.norm(f[:, :2], axis=1) / (0.05 * f[:, 2])
+    assert (share <= 1.0 + 1e-4).all()
+    assert share.max() > 0.99
     assert (f[:, 2] <= 40.0 + 1e-6).all()
     assert (abs(found.tau[6:]) <= 20.0 + 1e-6).all()
     assert abs(found.missed[0][0]) > 20.0
@@ -138,21 +142,32 @@ def test_braking_ends_before_the_limit() -> None:
     assert upper(np.array([-0.1]), np.array([1.0]), fastest, brake, h)[0] == -brake  # beyond: braked, not more
 
 
+def test_feet_that_slip_are_slowed() -> None:
+    model, scene, q = box()
+    v = np.zeros(model.nv)
+    v[0] = 0.1
+    found = sd.WholeBody(scene, standing(model, q), damping=20.0).solve(q, v)
+    for name in found.points:
+        a = sd.frame_acceleration(model, q, v, found.a, name, "local_world_aligned", classical=True)
+        np.testing.assert_allclose(a[:3], [-2.0, 0.0, 0.0], atol=MET)
+
+
 def test_a_push_is_survived_in_closed_loop() -> None:
     """The box is pushed for 50 ms and stands again; its forces act as it asked for."""
     model, scene, q = box()
-    tasks = [standing(model, q)[0], sd.PostureTask(q, Kp=100.0, weight=0.1)]
-    body = sd.WholeBody(scene, tasks, dt=2e-3, infeasible="relax")
+    tasks = [standing(model, q)[0].with_(Kp=80.0, Kd=None), sd.PostureTask(q, Kp=100.0, weight=0.1)]
+    body = sd.WholeBody(scene, tasks, dt=4e-3, infeasible="relax")
 
     def push(t: float, q: Any, v: Any) -> Any:
         force = [40.0 if 0.05 <= t < 0.1 else 0.0, 0, 0, 0, 0, 0]
         return sd.wrench_at(model, q, "fore", force)
 
-    run = sd.simulate(scene, q, np.zeros(model.nv), 1.0, 2e-3, torque=body, fext=push)
+    run = sd.simulate(scene, q, np.zeros(model.nv), 0.5, 4e-3, torque=body, fext=push)
     c = sd.center_of_mass(model, run.q)
-    assert abs(c - c[0]).max() > 1e-3
-    assert abs(c[-1] - c[0]).max() < 5e-3
-    assert abs(run.v[-1]).max() < 5e-2
+    far = abs(c - c[0]).max()
+    assert far > 1e-3
+    assert abs(c[-1] - c[0]).max() < 0.5 * far
+    assert abs(run.v[-1]).max() < 0.2 * abs(run.v).max()
 
 
 BAD: list[tuple[dict[str, Any], type[Exception], str]] = [

@@ -60,7 +60,9 @@ def evil() -> sd.Model:
     """A robot whose names are HTML."""
     builder = sd.ModelBuilder(EVIL)
     rod = (1.0, (0.0, 0.0, 0.5), np.diag([0.1, 0.1, 0.01]))
-    builder.add_body(EVIL, None, "revolute", (0, 1, 0), None, rod, joint_name=f"j{EVIL}", limits=(0.5, 1.0), effort=2.0)
+    builder.add_body(
+        EVIL, None, "revolute", (0, 1, 0), None, rod, joint_name=f"j{EVIL}", limits=sd.JointLimits(0.5, 1.0, effort=2.0)
+    )
     return builder.build()
 
 

@@ -136,7 +136,7 @@ def test_limits_are_fractions_and_name_what_is_beyond(mixed: sd.Model) -> None:
     share = axes.lines[2].get_ydata()
     assert np.allclose(share, (run.q[:, 7] - 0.5) / 1.5)
     assert [text.get_text() for text in axes.texts] == ["beyond: _turn"]
-    model = sd.ModelBuilder("strong").add_body("a", limits=(-1.0, 1.0), effort=2.0, inertia=ROD).build()
+    model = sd.ModelBuilder("strong").add_body("a", limits=sd.JointLimits(-1.0, 1.0, effort=2.0), inertia=ROD).build()
     for tau, shown in ((0.0, ["q / position limit"]), (3.0, ["q / position limit", "τ / effort limit"])):
         assert [axes.get_ylabel() for axes in motion(model, tau=tau).plot("limits").axes] == shown  # no empty panel
     with pytest.raises(SpatialDynError, match="no limits"):

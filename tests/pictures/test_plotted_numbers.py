@@ -63,8 +63,8 @@ def robot(seed: int, continuous: str = "angle", grown: bool = False, kinds: Any 
         own = dict(axis=rng.normal(size=3), pitch=0.3 * l * (kind == "helical"))
         if kind in ("revolute", "prismatic"):
             own |= dict(
-                limits=(-1.5 * upper * l**slides, upper * l**slides), velocity=velocity * l**slides / t,
-                effort=effort * m * l ** (2 - slides) / t**2, armature=armature * m * l ** (2 * (not slides)),
+                limits=sd.JointLimits(-1.5 * upper * l**slides, upper * l**slides, velocity * l**slides / t,
+                effort * m * l ** (2 - slides) / t**2), armature=armature * m * l ** (2 * (not slides)),
             )  # fmt: skip
         inertia = (mass * m, com * l, m * l**2 * np.diag([0.3, 0.4, 0.5]))
         builder.add_body(f"b{k}", f"b{k - 1}" if k else None, str(kind), placement=place * l, inertia=inertia,

@@ -119,3 +119,34 @@ def test_forces_that_are_none_are_named(fext: Any, error: type[Exception], words
     assert model.njoints == 4
     with pytest.raises(error, match=words):
         sd.simulate(sd.Scene(model, friction=False), *start(model), 0.01, 1e-3, "rk4", fext=fext)
+
+
+# --- side by side ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("method", ["implicit_midpoint", "stormer_verlet", "variational"])
+def test_samples_side_by_side_have_the_bits_of_runs(method: str) -> None:
+    """A sample whose start is not finite stays alone."""
+    model, rng = sd.load_urdf("two_link"), np.random.default_rng(3)
+    q, v = rng.uniform(-2.0, 2.0, (2, 11, 2))
+    tau = rng.normal(size=(11, 6, 2))
+    v[4, 0] = np.nan
+    run = sd.rollout(model, q, v, tau, dt=0.02, method=method, record=2, check=False)
+    assert np.isnan(run.q[4]).all()
+    for k in (0, 3, 10):
+        alone = sd.simulate(model, q[k], v[k], 0.12, 0.02, method, torque=tau[k], record=2)
+        np.testing.assert_array_equal(run.q[k], alone.q[1:])
+        np.testing.assert_array_equal(run.v[k], alone.v[1:])
+
+
+@pytest.mark.parametrize("method", ["implicit_midpoint", "variational"])
+def test_a_sample_that_does_not_settle_is_named_with_its_time_and_stays_alone(method: str) -> None:
+    model = sd.load_urdf("two_link")
+    q, v = np.full((9, 2), 0.3), np.zeros((9, 2))
+    v[5] = 300.0, -700.0
+    calm = sd.rollout(model, q[:5], v[:5], dt=0.02, steps=3, method=method)
+    run = sd.rollout(model, q, v, dt=0.02, steps=3, method=method, check=False)
+    assert np.isnan(run.q[5]).all()
+    np.testing.assert_array_equal(run.q[:5], calm.q)
+    with pytest.raises(sd.SimulationError, match=r"sample 5: .* at t = 0 s"):
+        sd.rollout(model, q, v, dt=0.02, steps=3, method=method)

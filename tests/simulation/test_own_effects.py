@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import textwrap
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,9 +12,12 @@ from dense import Array
 
 import spatialdyn as sd
 from spatialdyn.recursions.spec import Argument
+from spatialdyn.simulation.effects import effect
 from spatialdyn.simulation.effects.effect import Effect
+from spatialdyn.simulation.effects.work import work_of
 
 INERTIA, STIFFNESS = 1.0, 20.0
+FOURTH = 1e-6  # of 0.5 rad in 20 steps of ω h = 0.045: some 20 (ω h)⁵ / 120 of it
 
 
 def to_the_world(power: int) -> type[Effect]:
@@ -36,12 +40,41 @@ def to_the_world(power: int) -> type[Effect]:
     return WorldSpring
 
 
+def wheel() -> sd.Model:
+    solid = (1.0, (0.0, 0.0, 0.0), INERTIA * np.eye(3))
+    return sd.ModelBuilder("wheel").add_body("wheel", None, axis=(0, 0, 1), inertia=solid).build()
+
+
+def with_effect(model: sd.Model, acting: Effect) -> sd.Scene:
+    scene = sd.Scene(model)
+    object.__setattr__(scene, "effects", (acting,))
+    return scene
+
+
+def test_the_example_of_the_protocol_acts_and_its_work_is_in_the_ledger() -> None:
+    """The text of ``effect`` as it stands: a wheel on its spring swings, and the spring's work is -k (q² - q0²) / 2."""
+    text = str(effect.__doc__).partition("whole:\n")[2].partition("\nIt acts")[0]
+    names: dict[str, Any] = {
+        "dataclass": dataclass, "Effect": Effect, "Argument": Argument, "work_of": work_of, "Array": Array, "np": np
+    }  # fmt: skip
+    exec(textwrap.dedent(text), names)
+    model, k, dt = wheel(), STIFFNESS, 0.01
+    run = sd.simulate(
+        with_effect(model, names["WorldSpring"](np.array([k]))), [0.5], [0.0], 0.2, dt, "rk4", record="work"
+    )
+    angle = math.sqrt(k / INERTIA) * run.t
+    assert abs(run.q[:, 0] - 0.5 * np.cos(angle)).max() < FOURTH
+    ledger = sd.energy_ledger(run)
+    assert list(ledger.work) == ["torque", "world_spring"]
+    assert ledger.labels["world_spring"] == ("wheel_joint",)
+    assert abs(ledger.work["world_spring"][:, 0] + 0.5 * k * (run.q[:, 0] ** 2 - 0.25)).max() < k * FOURTH
+    assert abs(ledger.error).max() < k * FOURTH
+
+
 def test_two_effects_of_one_name_are_two_programs() -> None:
     """Kept code is found by what it computes: the sources of an effect are no part of the package's."""
-    solid = (1.0, (0.0, 0.0, 0.0), INERTIA * np.eye(3))
-    model = sd.ModelBuilder("wheel").add_body("wheel", None, axis=(0, 0, 1), inertia=solid).build()
+    model = wheel()
     for power in (1, 3, 1):
-        scene = sd.Scene(model)
-        object.__setattr__(scene, "effects", (to_the_world(power)(np.array([STIFFNESS])),))
+        scene = with_effect(model, to_the_world(power)(np.array([STIFFNESS])))  # type: ignore[call-arg]
         run = sd.rollout(scene, [0.5], [0.0], dt=1e-3, steps=1, method="semi_implicit_euler")
         assert abs(run.v[0, 0] + 1e-3 * STIFFNESS / INERTIA * 0.5**power) < 1e-15

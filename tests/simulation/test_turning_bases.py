@@ -63,7 +63,9 @@ def test_the_linear_momentum_of_a_free_body_is_kept_to_rounding(way: Any) -> Non
     np.testing.assert_allclose(q[:3], 0.5 * start, rtol=0.0, atol=1e-12)  # along a straight line
 
 
-@pytest.mark.parametrize(("kind", "com"), [("floating", (0, 0, 0)), ("floating", (0.1, 0.05, -0.02)), ("planar", (0.1, 0.2, 0.3))])
+@pytest.mark.parametrize(
+    ("kind", "com"), [("floating", (0, 0, 0)), ("floating", (0.1, 0.05, -0.02)), ("planar", (0.1, 0.2, 0.3))]
+)
 def test_momenta_of_a_free_body_are_of_order_2(kind: str, com: Any) -> None:
     """About a centre of mass that is elsewhere, too."""
     made = sd.ModelBuilder("body").add_body("body", None, kind, inertia=(1.0, com, np.diag([0.01, 0.02, 0.03])))
@@ -81,7 +83,9 @@ def test_momenta_of_a_free_body_are_of_order_2(kind: str, com: Any) -> None:
 
 @pytest.mark.parametrize("kind", ["floating", "planar"])
 def test_the_derivative_of_a_step_of_a_free_body_has_what_keeps_its_momenta(kind: str) -> None:
-    made = sd.ModelBuilder("body").add_body("body", None, kind, inertia=(1.0, (0.1, 0.05, 0.2), np.diag([0.1, 0.2, 0.3])))
+    made = sd.ModelBuilder("body").add_body(
+        "body", None, kind, inertia=(1.0, (0.1, 0.05, 0.2), np.diag([0.1, 0.2, 0.3]))
+    )
     model, rng = made.build(), np.random.default_rng(0)
     n, h, e = model.nv, 0.05, 1e-6
     q, v, tau = sd.random_configuration(model, rng), 3.0 * rng.normal(size=n), rng.normal(size=n)

@@ -16,8 +16,8 @@ EVERY_KIND = (
     sd.ModelBuilder("every <kind> & more")
     .set_inertia("base", BOX)
     .add_body("r", joint="revolute", axis=(1, 2, 3), placement=((1, 2, 3), (0.1, 0.2, 0.3)), inertia=BOX,
-              limits=(-1, 2), effort=4, damping=0.1, friction=0.2, armature=0.3)
-    .add_body("c", "r", "continuous", (0, 1, 0), inertia=BOX, effort=3)
+              limits=sd.JointLimits(-1, 2, effort=4), damping=0.1, friction=0.2, armature=0.3)
+    .add_body("c", "r", "continuous", (0, 1, 0), inertia=BOX, limits=sd.JointLimits(effort=3))
     .add_body("p", "c", "prismatic", (0, 0, 2), ((0, 0, 1), (1, 2, 3)), inertia=BOX)
     .add_body("f", "p", "fixed", placement=((1, 0, 0), (3, 0, 0.1)), inertia=BOX)
     .add_body("s", "f", "spherical", inertia=BOX, armature=0.1)
@@ -102,6 +102,6 @@ def test_names_and_limits_that_mjcf_has_not() -> None:
     spring = sd.ModelBuilder("r").add_body("a", inertia=BOX).add_series_elastic("a_joint", 100.0, rotor=0.1).build()
     with pytest.raises(sd.SpatialDynError, match='is a rotor behind the spring of "a_joint", which MJCF cannot hold'):
         sd.to_mjcf(spring)
-    fast = sd.ModelBuilder("r").add_body("a", inertia=BOX, velocity=2.0).build()
+    fast = sd.ModelBuilder("r").add_body("a", inertia=BOX, limits=sd.JointLimits(velocity=2.0)).build()
     with pytest.warns(UserWarning, match='velocity limits of joints "a_joint" are left out: MJCF has none'):
         sd.to_mjcf(fast)

@@ -20,8 +20,8 @@ EVERY_KIND = (
     sd.ModelBuilder("every <kind> & more")
     .set_inertia("base", BOX)
     .add_body("r", joint="revolute", axis=(1, 2, 3), placement=((1, 2, 3), (0.1, 0.2, 0.3)), inertia=BOX,
-              limits=(-1, 2), velocity=3, effort=4, damping=0.1, friction=0.2)
-    .add_body("c", "r", "continuous", (0, 1, 0), inertia=BOX, effort=3)
+              limits=sd.JointLimits(-1, 2, velocity=3, effort=4), damping=0.1, friction=0.2)
+    .add_body("c", "r", "continuous", (0, 1, 0), inertia=BOX, limits=sd.JointLimits(effort=3))
     .add_body("p", "c", "prismatic", (0, 0, 2), inertia=BOX, limits=(-math.inf, 1))
     .add_body("f", "p", "fixed", placement=(1, 0, 0), inertia=BOX)
     .add_body("q", "f", "planar", (0, 1, 1), inertia=BOX)

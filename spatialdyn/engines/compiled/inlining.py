@@ -22,7 +22,7 @@ from numba.core.environment import Environment
 from numba.core.typed_passes import IRLegalization
 
 from .numba_cache import InlinedCache
-from .stamp import COMPILED, STAMP
+from .stamp import STAMP
 
 # Passes for features that no recursion uses: closures, with-blocks, array expressions, literal_unroll, parfors.
 _WITHOUT = {
@@ -101,7 +101,7 @@ class Inlining(Plain):
     """The pipeline of an ``inline`` function, for its callers alone."""
 
     into: Any = _Into
-    cache = InlinedCache(STAMP, COMPILED)
+    cache = InlinedCache(STAMP)
 
     def compile_extra(self, func: Callable[..., Any]) -> Any:
         """The function as kept, else as compiled now; what is kept is read back at once, so both are the same code."""

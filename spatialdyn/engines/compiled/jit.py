@@ -175,12 +175,16 @@ def _aside(compiled: Callable[..., Any], *arguments: Any, **named: Any) -> Any:
 
 
 def compile_signature(
-    function: Callable[..., Any], signature: tuple[Any, ...], nogil: bool = True, contract: bool = True
+    function: Callable[..., Any],
+    signature: tuple[Any, ...],
+    nogil: bool = True,
+    keep: bool = True,
+    contract: bool = True,
 ) -> Callable[..., Any]:
     """A function compiled for one signature only: arguments that do not match raise TypeError at once."""
     if PLAIN:
         return _plain(function, signature)
-    dispatcher: Any = numba_jit(function, nogil, contract=contract)
+    dispatcher: Any = numba_jit(function, nogil, keep, contract=contract)
     _aside(dispatcher.compile, signature)
     dispatcher.disable_compile()
     for strided in (False, True):

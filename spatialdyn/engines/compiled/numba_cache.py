@@ -23,6 +23,7 @@ from numba.core.runtime import rtsys  # type: ignore[attr-defined]
 
 from . import disk_cache
 from .numba_settings import setting
+from .stamp import covers
 
 
 def settings() -> tuple[Any, ...]:
@@ -88,18 +89,13 @@ class NumbaCache(_Cache):
 class InlinedCache:
     """The cache of the package's ``inline`` functions, of whose LLVM code the kernels of any process are made."""
 
-    def __init__(self, stamp: str, rooms: tuple[str, ...]) -> None:
-        """Keep functions of some packages under a stamp of their files; what a process sets in a module goes unseen."""
-        package, _, _ = __name__.partition(".")
-        self._stamp, self._rooms = stamp, tuple(f"{package}.{room.replace('/', '.')}." for room in rooms)
+    def __init__(self, stamp: str) -> None:
+        """Keep functions that the stamp covers under it; what a process sets in a module goes unseen."""
+        self._stamp = stamp
 
     def digest(self, function: Callable[..., Any], state: Any) -> str:
         """The name of a function's file; "" where the stamp, its name and its types do not tell what it does."""
-        if (
-            not function.__module__.startswith(self._rooms)
-            or "<" in function.__qualname__
-            or not all(map(_is_value, state.args))
-        ):
+        if not covers(function) or "<" in function.__qualname__ or not all(map(_is_value, state.args)):
             return ""
         target = (*settings(), state.targetctx.codegen().magic_tuple())
         name = (function.__module__, function.__qualname__, state.args, state.return_type, state.flags)

@@ -10,6 +10,7 @@ user_kernel    one sample, for a user's own jitted code: raises instead of retur
 
 They are compiled when first called and cached on disk (``numba_cache``) by a digest of their text and what they
 capture: a hash of the sources of the packages that hold compiled code (STAMP), so an edited helper changes the digest.
+Those of a recursion from elsewhere, of which the stamp says nothing, are compiled in each process.
 A user's own function in Numba's cache, whose key is its own file only, must capture ``STAMP`` too.
 """
 
@@ -31,7 +32,7 @@ from . import disk_cache
 from .checks import all_finite, no_overlap, pivots_regular, unit_norm
 from .generated import function_from_text
 from .numba_settings import PLAIN as PLAIN
-from .stamp import STAMP
+from .stamp import STAMP, names
 
 OK, SHAPE, UNIT, PIVOT, NONFINITE = range(5)
 
@@ -179,11 +180,11 @@ def native(plain: bool = PLAIN) -> dict[str, Any]:
         }
     from . import jit
 
-    names = "table_at", "rows_at", "memory", "array_at", "release", "turn"
-    return {name: getattr(jit, name) for name in names}
+    own = "table_at", "rows_at", "memory", "array_at", "release", "turn"
+    return {name: getattr(jit, name) for name in own}
 
 
-def names(spec: Spec, plain: bool = PLAIN) -> dict[str, Any]:
+def scope(spec: Spec, plain: bool = PLAIN) -> dict[str, Any]:
     """The names of ``statements``."""
     return {
         **native(plain),
@@ -230,8 +231,8 @@ def sample_kernel(spec: Spec) -> Callable[..., int]:
 
         parameters = ["table", *(x.name for x in spec.present), spec.output.name]
         body = ["bodies = table_at(table)", *statements(spec, lambda status: f"return {status}"), f"return {OK}"]
-        function = kernel_from_text(label(spec), parameters, body, names(spec))
-        return jit.compile_signature(function, signature(spec))
+        function = kernel_from_text(label(spec), parameters, body, scope(spec))
+        return jit.compile_signature(function, signature(spec), keep=names(spec))
 
 
 def signature(spec: Spec) -> tuple[Any, ...]:
@@ -250,7 +251,7 @@ def plain_kernel(spec: Spec) -> Callable[..., int]:
         *statements(spec, lambda status: f"return {status}", plain=True),
         f"return {OK}",
     ]
-    return kernel_from_text(label(spec), parameters, body, names(spec, plain=True))
+    return kernel_from_text(label(spec), parameters, body, scope(spec, plain=True))
 
 
 def is_made(spec: Spec) -> bool:
@@ -293,7 +294,7 @@ def batch_kernel(spec: Spec) -> Callable[..., int]:
             kinds += [_type(x, 1, layout="C"), types.int64]
         kinds += [_type(x, 0) for x in static]
         kinds += [_type(spec.output, 1, True, "C"), types.Array(types.int8, 1, "C")]
-        made = jit.compile_signature(function, tuple(kinds))
+        made = jit.compile_signature(function, tuple(kinds), keep=names(spec))
         _made.add(spec)
         return made
 
@@ -318,9 +319,9 @@ def user_kernel(call: str | Spec) -> Callable[..., None]:
     parameters = ["bodies", *(x.name for x in required), spec.output.name, *(f"{x.name}=None" for x in optional)]
     body = [f"{x.name} = number({x.name})" for x in required if not (x.shape or x.static)]
     body += statements(spec, lambda status: f"raise ValueError({_MESSAGES[status]!r})")
-    function = kernel_from_text(f"{name}_user", parameters, body, {**names(spec), "number": jit.number})
+    function = kernel_from_text(f"{name}_user", parameters, body, {**scope(spec), "number": jit.number})
     function.__doc__ = f"``{name}({', '.join(parameters)})`` for jitted code. {spec.summary}"
-    return jit.numba_jit(function)
+    return jit.numba_jit(function, keep=names(spec))
 
 
 class Kernels:

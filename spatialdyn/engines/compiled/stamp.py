@@ -1,10 +1,16 @@
-"""The stamp of the sources that compiled code is made of: no code is read from the disk under another."""
+"""The stamp of the sources that compiled code is made of: no code is read from the disk under another.
+
+Kept code is named by a Spec's name and the stamp where these tell what it computes; else by its content, or not kept.
+"""
 
 from __future__ import annotations
 
 import hashlib
 import sys
 from pathlib import Path
+from typing import Any
+
+from ...recursions.spec import Spec
 
 COMPILED = (
     "algebra", "bodies", "recursions", "engines", "constraints", "simulation", "compat/native"
@@ -26,3 +32,14 @@ def _stamp() -> str:
 
 
 STAMP = _stamp()
+_ROOMS = tuple(f"{__name__.partition('.')[0]}.{room.replace('/', '.')}." for room in COMPILED)
+
+
+def covers(source: Any) -> bool:
+    """Whether the stamp is also of the source of a function or a class."""
+    return str(getattr(source, "__module__", "")).startswith(_ROOMS)
+
+
+def names(spec: Spec) -> bool:
+    """Whether the name of a Spec and the stamp tell what its recursion computes."""
+    return spec.stamped and covers(spec.recursion)

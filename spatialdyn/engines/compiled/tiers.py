@@ -273,7 +273,7 @@ class TableKernel(Tiered):
                  for x in spec.present if x.turned}  # fmt: skip
         body = numba_kernels.statements(spec, lambda status: f"return {status}")
         text = ["bodies = table_at(table)", *(turns.get(x, x) for x in body), f"return {numba_kernels.OK}"]
-        name, scope = f"{numba_kernels.label(spec)}_unfused", {**numba_kernels.names(spec), **NATIVE}
+        name, scope = f"{numba_kernels.label(spec)}_unfused", {**numba_kernels.scope(spec), **NATIVE}
 
         def function(plain: bool) -> Any:
             return numba_kernels.kernel_from_text(name, parameters, text, scope_in(plain, scope))

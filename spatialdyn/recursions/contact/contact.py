@@ -52,7 +52,7 @@ from .contact_rows import (
     write_gaps,
     write_point,
 )
-from .impulse_rows import Impulses, open_laws, residual, write_responses
+from .impulse_rows import Impulses, keep_inertia, open_laws, residual, write_responses
 from .impulses import SWEEPS, solve_impulses
 
 PLACES = table_dtype(X=Pose, R=Mat3, o=Vec)
@@ -89,6 +89,7 @@ def contact_step(
     contacts, n, after, L = contact.contacts, len(bodies) - 1, out.after, s.L
     points = contacts[0].np
     crba(bodies, work, q, L)
+    keep_inertia(s)
     factor_tree(bodies, L)
     rnea(bodies, work, q, v, None, None, after)
     for i in range(n):
@@ -104,11 +105,11 @@ def contact_step(
         s.force[k] = 0.0
     for j in range(len(s.level)):
         s.level[j] = 0.0
-    open_laws(dt, contact, out.gap, after, s)
-    solve_impulses(q, dt, contact, None, SWEEPS, after, s)
+    open_laws(q, dt, contact, out.gap, after, s)
+    solve_impulses(contact, None, SWEEPS, after, s)
     for p in range(points):
         write_point(contacts, contact.heights, contact.mu[p], s.B[p], after, p, out, s)
-    residual(q, dt, contact, after, s)
+    residual(contact, after, s)
     for l in range(contacts[0].nl):
         k = 3 * points + l
         out.residual[points + l] = s.off[l]
@@ -135,10 +136,11 @@ CONTACT_STEP = Spec(
     "contact_step", contact_step, WORK, (Q, V, TAU, DT, Contact(CONTACTS_ARGUMENT, None, MU, RESTITUTION)),
     Argument("result", ("nv+np+np+np+np+np+nl+nl+np+nl",), "", "v, impulse, gap, stop, residual, energy"),
     "A step of the velocities under contact with Coulomb friction.", "see ``recursions.contact.contact``",
-    pivots=True, regroup=True, composed=True, large=True, scratch=(Impulses(),),
+    pivots=True, regroup=True, composed=True, large=True,
+    scratch=(Impulses(),),
     parts=ContactResult(
-        Argument("v", ("nv",), "rad/s | m/s", "after the step, in the axes at its beginning"), IMPULSE, GAP, STOP, RESIDUAL,
-        ENERGY,
+        Argument("v", ("nv",), "rad/s | m/s", "after the step, in the axes at its beginning"), IMPULSE, GAP, STOP,
+        RESIDUAL, ENERGY,
     ),
 )  # fmt: skip
 CONTACT_GAPS = Spec(

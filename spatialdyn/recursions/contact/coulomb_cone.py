@@ -248,12 +248,20 @@ def point_residual(B: Matrix, u: Vec, mu: Number, f: Vec, least: Scalar) -> Scal
     u      velocity after the step, along the normal with its target
     least  least λ_n, complementary to u_n
     """
-    pushed = B[0, 0] * (f.x - least)
+    wide = largest_eigenvalue(B)
+    return off_the_law(B[0, 0], wide, quotient(1.0, wide), u, mu, f, least)
+
+
+@inline
+def off_the_law(
+    along: Scalar, wide: Scalar, narrow: Scalar, u: Vec, mu: Number, f: Vec, least: Scalar
+) -> Scalar:  # fmt: skip
+    """``point_residual`` of a block's entry of the normal, its largest response across that, and the inverse of it."""
+    pushed = along * (f.x - least)
     normal = magnitude(select(u.x - pushed, pushed, u.x))
-    largest = largest_eigenvalue(B)
-    a, c = f.y - quotient(u.y, largest), f.z - quotient(u.z, largest)
+    a, c = f.y - u.y * narrow, f.z - u.z * narrow
     s = sqrt(a * a + c * c)
     share = select(s - mu * f.x, mu * f.x / select(s, s, 1.0), 1.0)
     a, c = f.y - share * a, f.z - share * c
-    across = largest * sqrt(a * a + c * c)
+    across = wide * sqrt(a * a + c * c)
     return select(normal - across, normal, across)

@@ -16,7 +16,8 @@ from ...algebra.records import mat3_of, put_mat3
 from ...algebra.scalars import EPS, Scalar, inline, select
 from ..constraints.constrained import DEPENDENT
 from ..constraints.constraint_rows import carry_axes
-from ..signatures import Array, Bodies, Config, Matrix, Number, Record, Vector, Work
+from ..constraints.dense import quotient
+from ..signatures import Array, Bodies, Config, Matrix, Number, Vector, Work
 from ..tree.ltdl import solve_inward
 from .contact_rows import (
     Contact,
@@ -32,7 +33,7 @@ from .contact_rows import (
     write_gaps,
     write_rows,
 )
-from .coulomb_cone import factor_block, magnitude, point_impulse, point_residual
+from .coulomb_cone import factor_block, largest_eigenvalue, magnitude, off_the_law, point_impulse
 
 ROWS = "np+np+np+nl+nd"
 RES, LEAST, ROUND, EPSILON, COUNT, PHASE = range(6)  # of ``state``
@@ -42,6 +43,8 @@ class Impulses(NamedTuple):
     """Scratch of rows, their impulses and what solves for them."""
 
     L: Matrix = ("nv", "nv")  # M, then its factors, D on the diagonal
+    M: Matrix = ("nv", "nv")  # both triangles
+    J: Matrix = (ROWS, "nv")
     Y: Matrix = (ROWS, "nv")  # J, then J L⁻¹
     Z: Matrix = (ROWS, "nv")  # Y D⁻¹, less what constraints take
     b: Vector = (ROWS,)  # velocities J v, with a point's target c
@@ -52,6 +55,11 @@ class Impulses(NamedTuple):
     f: Vector = (ROWS,)  # of Newton's step
     first: Vector = (ROWS,)  # of the first phase, beside which λ is that of the second; else 0
     own: Vector = (ROWS,)  # a row's own response; of joints
+    each: Vector = ("nl+nd",)  # its inverse, 0 of one that nothing moves
+    least: Vector = ("nl",)  # velocities with which a joint does not pass its limits within the step
+    most: Vector = ("nl",)
+    wide: Vector = ("np",)  # the largest response of a point across its normal, and its inverse
+    narrow: Vector = ("np",)
     size: Vector = (ROWS,)  # the same without constraints; also of points
     slopes: Array = ("np", 3, 3)  # of each point the axes of its ground, as ``slope_axes`` has them
     B: Array = ("np", 3, 3)  # of each point its own block of G
@@ -66,12 +74,12 @@ class Impulses(NamedTuple):
     goal: Vector = ("nl+nd",)  # its velocity then, else its impulse
     off: Vector = ("nl+nd",)  # residuals of joints
     free: Vector = ("nv",)  # w without impulses
-    x: Vector = ("nv",)  # change of w
+    x: Vector = ("nv",)  # change of v
     begun: Vector = ("nv",)  # what the step adds to v beside forces, of ``add_begun``
     K: Matrix = ("nv", "nv")
     T: Matrix = (3, 3)  # derivative of a point's impulse
     N: Matrix = (3, 3)
-    CY: Matrix = (3, "nv")
+    CJ: Matrix = (3, "nv")
     root: Vector = (4,)  # of ``find_root``
     state: Vector = (6,)  # residual, the least so far, round, ε, count, phases done
     left: Vector = (1,)  # of loops: residuals less the tolerance
@@ -95,6 +103,7 @@ def write_responses(
         s.b[k] = 0.0
         for i in range(n):
             s.b[k] = s.b[k] + s.Y[k, i] * v[i]
+            s.J[k, i] = s.Y[k, i]
         s.before[k] = s.b[k]
         solve_inward(bodies, s.L, s.Y[k])
         for i in range(n):
@@ -103,10 +112,18 @@ def write_responses(
 
 
 @inline
+def keep_inertia(s: Impulses) -> None:
+    """M of the step, before it is factored."""
+    for i in range(len(s.M)):
+        for j in range(i + 1):
+            s.M[i, j], s.M[j, i] = s.L[i, j], s.L[i, j]
+
+
+@inline
 def open_laws(
-    dt: Number, contact: Contact, gap: Vector, w: Vector, s: Impulses
+    q: Config, dt: Number, contact: Contact, gap: Vector, w: Vector, s: Impulses
 ) -> None:  # fmt: skip
-    """Blocks of G, their factors, and targets in b; w0 is kept in ``free``."""
+    """Blocks of G, their factors, targets in b, and what else stays in all sweeps; w0 is kept in ``free``."""
     n, points = len(w), contact.contacts[0].np
     for i in range(n):
         s.free[i] = w[i]
@@ -114,6 +131,8 @@ def open_laws(
         k = 3 * p
         write_block(s.Y, s.Z, p, s.B[p])
         factor_block(s.B[p], s.size[k] + s.size[k + 1] + s.size[k + 2], n, s.factors[p])
+        s.wide[p] = largest_eigenvalue(s.B[p])
+        s.narrow[p] = quotient(1.0, s.wide[p])
         free = velocity(s.Y, s.b, w, k)
         load = select(s.b[k] - free, s.b[k] - free, 0.0)
         s.load[p] = load * inverse(s.B[p, 0, 0], s.size[k], n)
@@ -123,6 +142,9 @@ def open_laws(
     for j in range(len(s.level)):
         k = 3 * points + j
         s.own[k] = product(s.Y, s.Z, k, k)
+        s.each[j] = inverse(s.own[k], s.size[k], n)
+        if j < len(s.least):
+            s.least[j], s.most[j] = allowed(contact.contacts[1 + points + j], q, dt)
         s.held[j], s.goal[j], s.rests[j] = 0.0, 0.0, 0.0
 
 
@@ -136,7 +158,7 @@ def respond(w: Vector, s: Impulses) -> None:
 
 
 @inline
-def sweep(q: Config, dt: Number, contact: Contact, held: bool, w: Vector, s: Impulses) -> None:
+def sweep(contact: Contact, held: bool, w: Vector, s: Impulses) -> None:
     """New impulses of each point and joint in turn, and w with them."""
     points = contact.contacts[0].np
     for p in range(points):
@@ -145,7 +167,7 @@ def sweep(q: Config, dt: Number, contact: Contact, held: bool, w: Vector, s: Imp
         solved, _, _ = point_impulse(s.B[p], s.factors[p], r, contact.mu[p], s.lower[p], s.root, s.disc, held)
         set_point(p, solved, now, w, s)
     for j in range(len(s.level)):
-        set_joint(q, dt, contact.contacts[1 + points + j], 3 * points + j, j, w, s)
+        set_joint(3 * points + j, j, w, s)
 
 
 @inline
@@ -159,28 +181,29 @@ def set_point(p: int, solved: Vec, now: Vec, w: Vector, s: Impulses) -> None:
 
 
 @inline
-def set_joint(q: Config, dt: Number, c: Record, k: int, j: int, w: Vector, s: Impulses) -> None:
+def set_joint(k: int, j: int, w: Vector, s: Impulses) -> None:
     """A joint's impulse by its law, and w with it."""
     was = s.force[k]
     free = velocity(s.Y, s.b, w, k) - s.own[k] * (s.first[k] + was)
-    wanted, _, _ = joint_law(c, q, dt, free, s.own[k] * s.level[j])
-    s.force[k] = (wanted - free) * inverse(s.own[k], s.size[k], len(w)) - s.first[k]
+    wanted, _, _ = joint_law(j, free, s.own[k] * s.level[j], s)
+    s.force[k] = (wanted - free) * s.each[j] - s.first[k]
     push(s.Z, k, s.force[k] - was, w)
 
 
 @inline
-def residual(q: Config, dt: Number, contact: Contact, w: Vector, s: Impulses) -> Scalar:
+def residual(contact: Contact, w: Vector, s: Impulses) -> Scalar:
     """The largest of all rows; those of joints are written in ``off``."""
     worst, points = 0.0, contact.contacts[0].np
     for p in range(points):
         u = velocity_of_point(s.Y, s.b, w, p)
-        x = point_residual(s.B[p], u, contact.mu[p], force_of_point(s.force, p), s.lower[p])
+        f = force_of_point(s.force, p)
+        x = off_the_law(s.B[p, 0, 0], s.wide[p], s.narrow[p], u, contact.mu[p], f, s.lower[p])
         worst = select(x - worst, x, worst)
     for j in range(len(s.level)):
         k = 3 * points + j
         u = velocity(s.Y, s.b, w, k)
         free = u - s.own[k] * (s.first[k] + s.force[k])
-        wanted, _, _ = joint_law(contact.contacts[1 + points + j], q, dt, free, s.own[k] * s.level[j])
+        wanted, _, _ = joint_law(j, free, s.own[k] * s.level[j], s)
         s.off[j] = magnitude(u - wanted)
         worst = select(s.off[j] - worst, s.off[j], worst)
     return worst
@@ -194,17 +217,16 @@ def inverse(x: Scalar, size: Scalar, n: int) -> Scalar:
 
 
 @inline
-def joint_law(c: Record, q: Config, dt: Number, free: Scalar, level: Scalar) -> tuple[Scalar, Scalar, Scalar]:
+def joint_law(j: int, free: Scalar, level: Scalar, s: Impulses) -> tuple[Scalar, Scalar, Scalar]:
     """Velocity of a joint that has ``free`` without an impulse; 1 if it rests, else 0; 1 if it is held there, else 0.
 
     level  by how much its dry friction changes its velocity
     """
     moved = select(free - level, free - level, select(-free - level, free + level, 0.0))
     sticks = select(level - magnitude(free), 1.0, 0.0)  # 0 of NaN
-    if c.q_index < 0:  # no limits
+    if j >= len(s.least):  # no limits
         return moved, sticks, sticks
-    least, most = allowed(c, q, dt)
-    low, high = least - moved, moved - most
-    kept = select(low, least, select(high, most, moved))
+    low, high = s.least[j] - moved, moved - s.most[j]
+    kept = select(low, s.least[j], select(high, s.most[j], moved))
     stops = select(low, 1.0, select(high, 1.0, sticks))
     return kept, select(low, 0.0, select(high, 0.0, sticks)), stops

@@ -56,7 +56,7 @@ from .contact_rows import (
     write_point,
 )
 from .coulomb_cone import magnitude
-from .impulse_rows import ROWS, Impulses, joint_law, open_laws, residual, sweep, write_responses
+from .impulse_rows import ROWS, Impulses, joint_law, keep_inertia, open_laws, residual, sweep, write_responses
 from .impulses import SWEEPS, SWEEPS_AGAIN, SWEEPS_DRY, solve_impulses
 
 # of what dry friction changes a velocity by: a load that exceeds it by less leaves a joint at rest, as sweeps leave the
@@ -98,7 +98,7 @@ class HeldScratch(NamedTuple):
     kept: Vector = ("nc",)  # 1 of an equation that is independent, else 0
     stiffness: Vector = ("nc",)  # response of an equation alone
     P: Matrix = (ROWS, "nc")  # reactions to unit impulses
-    J: Matrix = ("nc", "nv")  # where the step ends
+    J: Matrix = ("nc", "nv")  # J; after the sweeps that of where the step ends
     ways: Matrix = (2, "nv")  # velocities at the end, and the displacement that closes
     turned: Matrix = (2, "nv")  # displacement of the step, and zeros
     ends: Matrix = (2, "nq")  # configurations
@@ -131,15 +131,15 @@ def impulse_step(
     if held is not None:
         hold(bodies, work, q, v, dt, held, out, s, h)
     rub(v, z, dt, contact, law, s)
-    open_laws(dt, contact, out.gap, after, s)
+    open_laws(q, dt, contact, out.gap, after, s)
     begin(contact.start, s.force)
-    solve_impulses(q, dt, contact, h, SWEEPS if law is None or z is not None else SWEEPS_DRY, after, s)
+    solve_impulses(contact, h, SWEEPS if law is None or z is not None else SWEEPS_DRY, after, s)
     if held is not None and held.rate is None:
         meet(bodies, work, q, v, dt, held.constraints, out, s, h)
-        settle(q, dt, contact, after, s)
+        settle(contact, after, s)
     for k in range(len(s.force)):
         s.total[k] = s.first[k] + s.force[k]
-    write_laws(q, dt, contact, out, s)
+    write_laws(dt, contact, out, s)
     keep(contact.start, s.total, out.start)
     if held is not None:
         for k in range(len(out.reaction)):
@@ -194,6 +194,7 @@ def move_freely(
         add_bristles(v, z, tau, dt, law, L, after, out.bristles)
         for i in range(n):
             out.friction[i] = 0.0
+    keep_inertia(s)
     factor_tree(bodies, L)
     for i in range(n):
         pivots[i] = L[i, i]
@@ -231,6 +232,9 @@ def hold(
     write_drift(bodies, work, constraints, v, gamma)
     if rate is not None:
         stabilize(bodies, work, q, v, constraints, rate, N, gamma, force)
+    for k in range(m):
+        for i in range(n):
+            h.J[k, i] = N[k, i]
     for k in range(m):
         gamma[k] = dt * gamma[k]
         if rate is None:
@@ -277,18 +281,25 @@ def hold(
     for k in range(m):
         lost = lost + (1.0 - h.kept[k]) * quotient(gamma[k] * gamma[k], h.scale[k])
     out.missed[0], out.missed[1] = sqrt(quotient(lost, lost + whole)), rank
+    take_out(s, h)
+
+
+@inline
+def take_out(s: Impulses, h: HeldScratch) -> None:
+    """Take constraints out of Z; reactions to unit impulses, in P, are written, gamma is scratch."""
+    n, m, N, gamma = len(s.x), len(h.gamma), h.N, h.gamma
     for l in range(len(s.Z)):
         for k in range(m):
             gamma[k] = 0.0
             for i in range(n):
                 gamma[k] = gamma[k] - N[k, i] * s.Z[l, i]
-        solve_forward(G, gamma)
-        solve_backward(G, gamma, h.P[l])
+        solve_forward(h.G, gamma)
+        solve_backward(h.G, gamma, h.P[l])
         for i in range(n):
             taken = 0.0
             for k in range(m):
                 taken = taken + N[k, i] * h.P[l, k]
-            s.Z[l, i] = s.Z[l, i] + taken * (1.0 / L[i, i])
+            s.Z[l, i] = s.Z[l, i] + taken * (1.0 / s.L[i, i])
 
 
 @inline
@@ -343,18 +354,18 @@ def push_back(L: Matrix, h: HeldScratch, w: Vector) -> None:
 
 
 @inline
-def settle(q: Config, dt: Number, contact: Contact, w: Vector, s: Impulses) -> None:
+def settle(contact: Contact, w: Vector, s: Impulses) -> None:
     """Sweeps that answer to what ``meet`` changes."""
-    s.left[0] = residual(q, dt, contact, w, s) - contact.contacts[0].tolerance
+    s.left[0] = residual(contact, w, s) - contact.contacts[0].tolerance
     for _ in repeat(SWEEPS_AGAIN, s.left, s.force, w):
         if settled(s.left[0]):
             break
-        sweep(q, dt, contact, True, w, s)
-        s.left[0] = residual(q, dt, contact, w, s) - contact.contacts[0].tolerance
+        sweep(contact, True, w, s)
+        s.left[0] = residual(contact, w, s) - contact.contacts[0].tolerance
 
 
 @inline
-def write_laws(q: Config, dt: Number, contact: Contact, out: ImpulseResult, s: Impulses) -> None:
+def write_laws(dt: Number, contact: Contact, out: ImpulseResult, s: Impulses) -> None:
     """What a step makes of points and joints: impulses, stops, dry friction, residuals, energy, which joints rest."""
     contacts, w, force, Y, level = contact.contacts, out.after, s.total, s.Y, s.level
     points = contacts[0].np
@@ -363,7 +374,7 @@ def write_laws(q: Config, dt: Number, contact: Contact, out: ImpulseResult, s: I
     for j in range(contacts[0].nl + contacts[0].nd):
         k, c = 3 * points + j, contacts[1 + points + j]
         alone, u = s.own[k], velocity(Y, s.b, w, k)
-        wanted, s.rests[j], _ = joint_law(c, q, dt, u - alone * force[k], alone * level[j])
+        wanted, s.rests[j], _ = joint_law(j, u - alone * force[k], alone * level[j], s)
         out.residual[points + j] = magnitude(u - wanted)
         rubs, least = within(force[k], level[j]), SLOW * alone * level[j]
         rubs = select(u - least, -level[j], select(-least - u, level[j], rubs))  # of a joint that moves, against that

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from ...algebra.regions import repeat, settled
 from ...algebra.scalars import Scalar, inline, select
-from ..signatures import Config, Number, Record, Vector
+from ..signatures import Record, Vector
 from .contact_rows import Contact
 from .impulse_rows import COUNT, EPSILON, LEAST, PHASE, RES, ROUND, Impulses, residual, respond, sweep
 from .newton_step import newton_step
@@ -30,7 +30,7 @@ FAR = 1e30  # a residual above all
 
 @inline
 def solve_impulses(
-    q: Config, dt: Number, contact: Contact, held: Record, first: int, w: Vector, s: Impulses
+    contact: Contact, held: Record, first: int, w: Vector, s: Impulses
 ) -> None:  # fmt: skip
     """λ, from that in ``force``, and w with it.
 
@@ -46,7 +46,7 @@ def solve_impulses(
     for _ in repeat(2, s.phase, s.force, s.first, s.lower, s.free, w, state):
         if settled(s.phase[0]):
             break
-        solve_phase(q, dt, contact, held, first, w, s)
+        solve_phase(contact, held, first, w, s)
         s.phase[0] = 0.0
         for p in range(len(s.lower)):
             hit = s.force[3 * p] - s.load[p]
@@ -63,7 +63,7 @@ def solve_impulses(
 
 @inline
 def solve_phase(
-    q: Config, dt: Number, contact: Contact, held: Record, first: int, w: Vector, s: Impulses
+    contact: Contact, held: Record, first: int, w: Vector, s: Impulses
 ) -> None:  # fmt: skip
     """λ of one phase."""
     head, rows = contact.contacts[0], len(s.force)
@@ -83,8 +83,8 @@ def solve_phase(
         for _ in repeat(SWEEPS_AGAIN, s.sweeping, s.force, w, state):
             if settled(s.sweeping[0]):
                 break
-            sweep(q, dt, contact, held is not None, w, s)
-            state[RES] = residual(q, dt, contact, w, s)
+            sweep(contact, held is not None, w, s)
+            state[RES] = residual(contact, w, s)
             state[COUNT] = state[COUNT] - 1.0
             s.sweeping[0] = select(state[COUNT], state[RES] - tolerance, 0.0)
         keep(select(state[ROUND], 1.0, state[LEAST] - state[RES]), s)
@@ -94,8 +94,8 @@ def solve_phase(
         for _ in repeat(head.steps, s.stepping, s.force, s.best, w, s.held, s.goal, state):
             if settled(s.stepping[0]):
                 break
-            newton_step(q, dt, contact, held, w, s)
-            new = residual(q, dt, contact, w, s)
+            newton_step(contact, held, w, s)
+            new = residual(contact, w, s)
             less = 0.1 * state[EPSILON]
             less = select(less - PROX_LEAST, less, PROX_LEAST)
             state[EPSILON] = select(0.5 * state[RES] - new, less, state[EPSILON])

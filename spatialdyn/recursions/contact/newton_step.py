@@ -4,8 +4,8 @@ It solves λ = T(u - B λ) for all rows, T the local solutions, with a proximal 
 
     (1 + ε) δ_p = T - λ_p + T' (δu_p - B_p δ_p)    ⇒    δ_p = f_p - C_p δu_p,
 
-so that (D + Σ Y_pᵀ C_p Y_p) δw = Σ Y_pᵀ f_p, which has the zeros of the tree: a dry joint costs what its rows cost, and
-a joint that sticks or stops is one with C = 1 / (ε G_jj). After 4 steps, of the joints only those change their state
+so that (M + Σ J_pᵀ C_p J_p) δv = Σ J_pᵀ f_p, which has the zeros of the tree: a dry joint is one entry on the diagonal,
+C = 1 / (ε G_jj) if it sticks or stops. After 4 steps, of the joints only those change their state
 that miss their law most, which ends cycles.
 
 Source: a derivation of our own, semi-smooth as by Alart and Curnier (1991).
@@ -15,10 +15,10 @@ from __future__ import annotations
 
 from ...algebra.euclidean import sub
 from ...algebra.scalars import Scalar, inline, select
-from ..signatures import Config, Matrix, Number, Record, Vector
+from ..signatures import Matrix, Number, Record, Vector
 from .contact_rows import Contact, force_of_point, times, velocity, velocity_of_point
 from .coulomb_cone import magnitude, point_impulse, point_slope
-from .impulse_rows import COUNT, EPSILON, Impulses, inverse, joint_law, respond
+from .impulse_rows import COUNT, EPSILON, Impulses, joint_law, respond
 
 BOLD = 4  # steps in which all joints may change their state
 MISSES_MOST = 0.99  # of the largest residual of a joint, from which it may change its state later
@@ -27,52 +27,51 @@ STIFF = 1e7  # of a constraint's response: how stiff these steps see it
 
 @inline
 def newton_step(
-    q: Config, dt: Number, contact: Contact, held: Record, w: Vector, s: Impulses
+    contact: Contact, held: Record, w: Vector, s: Impulses
 ) -> None:  # fmt: skip
     """A step on all impulses at once, and w with them."""
     n, points, prox = len(w), contact.contacts[0].np, s.state[EPSILON]
     for i in range(n):
         s.x[i] = 0.0
         for j in range(n):
-            s.K[i, j] = 0.0
-        s.K[i, i] = s.L[i, i]
+            s.K[i, j] = s.M[i, j]
     for p in range(points):
         add_point(p, contact.mu[p], prox, held is not None, w, s)
-    most = 0.0
+    most, firm = 0.0, 1.0 / prox
     for j in range(len(s.level)):
         k = 3 * points + j
         u = velocity(s.Y, s.b, w, k)
         free = u - s.own[k] * (s.first[k] + s.force[k])
-        wanted, _, _ = joint_law(contact.contacts[1 + points + j], q, dt, free, s.own[k] * s.level[j])
+        wanted, _, _ = joint_law(j, free, s.own[k] * s.level[j], s)
         s.off[j] = magnitude(u - wanted)
         most = select(s.off[j] - most, s.off[j], most)
     for j in range(len(s.level)):
-        add_joint(q, dt, contact.contacts[1 + points + j], 3 * points + j, j, most, w, s)
+        add_joint(contact.contacts[1 + points + j].row - 1, 3 * points + j, j, most, firm, w, s)
     if held is not None:
         for l in range(len(held.N)):
             stiff = STIFF / select(held.stiffness[l], held.stiffness[l], 1.0)
             for i in range(n):
                 for j in range(n):
-                    s.K[i, j] = s.K[i, j] + held.N[l, i] * (stiff * held.N[l, j])
+                    s.K[i, j] = s.K[i, j] + held.J[l, i] * (stiff * held.J[l, j])
     solve_K(s.K, s.x)
     for p in range(points):
         k = 3 * p
-        u0, u1, u2 = along(s.Y, s.x, k), along(s.Y, s.x, k + 1), along(s.Y, s.x, k + 2)
+        u0, u1, u2 = along(s.J, s.x, k), along(s.J, s.x, k + 1), along(s.J, s.x, k + 2)
         for i in range(3):
             change = s.f[k + i] - (s.C[p, i, 0] * u0 + s.C[p, i, 1] * u1 + s.C[p, i, 2] * u2)
             s.force[k + i] = s.force[k + i] + change
     for j in range(len(s.level)):
         k = 3 * points + j
-        s.force[k] = s.force[k] + (s.f[k] - stick_share(j, k, prox, s) * along(s.Y, s.x, k))
+        s.force[k] = s.force[k] + (s.f[k] - stick_share(j, firm, s) * s.x[contact.contacts[1 + points + j].row - 1])
     respond(w, s)
 
 
 @inline
-def along(Y: Matrix, x: Vector, k: int) -> Scalar:
-    """Y_k x."""
+def along(J: Matrix, x: Vector, k: int) -> Scalar:
+    """J_k x."""
     total = 0.0
     for i in range(len(x)):
-        total = total + Y[k, i] * x[i]
+        total = total + J[k, i] * x[i]
     return total
 
 
@@ -96,40 +95,39 @@ def add_point(p: int, mu: Number, prox: Scalar, held: bool, w: Vector, s: Impuls
             s.C[p, i, j] = -(N[i, 0] * T[0, j] + N[i, 1] * T[1, j] + N[i, 2] * T[2, j])
     for j in range(n):
         for i in range(3):
-            s.CY[i, j] = s.C[p, i, 0] * s.Y[k, j] + s.C[p, i, 1] * s.Y[k + 1, j] + s.C[p, i, 2] * s.Y[k + 2, j]
+            s.CJ[i, j] = s.C[p, i, 0] * s.J[k, j] + s.C[p, i, 1] * s.J[k + 1, j] + s.C[p, i, 2] * s.J[k + 2, j]
     for i in range(n):
-        y0, y1, y2 = s.Y[k, i], s.Y[k + 1, i], s.Y[k + 2, i]
+        y0, y1, y2 = s.J[k, i], s.J[k + 1, i], s.J[k + 2, i]
         s.x[i] = s.x[i] + (y0 * s.f[k] + y1 * s.f[k + 1] + y2 * s.f[k + 2])
         for j in range(n):
-            s.K[i, j] = s.K[i, j] + (y0 * s.CY[0, j] + y1 * s.CY[1, j] + y2 * s.CY[2, j])
+            s.K[i, j] = s.K[i, j] + (y0 * s.CJ[0, j] + y1 * s.CJ[1, j] + y2 * s.CJ[2, j])
 
 
 @inline
 def add_joint(
-    q: Config, dt: Number, c: Record, k: int, j: int, most: Scalar, w: Vector, s: Impulses
+    i: int, k: int, j: int, most: Scalar, firm: Scalar, w: Vector, s: Impulses
 ) -> None:  # fmt: skip
     """The state of a joint, its f, and its part of K and x.
 
+    i     its freedom
     most  the largest residual of a joint
+    firm  1 / ε
     """
-    n, now, u = len(w), s.force[k], velocity(s.Y, s.b, w, k)
-    each = inverse(s.own[k], s.size[k], n)
-    wanted, _, stays = joint_law(c, q, dt, u - s.own[k] * (s.first[k] + now), s.own[k] * s.level[j])
+    now, u = s.force[k], velocity(s.Y, s.b, w, k)
+    wanted, _, stays = joint_law(j, u - s.own[k] * (s.first[k] + now), s.own[k] * s.level[j], s)
     new = select(BOLD - s.state[COUNT], 1.0, select(MISSES_MOST * most - s.off[j], 0.0, 1.0))
     s.held[j] = select(new, stays, s.held[j])
-    s.goal[j] = select(new, select(stays, wanted, now + (wanted - u) * each), s.goal[j])
-    share = stick_share(j, k, s.state[EPSILON], s)
+    s.goal[j] = select(new, select(stays, wanted, now + (wanted - u) * s.each[j]), s.goal[j])
+    share = stick_share(j, firm, s)
     s.f[k] = select(s.held[j], (s.goal[j] - u) * share, s.goal[j] - now)
-    for i in range(n):
-        s.x[i] = s.x[i] + s.Y[k, i] * s.f[k]
-        for l in range(n):
-            s.K[i, l] = s.K[i, l] + s.Y[k, i] * (share * s.Y[k, l])
+    s.x[i] = s.x[i] + s.f[k]
+    s.K[i, i] = s.K[i, i] + share
 
 
 @inline
-def stick_share(j: int, k: int, prox: Scalar, s: Impulses) -> Scalar:
+def stick_share(j: int, firm: Scalar, s: Impulses) -> Scalar:
     """C of a joint."""
-    return s.held[j] * inverse(s.own[k], s.size[k], len(s.x)) / prox
+    return s.held[j] * s.each[j] * firm
 
 
 @inline

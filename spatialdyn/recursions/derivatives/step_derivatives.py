@@ -18,7 +18,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import NamedTuple
 
-from ...algebra.euclidean import Vec, add, dot, neg, scale
+from ...algebra.euclidean import Vec, dot, neg, scale
 from ...algebra.lie import Tangent, turned_diagonal
 from ...algebra.scalars import Scalar, inline, no_inline, select
 from ...algebra.spatial import Motion, add_motion
@@ -166,7 +166,7 @@ def semi_implicit_euler_derivatives(
     _add_unit(1, out[n : 2 * n])
     turns = 0
     for i in range(1, n + 1):
-        turns += 1 if travels(bodies[i]) else 0
+        turns += int(travels(bodies[i]))
     if turns == 0:
         _scaled(h, out[n : 2 * n], U)
         dintegrate(bodies, q, u, by_step)
@@ -182,24 +182,15 @@ def semi_implicit_euler_derivatives(
     for i in range(1, n + 1):
         b, r = bodies[i], i - 1
         if travels(b):
-            m, after = twist(b, r, v), twist(b, r, w)
-            more = begun(bodies, i, h, m)
-            put_twist(b, r, Motion(add(after.w, more.w), add(after.v, more.v)), D[0, 0])
+            m = twist(b, r, v)
+            put_twist(b, r, add_motion(twist(b, r, w), begun(bodies, i, h, m)), D[0, 0])
             crossed = Tangent(turned_diagonal(0.0, scale(h, m.w)), turned_diagonal(0.0, scale(-h, m.v)))
             put_tangent(b, r, crossed, 0.0, D, 1)
             lengths = NV[b.kind] - (1 if NV[b.kind] == 3 else 3)
             for k in range(r + lengths, r + NV[b.kind]):
                 w[k] = D[0, 0, k]
                 u[k] = h * w[k]
-            if is_free(bodies, i):
-                for l in range(r + lengths, r + NV[b.kind]):
-                    for k in range(r, r + NV[b.kind]):
-                        first[k] = 1.0 if k == l else 0.0
-                    d = twist(b, r, first).w
-                    put_twist(b, r, kept_slope(bodies, i, h, m.w, d), first)
-                    for k in range(r, r + NV[b.kind]):
-                        out[n + k, n + l] = out[n + k, n + l] + first[k]
-                        first[k] = 0.0
+            _add_kept(bodies, i, lengths, h, m.w, first, out)
             for k in range(r, r + lengths):
                 w[k] = D[0, 0, k]
                 first[k], u[k] = h * w[k], 0.0
@@ -237,6 +228,21 @@ def semi_implicit_euler_derivatives(
                             total = total + D[1, k, i] * by_turn[1, i, j] * (h * x[j, l])
                     out[n + k, l] = total
     _put_turn(largest_turn(bodies, u, 0.0), n, out)
+
+
+@inline
+def _add_kept(bodies: Bodies, i: int, lengths: int, h: Scalar, w: Vec, d: Vector, out: Matrix) -> None:
+    """out += the derivative of what keeps the momenta of a free body, its first row i; d is scratch, 0 after it."""
+    if not is_free(bodies, i):
+        return
+    b, r, n = bodies[i], i - 1, len(bodies) - 1
+    for l in range(r + lengths, r + NV[b.kind]):
+        for k in range(r, r + NV[b.kind]):
+            d[k] = 1.0 if k == l else 0.0
+        put_twist(b, r, kept_slope(bodies, i, h, w, twist(b, r, d).w), d)
+        for k in range(r, r + NV[b.kind]):
+            out[n + k, n + l] = out[n + k, n + l] + d[k]
+            d[k] = 0.0
 
 
 @inline

@@ -157,11 +157,11 @@ class Contact(Effect):
             states[work.CONTACTS.name] = given[work.CONTACTS.name] + parts["energy"]
         if law is not None and self.way == LUGRE:
             states[BRISTLES.name] = parts["bristles"]
-            rubbed = bent(given, law, after, parts["bristles"])
+            torque = bent(given, law, after, parts["bristles"])
         elif law is not None:
-            rubbed = parts["friction"] - law[1] * after
+            torque = parts["friction"] - law[1] * after
         if law is not None:
-            forces[work.FRICTION.name] = rubbed if lost is None else rubbed + lost
+            forces[work.FRICTION.name] = torque if lost is None else torque + lost
         if constrained is not None:
             self._judge(at, constrained, parts["missed"], tau)
             force = np.array([x / given["dt"] for x in parts["reaction"]], after.dtype)
@@ -243,10 +243,10 @@ def contact_of(
 
     Raises  SimulationError for contacts that are recorded and do not act
     """
-    contacts, stops, rubs = scene.contacts, scene.limits, find(acting, JointFriction)
+    contacts, stops, friction = scene.contacts, scene.limits, find(acting, JointFriction)
     if contacts is None and not stops and records:
         raise SimulationError('record has "contacts", expected contacts or limits=True in the scene')
-    solved = rubs.way if rubs is not None and rubs.way in (IMPLICIT, LUGRE) else None
+    solved = friction.way if friction is not None and friction.way in (IMPLICIT, LUGRE) else None
     if contacts is None and not stops and (constrained is None or solved != IMPLICIT):
         return None
     given = scene.unilateral

@@ -52,6 +52,7 @@ class Feedback(Effect):
     static: tuple[Any, ...] = ()
     rows: Mapping[str, Array] = field(default_factory=dict)
     name = "control"
+    stamped = False  # a law may be of any source
 
     @classmethod
     def of(cls, control: Control, model: Model, samples: int, steps: int) -> Feedback:

@@ -9,7 +9,7 @@ A spring from a joint to the world, whole:
         stiffness: Array  # (nv,) [N m/rad | N/m]
         name = "world spring"
         inputs = (Argument("world_stiffness", ("nv",), "N m/rad | N/m", "to the world"),)
-        work = Argument("work_world_spring", ("nv",), "J", "of the springs to the world", start=0.0)
+        work = work_of("world_spring", ("nv",), "of the springs to the world")
 
         @property
         def values(self):
@@ -19,21 +19,22 @@ A spring from a joint to the world, whole:
             k = at.given["world_stiffness"]
             return np.array([-k[i] * q[i] for i in range(len(v))], v.dtype)
 
-It acts in every method, in programs and by kernels. Its work is recorded; the ledger shows works that ``effects.work``
-names.
+It acts in every method, in programs and by kernels; its work is recorded, and the ledger shows it as "world_spring".
 """
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, TypeVar
 
 from numpy.typing import NDArray
 
 from ...bodies.static_table import StaticTable
+from ...engines.compiled.stamp import covers
 from ...recursions.spec import Argument
 from ..arithmetic import Arithmetic
 
 Array = NDArray[Any]
+Kind = TypeVar("Kind", bound="Effect")
 Forces = dict[str, Any]  # by names of states of work: torques (nv,), or functions of the way h (v + v⁺)/2 to the work
 
 
@@ -45,9 +46,11 @@ class Effect:
     states  that the run carries from step to step
     work    the state of its work; None if it does none
     form    what a step depends on beside the inputs and states
+    drives  whether it may add to the energy, by which runs are else found to diverge
     """
 
     name = ""
+    drives = True
 
     @property
     def inputs(self) -> tuple[Argument, ...]:
@@ -78,6 +81,11 @@ class Effect:
     def tables(self) -> tuple[StaticTable, ...]:
         """Of the inputs that are tables, in their order."""
         return ()
+
+    @property
+    def stamped(self) -> bool:
+        """Whether the stamp of the package's sources covers what it adds to a program, which is then kept by name."""
+        return covers(type(self))
 
     @property
     def solves(self) -> bool:
@@ -122,6 +130,6 @@ class Effect:
         return hash(self._key)
 
 
-def find(acting: tuple[Effect, ...], kind: type[Any]) -> Any:
+def find(acting: tuple[Effect, ...], kind: type[Kind]) -> Kind | None:
     """The effect of that class; None if there is none."""
     return next((x for x in acting if isinstance(x, kind)), None)

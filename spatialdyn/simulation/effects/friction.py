@@ -55,6 +55,7 @@ class JointFriction(Effect):
 
     friction: Friction
     name = "friction"
+    drives = False
     way = ""
     inputs: ClassVar[tuple[Argument, ...]] = LAW
     work = work.FRICTION
@@ -242,10 +243,10 @@ def friction_effects(
 
 def dry(acting: tuple[Effect, ...], nv: int) -> NDArray[np.bool_]:
     """The freedoms (nv,) that friction which is solved for, or gears, may hold."""
-    found, motor = find(acting, DryFriction), find(acting, Drive)
-    if found is None:
+    friction, motor = find(acting, DryFriction), find(acting, Drive)
+    if friction is None:
         return np.zeros(nv, np.bool_)
-    coulomb, _, static, _ = found.friction.law
+    coulomb, _, static, _ = friction.friction.law
     sticks: NDArray[np.bool_] = (coulomb > 0.0) | (static > 0.0)
     return sticks if motor is None else sticks | motor.rubs
 
@@ -263,11 +264,11 @@ def check_stable(model: Model, effects: tuple[Effect, ...], method: str, dt: flo
 
     Raises SimulationError with the largest step that is stable.
     """
-    found = find(effects, SmoothFriction)
-    if found is None or method not in STABLE or not model.nv:
+    effect = find(effects, SmoothFriction)
+    if effect is None or method not in STABLE or not model.nv:
         return
-    _, viscous, static, _ = found.friction.law
-    slope = static / found.coefficients[0] + viscous
+    _, viscous, static, _ = effect.friction.law
+    slope = static / effect.coefficients[0] + viscous
     root = np.sqrt(slope)
     rates, modes = np.linalg.eigh(root[:, None] * calls["minverse"](model, calls["neutral"](model)) * root)
     k = int(np.argmax(abs(modes[:, -1])))

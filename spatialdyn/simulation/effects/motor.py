@@ -29,6 +29,7 @@ class Drive(Effect):
     motor: Motor
     given: str
     name = "motor"
+    drives = False  # beyond the torques that are wanted
 
     @property
     def inputs(self) -> Any:
@@ -56,6 +57,6 @@ def geared(given: Mapping[str, Any], v: Any, tau: Any, law: Law) -> tuple[Any, L
     voltage = SUPPLY.name in given
     first = SUPPLY if voltage else STALL
     lines = [given[x.name] for x in (first, EMF, MOST, EFFICIENCY, LIMIT)]
-    found = np.array([driven(voltage, i, v, tau, *lines) for i in range(len(v))], np.asarray(tau).dtype)
-    push, slope, level = found.reshape((-1, 3)).T
+    rows = np.array([driven(voltage, i, v, tau, *lines) for i in range(len(v))], np.asarray(tau).dtype)
+    push, slope, level = rows.reshape((-1, 3)).T
     return push, (coulomb + level, viscous + slope, static + level, stribeck)

@@ -4,15 +4,19 @@ from __future__ import annotations
 
 from ...recursions.spec import Argument
 
-TORQUE = Argument("work_torque", ("nv",), "J", "of the torques of motors, those of a control law among them", start=0.0)
-FRICTION = Argument("work_friction", ("nv",), "J", "of friction and damping", start=0.0)
-EXTERNAL = Argument("work_external", ("nv",), "J", "of external forces, by the freedoms that they move", start=0.0)
-SPRINGS = Argument("work_springs", ("nv",), "J", "of springs between rotors and joints, and their damping", start=0.0)
-CONSTRAINTS = Argument("work_constraints", ("nc",), "J", "of the force of each equation", start=0.0)
-CONTACTS = Argument("work_contacts", ("np+nl",), "J", "of each point on the ground, then of each limit", start=0.0)
-PROJECTION = Argument("work_projection", (1,), "J", "what projections onto the constraints add", start=0.0)
-KINDS = {
-    TORQUE.name: "torque", FRICTION.name: "friction", EXTERNAL.name: "external", SPRINGS.name: "springs",
-    CONSTRAINTS.name: "constraints", PROJECTION.name: "projection", CONTACTS.name: "contacts",
-}  # fmt: skip
-BY_FREEDOM = ("torque", "friction", "external", "springs")
+PREFIX = "work_"
+
+
+def work_of(kind: str, shape: tuple[str | int, ...], meaning: str) -> Argument:
+    """The state of a kind of work, which the ledger shows under that name: a word, with underscores."""
+    return Argument(f"{PREFIX}{kind}", shape, "J", meaning, start=0.0)
+
+
+TORQUE = work_of("torque", ("nv",), "of the torques of motors, those of a control law among them")
+FRICTION = work_of("friction", ("nv",), "of friction and damping")
+EXTERNAL = work_of("external", ("nv",), "of external forces, by the freedoms that they move")
+SPRINGS = work_of("springs", ("nv",), "of springs between rotors and joints, and their damping")
+CONSTRAINTS = work_of("constraints", ("nc",), "of the force of each equation")
+CONTACTS = work_of("contacts", ("np+nl",), "of each point on the ground, then of each limit")
+PROJECTION = work_of("projection", (1,), "what projections onto the constraints add")
+KNOWN = (TORQUE, FRICTION, EXTERNAL, SPRINGS, CONSTRAINTS, PROJECTION, CONTACTS)

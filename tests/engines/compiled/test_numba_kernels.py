@@ -493,6 +493,34 @@ def test_a_stale_cache_is_impossible(tmp_path: Path) -> None:
     assert answer() == first | {"hits": [1, 1]}
 
 
+OWN = """
+import json, numpy as np, spatialdyn as sd
+from spatialdyn.algebra.scalars import inline
+from spatialdyn.engines import run
+from spatialdyn.engines.compiled import numba_kernels
+from spatialdyn.recursions.spec import Argument, Q, Spec
+
+@inline
+def scaled(bodies, q, out):
+    for i in range(len(q)):
+        out[i] = FACTOR * q[i]
+
+spec = Spec("scaled", scaled, None, (Q,), Argument("out", ("nq",), "rad", ""), "", "")
+model, out, many = sd.load_urdf("two_link"), np.empty(2), np.empty((3, 2))
+assert numba_kernels.sample_kernel(spec)(model.address, np.ones(2), out) == 0
+run.batch(spec, model, [np.ones((3, 2))], (), many)
+print(json.dumps([out[0], many[2, 1]]))
+"""
+
+
+@COMPILED
+def test_a_recursion_of_a_script_is_compiled_as_it_is_in_each_run(tmp_path: Path) -> None:
+    """Its module can be imported by no other process, and the stamp says nothing of an edit of it."""
+    for factor in (2.0, 3.0):
+        text = f"FACTOR = {factor}" + OWN
+        assert json.loads(run_python(text, SPATIALDYN_CACHE_DIR=str(tmp_path))) == [factor, factor]
+
+
 # --- kernels in a user's own compiled code --------------------------------------------------------------
 
 

@@ -22,7 +22,6 @@ from trees import random_tree
 import spatialdyn as sd
 from spatialdyn.algebra import spatial
 from spatialdyn.engines.compiled import numba_cache, numba_kernels
-from spatialdyn.engines.compiled.stamp import COMPILED
 from spatialdyn.engines.programs.llvm import host_cpu
 from spatialdyn.engines.programs.record import recording
 from spatialdyn.engines.programs.record.parameters import Parameter
@@ -254,7 +253,7 @@ def inlined_name(
         setattr(asked, name, x)
     target = SimpleNamespace(codegen=lambda: Codegen("triple", magic, "features"))
     state = SimpleNamespace(args=args, return_type=None, flags=asked, targetctx=target)
-    return numba_cache.InlinedCache(stamp, COMPILED).digest(function, state)
+    return numba_cache.InlinedCache(stamp).digest(function, state)
 
 
 def test_an_inlined_function_is_named_by_all_that_its_code_depends_on(monkeypatch: pytest.MonkeyPatch) -> None:

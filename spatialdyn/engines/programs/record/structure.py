@@ -48,6 +48,12 @@ class Numbers:
             return self._values.astype(dtype)
 
 
+def content(program: Program, layout: KernelLayout) -> str:
+    """A digest of a program with its numbers: of all that it computes."""
+    values = Numbers(program, layout).values(np.float64)
+    return hashlib.sha256(digest(program, layout).encode() + values.tobytes()).hexdigest()
+
+
 def digest(program: Program, layout: KernelLayout) -> str:
     """A digest of all that the machine code of a program depends on, but for its numbers."""
     wide = layout.range

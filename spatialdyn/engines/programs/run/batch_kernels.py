@@ -2,7 +2,8 @@
 
 ``kernel`` returns the program of some calls for one table of bodies: from memory, from the disk cache, or compiled.
 Machine code is of a program's structure, and shared by all tables of that structure; their numbers come by pointer. A
-file of the cache holds either a structure's code, or for a table its numbers and the digest of its structure.
+file of the cache holds either a structure's code, or for a table its numbers and the digest of its structure. Calls
+whose names and the stamp do not tell what they compute are named by the content of their program, in place of a table.
 Calling it computes the valid samples and returns the indices of the others, to be recomputed in NumPy,
 which handles sines of large angles, NaN and errors.
 """
@@ -22,7 +23,7 @@ from numpy.typing import NDArray
 from ....recursions.spec import Spec
 from ... import locks
 from ...compiled import disk_cache
-from ...compiled.stamp import STAMP
+from ...compiled.stamp import STAMP, names
 from ...threads import PIECES, thread_pool
 from ...waiting import watch
 from ..llvm import host_cpu, simd
@@ -123,6 +124,12 @@ def kernel(
     stream    for outputs larger than the CPU caches, which are aligned to a vector
     recorded  what ``record`` returns for it, if that is known
     """
+    if not all(map(names, specs)):
+        try:
+            recorded = recorded or record(specs, bodies, static, options, dtype)
+        except ZeroDivisionError:
+            return None
+        key = structure.content(*recorded)
     digest = _digest(specs, key, static, dtype, options, one, stream)
     others = f" and {len(specs) - 1} more" if len(specs) > 1 else ""
     with _lock, watch.work(f"compiling the program of {specs[0].name}{others}", disk_cache.kept):
@@ -160,7 +167,9 @@ def cached(
     one: bool = False,
     stream: bool = False,
 ) -> Kernel | None:
-    """As ``kernel`` in float64, but None if it is neither in memory nor on disk."""
+    """As ``kernel`` in float64, but None if it is neither in memory nor on disk under its name."""
+    if not all(map(names, specs)):
+        return None
     with _lock:
         return _at_hand(_digest(specs, key, static, np.float64, options, one, stream), np.float64, one)[1]
 
@@ -184,10 +193,10 @@ def _digest(
     specs: Sequence[Spec], key: str, static: Sequence[Any], dtype: Any, options: ProgramOptions, one: bool, stream: bool
 ) -> str:
     """A digest of all that a kernel depends on."""
-    names = "|".join(f"{s.name}({','.join(x.name for x in s.present)})" for s in specs)
+    listed = "|".join(f"{s.name}({','.join(x.name for x in s.present)})" for s in specs)
     values = "|".join(x.tobytes().hex() if isinstance(x, np.ndarray) else str(x) for x in static)
     chosen = "" if options == ALL else repr(options)
-    return _hash(key, names, values, chosen, _machine(dtype, one, stream))
+    return _hash(key, listed, values, chosen, _machine(dtype, one, stream))
 
 
 def _of_structure(

@@ -19,23 +19,23 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...calls.dynamics import calls
-from ...calls.failures import sample_of
-from ...engines.compiled import numba_kernels
-from ...errors import SimulationError
-from ...model.model import Model
-from ...recursions import SPECS
-from ...recursions.momenta.canonical_coordinates import CHARTS, SLOPE
-from ...recursions.momenta.discrete_momenta import MOMENTA
-from ...recursions.spec import Spec
-from ..effects.external import ExternalForces
-from ..fixed_steps import failure_message
-from ..momenta_steps import begun, momenta_specs, rows_kept
-from ..system import State, System, held_torque, units
-from ..tangents import along, run
-from .call_kernels import call_kernels
-from .methods import DISCRETE, Method
-from .symplectic import GAUSS2, GAUSS4, GAUSS6, Tableau
+from ..calls.dynamics import calls
+from ..calls.failures import sample_of
+from ..engines.compiled import numba_kernels
+from ..errors import SimulationError
+from ..model.model import Model
+from ..recursions import SPECS
+from ..recursions.momenta.canonical_coordinates import CHARTS, SLOPE
+from ..recursions.momenta.discrete_momenta import MOMENTA
+from ..recursions.spec import Spec
+from ..simulation.effects.external import ExternalForces
+from ..simulation.fixed_steps import failure_message
+from ..simulation.methods.call_kernels import call_kernels
+from ..simulation.methods.methods import DISCRETE, Method
+from ..simulation.methods.symplectic import GAUSS2, GAUSS4, GAUSS6, Tableau
+from ..simulation.momenta_steps import begun, momenta_specs, rows_kept
+from ..simulation.system import State, System, held_torque, units
+from ..simulation.tangents import along, run
 
 Array = NDArray[Any]
 TABLEAUX = {"implicit_midpoint": GAUSS2, "gauss4": GAUSS4, "gauss6": GAUSS6}

@@ -188,8 +188,8 @@ class ActiveSet:
         """K y = right, by the least change in the metric of M where equations depend on others."""
         S, equations, unknowns = self.scaled(K)
         scaled = right * (equations if right.ndim == 1 else equations[:, None])
-        found = np.linalg.lstsq(S, scaled, rcond=RANK)[0]
-        return found * (unknowns if right.ndim == 1 else unknowns[:, None])
+        made: Array = np.linalg.lstsq(S, scaled, rcond=RANK)[0] * (unknowns if right.ndim == 1 else unknowns[:, None])
+        return made
 
     def undetermined(self) -> list[bool]:
         """Of points and joints: whether a point slides whose load others could take."""

@@ -29,12 +29,12 @@ from ..errors import SimulationError, SpatialDynError
 from ..model.model import Model
 from ..recursions.derivatives.step_derivatives import MOTION, STEPS, TURNING_STEPS
 from ..recursions.spec import FEXT, TAU, Q, V
-from .effects.friction import LUGRE
-from .effects.springs import has_springs
-from .methods import implicit_derivatives
-from .methods.explicit import HALF_TURN
-from .methods.methods import integrators
-from .scene import Scene, scene_of
+from ..simulation.effects.friction import LUGRE
+from ..simulation.effects.springs import has_springs
+from ..simulation.methods.explicit import HALF_TURN
+from ..simulation.methods.methods import integrators
+from ..simulation.scene import Scene, scene_of
+from . import implicit_derivatives
 from .scene_derivatives import StepDerivatives, constrained_linearization, scene_derivatives
 
 Array = NDArray[np.float64]
@@ -52,11 +52,12 @@ def step_derivatives(
 ) -> StepDerivatives:
     """Derivatives of a step by the state before it and the torque held over it: ``A, B = step_derivatives(...)``.
 
-    Source: see ``recursions.derivatives.step_derivatives`` and ``simulation.methods.implicit_derivatives``.
+    Source: see ``recursions.derivatives.step_derivatives`` and ``linearization.implicit_derivatives``.
 
-    scene   Scene or Model, without motors and bristles; springs act in explicit methods. A Friction with ``smoothing`` that acts alone acts by
-            its smooth law, in explicit methods; any other one, contacts and limits act by impulses, whose laws have a
-            derivative on each side of a switch; constraints act in the methods of ``explicit`` and beside impulses
+    scene   Scene or Model, without motors and bristles; springs act in explicit methods. A Friction with ``smoothing``
+            that acts alone acts by its smooth law, in explicit methods; any other one, contacts and limits act by
+            impulses, whose laws have a derivative on each side of a switch; constraints act in the methods of
+            ``explicit`` and beside impulses
     q       (..., nq)          joint positions [rad | m]
     v       (..., nv)          joint velocities [rad/s | m/s]
     tau     (..., nv)          joint torques [N m | N]
@@ -77,8 +78,8 @@ def step_derivatives(
     velocity_verlet and 12 with rk4, by the table kernel. Implicit methods are solved and differentiated on lanes.
 
     Returns StepDerivatives: A (..., 2 nv, 2 nv) and B (..., 2 nv, nv), views of one array, with ``labels``, ``active``,
-            ``switching`` and ``undetermined`` of what acts by impulses. NaN or infinity in a sample's state, torque or forces gives NaN
-            in that sample alone, where it counts.
+            ``switching`` and ``undetermined`` of what acts by impulses. NaN or infinity in a sample's state, torque or
+            forces gives NaN in that sample alone, where it counts.
     Raises  SpatialDynError for another method or a dt that is not finite; SimulationError
             for bristles, motors, a point that bounces, a step that does not converge, and a joint of several
             freedoms that turns by π or more in a step, each naming the first sample and how many; the errors of

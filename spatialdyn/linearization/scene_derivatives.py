@@ -16,19 +16,19 @@ from ..recursions import SPECS
 from ..recursions.derivatives.step_derivatives import MOTION
 from ..recursions.joints.springs import SPRING_TORQUE
 from ..recursions.spec import FEXT, TAU, Argument, Q, V
-from .effects import of_run
-from .effects.constraints import constrained_of
-from .effects.contacts import check_start
-from .effects.friction import LUGRE
-from .effects.springs import has_springs
+from ..simulation.effects import of_run
+from ..simulation.effects.constraints import constrained_of
+from ..simulation.effects.contacts import check_start
+from ..simulation.effects.friction import LUGRE
+from ..simulation.effects.springs import has_springs
+from ..simulation.methods.methods import EXPLICIT_METHODS, integrators
+from ..simulation.plan import Plan
+from ..simulation.rollouts import rollout
+from ..simulation.scene import Scene, check_method
+from ..simulation.steps import step_specs
+from ..simulation.tangents import along
 from .impulse_derivatives import derivatives as by_impulses
 from .impulse_derivatives import laws_of
-from .methods.methods import EXPLICIT_METHODS, integrators
-from .plan import Plan
-from .rollouts import rollout
-from .scene import Scene, check_method
-from .steps import step_specs
-from .tangents import along
 
 Array = NDArray[np.float64]
 
@@ -117,9 +117,9 @@ def scene_derivatives(
     if found is not None and labels:
         pair.active[sound], pair.switching[sound] = found.active, found.switching
         pair.undetermined[sound] = found.undetermined
-    shape = *batch, len(labels)
-    pair.active, pair.switching = pair.active.reshape(shape), pair.switching.reshape(shape)
-    pair.undetermined = pair.undetermined.reshape(shape)
+    full = *batch, len(labels)
+    pair.active, pair.switching = pair.active.reshape(full), pair.switching.reshape(full)
+    pair.undetermined = pair.undetermined.reshape(full)
     return pair
 
 

@@ -35,12 +35,12 @@ from ..recursions.contact.impulse_balance import Balance, impulse_balance_spec
 from ..recursions.contact.impulse_step import impulse_step_spec
 from ..recursions.joints.friction import FRICTION_STEP
 from ..recursions.spec import Spec, shape_in
+from ..simulation.effects.constraints import Constrained
+from ..simulation.effects.contacts import Contact
+from ..simulation.effects.effect import find
+from ..simulation.effects.friction import DryFriction
+from ..simulation.tangents import along, run
 from .active_set import ActiveSet
-from .effects.constraints import Constrained
-from .effects.contacts import Contact
-from .effects.effect import find
-from .effects.friction import DryFriction
-from .tangents import along, run
 
 Array = NDArray[Any]
 SWITCH = 1e-6  # [m/s | rad/s] margin of a state below which it is at a switch: a solved step leaves as much open
@@ -101,6 +101,7 @@ def laws_of(model: Model, effects: tuple[Any, ...], touching: Any, forced: bool)
         table, heights = contact.table, contact.contacts.tables[1:]
         names = [contact.label(k) for k in range(len(table.rows) - 1)]
     else:
+        assert rubs is not None  # what is solved for and is no contact
         coulomb, _, static, _ = rubs.friction.law
         table = touching.with_dry((coulomb > 0.0) | (static > 0.0))
         named = Contact(touching, False, table, rubs.way)

@@ -22,9 +22,9 @@ from spatialdyn.calls.dynamics import checked_call
 from spatialdyn.calls.exact import Exact
 from spatialdyn.engines.compiled import numba_kernels
 from spatialdyn.engines.programs.record import recording
+from spatialdyn.linearization.step_derivatives import NO_LAW
 from spatialdyn.recursions.derivatives.step_derivatives import MOTION, STEPS
 from spatialdyn.simulation import tangents
-from spatialdyn.simulation.step_derivatives import NO_LAW
 from spatialdyn.simulation.steps import step_specs
 
 EXPLICIT = ("explicit_euler", "semi_implicit_euler", "velocity_verlet", "rk4")

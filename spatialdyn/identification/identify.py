@@ -1,0 +1,343 @@
+"""``identify``: a recording, a model, and the parameters that the torques tell."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..calls.arguments import as_count, as_number, as_word
+from ..errors import IdentificationError
+from ..model.model import Model
+from ..simulation.scene import Scene, scene_of
+from . import log_cholesky, semidefinite
+from .base import ROWS, Base, pivoted, structural_base
+from .delays import fitted_delay, whole_delay
+from .equations import FORMS, HOLDS, Equations, Settings, refuse_flight
+from .identified import Identified
+from .least_squares import Factors, Solution, added, factors_of, quantile, solve, whiteness
+from .pseudo_inertia import consistent, pseudo_inertia
+from .recording import Recording
+from .unknowns import DEFAULT, floats, names_of, unknowns_of, words_of
+
+Array = NDArray[np.float64]
+METHODS = ("ols", "wls", "log_cholesky", "sdp")
+UNSEEN = 1e-7  # of the largest pivot of columns of norm 1: a smaller one is no excitation
+TIMES_RANK = 10  # rows that a recording needs at least for each base parameter
+PRIOR = 1.0  # as much as each body's inertia seen once with a deviation of its own size
+FLOOR = 1e-4  # eigenvalues of P₀ by its largest: what a model has below, bodies of no mass say, is raised
+MOST_WINDOW = 1 << 20
+LOOK = 2048  # rows of each freedom in which a delay of whole samples is looked for
+
+
+def identify(
+    recording: Recording | Iterable[Recording],
+    model: Model | Scene,
+    method: str = "wls",
+    parameters: Any = DEFAULT,
+    prior: float | None = None,
+    *,
+    form: str | None = None,
+    hold: str | None = None,
+    delay: float | bool = 0.0,
+    window: int = 1,
+    cutoff: float | None = None,
+    v_min: float = 0.0,
+    payload: str | None = None,
+    bodies: Any = None,
+    rows: str = "all",
+    remove: float | None = None,
+) -> Identified:
+    """Parameters of a robot from recorded motions: their base parameters, intervals, and a model that has them.
+
+    recording   Recording, several of one robot, or a generator of them: each is reduced to small factors and let go
+    model       Model, or a Scene, whose Coulomb's and viscous friction are known where they are not looked for
+    method      "ols", "wls": least squares, weighted by each freedom's own noise, of base parameters; "log_cholesky":
+                of inertias that bodies can have, and friction of 0 or more, by Gauss-Newton; "sdp": the same by a
+                semidefinite program (needs cvxpy)
+    parameters  some of "inertial", "friction" ("viscous" and "coulomb"), "armature", "offset", as words or joined by +
+    prior       weight, above 0, of the model's own inertias, of the last two methods; 1 if left out: each body's as if
+                seen once with a deviation of its own size. Intervals are those of the data alone
+    form        "torque": equations at samples, with accelerations; "momentum": over steps, without. Left out: the
+                first where accelerations were measured and torques are not held
+    hold        "after": a torque acts from its sample to the next one, as a controller's does; "before": up to its
+                sample; None: it is that of its time
+    delay       the torque of time t acts at t + delay [s]; True fits it
+    window      rows that are averaged, of motion and torque alike: less noise of velocities, fewer equations
+    cutoff      [Hz] of a filter without phase for positions whose derivatives were not measured; None for none
+    v_min       a row in which a joint is slower has no part in what its dry friction is in [rad/s | m/s]
+    payload     a frame: the ten parameters of a load there, the robot's own are known
+    bodies      names of joints whose bodies are unknown; all by default
+    rows        "all", or "base": the six of a floating base, for measured ``wrenches``
+    remove      take away base parameters with a deviation above this share of them, the worst first; None for none
+
+    Returns Identified: ``print`` shows it; ``model()``, ``scene()``, ``validate(recording)``, ``report(path)``.
+    Raises  IdentificationError with a table of what the recording does not tell, for too few samples, a torque that
+            was not recorded, flight; ShapeError, ModelError, SpatialDynError for arguments
+    Source  Gautier, Khalil; Wensing, Kim, Slotine (2018); Rucker and Wensing (2022), as the files name them.
+
+    >>> import numpy as np, spatialdyn as sd
+    >>> model, t = sd.load_urdf("two_link"), np.linspace(0.0, 4.0, 401)
+    >>> path = sd.fourier([[1.0, 0.5], [0.4, 1.5]], [[0.2, 1.0], [0.8, 0.1]], 0.25, [0.3, 0.1])
+    >>> q, v, a = path(t)
+    >>> log = sd.Recording(t, q, sd.rnea(model, q, v, a), v, a)
+    >>> found = sd.identify(log, model, parameters="inertial")
+    >>> bool(abs(found.beta - found.base.K @ np.ravel(sd.inertial_parameters(model)[1:])).max() < 1e-9)
+    True
+    """
+    scene = scene_of(model)
+    as_word("method", method, METHODS)
+    if method == "sdp":
+        semidefinite.need_cvxpy()
+    robot, weight = scene.model, _prior(method, prior)
+    words = words_of(parameters)
+    names = None if bodies is None else tuple(names_of("bodies", bodies))
+    unknowns = unknowns_of(robot, words, payload, names)
+    as_word("rows", rows, ROWS)
+    if rows == "base" and not floats(robot):
+        raise IdentificationError(f'rows is "base", expected "all": robot "{robot.name}" has no floating base')
+    logs, once = _recordings(recording)
+    first, logs = _peeked(logs)
+    settings = Settings(
+        unknowns, _form(form, hold, first), hold if hold is None else as_word("hold", hold, HOLDS),
+        as_count(window, MOST_WINDOW) or _refuse("window", window, "a number of rows of 1 or more"),
+        None if cutoff is None else _positive("cutoff", cutoff), _not_negative("v_min", v_min),
+        scene.friction if not isinstance(scene.friction, bool) else None, rows == "base",
+    )  # fmt: skip
+    base = structural_base(robot, words, payload, names, rows)
+    share = None if remove is None else _positive("remove", remove)
+    weighted = method != "ols"
+    fixed = isinstance(delay, (bool, np.bool_)) and bool(delay)
+    late = 0.0 if isinstance(delay, (bool, np.bool_)) else as_number(delay)
+    if not math.isfinite(late):
+        _refuse("delay", delay, "a finite number of seconds, or True")
+
+    notes: list[str] = []
+    kept: list[Equations] = []
+    factors: Factors | None = None
+    for log in logs:
+        notes += [x for x in log.check(robot) if x not in notes]
+        refuse_flight(log, settings)
+        one = Equations(log, settings)
+        if fixed and once:
+            _refuse("recording", "a generator", "a list of Recordings: a delay that is fitted takes several passes")
+        kept += [one] * (not once)
+        if not fixed:
+            factors = added(factors, factors_of(one.rows(late), base.columns))
+    extra = 0
+    if fixed:
+        late, factors = fitted_delay(kept, base.columns, weighted)
+        extra = 1
+    assert factors is not None
+    if factors.n.sum() < TIMES_RANK * base.rank:
+        raise IdentificationError(
+            f"recording has {int(factors.n.sum())} equations, expected {TIMES_RANK * base.rank} or more, "
+            f"{TIMES_RANK} for each of {base.rank} base parameters"
+        )
+    if not fixed and kept and len(kept[0].motion) > 8 * settings.window:
+        best = whole_delay(kept[:1], base.columns, 3, LOOK) if late == 0.0 else 0
+        if best:
+            notes.append(
+                f"torques fit best {best} samples, {best * kept[0].recording.dt:g} s, away from the motion: delay=True"
+            )
+    fit = _least_squares(factors, base, extra, weighted, share, method)
+    inflation, white = np.ones(len(factors.R)), np.full(len(factors.R), np.nan)
+    residuals, t = np.zeros((0, len(factors.R))), np.zeros(0)
+    if kept:
+        t, residuals = _residuals(kept, base, fit.beta, late)
+        tested = [whiteness(x[np.isfinite(x)]) for x in residuals.T]
+        white, inflation = (np.array(x) for x in zip(*tested, strict=True))
+        freedoms = _freedoms(robot)
+        uneven = [freedoms[k] for k in np.flatnonzero(inflation > 1.0)]
+        if uneven:
+            notes.append(
+                f"residuals are not white, intervals are widened for it: {', '.join(uneven[:8])}"
+                f"{' and others' if len(uneven) > 8 else ''}"
+            )
+    fit = _least_squares(factors, base, extra, weighted, share, method, inflation, fit)
+    present = unknowns.present
+    bounds: tuple[str, ...] = ()
+    if method in ("ols", "wls"):
+        pi = _nearest(base, fit.beta, present)
+        beta, steps, ok = fit.beta, 0, False
+    else:
+        made = _consistent(method, fit, base, unknowns, weight)
+        pi, steps, ok = made.pi, made.steps, True
+        beta = base.K @ pi
+        offset = 10 * len(unknowns.bodies)
+        bounds = tuple(unknowns.names[offset + k] for k in np.flatnonzero(made.held))
+    return Identified(
+        robot, method, base, beta, fit.deviation, fit.deviation * quantile(float(factors.n.sum() - base.rank)),
+        fit.covariance, pi, ok, fit.solution.sigma, white, residuals, t, factors.n, late, fit.late, fit.values,
+        fit.seen, tuple(base.labels[k] for k in fit.removed), bounds, tuple(notes), steps, settings,
+    )  # fmt: skip
+
+
+# --- least squares of the base ------------------------------------------------------------------------------
+
+
+class _Fit:
+    """β (rank,) and what goes with it, 0 for columns that were removed or are not seen."""
+
+    def __init__(self, factors: Factors, rank: int, kept: NDArray[np.intp], extra: int, solution: Solution) -> None:
+        own = len(kept)
+        self.solution, self.kept = solution, kept
+        self.beta, self.deviation = np.zeros(rank), np.zeros(rank)
+        self.covariance = np.zeros((rank, rank))
+        self.beta[kept] = solution.beta[:own]
+        self.covariance[np.ix_(kept, kept)] = solution.covariance[:own, :own]
+        self.deviation = np.sqrt(self.covariance.diagonal())
+        self.late = float(np.sqrt(solution.covariance[-1, -1])) if extra else 0.0
+        T = solution.R[:own, :own]
+        self.values = np.linalg.svd(T / np.sqrt((T * T).sum(0)), compute_uv=False)
+        self.removed: list[int] = []
+        self.seen = np.ones(rank, bool)
+
+
+def _least_squares(
+    factors: Factors, base: Base, extra: int, weighted: bool, share: float | None, method: str,
+    inflation: Array | None = None, before: _Fit | None = None,
+) -> _Fit:  # fmt: skip
+    """β of the columns that are seen, less those that are removed. Raises IdentificationError."""
+    tail = np.arange(base.rank, base.rank + extra)
+    if before is not None:
+        columns = np.concatenate([before.kept, tail]).astype(np.intp)
+        made = _Fit(factors, base.rank, before.kept, extra, solve(factors.part(columns), weighted, inflation))
+        made.removed, made.seen = before.removed, before.seen
+        made.deviation = np.where(made.seen, made.deviation, np.inf)
+        return made
+    R = factors.joined(np.ones(len(factors.R)))[: base.rank, : base.rank]
+    size = np.sqrt((R * R).sum(0))
+    used = np.flatnonzero(size > UNSEEN * size.max(initial=0.0))
+    order, T = pivoted(R[:, used] / size[used])
+    pivots = abs(T.diagonal())
+    seen = np.zeros(base.rank, bool)
+    seen[used[order[: int((pivots > UNSEEN * pivots[0]).sum())]]] = True
+    if not seen.all() and method in ("ols", "wls") and share is None:
+        lost = [base.text(int(k)) for k in np.flatnonzero(~seen)]
+        table = "\n".join(f"  {x}" for x in lost[:20])
+        raise IdentificationError(
+            f"recording tells {int(seen.sum())} of {base.rank} base parameters, expected all: a motion that moves "
+            f'these too, method="log_cholesky", whose prior has them, or remove= to leave them out\n{table}'
+        )
+    kept, removed = np.flatnonzero(seen), []
+    while True:
+        columns = np.concatenate([kept, tail]).astype(np.intp)
+        made = _Fit(factors, base.rank, kept, extra, solve(factors.part(columns), weighted))
+        if share is None or not len(kept):
+            break
+        with np.errstate(divide="ignore"):
+            worst = made.deviation[kept] / abs(made.beta[kept])
+        if worst.max() <= share:
+            break
+        removed.append(int(kept[worst.argmax()]))
+        kept = np.delete(kept, worst.argmax())
+    made.removed = [*np.flatnonzero(~seen).tolist(), *removed] if share is not None else removed
+    made.seen = seen
+    return made
+
+
+def _residuals(equations: list[Equations], base: Base, beta: Array, delay: float) -> tuple[Array, Array]:
+    t, off = [], []
+    for one in equations:
+        for rows in one.rows(delay):
+            t.append(rows.t)
+            off.append(np.where(rows.keep, rows.y - rows.W[:, :, base.columns] @ beta, np.nan))
+    return np.concatenate(t), np.concatenate(off)
+
+
+def _nearest(base: Base, beta: Array, present: Array) -> Array:
+    """π with K π = β, nearest to the model's own, each measured by its size."""
+    size = np.maximum(abs(present), 1e-3 * max(1e-9, abs(present).max(initial=0.0)))
+    size[base.columns] = np.maximum(size[base.columns], 1e-6)
+    change, *_ = np.linalg.lstsq(base.K * size, beta - base.K @ present, rcond=1e-13)
+    return np.asarray(present + size * change)
+
+
+def _consistent(method: str, fit: _Fit, base: Base, unknowns: Any, weight: float) -> log_cholesky.Consistent:
+    """The consistent parameters of the weighted least squares of a fit, from the model's own."""
+    p = len(fit.kept)
+    R = fit.solution.R[:p, :p]
+    z = R @ fit.solution.beta[:p]
+    bodies = len(unknowns.bodies)
+    start = np.array(unknowns.present)
+    own = start[: 10 * bodies].reshape(bodies, 10)
+    if unknowns.load:
+        own[0] = _nearest(base, fit.beta, start)[:10]
+    typical = np.linalg.norm(own[:, :1], axis=0).max(initial=0.0) or 1.0
+    bare = np.linalg.eigvalsh(pseudo_inertia(own))[:, -1] <= 0.0
+    own[bare] = 1e-3 * typical * np.array([1.0, 0.0, 0.0, 0.0, 4e-3, 0.0, 4e-3, 0.0, 0.0, 4e-3])
+    start[: 10 * bodies] = consistent(own, FLOOR).ravel()
+    A = R @ base.K[fit.kept]
+    solver = log_cholesky.fit if method == "log_cholesky" else semidefinite.fit
+    return solver(A, z, start, bodies, unknowns.bounded, weight)
+
+
+# --- arguments ----------------------------------------------------------------------------------------------
+
+
+def _recordings(given: Any) -> tuple[Any, bool]:
+    """Recordings one by one, and whether they can be gone through once only."""
+    if isinstance(given, Recording):
+        return [given], False
+    if not isinstance(given, Iterable):
+        raise IdentificationError(f"recording is a {type(given).__name__}, expected a Recording, or several")
+    return given, not isinstance(given, (list, tuple))
+
+
+def _peeked(logs: Any) -> tuple[Recording, Any]:
+    """The first Recording, and all of them. Raises IdentificationError."""
+    walk = iter(logs)
+    first = next(walk, None)
+    if not isinstance(first, Recording):
+        raise IdentificationError(f"recording has {first!r}, expected a Recording")
+
+    def every() -> Any:
+        yield first
+        for log in walk:
+            if not isinstance(log, Recording):
+                raise IdentificationError(f"recording has a {type(log).__name__}, expected a Recording")
+            yield log
+
+    return first, every()
+
+
+def _form(form: str | None, hold: str | None, first: Recording) -> str:
+    if form is None:
+        return "momentum" if hold is not None or first.a is None else "torque"
+    as_word("form", form, FORMS)
+    if form == "torque" and hold is not None:
+        raise IdentificationError(
+            f'form is "torque" and hold {hold!r}, expected "momentum": a held torque is the mean of a step'
+        )
+    return form
+
+
+def _prior(method: str, prior: float | None) -> float:
+    if prior is None:
+        return PRIOR
+    if method in ("ols", "wls"):
+        raise IdentificationError(f'prior is {prior!r}, expected None for method "{method}", which has none')
+    return _positive("prior", prior)
+
+
+def _positive(name: str, value: Any) -> float:
+    x = as_number(value)
+    return x if 0.0 < x < math.inf else _refuse(name, value, "a finite number above 0")
+
+
+def _not_negative(name: str, value: Any) -> float:
+    x = as_number(value)
+    return x if 0.0 <= x < math.inf else _refuse(name, value, "a finite number of 0 or more")
+
+
+def _refuse(name: str, value: Any, expected: str) -> Any:
+    raise IdentificationError(f"{name} is {value!r}, expected {expected}")
+
+
+def _freedoms(model: Model) -> list[str]:
+    """A name of each freedom: its joint's, with an index where that has several."""
+    return [j.name if j.nv == 1 else f"{j.name}[{k}]" for j in model.joints[1:] for k in range(j.nv)]

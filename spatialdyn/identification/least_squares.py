@@ -1,0 +1,159 @@
+"""Least squares of many rows by small triangular factors, one of each freedom, weighted by its own noise.
+
+A factor R of [W_b | y] of a freedom has all that least squares needs of its rows: ||W_b β - y|| = ||R (β, -1)||.
+Factors of more rows are added by another QR, so a log need not fit into memory, and weights change without its rows.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .equations import Rows
+
+Array = NDArray[np.float64]
+NORMAL = 1.959963984540054  # of 95 % of a normal distribution
+ITERATIONS = 30
+SETTLED = 1e-8  # relative change of deviations at which reweighting ends
+LAGS = 10  # of the test for whiteness
+WHITE = 0.01  # probability below which a residual is not white
+
+
+def triangle(A: Array) -> Array:
+    """The triangular factor of a QR."""
+    return np.asarray(np.linalg.qr(A, mode="r"))
+
+
+@dataclass(frozen=True)
+class Factors:
+    """A triangular factor (columns + 1, columns + 1) of each freedom, and how many rows it is of."""
+
+    R: tuple[Array, ...]
+    n: NDArray[np.int64]
+
+    @property
+    def size(self) -> int:
+        """Number of columns beside y."""
+        return int(self.R[0].shape[1]) - 1
+
+    def part(self, columns: NDArray[np.intp]) -> Factors:
+        """The factors of some columns, and y."""
+        at = [*columns.tolist(), self.size]
+        return Factors(tuple(triangle(R[:, at]) for R in self.R), self.n)
+
+    def joined(self, sigma: Array) -> Array:
+        """R (columns + 1, columns + 1) of all rows, those of each freedom divided by its deviation."""
+        return triangle(np.concatenate([R / s for R, s in zip(self.R, sigma, strict=True)]))
+
+    def squares(self, beta: Array) -> Array:
+        """Sum of squares (nv,) of each freedom's residuals."""
+        x = np.append(beta, -1.0)
+        return np.array([float(np.sum((R @ x) ** 2)) for R in self.R])
+
+
+def factors_of(rows: Iterable[Rows], columns: NDArray[np.intp], more: Callable[[Rows], Array] | None = None) -> Factors:
+    """Factors of chunks of rows; ``more`` gives another column (n, nv), put before y."""
+    kept: list[Array] = []
+    n = np.zeros(0, np.int64)
+    for chunk in rows:
+        nv = chunk.y.shape[1]
+        if not kept:
+            width = len(columns) + 1 + (more is not None)
+            kept, n = [np.zeros((0, width)) for _ in range(nv)], np.zeros(nv, np.int64)
+        W, extra = chunk.W[:, :, columns], None if more is None else more(chunk)
+        for i in range(nv):
+            use = chunk.keep[:, i]
+            parts = [W[use, i], *([] if extra is None else [extra[use, i, None]]), chunk.y[use, i, None]]
+            kept[i] = _factor(np.concatenate([kept[i], np.concatenate(parts, 1)]))
+            n[i] += int(use.sum())
+    return Factors(tuple(kept), n)
+
+
+def _factor(A: Array) -> Array:
+    """Triangular factor, square, of rows of which many columns are 0: those of bodies that a freedom does not carry."""
+    used = np.flatnonzero(A.any(0))
+    R = np.zeros((A.shape[1], A.shape[1]))
+    small = triangle(A[:, used])
+    R[: len(small), used] = small
+    return R
+
+
+def added(one: Factors | None, other: Factors) -> Factors:
+    """Factors of the rows of both."""
+    if one is None:
+        return other
+    return Factors(tuple(_factor(np.concatenate(pair)) for pair in zip(one.R, other.R, strict=True)), one.n + other.n)
+
+
+@dataclass(frozen=True)
+class Solution:
+    """β (p,), its covariance (p, p), deviations (nv,) of the noise, and the weights' R (p + 1, p + 1)."""
+
+    beta: Array
+    covariance: Array
+    sigma: Array
+    R: Array
+
+
+def solve(factors: Factors, weighted: bool, inflation: Array | None = None) -> Solution:
+    """β by least squares; reweighted by each freedom's deviation until that settles if ``weighted``.
+
+    inflation  (nv,) of the variance of a mean of the residuals, where they are not white
+
+    The covariance holds for noise of another size at each freedom in both cases.
+    """
+    nv, p = len(factors.R), factors.size
+    sigma, more = np.ones(nv), np.ones(nv) if inflation is None else inflation
+    found: tuple[Array, Array, Array] | None = None
+    for _ in range(ITERATIONS):
+        R = factors.joined(sigma)
+        T, z = R[:p, :p], R[:p, p]
+        inverse: Array = np.asarray(np.linalg.inv(T))
+        beta = inverse @ z
+        shares = np.array([np.sum((F[:, :p] @ inverse) ** 2) for F in factors.R]) / sigma**2
+        left = np.maximum(factors.n - shares, 1.0)
+        noise: Array = np.sqrt(np.maximum(factors.squares(beta) / left, np.finfo(float).tiny))
+        found = beta, inverse, noise
+        if not weighted or abs(noise / sigma - 1.0).max() < SETTLED:
+            break
+        sigma = np.where(factors.n > 0, noise, 1.0)
+    assert found is not None
+    beta, inverse, noise = found
+    meat = np.zeros((p, p))
+    for F, s, e, f in zip(factors.R, sigma, noise, more, strict=True):
+        A = F[:, :p] @ inverse
+        meat += (e / s) ** 2 / s**2 * f * (A.T @ A)
+    return Solution(beta, inverse @ meat @ inverse.T, noise, R)
+
+
+def quantile(freedoms: float) -> float:
+    """Of Student's t at 97.5 %, from its expansion by 1/freedoms (Abramowitz and Stegun, 26.7.5)."""
+    z, n = NORMAL, max(freedoms, 1.0)
+    first, second = (z**3 + z) / 4.0, (5.0 * z**5 + 16.0 * z**3 + 3.0 * z) / 96.0
+    return z + first / n + second / n**2
+
+
+def whiteness(residuals: Array) -> tuple[float, float]:
+    """Probability of residuals (n,) as uneven as these if they were white (Ljung and Box), and their inflation.
+
+    The inflation is 1 + 2 Σ ρ_k over the first lags whose correlation is significant: the variance of a mean of
+    neighbours over that of white residuals, 1 at least.
+    """
+    x = residuals - residuals.mean() if len(residuals) else residuals
+    n, power = len(x), float(x @ x)
+    if n < 4 * LAGS or power == 0.0:
+        return 1.0, 1.0
+    most = min(n // 4, 200)
+    rho = np.array([x[:-k] @ x[k:] / power for k in range(1, most + 1)])
+    Q = n * (n + 2.0) * float(np.sum(rho[:LAGS] ** 2 / (n - np.arange(1, LAGS + 1))))
+    z = ((Q / LAGS) ** (1.0 / 3.0) - 1.0 + 2.0 / (9.0 * LAGS)) / math.sqrt(2.0 / (9.0 * LAGS))  # Wilson and Hilferty
+    chance = 0.5 * math.erfc(z / math.sqrt(2.0))
+    if chance >= WHITE:
+        return chance, 1.0
+    low = abs(rho) < 2.0 / math.sqrt(n)
+    end = int(np.argmax(low)) if low.any() else most
+    return chance, max(1.0, 1.0 + 2.0 * float(rho[:end].sum()))

@@ -1,0 +1,146 @@
+"""A recorded motion between its samples: positions, velocities and accelerations at any time, filtered if wanted."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..bodies.kinds import R1
+from ..calls.dynamics import calls
+from ..errors import IdentificationError
+from ..model.model import Model
+from .recording import Recording
+
+Array = NDArray[np.float64]
+ORDER = 4  # of the Butterworth filter, whose gain is used twice: no phase is left
+EDGE = 1.0  # of 1/cutoff, left out at both ends, where the filter continues the motion by reflection
+
+
+class States(NamedTuple):
+    """q (n, nq), v (n, nv) and a (n, nv); a is None where no equation needs it."""
+
+    q: Array
+    v: Array
+    a: Array | None
+
+
+@dataclass(frozen=True)
+class Motion:
+    """States at even times, those of samples ``first``, ``first`` + 1, ... of a recording.
+
+    model, dt  Model, [s]
+    first      index of the first sample that has a state
+    states     States
+    """
+
+    model: Model
+    dt: float
+    first: int
+    states: States
+
+    def __len__(self) -> int:
+        return len(self.states.q)
+
+    def between(self, start: int, stop: int, part: float) -> States:
+        """States at ``part`` in [0, 1) of the steps start .. stop - 1; at 0 the samples themselves.
+
+        By a cubic in the displacement from the earlier sample that has both samples' positions and velocities: q is off
+        by h⁴/384 times its fourth derivative. a is the cubic through four samples.
+        """
+        q, v, a = self.states
+        if part == 0.0:
+            return States(q[start:stop], v[start:stop], None if a is None else a[start:stop])
+        h, s = self.dt, part
+        q0, v0, v1 = q[start:stop], v[start:stop], v[start + 1 : stop + 1]
+        u = np.asarray(calls["difference"](self.model, q0, q[start + 1 : stop + 1]))
+        way = (3.0 - 2.0 * s) * s * s * u + h * s * (1.0 - s) * ((1.0 - s) * v0 - s * v1)
+        rate = 6.0 * s * (1.0 - s) * u / h + (1.0 - s) * (1.0 - 3.0 * s) * v0 - s * (2.0 - 3.0 * s) * v1
+        at = np.asarray(calls["integrate"](self.model, q0, way))
+        return States(at, rate, None if a is None else _cubic(a, start, stop, s))
+
+
+def _cubic(a: Array, start: int, stop: int, s: float) -> Array:
+    """Through four neighbours (Catmull and Rom); at the ends the outer ones are the nearest."""
+    k = np.arange(start, stop)
+    before, one, two, after = (a[np.clip(k + i, 0, len(a) - 1)] for i in (-1, 0, 1, 2))
+    slope, end = 0.5 * (two - before), 0.5 * (after - one)
+    return np.asarray(
+        one * (1.0 + 2.0 * s) * (1.0 - s) ** 2 + two * s * s * (3.0 - 2.0 * s)
+        + slope * s * (1.0 - s) ** 2 - end * s * s * (1.0 - s)
+    )  # fmt: skip
+
+
+def motion_of(recording: Recording, model: Model, cutoff: float | None, accelerations: bool) -> Motion:
+    """The Motion of a recording; what was not measured comes from derivatives of what was.
+
+    cutoff         [Hz] of a low-pass filter without phase for positions that are used to derive others, or None:
+                   central differences of order 4 then
+    accelerations  whether a is needed
+
+    Raises IdentificationError where positions are not all numbers and v was not measured, or too few samples are left.
+    """
+    q, v, a, h = recording.q, recording.v, recording.a, recording.dt
+    if cutoff is not None and cutoff * h >= 0.5:
+        raise IdentificationError(f"cutoff is {cutoff:g} Hz, expected one below {0.5 / h:g} Hz, half the sampling rate")
+    plain = all(row["kind"] in R1 for row in model.bodies[1:])
+    if v is None and not plain:
+        raise IdentificationError(
+            f'recording has no v, expected it of robot "{model.name}", whose positions are not all numbers'
+        )
+    trim = 0
+    if cutoff is not None and plain:
+        filtered = spectral(q, h, cutoff)
+        q = filtered[0]
+        v = filtered[1] if v is None else spectral(v, h, cutoff)[0]
+        a = filtered[2] if a is None and recording.v is None else a
+        trim = math.ceil(EDGE / (cutoff * h))
+    elif v is None:
+        v, trim = _differences(q, h), 2
+        if accelerations and a is None:
+            a = _second_differences(q, h)
+    if accelerations and a is None:
+        a = spectral(v, h, cutoff)[1] if cutoff is not None else _differences(v, h)
+        trim = max(trim, 2, 0 if cutoff is None else math.ceil(EDGE / (cutoff * h)))
+    stop = len(q) - trim
+    if stop - trim < 4:
+        raise IdentificationError(f"recording has {len(q)} samples, expected at least {2 * trim + 4} for this cutoff")
+    kept = [None if x is None else np.ascontiguousarray(x[trim:stop]) for x in (q, v, a if accelerations else None)]
+    assert kept[0] is not None
+    assert kept[1] is not None
+    return Motion(model, h, trim, States(kept[0], kept[1], kept[2]))
+
+
+def spectral(x: Array, h: float, cutoff: float) -> tuple[Array, Array, Array]:
+    """Columns of x (N, n) through a Butterworth filter forth and back, and their first two derivatives.
+
+    Less the line from end to end x is continued by its point reflections, of period 2 N - 2, so that value and slope
+    go on at the ends; there all is multiplied by 1 / (1 + (f / cutoff)^(2 ORDER)) and by powers of i 2π f.
+    """
+    n = len(x)
+    ramp = np.arange(n)[:, None] / (n - 1)
+    slope = (x[-1] - x[0]) / ((n - 1) * h)
+    rest = x - x[0] - ramp * (x[-1] - x[0])
+    odd = np.concatenate([rest, -rest[-2:0:-1]])
+    f = np.fft.rfftfreq(len(odd), h)
+    X = np.fft.rfft(odd, axis=0) / (1.0 + (f / cutoff) ** (2 * ORDER))[:, None]
+    turn = (2j * np.pi * f)[:, None]
+    found = [np.fft.irfft(X * turn**k, len(odd), axis=0)[:n] for k in range(3)]
+    return found[0] + x[0] + ramp * (x[-1] - x[0]), found[1] + slope, found[2]
+
+
+def _differences(x: Array, h: float) -> Array:
+    """First derivative of order 4; the two first and last rows, by NumPy's differences, are left out by the caller."""
+    made = np.gradient(x, h, axis=0)
+    made[2:-2] = (x[:-4] - 8.0 * x[1:-3] + 8.0 * x[3:-1] - x[4:]) / (12.0 * h)
+    return np.asarray(made)
+
+
+def _second_differences(x: Array, h: float) -> Array:
+    """Second derivative of order 4, likewise."""
+    made = np.gradient(np.gradient(x, h, axis=0), h, axis=0)
+    made[2:-2] = (-x[:-4] + 16.0 * x[1:-3] - 30.0 * x[2:-2] + 16.0 * x[3:-1] - x[4:]) / (12.0 * h * h)
+    return np.asarray(made)

@@ -1,0 +1,52 @@
+"""The pseudo-inertia of a body: ten inertial parameters as a symmetric 4x4 matrix that a mass distribution makes.
+
+P = [[Σ, h], [hᵀ, m]] with Σ = ½ tr(Ī) 1 - Ī, the second moments of mass about the frame's origin. A body exists exactly
+if P is positive semidefinite. A load in a frame X (4, 4) of a body has X P Xᵀ in the body. Source: Wensing, Kim,
+Slotine, Linear matrix inequalities for physically consistent inertial parameter identification (2018).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+NAMES = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
+_PLACES = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))  # of the last six in Ī
+
+
+def pseudo_inertia(pi: Array) -> Array:
+    """P (..., 4, 4) of inertial parameters (..., 10)."""
+    P = np.zeros((*pi.shape[:-1], 4, 4))
+    trace = pi[..., 4] + pi[..., 6] + pi[..., 9]
+    for k, (i, j) in enumerate(_PLACES, start=4):
+        P[..., i, j] = P[..., j, i] = -pi[..., k]
+    for i in range(3):
+        P[..., i, i] += 0.5 * trace
+        P[..., i, 3] = P[..., 3, i] = pi[..., 1 + i]
+    P[..., 3, 3] = pi[..., 0]
+    return P
+
+
+def parameters_of(P: Array) -> Array:
+    """Inertial parameters (..., 10) of P (..., 4, 4)."""
+    pi = np.empty((*P.shape[:-2], 10))
+    trace = P[..., 0, 0] + P[..., 1, 1] + P[..., 2, 2]
+    pi[..., 0], pi[..., 1:4] = P[..., 3, 3], P[..., :3, 3]
+    for k, (i, j) in enumerate(_PLACES, start=4):
+        pi[..., k] = (trace if i == j else 0.0) - P[..., i, j]
+    return pi
+
+
+def in_body(X: Array) -> Array:
+    """(10, 10) of the parameters in a body of those in a frame that is placed at X (4, 4) in it."""
+    return np.asarray(parameters_of(X @ pseudo_inertia(np.eye(10)) @ X.T).T)
+
+
+def consistent(pi: Array, floor: float) -> Array:
+    """The nearest parameters (..., 10) whose P has no eigenvalue below ``floor`` times its largest; bits kept if so."""
+    P = pseudo_inertia(pi)
+    values, axes = np.linalg.eigh(P)
+    least = floor * np.maximum(values[..., -1:], np.finfo(float).tiny)
+    raised = (axes * np.maximum(values, least)[..., None, :]) @ np.swapaxes(axes, -1, -2)
+    return np.where((values >= least).all(-1)[..., None], pi, parameters_of(raised))

@@ -1,0 +1,251 @@
+"""``Recording``: positions and torques of a robot over time, checked, from arrays, a file or a simulation."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..calls.arguments import as_array, as_flag, check_model
+from ..calls.files import check_ending
+from ..errors import IdentificationError, ShapeError, SpatialDynError
+from ..model.model import Model
+from ..simulation.trajectory import Trajectory
+from .unknowns import floats
+
+Array = NDArray[np.float64]
+TABLES = (".csv", ".parquet")
+JITTER = 0.01  # of a step: times that are less even are refused
+STUCK = 3  # samples in a row at the largest torque, equal to the bit: a saturated or clipped signal
+LEAST = 5  # samples
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Recording:
+    """A motion that was measured: N samples at even times.
+
+    t         (N,)      increasing [s]
+    q         (N, nq)   joint positions [rad | m]
+    tau       (N, nv)   joint torques [N m | N]; of a floating base the six first ones may be left out, and are 0
+    v, a      (N, nv)   velocities and accelerations; None where they were not measured
+    wrenches  {frame: (N, 6)}  forces on the robot, linear first, in the frame's axes and at its origin [N | N m]
+
+    ``Recording(..., resample=True)`` puts uneven times on an even grid, between samples by straight lines; without it
+    steps that differ by more than 1 % are refused.
+
+    Raises  IdentificationError naming the row and column of what is not finite, times that do not increase or are
+            uneven, fewer than 5 samples; ShapeError
+
+    >>> import numpy as np, spatialdyn as sd
+    >>> t = np.linspace(0.0, 1.0, 101)
+    >>> log = sd.Recording(t, np.sin(t)[:, None], np.cos(t)[:, None])
+    >>> log.dt, len(log)
+    (0.01, 101)
+    """
+
+    t: Array
+    q: Array
+    tau: Array
+    v: Array | None = None
+    a: Array | None = None
+    wrenches: Mapping[str, Array] = field(default_factory=dict)
+    dt: float = field(init=False)
+
+    def __init__(
+        self, t: ArrayLike, q: ArrayLike, tau: ArrayLike, v: ArrayLike | None = None, a: ArrayLike | None = None,
+        wrenches: Mapping[str, ArrayLike] | None = None, *, resample: bool = False,
+    ) -> None:  # fmt: skip
+        """Keep checked copies."""
+        given: dict[str, Any] = {"q": q, "tau": tau, "v": v, "a": a}
+        found = {name: np.array(as_array(name, x)) for name, x in given.items() if x is not None}
+        if wrenches is not None and not isinstance(wrenches, Mapping):
+            raise IdentificationError(f"wrenches is {wrenches!r}, expected a mapping of frames to arrays (N, 6)")
+        forces = {str(name): np.array(as_array(f"wrench of {name}", x)) for name, x in (wrenches or {}).items()}
+        when = np.array(as_array("t", t))
+        if when.ndim != 1 or len(when) < LEAST:
+            raise IdentificationError(f"t has shape {when.shape}, expected (N,) with N of {LEAST} or more")
+        for name, x in {**found, **{f"wrench of {k}": x for k, x in forces.items()}}.items():
+            if x.ndim != 2 or len(x) != len(when) or (name.startswith("wrench") and x.shape[1] != 6):
+                wide = 6 if name.startswith("wrench") else "n"
+                raise ShapeError(f"{name} has shape {x.shape}, expected ({len(when)}, {wide})")
+            if not np.isfinite(x).all():
+                row, column = np.argwhere(~np.isfinite(x))[0]
+                raise IdentificationError(f"{name} is {x[row, column]} in row {row}, column {column}, expected numbers")
+        steps = np.diff(when)
+        if not np.isfinite(when).all() or (steps <= 0.0).any():
+            row = int(np.argmax(~np.isfinite(when))) if not np.isfinite(when).all() else int(np.argmax(steps <= 0)) + 1
+            raise IdentificationError(f"t is {when[row]} in row {row}, expected times that increase")
+        dt = float((when[-1] - when[0]) / (len(when) - 1))
+        row = int(abs(steps - dt).argmax())
+        if abs(steps[row] - dt) > JITTER * dt:
+            if not as_flag("resample", resample):
+                raise IdentificationError(
+                    f"t has a step of {steps[row]:.6g} s in row {row} among steps of {dt:.6g} s, expected even ones: "
+                    "resample=True puts them on a grid"
+                )
+            grid = when[0] + dt * np.arange(len(when))
+            found = {name: _on_grid(when, x, grid) for name, x in found.items()}
+            forces = {name: _on_grid(when, x, grid) for name, x in forces.items()}
+            when = grid
+        for x in (when, *found.values(), *forces.values()):
+            x.flags.writeable = False
+        kept = {"t": when, "v": None, "a": None, **found, "wrenches": forces, "dt": dt}
+        for name, value in kept.items():
+            object.__setattr__(self, name, value)
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+    def __repr__(self) -> str:
+        more = [name for name in ("v", "a") if getattr(self, name) is not None] + [*self.wrenches]
+        also = f", with {', '.join(more)}" if more else ""
+        return f"<Recording: {len(self)} samples of {self.dt:g} s, {self.tau.shape[1]} torques{also}>"
+
+    @classmethod
+    def of(cls, run: Trajectory) -> Recording:
+        """The Recording of a simulation's samples. Its torques act until the next sample: ``hold="after"``."""
+        if not isinstance(run, Trajectory):
+            raise IdentificationError(f"run is a {type(run).__name__}, expected a Trajectory")
+        return cls(run.t, run.q, run.tau, run.v)
+
+    @classmethod
+    def load(cls, path: Any, model: Model | None = None, *, resample: bool = False) -> Recording:
+        """The Recording in a table, CSV by NumPy or parquet by pandas.
+
+        path   a name that ends in .csv or .parquet: columns t, q0 ..., tau0 ... and perhaps v0 ..., a0 ...
+        model  with it columns may be named by joints of one freedom: q_NAME, tau_NAME, ...
+
+        Raises  SpatialDynError for a file that cannot be read, IdentificationError naming the column that is missing.
+        """
+        check_ending("path", path, TABLES)
+        columns = _csv(path) if str(path).lower().endswith(".csv") else _parquet(path)
+        return cls.from_columns(columns, model, resample=resample)
+
+    @classmethod
+    def from_columns(
+        cls, columns: Mapping[str, ArrayLike], model: Model | None = None, *, resample: bool = False
+    ) -> Recording:
+        """The Recording of named columns, as of a pandas DataFrame: see ``load``."""
+        if not isinstance(columns, Mapping) and not hasattr(columns, "columns"):
+            raise IdentificationError(f"columns is a {type(columns).__name__}, expected a mapping, or a DataFrame")
+        try:
+            table = {str(name): np.asarray(columns[name], float) for name in columns}
+        except (TypeError, ValueError, KeyError) as error:
+            raise IdentificationError(f"columns cannot be read as numbers: {error}") from None
+        if "t" not in table:
+            raise IdentificationError(f"columns are {', '.join([*table][:8])}, expected t among them")
+        names = [] if model is None else [x.name for x in check_model(model).joints[1:]]
+        found = {kind: _of_kind(kind, table, names) for kind in ("q", "v", "a", "tau")}
+        for kind in ("q", "tau"):
+            if found[kind] is None:
+                raise IdentificationError(f"columns have no {kind}0, expected {kind}0, {kind}1, ... or {kind}_JOINT")
+        return cls(table["t"], found["q"], found["tau"], found["v"], found["a"], resample=resample)  # type: ignore[arg-type]
+
+    def save(self, path: Any) -> None:
+        """Write the samples to a CSV file that ``load`` reads, all digits of them; wrenches are left out."""
+        check_ending("path", path, (".csv",))
+        kinds = {kind: getattr(self, kind) for kind in ("q", "v", "a", "tau") if getattr(self, kind) is not None}
+        names = ["t", *(f"{kind}{k}" for kind, x in kinds.items() for k in range(x.shape[1]))]
+        rows = np.column_stack([self.t, *kinds.values()])
+        try:
+            np.savetxt(path, rows, "%.17g", ",", header=",".join(names), comments="")
+        except (OSError, ValueError) as error:
+            raise SpatialDynError(f"{path!r} cannot be written: {error}") from error
+
+    def check(self, model: Model) -> tuple[str, ...]:
+        """What is odd about the recording for a robot, in words; empty if nothing is.
+
+        Raises  ShapeError for arrays of another robot; IdentificationError naming a joint that moves while its torque
+                is one number to the bit: saturated, or not recorded
+        """
+        nq, nv = check_model(model).nq, model.nv
+        widths = {
+            "q": (nq,),
+            "tau": (nv, nv - 6) if floats(model) else (nv,),
+            "v": (nv,),
+            "a": (nv,),
+        }
+        for name, wide in widths.items():
+            x = getattr(self, name)
+            if x is not None and x.shape[1] not in wide:
+                raise ShapeError(f'{name} has {x.shape[1]} columns, expected {wide[0]} of robot "{model.name}"')
+        for name in self.wrenches:
+            model.frame(name)
+        tau, notes = self.torques(model), []
+        for joint in model.joints[1:]:
+            if joint.nv != 1:
+                continue
+            x, q = tau[:, joint.idx_v], self.q[:, joint.idx_q]
+            if np.ptp(q) > 0.0 and (x == x[0]).all() and x[0] != 0.0:
+                raise IdentificationError(
+                    f'torque of joint "{joint.name}" is {x[0]:.6g} in every sample while it moves, expected a '
+                    "measured one: it is saturated, or was not recorded"
+                )
+            for extreme in (x.max(), x.min()):
+                at = int((x == extreme).sum())
+                longest = _longest_run(x == extreme)
+                if extreme != 0.0 and longest >= STUCK:
+                    notes.append(f'torque of joint "{joint.name}" is {extreme:.6g} in {at} samples: saturated')
+            limit = model.effort_limit[joint.idx_v]
+            if abs(x).max() > limit * (1.0 + 1e-9):
+                notes.append(
+                    f'torque of joint "{joint.name}" is up to {abs(x).max():.6g}, beyond its limit {limit:.6g}'
+                )
+        return tuple(notes)
+
+    def torques(self, model: Model) -> Array:
+        """(N, nv) of all freedoms: 0 for a floating base whose torques were left out."""
+        missing = check_model(model).nv - self.tau.shape[1]
+        return np.concatenate([np.zeros((len(self), missing)), self.tau], axis=1) if missing > 0 else self.tau
+
+
+def _longest_run(x: NDArray[np.bool_]) -> int:
+    """The largest number of neighbours that are True."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], x, [False]]).astype(int)))
+    return int((edges[1::2] - edges[::2]).max(initial=0))
+
+
+def _on_grid(t: Array, x: Array, grid: Array) -> Array:
+    return np.stack([np.interp(grid, t, y) for y in x.T], 1)
+
+
+def _of_kind(kind: str, table: Mapping[str, Array], names: list[str]) -> Array | None:
+    """Columns kind0, kind1, ... or kind_JOINT of a table, None without any. Raises IdentificationError for a gap."""
+    numbered = [f"{kind}{k}" for k in range(len(table))]
+    count = sum(name in table for name in numbered)
+    if not count:
+        numbered = [f"{kind}_{name}" for name in names]
+        count = len(numbered) if any(name in table for name in numbered) else 0
+    for name in numbered[:count]:
+        if name not in table:
+            raise IdentificationError(f"columns have no {name}, expected it among {', '.join(numbered[:count])}")
+    return np.stack([table[name] for name in numbered[:count]], 1) if count else None
+
+
+def _csv(path: Any) -> dict[str, Array]:
+    """Columns of a CSV file by the names in its first line. Raises SpatialDynError."""
+    try:
+        with open(path, encoding="utf-8") as file:
+            names = [x.strip().strip('"') for x in file.readline().split(",")]
+            rows = np.loadtxt(file, delimiter=",", ndmin=2)
+    except (OSError, ValueError, UnicodeDecodeError) as error:
+        raise SpatialDynError(f"{path!r} cannot be read: {error}") from error
+    if rows.shape[1:] != (len(names),):
+        raise SpatialDynError(f"{path!r} has {rows.shape[1]} columns under {len(names)} names, expected as many")
+    return dict(zip(names, rows.T, strict=True))
+
+
+def _parquet(path: Any) -> dict[str, Array]:
+    """Columns of a parquet file. Raises SpatialDynError."""
+    try:
+        import pandas
+    except ImportError as error:
+        raise SpatialDynError("pandas is not installed, expected it for parquet; pip install pandas pyarrow") from error
+    try:
+        frame = pandas.read_parquet(path)
+    except Exception as error:  # of the engine that pandas finds, which has its own errors
+        raise SpatialDynError(f"{path!r} cannot be read: {error}") from error
+    return {str(name): frame[name].to_numpy() for name in frame.columns}

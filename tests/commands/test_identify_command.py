@@ -1,0 +1,35 @@
+"""``spatialdyn excite`` and ``spatialdyn identify``: from a path to a log, a page and a URDF."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import spatialdyn as sd
+from spatialdyn.commands.cli import main
+
+
+def test_a_path_a_log_a_page_and_a_urdf(tmp_path: Path, capsys: Any) -> None:
+    pytest.importorskip("matplotlib")
+    where = {name: str(tmp_path / name) for name in ("path.csv", "log.csv", "page.html", "model.urdf")}
+    assert main(["excite", "two_link", "--duration", "4", "--harmonics", "3", "--save", where["path.csv"]]) == 0
+    table = np.genfromtxt(where["path.csv"], delimiter=",", names=True)
+    q, v, a = (np.stack([table[f"{x}0"], table[f"{x}1"]], 1) for x in "qva")
+    tau = sd.rnea(sd.load_urdf("two_link"), q, v, a) + 0.2 * v + 0.1 * np.sign(v)
+    tau += 0.01 * np.random.default_rng(0).normal(size=tau.shape)
+    sd.Recording(table["t"], q, tau, v, a).save(where["log.csv"])
+    words = ["identify", "two_link", where["log.csv"]]
+    assert main([*words, "--report", where["page.html"], "--save", where["model.urdf"], "--validate", words[2]]) == 0
+    out = capsys.readouterr().out
+    assert "joint2.Iyy" in out
+    assert "times the noise" in out
+    assert "<h2>Parameters</h2>" in Path(where["page.html"]).read_text(encoding="utf-8")
+    np.testing.assert_allclose(sd.load_urdf(where["model.urdf"]).damping, 0.2, atol=0.01)
+    assert main([*words, "--json", "--method", "wls"]) == 0
+    assert json.loads(capsys.readouterr().out)["consistent"] is False
+    assert main([*words, "--delay", "soon"]) == 2
+    assert "delay is 'soon'" in capsys.readouterr().err

@@ -1,0 +1,77 @@
+"""Recordings: what is refused and where, files, saturation, uneven times."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import spatialdyn as sd
+
+T = np.linspace(0.0, 1.0, 51)
+Q = np.stack([np.sin(T), np.cos(T)], 1)
+
+
+def test_the_row_and_column_of_what_is_no_number_are_named() -> None:
+    bad = Q.copy()
+    bad[7, 1] = np.nan
+    with pytest.raises(sd.IdentificationError, match="tau is nan in row 7, column 1"):
+        sd.Recording(T, Q, bad)
+    with pytest.raises(sd.IdentificationError, match="row 3, expected times that increase"):
+        sd.Recording(np.where(np.arange(51) == 3, T[2], T), Q, Q)
+    with pytest.raises(sd.ShapeError, match=r"v has shape \(50, 2\)"):
+        sd.Recording(T, Q, Q, Q[1:])
+    with pytest.raises(sd.IdentificationError, match="5 or more"):
+        sd.Recording(T[:4], Q[:4], Q[:4])
+
+
+def test_uneven_times_are_refused_or_put_on_a_grid() -> None:
+    t = T + 0.004 * np.sin(40.0 * T)
+    with pytest.raises(sd.IdentificationError, match="resample=True"):
+        sd.Recording(t, Q, Q)
+    log = sd.Recording(t, t[:, None], t[:, None], resample=True)
+    assert abs(log.q[:, 0] - log.t).max() < 1e-15  # a straight line stays one
+    assert abs(np.diff(log.t) - log.dt).max() < 1e-15
+
+
+def test_a_torque_that_is_one_number_or_stands_at_its_extreme_is_named() -> None:
+    model = sd.load_urdf("two_link")
+    tau = Q.copy()
+    tau[:, 1] = 3.0
+    with pytest.raises(sd.IdentificationError, match='torque of joint "joint2" is 3 in every sample'):
+        sd.Recording(T, Q, tau).check(model)
+    notes = sd.Recording(T, Q, np.minimum(Q, 0.6)).check(model)
+    assert [x for x in notes if "joint1" in x and "saturated" in x]
+    assert not sd.Recording(T, Q, Q).check(model)
+    with pytest.raises(sd.ShapeError, match="q has 2 columns, expected 1"):
+        sd.Recording(T, Q, Q).check(sd.load_urdf("pendulum"))
+
+
+def test_files_give_the_bits_back(tmp_path: Path) -> None:
+    log = sd.Recording(T, Q, 2.0 * Q, 3.0 * Q, 4.0 * Q)
+    log.save(tmp_path / "log.csv")
+    again = sd.Recording.load(tmp_path / "log.csv")
+    for name in ("t", "q", "tau", "v", "a"):
+        assert np.array_equal(getattr(again, name), getattr(log, name)), name
+    pandas = pytest.importorskip("pandas")
+    frame = pandas.DataFrame({"t": T, "q0": Q[:, 0], "q1": Q[:, 1], "tau0": 2.0 * Q[:, 0], "tau1": 2.0 * Q[:, 1]})
+    assert np.array_equal(sd.Recording.from_columns(frame).q, Q)
+    pytest.importorskip("pyarrow")
+    frame.to_parquet(tmp_path / "log.parquet")
+    assert np.array_equal(sd.Recording.load(tmp_path / "log.parquet").tau, log.tau)
+
+
+def test_columns_may_have_names_of_joints() -> None:
+    columns = {"t": T, "q_joint2": Q[:, 1], "q_joint1": Q[:, 0], "tau0": Q[:, 0], "tau1": Q[:, 1]}
+    assert np.array_equal(sd.Recording.from_columns(columns, sd.load_urdf("two_link")).q, Q)
+    del columns["q_joint1"]
+    with pytest.raises(sd.IdentificationError, match="columns have no q_joint1"):
+        sd.Recording.from_columns(columns, sd.load_urdf("two_link"))
+
+
+def test_a_simulation_is_a_recording() -> None:
+    run = sd.simulate(sd.load_urdf("two_link"), [0.5, -0.3], [0.0, 0.0], 0.1, 0.01)
+    log = sd.Recording.of(run)
+    assert np.array_equal(log.q, run.q)
+    assert log.dt == pytest.approx(0.01)
