@@ -279,7 +279,8 @@ def test_every_field_that_the_wheel_fills_is_compared_or_excused(humanoid: tuple
     _, right = humanoid
     fresh, data = right.model.createData(), right.model.createData()
     right.run(row, data)
-    names = [name for name in dir(fresh) if not name.startswith("_") and name not in SCRATCH.split()]
+    others = {*SCRATCH.split(), "constraint_chol", "contact_chol"}  # no arrays
+    names = [name for name in dir(fresh) if not name.startswith("_") and name not in others]
     fields = [name for name in names if not callable(getattr(fresh, name))]
     changed = {name for name in fields if scaled(getattr(data, name), getattr(fresh, name)) > 0.0}
     assert changed <= {*row.fields.split(), *row.but.split()}

@@ -155,13 +155,12 @@ class SE3:
     def __rmul__(self, other: Any) -> Any:
         return SE3(other).act(self)
 
-    @property
-    def action(self) -> Any:
+    def toActionMatrix(self) -> Any:
         """The matrix (6, 6) that takes Motion vectors from the frame to the reference frame."""
         casadi, R = framework("casadi"), self.rotation
         return casadi.vertcat(casadi.horzcat(R, skew(self.translation) @ R), casadi.horzcat(casadi.DM.zeros(3, 3), R))
 
-    toActionMatrix = action.fget
+    action = property(toActionMatrix, doc="``toActionMatrix``.")
 
     @staticmethod
     def _to_parent(placement: Any, x: SE3) -> SE3:

@@ -116,7 +116,7 @@ class Tiered(Tier):
     def _is_stored(self, *arguments: Any) -> bool:
         if PLAIN:
             return True
-        from numba import typeof  # type: ignore[attr-defined]
+        from numba import typeof
 
         return is_stored(self._compile(), tuple(map(typeof, arguments)))
 

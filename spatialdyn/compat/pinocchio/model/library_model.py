@@ -420,7 +420,8 @@ def _updated(model: Model, before: LibraryModel) -> LibraryModel | None:
     norms = None if now.strict == then.strict else not now.strict
     links, joints = _changed_links(compiled, before.inertias, inertias), _changed_joints(compiled, placed, now.armature)
     made = edited(compiled, links, joints, _numbers(model.gravity._x[:3]), norms)
-    before.note_edit()
+    if links or joints or not unmoved:  # else norms alone are checked otherwise
+        before.note_edit()
     return before.with_model(made, np.frombuffer(made.bodies.tobytes(), np.uint8), inertias, now)
 
 
