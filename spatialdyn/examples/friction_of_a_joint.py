@@ -35,7 +35,8 @@ def main() -> dict[str, Any]:
         tau = sd.rnea(model, q, v, a) + COULOMB * np.sign(v) + DAMPING * v + OFFSET
         logs[name] = sd.Recording(t, q, tau + NOISE * rng.normal(size=tau.shape), v, a)
     found = {}
-    for name, log in {**logs, "both": list(logs.values())}.items():
+    taken: dict[str, Any] = {**logs, "both": list(logs.values())}
+    for name, log in taken.items():
         fit = found[name] = sd.identify(log, model, parameters="friction+offset", v_min=0.01)
         values = dict(zip(fit.base.labels, zip(fit.beta, fit.half_width, strict=True), strict=True))
         shown = [f"{kind.partition('.')[2]} {x:.3f} ± {half:.3f}" for kind, (x, half) in values.items()]

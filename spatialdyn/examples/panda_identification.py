@@ -47,8 +47,9 @@ def main(quick: bool = False) -> dict[str, Any]:
         ratio = fit.validate(other).ratio
         print(f"{method}: {exist} of 7 bodies exist; another motion within {ratio.max():.3f} times the noise")
     model = found["log_cholesky"].model()  # that of wls would raise InertiaError
-    true = sd.rnea(robot, other.q, other.v, other.a)
-    before, after = (float(abs(sd.rnea(x, other.q, other.v, other.a) - true).max()) for x in (nominal, model))
+    state: Any = (other.q, other.v, other.a)
+    true = sd.rnea(robot, *state)
+    before, after = (float(abs(sd.rnea(x, *state) - true).max()) for x in (nominal, model))
     print(f"torques of inertia and gravity are off by {before:.3g} N m before, {after:.3g} N m after")
 
     need("matplotlib", "plot")

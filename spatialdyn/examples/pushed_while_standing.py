@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 import spatialdyn as sd
-from spatialdyn.examples.gallery import picture, start, write
+from spatialdyn.examples.gallery import need, picture, start, write
 from spatialdyn.model.robot import Link, RobotJoint
 
 DT, PUSH = 4e-3, (0.5, 0.6)
@@ -71,6 +71,7 @@ def stand(robot: Any, frame: str, impulse: float, seconds: float) -> tuple[Any, 
 
 def main(quick: bool = False, save: str | None = None) -> dict[str, Any]:
     """Print how far each robot is moved by its push and where it ends; returns those motions."""
+    need("qpsolvers", "wbc")
     robots: dict[str, Any] = {"Solo12": (solo, "base_link", 1.0), "Talos": (talos, "torso_2_link", 20.0)}
     found, seconds = {}, 1.5 if quick else 10.0
     for name, (make, frame, impulse) in list(robots.items())[: 1 if quick else 2]:

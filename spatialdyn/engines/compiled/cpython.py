@@ -269,7 +269,7 @@ SCOPE: dict[str, Any] = {
 @cache
 def _plain() -> dict[str, Any]:
     """The functions above in plain Python: the same code, but for what it takes from compiled code."""
-    native = {"word": tiers.word, "at": lambda address, shape: tiers.array_of(address, shape, F8)}
+    native: dict[str, Any] = {"word": tiers.word, "at": lambda address, shape: tiers.array_of(address, shape, F8)}
     native |= {"advance": tiers.advance, "places": lambda address, count: tiers.array_of(address, (count,), np.intp)}
     native |= dict.fromkeys(("_make", "_size", "_allocate", "_entry"), tiers.call_words)
     native |= {"_count": tiers.call_void, "_void": tiers.call_void, "_from_double": tiers.call_real}
