@@ -60,10 +60,9 @@ def stand(robot: Any, frame: str, impulse: float, seconds: float) -> tuple[Any, 
     base = sd.FrameTask(frame, target=sd.frame_placement(model, q, frame), axes="rxyz", Kp=50.0)
     tasks = [sd.ComTask(c, Kp=30.0, weight=10.0), base, sd.PostureTask(q, Kp=50.0, weight=0.1)]
     body = sd.WholeBody(scene, tasks, dt=DT, infeasible="relax")
-    side = np.array([impulse / (PUSH[1] - PUSH[0]), 0.0, 0.0, 0.0, 0.0, 0.0])
 
     def push(t: float, q: Any, v: Any) -> Any:
-        return sd.wrench_at(model, q, frame, side * (PUSH[0] <= t < PUSH[1]))
+        return sd.wrench_at(model, q, frame, np.eye(6)[0] * impulse / (PUSH[1] - PUSH[0]) * (PUSH[0] <= t < PUSH[1]))
 
     run = sd.simulate(scene, q, np.zeros(model.nv), seconds, DT, torque=body, fext=push)
     return run.t, np.linalg.norm(sd.center_of_mass(model, run.q) - c, axis=1), float(abs(run.v[-1]).max())
