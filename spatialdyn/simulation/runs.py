@@ -97,9 +97,9 @@ def simulate(
     Quaternion, floating, planar and (cos, sin) joints move on their group. Ω is the symplectic form in the canonical
     coordinates (x, π) of charts (``canonical_coordinates``), which are (q, p) where v = q̇. A method in (q, v) that
     ignores the rate of M, such as velocity Verlet, is not symplectic once M depends on q.
-    The velocity of a floating base is in its own frame. Methods of order 1 follow the frame's rotation to order dt
-    only: a body that spins at ω gains about the fraction ω² dt / 2 of its speed per second, so a ball that rolls on
-    contacts needs a small dt. Explicit methods refuse a dt at which springs or smooth friction are unstable. The
+    The velocity of a floating base is in its own frame. ``semi_implicit_euler`` turns it with the body after forces and
+    impulses are known: a ball that rolls keeps its speed, and momenta of a free body are of order 2; ``explicit_euler``
+    turns it to order 1 only. Explicit methods refuse a dt at which springs or smooth friction are unstable. The
     recorded ``tau`` leaves springs out; with motors it is the commanded one.
     In methods in momenta, states of a law that have rates are integrated for half a step before and half a step after
     the motion, to order 2. Work is integrated as the motion is; in methods in momenta by their stages, or the
