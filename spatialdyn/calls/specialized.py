@@ -208,8 +208,9 @@ class Specialized:
         """
         from ..interop.casadi import to_casadi
 
+        own = as_flag("jacobian", jacobian)
         given = exported(self._request, self._recorded, "c", name)
-        return to_casadi(given, jacobian_of(self._request, given) if jacobian else None)
+        return to_casadi(given, jacobian_of(self._request, given) if own else None)
 
     def to_jax(self) -> Callable[..., Any]:
         """The program as a function of JAX arrays, for jit, vmap, grad, vjp and jacrev.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
 from collections.abc import Sequence
 from functools import lru_cache
 from typing import Any
@@ -12,7 +11,7 @@ from numpy.typing import NDArray
 
 from ..engines.compiled import numba_kernels
 from ..engines.programs.record.recording import ProgramOptions, fits
-from ..engines.programs.run.interpreter import Interpreted
+from ..engines.programs.run.interpreter import InterpretedSample
 from ..engines.programs.run.tiered_program import TieredProgram
 from ..model.model import Model
 from ..recursions.spec import Spec
@@ -58,24 +57,16 @@ class OneByOne:
     def __init__(self, model: Model, spec: Spec) -> None:
         """Record the program."""
         self._model, self._spec = model, spec
-        self._call: Any = None
+        self._call: InterpretedSample | None = None
         if numba_kernels.PLAIN or not fits((spec,), model.bodies):
             return
-        self._code = Interpreted(*_program(model, (spec,), "", ()).recording)
-        layout = self._code.layout
-        self._inputs = [np.empty(width) for width in layout.inputs]
-        self._out = np.empty(len(layout.outputs[0]))
-        self._places = [np.array([x.ctypes.data for x in arrays]) for arrays in (self._inputs, [self._out])]
-        self._passed = (self._code.context, *(x.ctypes.data for x in self._places))
-        self._call = ctypes.CFUNCTYPE(*[ctypes.c_void_p] * 4)(self._code.entry)
+        self._call = InterpretedSample(*_program(model, (spec,), "", ()).recording)
 
     def __call__(self, *inputs: Array) -> Array:
         """The output, flat: it is written anew by the next call."""
-        if self._call is not None:
-            for x, y in zip(self._inputs, inputs, strict=True):
-                x[:] = y
-            if self._call(*self._passed):
-                return self._out
+        made: Array | None = None if self._call is None else self._call(*inputs)
+        if made is not None:
+            return made
         found: Array = run(self._model, self._spec, "", [x.reshape((1, -1)) for x in inputs])[0]
         return found
 

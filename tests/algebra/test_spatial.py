@@ -212,6 +212,14 @@ BODIES: dict[str, tuple[Callable[[Sample], Any], Callable[[Sample], Any]]] = {
         lambda x: of_articulated(ar.articulated_to_parent(pose(x.T), artic(x.K))),
         lambda x: x.X.T @ x.K @ x.X,
     ),
+    "rotate_articulated": (
+        lambda x: of_articulated(ar.rotate_articulated(rot(x.T[:3, :3]), artic(x.K))),
+        lambda x: turn(x.T[:3, :3]).T @ x.K @ turn(x.T[:3, :3]),
+    ),
+    "articulated_at_parent": (
+        lambda x: of_articulated(ar.articulated_at_parent(vec(x.a), artic(x.K))),
+        lambda x: shift(x.a).T @ x.K @ shift(x.a),
+    ),
     "parallel_axis": (
         lambda x: full(eu.parallel_axis(sym(x.P), vec(x.a), vec(x.b), vec(x.b + x.s * x.a))),
         lambda x: x.P + x.a @ (2.0 * x.b + x.s * x.a) * np.eye(3) - np.outer(x.b, x.a) - np.outer(x.a, x.b + x.s * x.a),
@@ -232,6 +240,13 @@ def factor_matrix(I: Array, v: Array) -> Array:
 def of_factor(B: CoriolisFactor) -> Array:
     o = np.zeros((3, 3))
     return np.block([[square(B.P), o], [-skew(B.p), o]])
+
+
+def turn(R: Array) -> Array:
+    """Motion transform (6, 6) from the axes that R is given in to those of orientation R."""
+    T = np.eye(4)
+    T[:3, :3] = R
+    return plucker(T)
 
 
 def shift(p: Array) -> Array:

@@ -118,7 +118,7 @@ def test_what_compiles_is_named(said: Said, way: str, monkeypatch: pytest.Monkey
     else:
         from spatialdyn.engines.compiled import jit
 
-        monkeypatch.setattr(jit, "compile_signature", lambda *arguments: said.wait())
+        monkeypatch.setattr(jit, "compile_signature", lambda *arguments, **options: said.wait())
         numba_kernels.sample_kernel.__wrapped__(numba_kernels.variant(sd.recursions.SPECS["crba"], ()))
     assert said[0].startswith(
         f"compiling the {'program' if way == 'program' else 'table kernel'} of crba takes more than"

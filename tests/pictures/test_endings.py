@@ -60,6 +60,8 @@ WRITERS: dict[str, tuple[Any, tuple[str, ...]]] = {
     "Tradeoff.plot": (lambda path: traded().plot(path), ENDINGS),
     "Tradeoff.report": (lambda path: traded().report(path), PAGE_FILES),
     "Diagnosis.report": (lambda path: sd.Diagnosis("arm", (), {}, {}, None, {}, 4).report(path), PAGE_FILES),
+    "Identified.report": (lambda path: valid_calls.identified().report(path), PAGE_FILES),
+    "Recording.save": (lambda path: valid_calls.log().save(path), (".csv",)),
     "Requirement.plot": (lambda path: valid_calls.requirement().plot(path=path), ENDINGS),
     "Path.plot": (lambda path: sd.quintic([0.0], [1.0], 1.0).plot(path), ENDINGS),
     "PassivityRecord.plot": (lambda path: sd.passivity(valid_calls.run()).plot(path), ENDINGS),
@@ -67,7 +69,7 @@ WRITERS: dict[str, tuple[Any, tuple[str, ...]]] = {
     "View.save": (save_scene, PAGE_FILES),
     "plot": (lambda path: sd.plot([run()], path=path), ENDINGS),
 }
-READERS = {"Trajectory.load"}
+READERS = {"Recording.load", "Trajectory.load"}
 
 
 def test_the_table_has_every_call_that_takes_a_path() -> None:
@@ -105,7 +107,7 @@ def test_an_ending_that_is_known_is_written(what: str, tmp_path: Path) -> None:
         path = tmp_path / f"x{ending}"
         write(path)
         start = path.read_bytes()[:15].lower()
-        assert start.startswith({".npz": b"pk", ".html": b"<!doctype html"}.get(known[0], b"\x89png"))
+        assert start.startswith({".npz": b"pk", ".html": b"<!doctype html", ".csv": b"t,q"}.get(known[0], b"\x89png"))
 
 
 def test_an_open_file_has_no_ending() -> None:

@@ -50,7 +50,7 @@ BORROWED: dict[str, set[str]] = {
     "_rebuild": {COMPILED + "numba_cache.py"},
     "_reduce": {COMPILED + "numba_cache.py"},
     # a dispatcher without conversions of arguments and long error messages
-    "_cache": {COMPILED + "jit.py"},
+    "_cache": {COMPILED + "jit.py", COMPILED + "tiers.py"},
     "_compile_for_args": {COMPILED + "jit.py"},
     "numba.core.compiler_lock.global_compiler_lock": {COMPILED + "jit.py"},
     "_search_new_conversions": {COMPILED + "jit.py"},
@@ -62,6 +62,8 @@ BORROWED: dict[str, set[str]] = {
     # CPython builtins that read NumPy's array objects
     "ctypes": {
         "compat/native/operator_kernels.py",
+        "engines/compiled/cpython.py",
+        "engines/compiled/tiers.py",
         "engines/object_layout.py",
         "engines/programs/run/batch_kernels.py",
         "engines/programs/run/interpreter.py",
@@ -69,7 +71,7 @@ BORROWED: dict[str, set[str]] = {
         "engines/programs/run/time_loop.py",
         "examples/c_export.py",
     },
-    "ctypes.pythonapi": {"engines/object_layout.py"},
+    "ctypes.pythonapi": {"engines/compiled/cpython.py", "engines/object_layout.py"},
     "_ARRAY_API": {"engines/object_layout.py"},
     # the end of a process whose threads compile
     "_exit": {"engines/interrupt.py"},

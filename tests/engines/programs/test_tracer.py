@@ -166,7 +166,7 @@ def test_a_recorded_value_has_no_order(operation: Callable[[Any, Any], Any]) -> 
             operation(other, x)
 
 
-@pytest.mark.parametrize("use", [bool, float, int, hash, abs, math.sin, np.sin, lambda x: x in (1.0,), lambda x: x**2])
+@pytest.mark.parametrize("use", [bool, float, int, hash, math.sin, np.sin, lambda x: x in (1.0,), lambda x: x**2])
 def test_a_recorded_value_is_no_truth_and_no_float(use: Callable[[Any], Any]) -> None:
     _, (x,) = tape_of(1)
     with pytest.raises(TypeError):

@@ -287,7 +287,7 @@ def test_a_pool_whose_worker_is_killed_is_named_and_the_study_goes_on_with_anoth
 SCRIPT = """
 import os, signal, sys
 sys.path.insert(0, {tests!r})
-from test_study import made, torques
+from test_studies import made, torques
 from pathlib import Path
 count = 0
 def end(done, total):
