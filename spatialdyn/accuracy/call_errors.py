@@ -56,9 +56,10 @@ class Candidate(NamedTuple):
     run: Callable[..., Any]
 
 
-def calls_of(model: Model, task: str) -> list[str]:
-    """The calls of a task that a model has: those without a term that they lack."""
-    lacks = {name: SPECS[name].lacks if name in SPECS else () for name in TASK_CALLS[task]}
+def calls_of(model: Model, task: str, wanted: tuple[str, ...] | None = None) -> list[str]:
+    """The calls of a task that a model has, all or those wanted: those without a term that they lack."""
+    names = [name for name in TASK_CALLS[task] if wanted is None or name in wanted]
+    lacks = {name: SPECS[name].lacks if name in SPECS else () for name in names}
     return [name for name, columns in lacks.items() if not any(model.bodies[x].any() for x in columns)]
 
 
@@ -106,10 +107,10 @@ def random_call_states(model: Model, task: str, count: int, seed: int | list[int
     return {"forward_dynamics": [q, v, tau], "inverse_dynamics": [q, v, a], "mass_matrix": [q]}[task]
 
 
-def candidates(model: Model, task: str, batch: int) -> Iterator[list[Candidate]]:
-    """The candidates of each call for a task at a batch size; to make them compiles."""
+def candidates(model: Model, task: str, batch: int, wanted: tuple[str, ...] | None = None) -> Iterator[list[Candidate]]:
+    """The candidates of each call for a task, as of ``calls_of``, at a batch size; to make them compiles."""
     given = ", ".join(INPUTS[task])
-    for name in calls_of(model, task):
+    for name in calls_of(model, task, wanted):
         found: list[Candidate] = []
         extended = name == EXTENDED
         call = partial(forward_dynamics, method=EXTENDED) if extended else calls[name]
@@ -138,9 +139,11 @@ def _errors(name: str, first: str, found: Any, truth: Array, norm: str = LARGEST
     return np.maximum(errors, HALF_ULP) if name.endswith(EXTENDED) else errors
 
 
-def measure_calls(model: Model, task: str, states: Any, batch: int, report: Report) -> tuple[list[Option], int, float]:
+def measure_calls(
+    model: Model, task: str, states: Any, batch: int, wanted: tuple[str, ...] | None, report: Report
+) -> tuple[list[Option], int, float]:
     """Options of a task, the number of states they were measured in, and the error of the reference."""
-    steps = Steps(report, len(calls_of(model, task)) + 2)
+    steps = Steps(report, len(calls_of(model, task, wanted)) + 2)
     arrays = call_states(model, task, states)
     first = TASK_CALLS[task][0]
     calls[first](model, *arrays)  # raises for invalid states or an invalid model
@@ -151,7 +154,7 @@ def measure_calls(model: Model, task: str, states: Any, batch: int, report: Repo
         repeated = [np.array(x[0]) for x in repeated]
     found: list[tuple[Candidate, dict[str, Array], str]] = []
     promises: dict[str, dict[str, Array]] = {}
-    for some in candidates(model, task, batch):
+    for some in candidates(model, task, batch, wanted):
         for candidate in some:
             try:
                 made, note = candidate.run(*arrays), ""

@@ -59,7 +59,8 @@ def trade(
               (n, ...): (q, v, tau), (q, v, a), (q,). For simulations (q0, v0), by default 4 random ones at rest
     batch     samples of a timed call; 1 times calls of one sample
     duration  of a simulation [s], without torques
-    methods   integrators of simulations, by default all
+    methods   names of integrators of simulations, or of calls of the table, by default all: a call that has no program,
+              ``aba_square_root``, takes half a minute to compile at its first use on a machine
     progress  True for a bar (needs rich), or a function of the number of steps done and their total
 
     The reference of calls is computed in double-double and checked against the exact engine; that of every method of
@@ -94,9 +95,10 @@ def trade(
         raise SpatialDynError(f"batch is {batch!r}, expected a number of samples of 1 to {call_errors.MOST}")
     if not 0.0 < seconds < math.inf:
         raise SpatialDynError(f"duration is {duration!r}, expected a finite number of seconds above 0")
-    names = None if methods is None else as_words("methods", methods, integrators)
+    known = integrators if task == "simulate" else call_errors.TASK_CALLS[task]
+    names = None if methods is None else as_words("methods", methods, known)
     if names == ():
-        raise SpatialDynError(f"methods is {methods!r}, expected some of {', '.join(integrators)}")
+        raise SpatialDynError(f"methods is {methods!r}, expected some of {', '.join(known)}")
     check_progress(progress)
     if task == "simulate":
         with reporting(progress, "trade") as report:
@@ -110,7 +112,7 @@ def trade(
         )
         return Tradeoff(model.name, task, mark_pareto(options), count, 0, seconds, certainty, truth, found, model)
     with reporting(progress, "trade") as report:
-        options, count, certainty = call_errors.measure_calls(model, task, states, samples, report)
+        options, count, certainty = call_errors.measure_calls(model, task, states, samples, names, report)
     truth = f"double-double, {figure(certainty)} from the exact engine"
     more = (
         partial(call_errors.confirm_calls, model, task)

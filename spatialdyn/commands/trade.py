@@ -28,7 +28,7 @@ def add(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--states", type=int, metavar="N", help="random states in which errors are measured")
     parser.add_argument("--batch", type=int, default=BATCH, metavar="N", help=f"samples a call (default: {BATCH})")
     parser.add_argument("--duration", type=float, default=1.0, metavar="S", help="of simulations (default: 1 s)")
-    parser.add_argument("--methods", metavar="NAMES", help=f"of simulations: some of {', '.join(integrators)}")
+    parser.add_argument("--methods", metavar="NAMES", help=f"some of the task's calls, or of {', '.join(integrators)}")
     parser.add_argument("--plot", metavar="FILE", help="draw error against cost to a PNG, SVG, PDF, JPG or WebP file")
     parser.add_argument("--report", metavar="FILE", help="write one HTML page of it all, which needs no network")
     parser.add_argument("--json", action="store_true", help="print JSON")

@@ -408,6 +408,11 @@ def oblique_chain(tip: float) -> sd.Model:
     return builder.build()
 
 
+def test_calls_of_a_task_may_be_chosen() -> None:
+    found = sd.trade(sd.load_urdf("two_link"), states=8, batch=8, methods=("crba_solve", "extended"))
+    assert {x.name.split()[-1] for x in found.options} == {"crba_solve", "extended"}
+
+
 @compiled
 @pytest.mark.parametrize(("batch", "engine"), slow_but([(600, "lanes")], [(600, "lanes"), (1, "untraced")]))
 def test_extended_is_recommended_where_refined_is_not_enough(batch: int, engine: str) -> None:
@@ -644,6 +649,7 @@ def test_the_command_line_recommends_plots_and_prints_json(tmp_path: Path, capsy
         ({"states": ([0.0, 0.0], [0.0, math.nan], [0.0, 0.0])}, "states holds numbers that are not finite"),
         ({"task": "simulate", "duration": 0.0}, "duration is 0.0"),
         ({"task": "simulate", "methods": "leap"}, "methods has 'leap', expected some of explicit_euler"),
+        ({"methods": "rk4"}, "methods has 'rk4', expected some of aba, crba_solve"),
         ({"task": "simulate", "states": 0}, "states is 0"),
         ({"task": "simulate", "states": 1.5}, "states is no pair of arrays"),
         ({"task": "simulate", "states": ([0.0], [0.0])}, "states has shapes"),

@@ -15,8 +15,8 @@ import spatialdyn
 from spatialdyn.examples import gallery
 
 MOST_SECONDS = 20.0  # of CPU, most of it LLVM's
-# of Numba: the table kernel of aba_square_root, 25 on two shared cores, and a solver's own loops, 14 to 20
-HEAVY = {"price_of_a_digit": 45.0, "ilqr": 30.0}
+# of Numba: a solver's own loops, 14 to 20
+HEAVY = {"ilqr": 30.0}
 SCRIPT = """
 import resource, subprocess, sys
 command = [sys.executable, "-m", f"spatialdyn.examples.{sys.argv[1]}"]
