@@ -16,7 +16,6 @@ import numpy as np
 import spatialdyn as sd
 from spatialdyn.examples.gallery import need, picture, start
 
-
 WAYS = ("aba", "crba_solve", "aba_refined", "extended")  # without aba_square_root, which compiles for half a minute
 
 
