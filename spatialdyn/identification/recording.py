@@ -131,6 +131,7 @@ class Recording:
         """The Recording of named columns, as of a pandas DataFrame: see ``load``."""
         if not isinstance(columns, Mapping) and not hasattr(columns, "columns"):
             raise IdentificationError(f"columns is a {type(columns).__name__}, expected a mapping, or a DataFrame")
+        _refuse_twice([str(name) for name in columns])
         try:
             table = {str(name): np.asarray(columns[name], float) for name in columns}
         except (TypeError, ValueError, KeyError) as error:
@@ -225,14 +226,25 @@ def _of_kind(kind: str, table: Mapping[str, Array], names: list[str]) -> Array |
     return np.stack([table[name] for name in numbered[:count]], 1) if count else None
 
 
+def _refuse_twice(names: list[str]) -> None:
+    """Raise IdentificationError for a name that two columns have."""
+    for k, name in enumerate(names):
+        if name in names[:k]:
+            raise IdentificationError(f"columns have {name} {names.count(name)} times, expected each name once")
+
+
 def _csv(path: Any) -> dict[str, Array]:
     """Columns of a CSV file by the names in its first line. Raises SpatialDynError."""
     try:
-        with open(path, encoding="utf-8") as file:
+        with open(path, encoding="utf-8-sig") as file:  # a spreadsheet begins with a byte order mark
             names = [x.strip().strip('"') for x in file.readline().split(",")]
-            rows = np.loadtxt(file, delimiter=",", ndmin=2)
+            lines = [line for line in file if line.strip()]
+            rows = np.loadtxt(lines, delimiter=",", ndmin=2) if lines else np.zeros((0, len(names)))
     except (OSError, ValueError, UnicodeDecodeError) as error:
         raise SpatialDynError(f"{path!r} cannot be read: {error}") from error
+    if names == [""] or not lines:
+        raise SpatialDynError(f"{path!r} is empty, expected a line of names and rows of numbers")
+    _refuse_twice(names)
     if rows.shape[1:] != (len(names),):
         raise SpatialDynError(f"{path!r} has {rows.shape[1]} columns under {len(names)} names, expected as many")
     return dict(zip(names, rows.T, strict=True))
@@ -248,4 +260,5 @@ def _parquet(path: Any) -> dict[str, Array]:
         frame = pandas.read_parquet(path)
     except Exception as error:  # of the engine that pandas finds, which has its own errors
         raise SpatialDynError(f"{path!r} cannot be read: {error}") from error
+    _refuse_twice([str(name) for name in frame.columns])
     return {str(name): frame[name].to_numpy() for name in frame.columns}

@@ -70,6 +70,21 @@ def test_columns_may_have_names_of_joints() -> None:
         sd.Recording.from_columns(columns, sd.load_urdf("two_link"))
 
 
+def test_a_column_twice_a_byte_order_mark_and_an_empty_file(tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    sd.Recording(T, Q, 2.0 * Q, 3.0 * Q).save(path)
+    text = path.read_text(encoding="utf-8")
+    path.write_text(text.replace("v1", "q0", 1), encoding="utf-8")
+    with pytest.raises(sd.IdentificationError, match="columns have q0 2 times, expected each name once"):
+        sd.Recording.load(path)
+    path.write_text(text, encoding="utf-8-sig")
+    assert np.array_equal(sd.Recording.load(path).tau, 2.0 * Q)
+    for nothing in ("", "\n", "t,q0,tau0\n", "t,q0,tau0\n\n"):
+        path.write_text(nothing, encoding="utf-8")
+        with pytest.raises(sd.SpatialDynError, match="is empty"):
+            sd.Recording.load(path)
+
+
 def test_a_simulation_is_a_recording() -> None:
     run = sd.simulate(sd.load_urdf("two_link"), [0.5, -0.3], [0.0, 0.0], 0.1, 0.01)
     log = sd.Recording.of(run)
