@@ -67,7 +67,7 @@ class Identified:
     half_width       (rank,)  of the 95 % intervals: beta ± half_width
     covariance       (rank, rank)  0 for what was removed
     parameters       (count,)  of ``names``: with ols and wls those that give beta and are nearest to the model's own
-    consistent       whether the method gives inertias that bodies can have
+    consistent       whether the method is one of inertias that bodies can have, and all found are, beyond rounding
     noise            (nv,)  standard deviation of the residuals of each freedom [N m | N]
     white            (nv,)  probability of residuals as uneven as these if they were white; NaN of a generator
     residuals        (n, nv)  with their times ``t`` (n,); NaN where a row did not count; empty of a generator

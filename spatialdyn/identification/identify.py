@@ -19,7 +19,7 @@ from .delays import fitted_delay, whole_delay
 from .equations import FORMS, HOLDS, Equations, Settings, refuse_flight
 from .identified import Identified
 from .least_squares import Factors, Solution, added, factors_of, quantile, solve, whiteness
-from .pseudo_inertia import consistent, pseudo_inertia
+from .pseudo_inertia import consistent, positive, pseudo_inertia
 from .recording import Recording
 from .unknowns import DEFAULT, floats, names_of, unknowns_of, words_of
 
@@ -165,9 +165,13 @@ def identify(
         beta, steps, ok = fit.beta, 0, False
     else:
         made = _consistent(method, fit, base, unknowns, weight)
-        pi, steps, ok = made.pi, made.steps, True
+        pi, steps = made.pi, made.steps
         beta = base.K @ pi
         offset = 10 * len(unknowns.bodies)
+        exist = positive(pi[:offset].reshape(-1, 10))
+        ok = bool(exist.all())
+        lost = ", ".join(unknowns.bodies[k].name for k in np.flatnonzero(~exist))
+        notes += [*made.notes, *([] if ok else [f"inertias of {lost} are not positive beyond rounding"])]
         bounds = tuple(unknowns.names[offset + k] for k in np.flatnonzero(made.held))
     return Identified(
         robot, method, base, beta, fit.deviation, fit.deviation * quantile(float(factors.n.sum() - base.rank)),

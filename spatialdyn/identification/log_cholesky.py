@@ -41,12 +41,15 @@ _OF_P.flags.writeable = False
 
 @dataclass(frozen=True)
 class Consistent:
-    """Parameters (count,) of consistent bodies, the cost, the number of steps, and which linear ones are held at 0."""
+    """Parameters (count,) of consistent bodies, the cost, the number of steps, which linear ones are held at 0, and
+    what is odd, in words.
+    """
 
     pi: Array
     cost: float
     steps: int
     held: NDArray[np.bool_]
+    notes: tuple[str, ...] = ()
 
 
 def upper_factor(P: Array) -> Array:
@@ -118,7 +121,9 @@ def fit(A: Array, z: Array, start: Array, bodies: int, bounded: NDArray[np.bool_
             break
         calm = calm + 1 if cost - new <= SETTLED * (1.0 + cost) else 0
         U, x, pi, cost, damping = tried, y, moved, new, max(0.2 * damping, 1e-12)
-    return Consistent(pi, cost, steps, held)
+    capped = calm < 3 and steps == STEPS
+    note = f"the search for consistent inertias stopped after {STEPS} steps, not settled: a larger prior= settles it"
+    return Consistent(pi, cost, steps, held, (note,) * capped)
 
 
 def _positive(S: Array) -> Array:

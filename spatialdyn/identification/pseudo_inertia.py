@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 NAMES = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
+ROUNDING = 4.0 * float(np.finfo(float).eps)  # of the largest eigenvalue of four: a smaller one has no known sign
 _PLACES = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))  # of the last six in Ī
 
 
@@ -26,6 +27,12 @@ def pseudo_inertia(pi: Array) -> Array:
         P[..., i, 3] = P[..., 3, i] = pi[..., 1 + i]
     P[..., 3, 3] = pi[..., 0]
     return P
+
+
+def positive(pi: Array) -> NDArray[np.bool_]:
+    """Which (...) of the bodies (..., 10) have a P that is positive definite beyond rounding."""
+    values = np.linalg.eigvalsh(pseudo_inertia(pi))
+    return np.asarray(values[..., 0] > ROUNDING * values[..., -1])
 
 
 def parameters_of(P: Array) -> Array:

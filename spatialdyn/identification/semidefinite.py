@@ -17,10 +17,15 @@ from .pseudo_inertia import pseudo_inertia
 
 Array = NDArray[np.float64]
 AT_BOUND = 1e-7  # of the largest linear parameter
+OPTIMAL, NEARLY = "optimal", "optimal_inaccurate"  # of cvxpy: what is accepted, the second with a note
+INSTEAD = 'method="log_cholesky" minimises the same cost without this solver, a larger prior= makes it easier'
 
 
 def fit(A: Array, z: Array, start: Array, bodies: int, bounded: NDArray[np.bool_], weight: float) -> Consistent:
-    """``log_cholesky.fit`` by cvxpy and Clarabel. Raises SpatialDynError where they are missing."""
+    """``log_cholesky.fit`` by cvxpy and Clarabel.
+
+    Raises  SpatialDynError where they are missing, IdentificationError where they find no optimum
+    """
     cvxpy = need_cvxpy()
     ten, basis = 10 * bodies, pseudo_inertia(np.eye(10))
     size = np.maximum(abs(start), 1e-3)  # of each column: numbers of one size converge
@@ -37,14 +42,21 @@ def fit(A: Array, z: Array, start: Array, bodies: int, bounded: NDArray[np.bool_
         P = 0.5 * (P + P.T)
         cost += 0.5 * weight * (cvxpy.trace(P) - cvxpy.log_det(P))
     problem = cvxpy.Problem(cvxpy.Minimize(cost), limits)
-    problem.solve(solver="CLARABEL")
-    if pi.value is None:
-        raise IdentificationError(f"the semidefinite program ended with {problem.status}, expected a solution")
+    try:
+        problem.solve(solver="CLARABEL")
+    except cvxpy.error.SolverError as error:
+        reason = str(error).partition("\n")[0].rstrip(".")
+        raise IdentificationError(f"the semidefinite program is not solved: {reason}; {INSTEAD}") from error
+    if pi.value is None or problem.status not in (OPTIMAL, NEARLY):
+        raise IdentificationError(
+            f'the semidefinite program ended with "{problem.status}", expected "{OPTIMAL}": {INSTEAD}'
+        )
+    notes = (f'the semidefinite program ended with "{NEARLY}": {INSTEAD}',) if problem.status == NEARLY else ()
     found = np.asarray(pi.value) * size
     found[ten:] = np.where(bounded, np.maximum(found[ten:], 0.0), found[ten:])
     held = bounded & (found[ten:] <= AT_BOUND * max(1.0, abs(found[ten:]).max(initial=0.0)))
     steps = int(problem.solver_stats.num_iters or 0)
-    return Consistent(found, float(problem.value), steps, held)
+    return Consistent(found, float(problem.value), steps, held, notes)
 
 
 def need_cvxpy() -> Any:
