@@ -18,6 +18,7 @@ from .unknowns import floats
 
 Array = NDArray[np.float64]
 TABLES = (".csv", ".parquet")
+GAP = 1.5  # median steps: in a longer one samples are missing
 JITTER = 0.01  # of a step: times that are less even are refused
 STUCK = 3  # samples in a row at the largest torque, equal to the bit: a saturated or clipped signal
 LEAST = 5  # samples
@@ -53,6 +54,7 @@ class Recording:
     a: Array | None = None
     wrenches: Mapping[str, Array] = field(default_factory=dict)
     dt: float = field(init=False)
+    _filled: tuple[str, ...] = field(init=False)  # a note where samples were missing
 
     def __init__(
         self, t: ArrayLike, q: ArrayLike, tau: ArrayLike, v: ArrayLike | None = None, a: ArrayLike | None = None,
@@ -78,6 +80,7 @@ class Recording:
         if not np.isfinite(when).all() or (steps <= 0.0).any():
             row = int(np.argmax(~np.isfinite(when))) if not np.isfinite(when).all() else int(np.argmax(steps <= 0)) + 1
             raise IdentificationError(f"t is {when[row]} in row {row}, expected times that increase")
+        filled: tuple[str, ...] = ()
         dt = float((when[-1] - when[0]) / (len(when) - 1))
         row = int(abs(steps - dt).argmax())
         if abs(steps[row] - dt) > JITTER * dt:
@@ -86,13 +89,14 @@ class Recording:
                     f"t has a step of {steps[row]:.6g} s in row {row} among steps of {dt:.6g} s, expected even ones: "
                     "resample=True puts them on a grid"
                 )
+            filled = _gaps(when)
             grid = when[0] + dt * np.arange(len(when))
             found = {name: _on_grid(when, x, grid) for name, x in found.items()}
             forces = {name: _on_grid(when, x, grid) for name, x in forces.items()}
             when = grid
         for x in (when, *found.values(), *forces.values()):
             x.flags.writeable = False
-        kept = {"t": when, "v": None, "a": None, **found, "wrenches": forces, "dt": dt}
+        kept = {"t": when, "v": None, "a": None, **found, "wrenches": forces, "dt": dt, "_filled": filled}
         for name, value in kept.items():
             object.__setattr__(self, name, value)
 
@@ -175,7 +179,7 @@ class Recording:
                 raise ShapeError(f'{name} has {x.shape[1]} columns, expected {wide[0]} of robot "{model.name}"')
         for name in self.wrenches:
             model.frame(name)
-        tau, notes = self.torques(model), []
+        tau, notes = self.torques(model), [*self._filled]
         for joint in model.joints[1:]:
             if joint.nv != 1:
                 continue
@@ -184,6 +188,11 @@ class Recording:
                 raise IdentificationError(
                     f'torque of joint "{joint.name}" is {x[0]:.6g} in every sample while it moves, expected a '
                     "measured one: it is saturated, or was not recorded"
+                )
+            if np.ptp(q) > 0.0 and not x.any():
+                notes.append(
+                    f'torque of joint "{joint.name}" is 0 in every sample while it moves: it has no drive, or its '
+                    "torque was not recorded"
                 )
             for extreme in (x.max(), x.min()):
                 at = int((x == extreme).sum())
@@ -207,6 +216,20 @@ def _longest_run(x: NDArray[np.bool_]) -> int:
     """The largest number of neighbours that are True."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], x, [False]]).astype(int)))
     return int((edges[1::2] - edges[::2]).max(initial=0))
+
+
+def _gaps(t: Array) -> tuple[str, ...]:
+    """A note on steps in which samples are missing; none without such."""
+    steps = np.diff(t)
+    usual, worst = float(np.median(steps)), int(steps.argmax())
+    count = int((steps > GAP * usual).sum())
+    if not count:
+        return ()
+    many = "a gap" if count == 1 else f"{count} gaps, the longest"
+    return (
+        f"t has {many} of {steps[worst]:.6g} s from {t[worst]:.6g} s on, among steps of {usual:.6g} s: filled by "
+        "straight lines",
+    )
 
 
 def _on_grid(t: Array, x: Array, grid: Array) -> Array:

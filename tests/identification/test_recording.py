@@ -33,6 +33,11 @@ def test_uneven_times_are_refused_or_put_on_a_grid() -> None:
     log = sd.Recording(t, t[:, None], t[:, None], resample=True)
     assert abs(log.q[:, 0] - log.t).max() < 1e-15  # a straight line stays one
     assert abs(np.diff(log.t) - log.dt).max() < 1e-15
+    model = sd.load_urdf("two_link")
+    assert not sd.Recording(t, Q, Q, resample=True).check(model)
+    left = np.delete(np.arange(51), [7, 20, 21, 22])
+    (note,) = sd.Recording(T[left], Q[left], Q[left], resample=True).check(model)
+    assert "t has 2 gaps, the longest of 0.08 s from 0.38 s on, among steps of 0.02 s: filled" in note
 
 
 def test_a_torque_that_is_one_number_or_stands_at_its_extreme_is_named() -> None:
@@ -41,6 +46,10 @@ def test_a_torque_that_is_one_number_or_stands_at_its_extreme_is_named() -> None
     tau[:, 1] = 3.0
     with pytest.raises(sd.IdentificationError, match='torque of joint "joint2" is 3 in every sample'):
         sd.Recording(T, Q, tau).check(model)
+    tau[:, 1] = 0.0
+    (note,) = sd.Recording(T, Q, tau).check(model)
+    assert 'torque of joint "joint2" is 0 in every sample while it moves' in note
+    assert not sd.Recording(T, Q * [1.0, 0.0], tau).check(model)  # at rest
     notes = sd.Recording(T, Q, np.minimum(Q, 0.6)).check(model)
     assert [x for x in notes if "joint1" in x and "saturated" in x]
     assert not sd.Recording(T, Q, Q).check(model)
