@@ -62,7 +62,12 @@ class Equations:
     """The equations of one recording, with a delay: the torque of time t acts at t + delay."""
 
     def __init__(self, recording: Recording, settings: Settings) -> None:
-        """Filter the motion; no row is made yet."""
+        """Filter the motion; no row is made yet. Raises IdentificationError for commanded torques."""
+        if recording._commanded:
+            raise IdentificationError(
+                "recording is of a run with motors, whose tau is the commanded torque, expected the torque that acted: "
+                "where the motors were within their limits, Recording(run.t, run.q, run.tau, run.v)"
+            )
         self.recording, self.settings = recording, settings
         model = settings.unknowns.model
         self.model = model

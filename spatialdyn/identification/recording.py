@@ -54,6 +54,7 @@ class Recording:
     a: Array | None = None
     wrenches: Mapping[str, Array] = field(default_factory=dict)
     dt: float = field(init=False)
+    _commanded: bool = field(init=False, default=False)  # torques that a motor was asked for
     _filled: tuple[str, ...] = field(init=False)  # a note where samples were missing
 
     def __init__(
@@ -110,10 +111,21 @@ class Recording:
 
     @classmethod
     def of(cls, run: Trajectory) -> Recording:
-        """The Recording of a simulation's samples. Its torques act until the next sample: ``hold="after"``."""
+        """The Recording of a simulation's samples, of its positions, velocities and torques.
+
+        For ``identify``, hold="after" is right where torques are held from sample to sample: a constant or a table, a
+        law with held=True, or what semi_implicit_euler and explicit_euler ask for once a step; and every step is
+        recorded (``record=1``), or the torque is one number between samples. A function or a law that rk4 and others
+        evaluate within a step has the torques of its times: hold=None. Forces of contacts, limits, constraints and
+        ``fext`` are no part of ``tau``, and of no equation of ``identify``.
+
+        With motors ``tau`` is the commanded torque, not what acted: ``requires`` replays it, ``identify`` refuses it.
+        """
         if not isinstance(run, Trajectory):
             raise IdentificationError(f"run is a {type(run).__name__}, expected a Trajectory")
-        return cls(run.t, run.q, run.tau, run.v)
+        made = cls(run.t, run.q, run.tau, run.v)
+        object.__setattr__(made, "_commanded", run.scene is not None and run.scene.motor is not None)
+        return made
 
     @classmethod
     def load(cls, path: Any, model: Model | None = None, *, resample: bool = False) -> Recording:

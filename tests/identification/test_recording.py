@@ -99,3 +99,12 @@ def test_a_simulation_is_a_recording() -> None:
     log = sd.Recording.of(run)
     assert np.array_equal(log.q, run.q)
     assert log.dt == pytest.approx(0.01)
+
+
+def test_commanded_torques_of_motors_are_no_measured_ones() -> None:
+    motor = sd.Motor([0.1, 0.1], [1.0, 1.0], [24.0, 24.0], 1.0, torque=[15.0, 15.0])
+    scene = sd.Scene(sd.load_urdf("two_link"), motor=motor)
+    tau = np.stack([40.0 * np.sin(3.0 * T), 20.0 * np.cos(5.0 * T)], 1)[1:]
+    log = sd.Recording.of(sd.simulate(scene, [0.5, -0.3], [0.0, 0.0], 1.0, 0.02, torque=tau))
+    with pytest.raises(sd.IdentificationError, match="run with motors, whose tau is the commanded torque"):
+        sd.identify(log, scene.model, hold="after")
