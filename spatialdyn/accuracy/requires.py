@@ -58,7 +58,7 @@ def requires(
     q0, v0     (nq,), (nv,)  the start [rad | m], [rad/s | m/s], around which samples scatter; or states (n, nq), (n,
                nv): every other one is used to choose, the rest to verify the choice
                q0 may be a Recording: its first state, its torques, each held until the next sample, and its duration,
-               or a shorter one; v0 and torque are left out then
+               or a shorter one; v0, torque and control are left out then
     duration   of the motion [s]
     tolerance  largest change of what is observed, against the whole scene
     torque     (nv,), or (steps, nv) each held over its step, of the whole robot [N m | N]; zero if left out
@@ -101,7 +101,7 @@ def requires(
     scene = scene_of(scene)
     model = scene.model
     if isinstance(q0, Recording):
-        q0, v0, duration, torque = _recorded(model, q0, v0, duration, torque)
+        q0, v0, duration, torque = _recorded(model, q0, v0, duration, torque, control)
     elif v0 is None or duration is None:
         raise SpatialDynError(f"{'v0' if v0 is None else 'duration'} is None, expected it where q0 is no Recording")
     within, seconds, count = checked_tolerance(tolerance), as_number(duration), as_count(samples, MOST)
@@ -289,12 +289,14 @@ def _torque(model: Model, torque: Any) -> Array | None:
 
 
 def _recorded(
-    model: Model, log: Recording, v0: Any, duration: float | None, torque: Any
+    model: Model, log: Recording, v0: Any, duration: float | None, torque: Any, control: Any
 ) -> tuple[Array, Array, float, Array]:
     """q0, v0, duration and torques of a recording. Raises SpatialDynError."""
     for name, given in (("v0", v0), ("torque", torque)):
         if given is not None:
             raise SpatialDynError(f"{name} was given, expected None beside a Recording, which has it")
+    if control is not None:
+        raise SpatialDynError("control was given, expected None beside a Recording, whose torques have the law's")
     log.check(model)
     motion = motion_of(log, model, None, False)
     whole = len(motion) - 1

@@ -70,7 +70,7 @@ def identify(
     cutoff      [Hz] of a filter without phase for positions whose derivatives were not measured; None for none
     v_min       a row in which a joint is slower has no part in what its dry friction is in [rad/s | m/s]
     payload     a frame: the ten parameters of a load there, the robot's own are known
-    bodies      names of joints whose bodies are unknown; all by default
+    bodies      names of joints whose bodies are unknown; all by default. With inertial parameters, without payload
     rows        "all", or "base": the six of a floating base, for measured ``wrenches``
     remove      take away base parameters with a deviation above this share of them, the worst first; None for none
 

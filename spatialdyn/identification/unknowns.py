@@ -104,6 +104,10 @@ def unknowns_of(model: Model, parameters: Any, payload: Any = None, bodies: Any 
     words = words_of(parameters)
     kinds = {*words} | ({"viscous", "coulomb"} if "friction" in words else set())
     made: list[Body] = []
+    if bodies is not None and payload is not None:
+        raise IdentificationError(f"bodies is {bodies!r}, expected None beside payload {payload!r}: theirs are known")
+    if bodies is not None and "inertial" not in words:
+        raise IdentificationError(f'bodies is {bodies!r}, expected None where parameters has no "inertial"')
     if payload is not None:
         frame = model.frame(payload)
         if not frame.joint:

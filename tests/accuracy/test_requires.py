@@ -63,6 +63,8 @@ def test_a_recording_is_a_motion() -> None:
     assert "friction" not in less.scene.acts
     with pytest.raises(sd.SpatialDynError, match="v0 was given"):
         sd.requires(scene, log, START[1])
+    with pytest.raises(sd.SpatialDynError, match="control was given"):
+        sd.requires(scene, log, control=sd.PD(1.0, 1.0, [0.0, 0.0]))
     with pytest.raises(sd.SpatialDynError, match="v0 is None"):
         sd.requires(scene, START[0])
 

@@ -328,6 +328,8 @@ def test_arguments_that_contradict_each_other_are_refused() -> None:
         ({"form": "torque", "hold": "after"}, "held torque"),
         ({"prior": 1.0}, "has none"),
         ({"rows": "base"}, "no floating base"),
+        ({"payload": "tip", "bodies": "joint1"}, "bodies is .*, expected None beside payload 'tip'"),
+        ({"parameters": "friction", "bodies": ["joint1"]}, r"bodies is .*joint1.*no \"inertial\""),
         ({"delay": np.nan}, "delay is nan"),
         ({"window": 0}, "window is 0"),
         ({"cutoff": 1e6}, "cutoff is 1e"),
