@@ -26,13 +26,13 @@ def add(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--acceleration", type=float, metavar="A", help="largest one (default: none)")
     parser.add_argument("--rate", type=float, default=100.0, metavar="HZ", help="of the samples (default: 100)")
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="of the random paths (default: 0)")
-    parser.add_argument("--save", metavar="FILE", help="write t, q, v and a to a CSV file")
+    parser.add_argument("--save", metavar="FILE", help="write t, q, v and a to a .csv file")
     parser.add_argument("--plot", metavar="FILE", help="draw q, v and a to a PNG, SVG, PDF, JPG or WebP file")
     parser.set_defaults(run=_run)
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    check_file("--save", arguments.save)
+    check_file("--save", arguments.save, (".csv",))
     check_plot(arguments.plot)
     if not 0.0 < arguments.rate < 1e6:
         raise SpatialDynError(f"--rate is {arguments.rate:g}, expected a number above 0, up to 1e6")

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import argparse
+import json
+import math
 import warnings
 from typing import Any
 
 from ..identification.equations import FORMS, HOLDS
-from ..identification.identified import COLUMNS, Identified
+from ..identification.identified import COLUMNS, Identified, Validation
 from ..identification.identify import METHODS, identify
 from ..identification.recording import Recording
 from ..identification.unknowns import DEFAULT, WORDS
@@ -34,36 +36,41 @@ def add(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--cutoff", type=float, metavar="HZ", help="of a filter for positions (default: none)")
     parser.add_argument("--v-min", type=float, default=0.0, metavar="V", help="slower rows are left out (default: 0)")
     parser.add_argument("--payload", metavar="FRAME", help="find the load on a frame, the robot being known")
-    parser.add_argument("--resample", action="store_true", help="put uneven times on an even grid")
+    parser.add_argument("--resample", action="store_true", help="put uneven times of the logs on an even grid")
     parser.add_argument("--validate", metavar="LOG", help="a log of another motion, to be predicted")
     parser.add_argument("--report", metavar="FILE", help="write one HTML page of it all, which needs no network")
-    parser.add_argument("--save", metavar="FILE", help="write the robot as a URDF")
+    parser.add_argument("--save", metavar="FILE", help="write the robot to a .urdf file")
     parser.add_argument("--json", action="store_true", help="print JSON")
     parser.set_defaults(run=_run)
 
 
 def _run(arguments: argparse.Namespace) -> int:
     check_report(arguments.report)
-    check_file("--save", arguments.save)
+    check_file("--save", arguments.save, (".urdf",))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         model = load(arguments)
         if arguments.lock:
             model = model.reduced(arguments.lock.split(","))
         log = Recording.load(arguments.log, model, resample=arguments.resample)
-        other = None if arguments.validate is None else Recording.load(arguments.validate, model)
+        again = arguments.validate
+        other = None if again is None else Recording.load(again, model, resample=arguments.resample)
         found = identify(
             log, model, arguments.method, arguments.parameters, form=arguments.form, hold=arguments.hold,
             delay=_delay(arguments.delay), window=arguments.window, cutoff=arguments.cutoff, v_min=arguments.v_min,
             payload=arguments.payload,
         )  # fmt: skip
+        judged = None if other is None else found.validate(other)
+        odd = () if other is None else other.check(model)
     if arguments.json:
-        print(found.to_json())
+        more = {} if judged is None else {"validation": {**_numbers(judged), "notes": list(odd)}}
+        print(json.dumps({**found.to_dict(), **more}, indent=2, ensure_ascii=False, allow_nan=False))
     else:
         _show(found)
-    if other is not None and not arguments.json:
-        judged = found.validate(other)
+    if judged is not None and not arguments.json:
         fold("another motion: rms of the torque " + ", ".join(f"{x:.3g}" for x in judged.ratio) + " times the noise")
+        for note in odd:
+            fold(f"note    another motion: {note}", first="")
     if arguments.save:
         text = to_urdf(found.model())
         with open(arguments.save, "w", encoding="utf-8") as file:
@@ -85,6 +92,12 @@ def _delay(text: str | None) -> Any:
         return float(text)
     except ValueError:
         return text
+
+
+def _numbers(judged: Validation) -> dict[str, list[float | None]]:
+    """What a Validation says of each freedom; None for what is not finite."""
+    arrays = {name: getattr(judged, name).tolist() for name in ("rms", "noise", "ratio", "share", "white")}
+    return {name: [x if math.isfinite(x) else None for x in values] for name, values in arrays.items()}
 
 
 def _show(found: Identified) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Sequence
 from pathlib import Path
 
 from ..calls.files import check_ending
@@ -36,10 +37,12 @@ def check_report(path: str | None) -> None:
     check_file("--report", path)
 
 
-def check_file(option: str, path: str | None) -> None:
-    """Raise SpatialDynError if the path is a directory or its folder is missing; None passes."""
+def check_file(option: str, path: str | None, endings: Sequence[str] = ()) -> None:
+    """Raise SpatialDynError for a directory, a missing folder, or another ending where some are given; None passes."""
     if path is None:
         return
+    if endings:
+        check_ending(option, path, endings)
     if Path(path).is_dir():
         raise SpatialDynError(f"{option} is {path!r}, a directory, expected the name of a file")
     if not Path(path).parent.is_dir():

@@ -29,7 +29,20 @@ def test_a_path_a_log_a_page_and_a_urdf(tmp_path: Path, capsys: Any) -> None:
     assert "times the noise" in out
     assert "<h2>Parameters</h2>" in Path(where["page.html"]).read_text(encoding="utf-8")
     np.testing.assert_allclose(sd.load_urdf(where["model.urdf"]).damping, 0.2, atol=0.01)
-    assert main([*words, "--json", "--method", "wls"]) == 0
-    assert json.loads(capsys.readouterr().out)["consistent"] is False
+    lines = Path(where["log.csv"]).read_text(encoding="utf-8").splitlines(keepends=True)
+    gap = tmp_path / "gap.csv"
+    gap.write_text("".join(lines[:50] + lines[60:]), encoding="utf-8")
+    judge = [*words, "--json", "--method", "wls", "--validate", str(gap)]
+    assert main(judge) == 2
+    assert "resample=True" in capsys.readouterr().err
+    assert main([*judge, "--resample"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["consistent"] is False
+    assert len(found["validation"]["ratio"]) == 2
+    assert any("t has a gap" in x for x in found["validation"]["notes"])
     assert main([*words, "--delay", "soon"]) == 2
     assert "delay is 'soon'" in capsys.readouterr().err
+    assert main([*words, "--save", str(tmp_path / "model.txt")]) == 2
+    assert "expected a name that ends in .urdf" in capsys.readouterr().err
+    assert main(["excite", "two_link", "--save", str(tmp_path / "path.txt")]) == 2
+    assert "expected a name that ends in .csv" in capsys.readouterr().err
