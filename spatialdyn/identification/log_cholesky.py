@@ -122,7 +122,10 @@ def fit(A: Array, z: Array, start: Array, bodies: int, bounded: NDArray[np.bool_
         calm = calm + 1 if cost - new <= SETTLED * (1.0 + cost) else 0
         U, x, pi, cost, damping = tried, y, moved, new, max(0.2 * damping, 1e-12)
     capped = calm < 3 and steps == STEPS
-    note = f"the search for consistent inertias stopped after {STEPS} steps, not settled: a larger prior= settles it"
+    note = (
+        f"the search for consistent inertias stopped after {STEPS} steps, not settled: what the recording does not "
+        "tell may be far off; torques without noise, as computed ones, do this: noise of a sensor's size settles it"
+    )
     return Consistent(pi, cost, steps, held, (note,) * capped)
 
 

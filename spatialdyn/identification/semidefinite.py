@@ -18,7 +18,10 @@ from .pseudo_inertia import pseudo_inertia
 Array = NDArray[np.float64]
 AT_BOUND = 1e-7  # of the largest linear parameter
 OPTIMAL, NEARLY = "optimal", "optimal_inaccurate"  # of cvxpy: what is accepted, the second with a note
-INSTEAD = 'method="log_cholesky" minimises the same cost without this solver, a larger prior= makes it easier'
+INSTEAD = (
+    'method="log_cholesky" minimises the same cost without this solver; torques without noise, as computed ones, weigh '
+    "too much for it: noise of a sensor's size in them makes it solvable"
+)
 
 
 def fit(A: Array, z: Array, start: Array, bodies: int, bounded: NDArray[np.bool_], weight: float) -> Consistent:
@@ -45,7 +48,7 @@ def fit(A: Array, z: Array, start: Array, bodies: int, bounded: NDArray[np.bool_
     try:
         problem.solve(solver="CLARABEL")
     except cvxpy.error.SolverError as error:
-        reason = str(error).partition("\n")[0].rstrip(".")
+        reason = str(error).partition(". ")[0].rstrip(".")  # what follows is advice on cvxpy's own options
         raise IdentificationError(f"the semidefinite program is not solved: {reason}; {INSTEAD}") from error
     if pi.value is None or problem.status not in (OPTIMAL, NEARLY):
         raise IdentificationError(
