@@ -238,7 +238,7 @@ def test_sums_of_sums_keep_every_law_and_limit(arm: sd.Model) -> None:
     mixed = (one.limited_by(small) + laws[0].limited_by(large)).limited_by(large)
     beside = np.clip(laws[0](arm, 0.0, q, v), -large, large)
     np.testing.assert_allclose(mixed(arm, 0.0, q, v), np.clip(inner + beside, -large, large), rtol=1e-14)
-    run = sd.rollout(arm, q, v, dt=1e-3, steps=2, control=mixed)
+    run = sd.rollout(arm, q, v, dt=1e-3, steps=2, control=mixed, method="rk4")
     assert (sd.simulate(arm, q, v, 2e-3, 1e-3, control=mixed).q[1:] == run.q).all()
 
 
