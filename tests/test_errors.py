@@ -31,6 +31,8 @@ def test_no_hint_installs_this_package_from_an_index() -> None:
     """It is on none: ``pip install "spatialdyn[plot]"`` fails."""
     named = {path.name for path in PACKAGE.rglob("*.py") if "spatialdyn[" in path.read_text(encoding="utf-8")}
     assert named == set()
+    pages = {path.name: path.read_text(encoding="utf-8") for path in PACKAGE.rglob("*.md")}
+    assert [name for name, text in pages.items() if re.search(r"pip install \"?spatialdyn", text)] == []
     hints = [
         (path.name, line.strip())
         for path in PACKAGE.rglob("*.py")

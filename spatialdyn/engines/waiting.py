@@ -30,7 +30,8 @@ class Watch:
     def __init__(self) -> None:
         self.tell: Callable[[str], None] = lambda text: None
         self.forget()
-        os.register_at_fork(after_in_child=self.forget)
+        if hasattr(os, "register_at_fork"):  # Windows has no fork
+            os.register_at_fork(after_in_child=self.forget)
 
     def forget(self) -> None:
         """Know of no work and of no thread, as after a fork."""

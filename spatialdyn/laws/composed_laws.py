@@ -83,10 +83,15 @@ def total(specs: tuple[Spec, ...], held: tuple[bool, ...]) -> tuple[Spec, list[d
     for spec in specs:
         for x in own_of(spec):
             count[x.name] = count.get(x.name, 0) + 1
-    names = [
-        {x.name: x.name if count[x.name] == 1 or x.name == CLOCK.name else f"{x.name}_{k}" for x in own_of(spec)}
-        for k, spec in enumerate(specs, 1)
-    ]
+    taken = {name for name, several in count.items() if several == 1 or name == CLOCK.name}
+    names: list[dict[str, str]] = []
+    for k, spec in enumerate(specs, 1):
+        named = {x.name: x.name for x in own_of(spec)}
+        for name in named.keys() - taken:
+            while named[name] in taken or named[name] == name:  # a part may be a sum, whose names have numbers already
+                named[name] += f"_{k}"
+        names.append(named)
+        taken |= {*named.values()}
     own: dict[str, Argument] = {}
     ends: dict[str, Argument] = {}
     for spec, named in zip(specs, names, strict=True):
@@ -109,21 +114,30 @@ def total(specs: tuple[Spec, ...], held: tuple[bool, ...]) -> tuple[Spec, list[d
     return _composed(name, recursion, inputs, ordered, specs, any(held)), names
 
 
+def unused(name: str, spec: Spec) -> str:
+    """A name that a law made of another gives to its own input: the other has none of that name."""
+    taken = {x.name for x in own_of(spec)}
+    while name in taken:
+        name = f"outer_{name}"
+    return name
+
+
 @lru_cache(maxsize=64)
 def limited(spec: Spec) -> Spec:
-    """A law within -limits to limits."""
+    """A law within -limits to limits, an input of the name ``unused``."""
     names = {x.name: x.name for x in own_of(spec)}
+    limits = unused(LIMITS.name, spec)
 
     def recursion(rows: Any, given: dict[str, Any], tau: Any, *parts: Any) -> None:
         torque, made = called(spec, rows, given, names, False)
-        most = given[LIMITS.name]
+        most = given[limits]
         for i, x in enumerate(torque):
             x = select(x - most[i], most[i], x)
             tau[i] = select(-most[i] - x, -most[i], x)
         for part, x in zip(parts, made.values(), strict=True):
             part[:] = x
 
-    own = (*own_of(spec), LIMITS)
+    own = (*own_of(spec), replace(LIMITS, name=limits))
     return _composed(f"limited_{spec.name}", recursion, own, ends_of(spec), (spec,))
 
 

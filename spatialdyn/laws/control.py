@@ -25,7 +25,7 @@ from ..errors import NonFiniteError, ShapeError, SimulationError
 from ..model.model import Model
 from ..recursions.joints.friction import DT
 from ..recursions.spec import TAU, Q, Spec, V
-from .composed_laws import CLOCK, LIMITS, PERIOD, limited, sampled, total
+from .composed_laws import CLOCK, LIMITS, PERIOD, limited, sampled, total, unused
 from .law_specs import OF_STEP, begun_of, check_parts, check_recordable, in_step, law_on, own_name, with_values
 
 Array = NDArray[Any]
@@ -122,7 +122,7 @@ class Control:
         most = as_array("limits", limits)
         if most.ndim != 1 or not (most > 0.0).all():
             raise SimulationError(f"limits is {most.tolist()}, expected (nv,) numbers above 0")
-        values = {**self.values, LIMITS.name: np.minimum(most, MOST)}
+        values = {**self.values, unused(LIMITS.name, self.spec): np.minimum(most, MOST)}
         made = Control.of(limited(self.spec), values, self.static, self.held, self.checks)
         made.smooth = self.smooth
         return made

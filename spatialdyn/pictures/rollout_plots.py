@@ -26,7 +26,10 @@ VEIL = 1.5  # opacities of many bands together: lines are seen through them
 
 def plot_rollout(found: Rollout, what: Any, joints: Any, sample: Any, ax: Any, path: Any) -> Figure:
     """``Rollout.plot``."""
-    (name,) = names_of(what, ("q", "v"))
+    names = names_of(what, ("q", "v"))
+    if len(names) != 1:
+        raise SpatialDynError(f"what is {what!r}, expected one of q, v, whose bands are drawn")
+    (name,) = names
     check_path(path)
     values = np.asarray(getattr(found, name))
     if found.t.ndim == 0:

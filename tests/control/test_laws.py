@@ -219,6 +219,29 @@ def test_a_law_with_a_period_is_taken_anew_once_in_it(arm: sd.Model) -> None:
     assert {"time_left_1", "time_left_2", "held_torque_1", "held_torque_2"} <= {*mixed.states} or len(mixed.states) == 4
 
 
+def test_sums_of_sums_keep_every_law_and_limit(arm: sd.Model) -> None:
+    """Their inputs have one name each: four laws of one kind, and limits within limits."""
+    q, v = np.full(N, 0.1), np.zeros(N)
+    laws = [sd.PD(k, 0.1 * k, np.full(N, 0.3 * k), held=False) for k in range(1, 6)]
+    wanted = sum(law(arm, 0.0, q, v) for law in laws)
+    one, first, last = laws[0], (laws[0] + laws[1]) + (laws[2] + laws[3]), laws[0] + (laws[1] + (laws[2] + laws[3]))
+    for law in laws[1:]:
+        one = one + law
+    np.testing.assert_allclose(one(arm, 0.0, q, v), wanted, rtol=1e-14)
+    for law in (first + laws[4], last + laws[4], laws[4] + first):
+        np.testing.assert_allclose(law(arm, 0.0, q, v), wanted, rtol=1e-14)
+
+    small, large = np.array([0.5, 1.0, 2.0]), np.full(N, 1.5)
+    inner, outer = np.clip(wanted, -small, small), np.clip(wanted, -large, large)
+    assert (one.limited_by(small).limited_by(large)(arm, 0.0, q, v) == np.clip(inner, -large, large)).all()
+    assert (one.limited_by(large).limited_by(small)(arm, 0.0, q, v) == np.clip(outer, -small, small)).all()
+    mixed = (one.limited_by(small) + laws[0].limited_by(large)).limited_by(large)
+    beside = np.clip(laws[0](arm, 0.0, q, v), -large, large)
+    np.testing.assert_allclose(mixed(arm, 0.0, q, v), np.clip(inner + beside, -large, large), rtol=1e-14)
+    run = sd.rollout(arm, q, v, dt=1e-3, steps=2, control=mixed, method="rk4")
+    assert (sd.simulate(arm, q, v, 2e-3, 1e-3, control=mixed).q[1:] == run.q).all()
+
+
 def test_limits_clip_the_sum(arm: sd.Model) -> None:
     most = np.array([3.0, np.inf, 0.5])
     law = sd.PD(100.0, 5.0, [1.0, 1.0, -1.0]) + sd.Gravity()

@@ -159,3 +159,17 @@ def test_a_fork_waits_for_a_lock_without_holding_another() -> None:
             x.join()
     assert one.acquire(blocking=False)
     assert two.acquire(blocking=False)
+
+
+def test_where_there_is_no_fork_the_package_is_imported() -> None:
+    """As on Windows: nothing is registered then."""
+    code = """
+import os
+for name in ("fork", "register_at_fork"):
+    if hasattr(os, name):
+        delattr(os, name)
+import spatialdyn as sd
+print(sd.rnea(sd.load_urdf("two_link"), [0.5, -0.3], [1.0, 2.0], [0.0, 0.0]).shape)
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.stdout.strip() == "(2,)", done.stderr

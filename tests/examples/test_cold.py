@@ -15,8 +15,8 @@ import spatialdyn
 from spatialdyn.examples import gallery
 
 MOST_SECONDS = 20.0  # of CPU, most of it LLVM's
-# of Numba: a solver's own loops, 14 to 20
-HEAVY = {"ilqr": 30.0}
+# of Numba: a solver's own loops, 14 to 20; table kernels of steps in Python, beside a function of torque, 20
+HEAVY = {"ilqr": 30.0, "pushed_while_standing": 45.0}
 SCRIPT = """
 import resource, subprocess, sys
 command = [sys.executable, "-m", f"spatialdyn.examples.{sys.argv[1]}"]

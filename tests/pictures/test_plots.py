@@ -332,6 +332,8 @@ def test_a_rollout_is_its_median_and_band() -> None:
             found.plot(sample=sample)
     with pytest.raises(SpatialDynError, match="expected some of q, v"):
         found.plot("tau")
+    with pytest.raises(SpatialDynError, match="expected one of q, v"):
+        found.plot(["q", "v"])
 
 
 def test_samples_that_are_not_finite_are_left_out_and_counted() -> None:
