@@ -433,16 +433,17 @@ def test_the_table_kernel_agrees_with_the_program_and_with_plain_python() -> Non
     spec = CONTACT_STEP
     (width,) = recording.shape_of(spec.output, model.bodies, (contacts.table,))
     program, kernel = np.empty((12, width)), np.empty((12, width))
-    for made, function in ((program, run.batch), (kernel, run._run_table_kernel)):
-        assert not len(function(spec, model, [q, v, tau, *rest], (contacts.table,), made).samples)
+    given = spec, model, [q, v, tau, *rest], (contacts.table,)
+    assert not len(run.batch(*given, program).samples)
+    assert not len(run._run_table_kernel(*given, kernel, None, None, True).samples)
     np.testing.assert_allclose(kernel, program, rtol=0.0, atol=1e4 * SAME)
     one = sd.contact_step(model, contacts, q[3], v[3], tau[3], DT)
     ahead, _ = in_first_axes(model, one.v, v[3], DT)
     np.testing.assert_allclose(ahead, program[3, : model.nv], rtol=0.0, atol=1e2 * SAME)
     python = np.empty(width)
-    given = {"q": q[3], "v": v[3], "tau": tau[3], "dt": DT, "contacts": contacts.table.rows}
-    given |= {"mu": contacts.friction, "restitution": contacts.restitution}
-    spec.run(model.bodies, np.zeros(model.nv + 1, spec.work), given, python)
+    named = {"q": q[3], "v": v[3], "tau": tau[3], "dt": DT, "contacts": contacts.table.rows}
+    named |= {"mu": contacts.friction, "restitution": contacts.restitution}
+    spec.run(model.bodies, np.zeros(model.nv + 1, spec.work), named, python)
     np.testing.assert_allclose(python, program[3], rtol=0.0, atol=1e4 * SAME)
 
 

@@ -89,6 +89,9 @@ def wanted(model: sd.Model, free: sd.Model, name: str, values: list[Array]) -> A
     M = whole("crba")
     if name == "minverse":
         return np.linalg.inv(M)
+    if name == "operational_space_inertia_inverse":
+        J = whole("frame_jacobian")
+        return J @ np.linalg.solve(M, J.T)
     if name in ("velocity_from_momentum", "hamiltonian", "hamilton_field"):
         v = np.linalg.solve(M, given["p"])
         if name == "velocity_from_momentum":
