@@ -122,14 +122,13 @@ def digest_of_function(function: Any) -> str:
     while isinstance(function, partial):
         held.append((function.args, sorted(function.keywords.items())))
         function = function.func
-    if not inspect.isfunction(function):
-        function_type = type(function)
-        held.append(getattr(function, "__dict__", {}))
-        source = _source(function_type)
-    else:
+    if inspect.isfunction(function):
         cells = [x.cell_contents for x in function.__closure__ or ()]
         held.append((function.__defaults__, function.__kwdefaults__, cells))
         source = _source(function)
+    else:
+        held.append(getattr(function, "__dict__", {}))
+        source = _source(type(function))
     try:
         values = pickle.dumps(held, 4)
     except Exception as error:

@@ -101,8 +101,10 @@ class Study:
     def _check(self) -> None:
         """Raise StudyError if the folder is of another study."""
         found = self._folder.manifest()
-        for name, ours in self._manifest.items() if found is not None else ():
-            theirs = None if found is None else found.get(name)
+        if found is None:
+            return
+        for name, ours in self._manifest.items():
+            theirs = found.get(name)
             if theirs != ours:
                 raise StudyError(
                     f"{self.folder} holds a study whose {name} is {theirs}, expected {ours}: choose another folder"
