@@ -53,8 +53,8 @@ class Adaptive(Law):
             raise ModelError(f'robot "{model.name}" has joints that mimic others, expected none for adaptive laws')
         if model.bodies["geared"].any() or model.bodies["coupled"].any():
             raise ModelError(f'robot "{model.name}" has rotors on moving links or differentials, expected none')
-        reference, n = _reference(path)
-        one, two = gain_of("rates", rates, n), gain_of("gain", gain, n)
+        reference, _ = _reference(path)
+        one, two = gain_of("rates", rates, model.nv), gain_of("gain", gain, model.nv)
         zone = as_number(deadzone)
         if not 0.0 <= zone < math.inf:
             raise SimulationError(f"deadzone is {deadzone!r}, expected 0 or more [rad/s]")

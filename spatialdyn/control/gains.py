@@ -20,6 +20,7 @@ from ..simulation.stiff_laws import joint_of_mode
 from .laws import StateFeedback
 
 Array = NDArray[np.float64]
+MARGIN = 1e-12  # of the largest entry of A: a pole nearer to the border of stability is on it
 DELTA = 1e-6  # of central differences of a step, whose errors are some 1e-10
 
 
@@ -119,8 +120,9 @@ def lqr(A: ArrayLike, B: ArrayLike, Q: ArrayLike, R: ArrayLike, *, discrete: boo
     Q (n, n), R (m, m)  symmetric, Q positive semidefinite, R positive definite
     discrete            whether A and B are those of a step
 
-    SciPy solves Riccati's equation. Raises  SpatialDynError naming the eigenvalue of Q or R, or for a system that no
-    feedback stabilizes; ShapeError; ImportError without SciPy
+    SciPy solves Riccati's equation. Raises  SpatialDynError naming the eigenvalue of Q or R, for a system that no
+    feedback stabilizes, or for a Q that leaves a mode unweighted which does not decay by itself; ShapeError;
+    ImportError without SciPy
 
     >>> import numpy as np, spatialdyn as sd
     >>> found = sd.lqr([[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], np.eye(2), [[1.0]])
@@ -133,10 +135,10 @@ def lqr(A: ArrayLike, B: ArrayLike, Q: ArrayLike, R: ArrayLike, *, discrete: boo
         raise ImportError(f"lqr needs SciPy: {pip_install('simulation')}") from error
     discrete = as_flag("discrete", discrete)
     a, b = as_array("A", A), as_array("B", B)
-    if a.ndim != 2 or a.shape[0] != a.shape[1]:
-        raise ShapeError(f"A has shape {a.shape}, expected (n, n)")
-    if b.ndim != 2 or len(b) != len(a):
-        raise ShapeError(f"B has shape {b.shape}, expected ({len(a)}, m)")
+    if a.ndim != 2 or a.shape[0] != a.shape[1] or not a.size:
+        raise ShapeError(f"A has shape {a.shape}, expected (n, n), n of 1 or more")
+    if b.ndim != 2 or len(b) != len(a) or not b.size:
+        raise ShapeError(f"B has shape {b.shape}, expected ({len(a)}, m), m of 1 or more")
     weights = []
     for name, value, size, strict in (("Q", Q, len(a), False), ("R", R, b.shape[1], True)):
         x = as_array(name, value)
@@ -159,7 +161,14 @@ def lqr(A: ArrayLike, B: ArrayLike, Q: ArrayLike, R: ArrayLike, *, discrete: boo
     except (np.linalg.LinAlgError, ValueError) as error:
         raise SpatialDynError(f"no feedback stabilizes A, B ({error}), expected a stabilizable system") from error
     K = np.linalg.solve(r + b.T @ P @ b, b.T @ P @ a) if discrete else np.linalg.solve(r, b.T @ P)
-    return LQR(K, P, np.linalg.eigvals(a - b @ K), discrete)
+    poles = np.linalg.eigvals(a - b @ K)
+    most = float(abs(poles).max() - 1.0 if discrete else poles.real.max())
+    if most > -MARGIN * max(1.0, float(abs(a).max())):
+        raise SpatialDynError(
+            f"Q leaves a mode unweighted that does not decay: the closed loop has the pole "
+            f"{poles[(abs(poles) if discrete else poles.real).argmax()]:.6g}, expected a Q that sees it"
+        )
+    return LQR(K, P, poles, discrete)
 
 
 class ClosedStep(NamedTuple):

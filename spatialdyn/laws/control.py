@@ -41,7 +41,7 @@ class Control:
             without the law's), dt (the step), its states, and others. A law that depends on time has a clock, a state
             whose rate is 1
     values  {name: array} of the others: of the input's shape, with an axis of steps before it, or in a rollout with
-            axes of samples and steps
+            axes of samples and steps; a number where the input is (nv,) stands for each freedom
     held    False: the law is evaluated wherever the method evaluates forces. True: it is evaluated at the beginning of
             a step and held over it, as by a digital controller. A period [s]: it is evaluated once in a period, at the
             nearest step, and held in between, as by a controller slower than the steps
@@ -67,6 +67,7 @@ class Control:
     """
 
     checks: tuple[Callable[[Model], None], ...] = ()  # of a model that the law meets
+    periods: tuple[str, ...] = ()  # names of the values that are periods of torques held over several steps
     smooth = False  # whether its torque is known to have derivatives, so that a closed step may be judged by them
 
     def __init__(self, spec: Spec, values: Mapping[str, Any] | None = None, held: bool | float = False) -> None:
@@ -93,8 +94,9 @@ class Control:
         """Keep how the torque is held: with a period, by a Spec that keeps it from step to step."""
         period = as_number(held)
         if not isinstance(held, (bool, np.bool_)) and 0.0 < period < math.inf:
-            self.spec, self.values = sampled(self.spec), {**self.values, PERIOD.name: np.array([period])}
-            held = False
+            name = unused(PERIOD.name, self.spec)
+            self.spec, self.values = sampled(self.spec), {**self.values, name: np.array([period])}
+            self.periods, held = (*self.periods, name), False
         elif not isinstance(held, (bool, np.bool_)):
             raise SimulationError(f"held is {held!r}, expected True, False or a period above 0 [s]")
         self.held = bool(held)
@@ -111,6 +113,7 @@ class Control:
         values = {named[x]: y for law, named in zip(laws, names, strict=True) for x, y in law.values.items()}
         made = Control.of(spec, values, self.static + other.static, False, self.checks + other.checks)
         made.smooth = self.smooth and other.smooth
+        made.periods = tuple(named[x] for law, named in zip(laws, names, strict=True) for x in law.periods)
         return made
 
     def limited_by(self, limits: ArrayLike) -> Control:
@@ -124,7 +127,7 @@ class Control:
             raise SimulationError(f"limits is {most.tolist()}, expected (nv,) numbers above 0")
         values = {**self.values, unused(LIMITS.name, self.spec): np.minimum(most, MOST)}
         made = Control.of(limited(self.spec), values, self.static, self.held, self.checks)
-        made.smooth = self.smooth
+        made.smooth, made.periods = self.smooth, self.periods
         return made
 
     def __call__(
@@ -201,7 +204,7 @@ class Control:
     def _deepest(self) -> int:
         """The most axes that a value has before those of its input."""
         sizes = {x.name: len(x.shape) for x in self.spec.present}
-        return max((x.ndim - sizes[name] for name, x in self.values.items()), default=0)
+        return max((x.ndim - sizes[name] for name, x in self.values.items() if x.ndim), default=0)
 
     @property
     def _given(self) -> list[str]:
@@ -210,8 +213,12 @@ class Control:
 
     def _cores(self, model: Model) -> list[tuple[Array, tuple[int, ...]]]:
         """The values, and the shapes of their inputs."""
-        spec = self.spec
-        return [(self.values[x.name], core_shape(model, x, self.static)) for x in spec.present if x.name in self.values]
+        found = []
+        for x in self.spec.present:
+            if x.name in self.values:
+                value, core = self.values[x.name], core_shape(model, x, self.static)
+                found.append((np.broadcast_to(value, core) if value.ndim == 0 and x.shape == ("nv",) else value, core))
+        return found
 
     def rows(self, model: Model, samples: int, steps: int) -> dict[str, Array]:
         """Values (samples or 1, steps or 1, columns) by the names of a step's inputs. Raises ShapeError, and
