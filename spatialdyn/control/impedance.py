@@ -79,8 +79,16 @@ class Impedance(Law):
         self.checks = (self._check,)
 
     def _check(self, model: Model) -> None:
-        if model != self.model:
-            raise ModelError(f'robot "{model.name}" is not "{self.model.name}", whose frame the law holds')
+        """Raise ModelError for a robot without the frame, or with it elsewhere; masses and gravity do not matter."""
+        if model is self.model:
+            return
+        name = f"{self.frame.kind}:{self.frame.name}"
+        (row, placement), mine = (frame_row_and_placement(x, name) for x in (model, self.model))
+        if model.nq != self.model.nq or row != mine[0] or (placement != mine[1]).any():
+            raise ModelError(
+                f'frame "{self.frame.name}" of robot "{model.name}" is on another body, or elsewhere on it, than that of '
+                f'"{self.model.name}", which the law holds'
+            )
 
 
 def cartesian_damping(Lambda: ArrayLike, K: ArrayLike, zeta: ArrayLike = 0.7) -> Array:
