@@ -86,8 +86,8 @@ class Impedance(Law):
         (row, placement), mine = (frame_row_and_placement(x, name) for x in (model, self.model))
         if model.nq != self.model.nq or row != mine[0] or (placement != mine[1]).any():
             raise ModelError(
-                f'frame "{self.frame.name}" of robot "{model.name}" is on another body, or elsewhere on it, than that of '
-                f'"{self.model.name}", which the law holds'
+                f'frame "{self.frame.name}" of robot "{model.name}" is on another body, or elsewhere on it, than in '
+                f'"{self.model.name}", of which the law holds it'
             )
 
 

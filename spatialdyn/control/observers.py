@@ -30,9 +30,9 @@ class MomentumObserver:
     dt     time between updates [s]
 
     ``update(q, v, tau)`` returns the residual (..., nv) [N m | N], with axes of samples if its arguments have some, in
-    all updates the same. It follows the external torque as a first-order filter, ṙ = K (τ_ext - r), to order 2 in dt, in every joint, floating
-    bases included. Everything that is neither in tau nor in the model appears in the residual: subtract friction and
-    motors' losses from tau.
+    all updates the same. It follows the external torque as a first-order filter, ṙ = K (τ_ext - r), to order 2 in dt,
+    in every joint, floating bases included. Everything that is neither in tau nor in the model appears in the residual:
+    subtract friction and motors' losses from tau.
     ``momentum_observer_step`` is one step as a function; ``kernel`` is for loops in ``@njit``, and
     ``sd.specialize(model, sd.momentum_observer_step).c_code()`` is C code.
 

@@ -25,7 +25,7 @@ from ..errors import NonFiniteError, ShapeError, SimulationError
 from ..model.model import Model
 from ..recursions.joints.friction import DT
 from ..recursions.spec import TAU, Q, Spec, V
-from .composed_laws import CLOCK, LIMITS, PERIOD, limited, sampled, total, unused
+from .composed_laws import CLOCK, HELD, LEFT, LIMITS, PERIOD, limited, sampled, total, unused
 from .law_specs import OF_STEP, begun_of, check_parts, check_recordable, in_step, law_on, own_name, with_values
 
 Array = NDArray[Any]
@@ -67,7 +67,8 @@ class Control:
     """
 
     checks: tuple[Callable[[Model], None], ...] = ()  # of a model that the law meets
-    periods: tuple[str, ...] = ()  # names of the values that are periods of torques held over several steps
+    # of each torque that is held for a period: the names of that value, of the time that is left, and of the torque
+    periods: tuple[tuple[str, ...], ...] = ()
     smooth = False  # whether its torque is known to have derivatives, so that a closed step may be judged by them
 
     def __init__(self, spec: Spec, values: Mapping[str, Any] | None = None, held: bool | float = False) -> None:
@@ -94,9 +95,9 @@ class Control:
         """Keep how the torque is held: with a period, by a Spec that keeps it from step to step."""
         period = as_number(held)
         if not isinstance(held, (bool, np.bool_)) and 0.0 < period < math.inf:
-            name = unused(PERIOD.name, self.spec)
-            self.spec, self.values = sampled(self.spec), {**self.values, name: np.array([period])}
-            self.periods, held = (*self.periods, name), False
+            names = tuple(unused(x.name, self.spec) for x in (PERIOD, LEFT, HELD))
+            self.spec, self.values = sampled(self.spec), {**self.values, names[0]: np.array([period])}
+            self.periods, held = (*self.periods, names), False
         elif not isinstance(held, (bool, np.bool_)):
             raise SimulationError(f"held is {held!r}, expected True, False or a period above 0 [s]")
         self.held = bool(held)
@@ -113,7 +114,8 @@ class Control:
         values = {named[x]: y for law, named in zip(laws, names, strict=True) for x, y in law.values.items()}
         made = Control.of(spec, values, self.static + other.static, False, self.checks + other.checks)
         made.smooth = self.smooth and other.smooth
-        made.periods = tuple(named[x] for law, named in zip(laws, names, strict=True) for x in law.periods)
+        both = zip(laws, names, strict=True)
+        made.periods = tuple(tuple(named[x] for x in period) for law, named in both for period in law.periods)
         return made
 
     def limited_by(self, limits: ArrayLike) -> Control:

@@ -167,9 +167,8 @@ class FrameTask(Task):
             raise ShapeError(f'target of task "{self.name}" has shape {x.shape}, expected {wanted}')
         if self.reference == "world":
             raise SpatialDynError(f'task "{self.name}" has a target and reference "world", expected an acceleration')
-        if pose:
-            if fault := pose_fault(x):
-                raise SpatialDynError(f'target of task "{self.name}" has {fault}')
+        if pose and (fault := pose_fault(x)):
+            raise SpatialDynError(f'target of task "{self.name}" has {fault}')
 
     def check(self, model: Model) -> None:
         """Raise ModelError if there is no such frame."""

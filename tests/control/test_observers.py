@@ -142,7 +142,7 @@ def test_all_updates_of_an_observer_are_of_the_same_samples() -> None:
     for first, then in (((), (3,)), ((3,), ()), ((3,), (2,))):
         observer = sd.MomentumObserver(model, 10.0, 0.01)
         before = observer.update(*np.zeros((3, *first, 2)))
-        with pytest.raises(sd.ShapeError, match="have axes of samples .* expected those of the updates before"):
+        with pytest.raises(sd.ShapeError, match=r"have axes of samples .* expected those of the updates before"):
             observer.update(*np.ones((3, *then, 2)))
         assert observer.update(*np.zeros((3, *first, 2))).shape == before.shape
         observer.reset()
