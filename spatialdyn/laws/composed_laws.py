@@ -161,8 +161,9 @@ def sampled(spec: Spec) -> Spec:
             tau[i] = select(due, x, given[held.name][i])
         *own, left_after, held_after = parts
         for part, at_end, (name, x), y in zip(own, moved, early.items(), now.values(), strict=True):
+            before = np.reshape(given[name], -1)
             for i in range(len(part)):
-                part[i] = select(due, x[i], given[name][i]) if at_end else y[i]
+                part[i] = select(due, x[i], before[i]) if at_end else y[i]
         left_after[0] = select(due, left + given[period.name][0], left) - h
         held_after[:] = tau
 
