@@ -16,7 +16,7 @@ from ..calls.arguments import as_array, as_word
 from ..calls.dynamics import calls
 from ..errors import NonFiniteError, ShapeError, SimulationError
 from ..laws.control import Control
-from ..laws.law_specs import RATE, evaluated, in_step, with_values
+from ..laws.law_specs import RATE, evaluated, in_step, kept, with_values
 from ..model.model import Model
 from ..recursions.control.control_laws import GRAVITY, STATE_FEEDBACK, law_spec
 from ..recursions.control.paths import CLOCK
@@ -37,7 +37,8 @@ class Law(Control):
         """Of the Spec of a law, its gains by name, and a Path, or arrays q_ref, v_ref and a_ref by name."""
         if isinstance(reference, Path):
             self.path = reference
-            spec, values, self.static = following(core, reference.spec), {**gains, **reference.rows}, ()
+            own = {name: kept(x) for name, x in gains.items()}
+            spec, values, self.static = following(core, reference.spec), {**own, **reference.rows}, ()
             self.checks = (reference.check_model,)
         else:
             given = {**gains, **{name: x for name, x in reference.items() if x is not None}}

@@ -475,3 +475,21 @@ def test_a_period_does_not_hide_an_input_of_its_name(arm: sd.Model) -> None:
     assert (law(arm, 0.0, np.zeros(N), np.zeros(N)) == 3.0).all()
     twice = sd.rollout(arm, np.zeros(N), np.zeros(N), dt=0.01, steps=4, control=law)
     assert set(twice.states) == {"time_left", "held_torque"}
+
+
+def test_a_law_keeps_copies_of_its_values(arm: sd.Model) -> None:
+    """What is kept between calls is of its values as they are."""
+    kp, goal, q, v = np.full(N, 4.0), np.full(N, 0.5), np.zeros(N), np.zeros(N)
+    law = sd.PD(kp, 1.0, goal)
+    before = law(arm, 0.0, q, v)
+    kp[:], goal[:] = 0.0, 0.0
+    assert (law(arm, 0.0, q, v) == before).all()
+    with pytest.raises(ValueError, match="read-only"):
+        law.values["q_ref"][0] = 1.0
+    law.values["q_ref"] = np.ones(N)  # which may be written to
+    assert (law(arm, 0.0, q, v) == 2.0 * before).all()
+    law.values["q_ref"][:] = 0.0
+    assert not law(arm, 0.0, q, v).any()
+    other = sd.ModelBuilder("rod").add_body("rod", None, axis=(0, 0, 1)).build()
+    with pytest.raises(sd.ShapeError, match=r"has shape \(3,\), expected \(1,\)"):
+        law(other, 0.0, [0.0], [0.0])
