@@ -265,7 +265,8 @@ def spline(
     limits  whether a path beyond the position or velocity limits of the model is an error: here, or without one in the
             call or run of a law that follows it
 
-    Displacements are those from the first point, where rotations may turn by 3 rad.
+    Displacements are those from the first point, where rotations may turn by 3 rad. At its ends a path that rests jumps
+    in acceleration, a natural one in velocity: runs past them are of order 1 in dt there, as of ``trapezoid``.
     Raises  ShapeError, SpatialDynError
     Source  de Boor, A Practical Guide to Splines (2001), ch. IV.
 
@@ -341,7 +342,8 @@ def trapezoid(
     v_max, a_max  numbers or (nv,)  largest velocities and accelerations, above 0
     model, limits as in ``spline``
 
-    Accelerations jump: in a step with a jump, a method of order 4 has order 1 or 2.
+    Accelerations jump at the corners. A law that feeds them forward is of order 4 by rk4 in between, but a step that
+    has or meets a jump leaves an error of order 1 in dt, which the gains let decay; ``quintic`` has no jumps.
 
     >>> import spatialdyn as sd
     >>> path = sd.trapezoid([0.0, 0.0], [1.0, 0.2], 0.5, 1.0)
