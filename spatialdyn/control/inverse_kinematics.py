@@ -245,7 +245,7 @@ class _Attempts(NamedTuple):
 
     def some(self, chosen: NDArray[Any]) -> _Attempts:
         """Those chosen, by a mask or by indices."""
-        at = np.flatnonzero(chosen) if chosen.dtype == np.bool_ else chosen
+        at: NDArray[Any] = np.flatnonzero(chosen) if chosen.dtype == np.bool_ else chosen
         return _Attempts(*(x[at] for x in self))
 
     def beside(self, other: _Attempts) -> _Attempts:
