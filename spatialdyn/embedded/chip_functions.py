@@ -27,7 +27,7 @@ PRELUDE = """\
 #if defined(__clang__)
 #pragma STDC FP_CONTRACT OFF
 #elif defined(__GNUC__)
-#pragma GCC optimize("fp-contract=off", "no-math-errno")
+#pragma GCC optimize("fp-contract=off")
 #endif
 
 /* SD_FUSED: whether the processor rounds a * b + c once. Results are then those of a computer that does, to the bit. */
@@ -226,7 +226,8 @@ def _words(kind: str) -> dict[str, str]:
         "kind": kind, "s": "" if wide else "f", "bits": str(bits), "bytes": str(bits // 8), "arm": "8" if wide else "4",
         "fast": "__FP_FAST_FMA" if wide else "__FP_FAST_FMAF", "one": show(1.0), "most": show(MAX_ANGLE),
         "two_over_pi": show(2.0 / math.pi), "magic": show(MAGIC[kind]), "top": str(bits - 2),
-        "sign": f"({cast}1 << {bits - 1})", "large": show(large), "small": _positive(show(small)), "least": _positive(show(least)),
+        "sign": f"({cast}1 << {bits - 1})", "large": show(large), "small": _positive(show(small)),
+        "least": _positive(show(least)),
         "count": str(len(parts)), "parts": ", ".join(map(show, parts)), "last": show(last),
         "sine_last": show(SINE[kind][-1]), "sine_rest": horner("p", "z", SINE[kind][:-1]),
         "cosine_last": show(COSINE[kind][-1]), "cosine_rest": horner("c", "z", (-0.5, *COSINE[kind][:-1])),

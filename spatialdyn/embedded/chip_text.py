@@ -9,19 +9,37 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
 
 from ..engines.programs.record.operations import (
-    ABS, AGAIN, ATAN2, CARRIED, CONST, COS, EXP, FMA, FMS, FNMA, FORMS, INPUT, NEXT, REPEAT, SELECT, SIN, SQRT, UFP,
-    Operation, signed,
+    ABS,
+    AGAIN,
+    ATAN2,
+    CARRIED,
+    CONST,
+    COS,
+    EXP,
+    FMA,
+    FMS,
+    FNMA,
+    FORMS,
+    INPUT,
+    NEXT,
+    REPEAT,
+    SELECT,
+    SIN,
+    SQRT,
+    UFP,
+    Operation,
+    signed,
 )  # fmt: skip
 from ..engines.programs.record.program import Program
 from ..engines.programs.transform.source_code import Shapes, SourceText
 
-ON_CHIP: Mapping[int, str] = {  # + - * / are as in ``c_code``
+ON_CHIP: dict[int, str] = {  # + - * / are as in ``c_code``
     FMA: "SD_FMA({a}, {b}, {c})", FMS: "SD_FMA({a}, {b}, -({c}))", FNMA: "SD_FMA(-({a}), {b}, {c})",
     SQRT: "SD_SQRT({a})", SIN: "sd_sin({a}, &bad)", COS: "sd_cos({a}, &bad)", EXP: "sd_exp({a})",
     ATAN2: "sd_atan2({a}, {b})", SELECT: "{a} > 0 ? {b} : {c}", ABS: "SD_ABS({a})", UFP: "sd_first_place({a})",

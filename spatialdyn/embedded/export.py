@@ -29,7 +29,7 @@ def export(
     name: str = "robot",
     dtype: DTypeLike = np.float64,
 ) -> tuple[Path, ...]:
-    """C for a controller's chip: calls, control laws and steps as one C99 file that allocates nothing and calls nothing.
+    """C for a controller's chip: calls, control laws and steps as one C99 file that allocates nothing.
 
     scene      Model, or for steps a Scene
     functions  {name of a function: what it computes}: a public call such as ``sd.rnea``, or several; what
@@ -48,7 +48,8 @@ def export(
     Arduino library. Names are those given, and of arrays: none of the robot's.
 
     Every function ``int NAME_torque(const double q[6], ..., double tau[6])`` returns 0, or 1 where its results are no
-    answer: an angle above 1e5 rad, a result that is not finite. Where the processor has fused multiply-add, or with
+    answer: an angle above 1e5 rad, a result that is not finite; quaternions are taken as given. Of the C library only
+    sqrt is called, and only without ``-fno-math-errno``. Where the processor has fused multiply-add, or with
     ``-mfma``, results are those of this library to the bit, else to rounding. In float there is no detour over float64
     as ``specialize`` makes it: numbers have to stay within its range. Loops and branches of steps in contact are loops
     and branches in C.
@@ -71,7 +72,7 @@ def export(
     if not isinstance(functions, Mapping) or not functions:
         raise SpatialDynError(f"functions is {functions!r}, expected a dict such as {{'torque': sd.rnea}}")
     if {"check", "is_fused"} & set(functions):
-        raise SpatialDynError("functions have check or is_fused, expected other names: the export has functions of these")
+        raise SpatialDynError("functions have check or is_fused, expected other names: the files have those")
     try:
         root = Path(folder)
     except TypeError:

@@ -39,17 +39,16 @@ Array = NDArray[Any]
 LAWS = ("pd", "pd_gravity", "pd_plus", "computed_torque", "passivity_based", "cosine_shaping")
 CASES = 3  # recorded answers of a function
 DRAWS = 64  # samples of which those are chosen
-OTHER_WORDS = frozenset(
+OTHER_WORDS = frozenset(  # of C++ and Rust, and of Arduino's sketches, that are none of C
     """
     and and_eq asm bitand bitor catch char8_t char16_t char32_t class co_await co_return co_yield compl concept
     consteval constinit const_cast decltype delete dynamic_cast explicit export friend import module mutable namespace
     new noexcept not not_eq operator or or_eq private protected public reinterpret_cast requires static_cast template
     this throw try typeid typename using virtual wchar_t xor xor_eq std
     abstract as async await become box crate dyn final fn gen impl in let loop macro match mod move override priv pub
-    ref self Self super trait type unsafe unsized use where yield
-    setup loop Serial
-    """.split()
-)  # words of C++ and Rust, and of Arduino's sketches, that are none of C
+    ref self Self super trait type unsafe unsized use where yield setup Serial
+    """.split()  # noqa: SIM905 - a list of words
+)
 MACROS = ("NULL", "EOF", "assert", "errno", "offsetof", "stdin", "stdout", "stderr")
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 
@@ -96,10 +95,10 @@ def functions_of(scene: Model | Scene, wanted: Mapping[str, Any], dtype: Any) ->
         check_name("name of a function", name)
         try:
             k, outputs = _program_of(scene, what, dtype)
+            made.append(_function(name, k, outputs))
         except SpatialDynError as error:
             error.args = (f"{name}: {error.args[0]}", *error.args[1:])
             raise
-        made.append(_function(name, k, outputs))
     return made
 
 
@@ -168,7 +167,7 @@ def _function(name: str, k: Specialized, parts: Shapes | None) -> Function:
     for x in (*inputs, *outputs):
         _check_array(x)
     units = {x.name: x.unit for x in request.arguments} | {spec.output.name: spec.output.unit for spec in request.specs}
-    given, answers = _recorded(name, k)
+    given, answers = _recorded(k)
     if parts is not None and len(answers[0]) != len(program.outputs):
         kept = [at for x, at in _places(parts).items() if x in outputs or f"{x}_next" in outputs]
         answers = np.concatenate([answers[:, at] for at in kept], 1)
@@ -191,7 +190,7 @@ def _without(program: Program, outputs: dict[str, tuple[int, ...]], name: str) -
     return program.only(k for k in range(len(program.outputs)) if not at.start <= k < at.stop)
 
 
-def _recorded(name: str, k: Specialized) -> tuple[Array, Array]:
+def _recorded(k: Specialized) -> tuple[Array, Array]:
     """States and answers of the compiled program in its own dtype. Raises SpatialDynError."""
     request, rng = k._request, np.random.default_rng(0)
     given: list[Array] = []
@@ -204,7 +203,7 @@ def _recorded(name: str, k: Specialized) -> tuple[Array, Array]:
             answers.append(np.concatenate([x.ravel() for x in found]))
         if len(given) == CASES:
             return np.stack(given), np.stack(answers)
-    raise SpatialDynError(f"{name}: {DRAWS} random states have {len(given)} answers, expected {CASES} to check")
+    raise SpatialDynError(f"{DRAWS} random states have {len(given)} answers, expected {CASES} to check")
 
 
 def _drawn(request: SpecializeRequest, x: Any, rng: np.random.Generator) -> Array:

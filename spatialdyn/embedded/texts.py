@@ -39,9 +39,9 @@ def header(name: str, functions: Sequence[Function], kind: str) -> str:
     """The declarations, with the units of arrays."""
     lines = [
         f"/* {MARK}: rigid-body dynamics in {kind}, without allocation. */",
-        "/* Each function returns 0, or 1 where its results are no answer: an angle above 1e5 rad, a result that is */",
-        "/* not finite, as of a joint without inertia. Arrays are in C order, coordinates in the order of the model's */",
-        "/* joints; an output may be an input's array. */",
+        "/* Each function returns 0, or 1 where its results are no answer: an angle above 1e5 rad, a result that */",
+        "/* is not finite, as of a joint without inertia. Arrays are in C order, coordinates in the order of the */",
+        "/* model's joints; an output may be an input's array. */",
         f"#ifndef {name.upper()}_H", f"#define {name.upper()}_H", "#ifdef __cplusplus", 'extern "C" {', "#endif", "",
     ]  # fmt: skip
     for x in functions:
