@@ -193,6 +193,8 @@ def _without(program: Program, outputs: dict[str, tuple[int, ...]], name: str) -
 def _recorded(k: Specialized) -> tuple[Array, Array]:
     """States and answers of the compiled program in its own dtype. Raises SpatialDynError."""
     request, rng = k._request, np.random.default_rng(0)
+    if not k._inputs:
+        raise SpatialDynError("the result is a constant, expected a call of some input")
     given: list[Array] = []
     answers: list[Array] = []
     for _ in range(DRAWS):

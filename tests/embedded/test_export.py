@@ -99,6 +99,7 @@ def _doubled(bodies: Any, x: Any, tau: Any) -> None:
         tau[i] = x[i] + x[i]
 
 
+CLASS = Argument("class", ("nv",), "", "")
 SIX = Spec("six", _functions, None, (Q, V), TAU, "", "", parts=(TAU,))
 
 
