@@ -318,6 +318,7 @@ def test_what_has_no_program_is_named(tmp_path: Path) -> None:
             Spec("odd", _doubled, None, (Argument("class", ("nv",), "", ""),), TAU, "", ""),
             "root: an array is named 'class'",
         ),
+        (sd.neutral, "root: the result is a constant"),
     ):
         with pytest.raises(sd.SpatialDynError, match=said):
             sd.export(model, {"root": what}, tmp_path)
