@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import re
 import shutil
 import struct
 import subprocess
@@ -30,7 +31,15 @@ import chips
 HERE, PAGE = Path(__file__).with_suffix(".json"), blocks.PAGES / "platforms.md"
 ROBOTS = ("two_link", "ur5", "panda")
 CALLS: dict[str, Any] = {"rnea": sd.rnea, "aba": sd.aba, "computed_torque": "computed_torque"}
-OPTIONS = ("-O2", "-std=c99", "-Isrc", "-ffreestanding", "-fno-math-errno", "-fno-sanitize=all", "-fstack-usage")
+OPTIONS = (
+    "-O2",
+    "-std=c99",
+    "-Isrc",
+    "-ffreestanding",
+    "-fno-math-errno",
+    "-fno-sanitize=all",
+    "-Wframe-larger-than=1",
+)
 ALLOCATED, WRITTEN, NOBITS = 2, 1, 8  # of sections of an object file
 
 
@@ -56,16 +65,12 @@ def measured(robot: str, call: str, chip: str, kind: str, folder: Path) -> dict[
     cpu = chips.CHIPS[chip]
     sd.export(sd.load_urdf(robot), {call: CALLS[call]}, folder, dtype=np.dtype(kind))
     target = ("-target", cpu.target, f"-mcpu={cpu.cpu}")
-    chips.zig(*target, *OPTIONS, "-c", "src/robot.c", "-o", "robot.o", folder=folder)
-    stack = next(iter([*folder.glob("*.su"), *(folder / "src").glob("*.su")]), None)
-    used = (
-        [int(line.split("\t")[1]) for line in stack.read_text().splitlines() if f"robot_{call}" in line]
-        if stack
-        else []
-    )
+    words = [sys.executable, "-m", "ziglang", "cc", *target, *OPTIONS, "-c", "src/robot.c", "-o", "robot.o"]
+    said = subprocess.run(words, cwd=folder, check=True, capture_output=True, text=True).stderr
+    frames = re.findall(rf"stack frame size \((\d+)\) exceeds limit \(\d+\) in 'robot_{call}'", said)
     status = chips.compiled_for(cpu, folder)
     ran = {None: "not run", chips.RIGHT: "all bits"}.get(status, f"ended with {status}")
-    return {**sizes(folder / "robot.o"), "stack": max(used, default=None), "check": ran}
+    return {**sizes(folder / "robot.o"), "stack": int(frames[0]) if frames else 0, "check": ran}
 
 
 def page(found: list[dict[str, Any]]) -> str:
@@ -75,23 +80,23 @@ def page(found: list[dict[str, Any]]) -> str:
         "This page is written by `benchmarks/chips.py`. What is checked is checked by a test or a script of the "
         "repository, which is named; what is not is listed.", "",
         "## Python and NumPy", "",
-        "* CI's matrix is Python 3.10 to 3.14 on Linux, macOS and Windows, 3.14 without the GIL on Linux, and the oldest "
-        "NumPy (1.26), Numba and yourdfpy with Python 3.10.",
-        "* `python benchmarks/versions.py` runs README's first answer and some tests on every interpreter that is on the "
-        "machine, with the newest and the oldest dependencies, and names those that are not there.",
-        "* Without the GIL the compiled builtins are not used: calls fall back to the Python face, answers are the same.",
+        "* CI's matrix is Python 3.10 to 3.14 on Linux, macOS and Windows, 3.14 without the GIL on Linux, and the "
+        "oldest NumPy (1.26), Numba and yourdfpy with Python 3.10.",
+        "* `python benchmarks/versions.py` runs README's first answer and some tests on every interpreter that is on "
+        "the machine, with the newest and the oldest dependencies, and names those that are not there.",
+        "* Without the GIL the compiled builtins are not used: Python checks arguments, and answers are the same.",
         "", "## Processors", "",
-        "* Programs use vectors of SSE2, AVX2 or AVX-512, or of NEON. `tests/engines/compiled/test_target.py` makes code "
-        "for each that the processor has: AVX2 and AVX-512 agree to the bit, and so does any processor with fused "
+        "* Programs use vectors of SSE2, AVX2 or AVX-512, or of NEON. `tests/engines/compiled/test_target.py` makes "
+        "code for each that the processor has: AVX2 and AVX-512 agree to the bit, and so does any processor with fused "
         "multiply-add. SSE2 has none: it agrees to rounding, and a study's manifest refuses to mix the two.",
         "* Numba's settings choose for all code, as for machines that share a cache or that are to agree:", "",
     ]  # fmt: skip
     lines += ["  `NUMBA_CPU_NAME=x86-64-v3 NUMBA_CPU_FEATURES=+avx2,+fma python script.py`", ""]
     lines += [
         "## Chips", "",
-        "Exported C ([C code for a controller](cookbook/c_code.md)), each call alone, by clang with -O2, in bytes of code "
-        "and constants, and of stack. `data` and `bss` are 0 for all: there is no static memory. \"All bits\": its check "
-        "ran under QEMU and found every recorded answer to the bit.", "",
+        "Exported C ([C code for a controller](cookbook/c_code.md)), each call alone, by clang with -O2, in bytes of "
+        "code and constants, and of stack. `data` and `bss` are 0 for all: nothing is kept between calls. \"All "
+        "bits\": its check ran under QEMU and found every recorded answer to the bit.", "",
     ]  # fmt: skip
     head = ["robot", "call", "type", *(f"{c}: {what}" for c in chips.CHIPS for what in ("text", "stack", "check"))]
     rows = []
@@ -106,13 +111,13 @@ def page(found: list[dict[str, Any]]) -> str:
                         if [y[z] for z in ("robot", "call", "chip", "kind")] == [robot, call, chip, kind]
                     )
                     assert x["data"] == x["bss"] == 0
-                    cells += [str(x["text"]), "" if x["stack"] is None else str(x["stack"]), x["check"]]
+                    cells += [str(x["text"]), str(x["stack"]), x["check"]]
                 rows.append(cells)
     lines += ["| " + " | ".join(x) + " |" for x in [head, ["---"] * len(head), *rows]]
     lines += [
         "", "## Not checked", "",
-        "* Exported code on a real board, by the compilers of Arduino and ESP-IDF, and by MSVC: the layouts follow their "
-        "documents.",
+        "* Exported code on a real board, by the compilers of Arduino and ESP-IDF, and by MSVC: the layouts follow "
+        "their documents.",
         "* The times of exported code on a chip: QEMU counts none.",
         "* Processors without fused multiply-add other than by forcing SSE2; 32-bit hosts; big-endian machines.",
         "* Windows on ARM and macOS on Intel: wheels of the dependencies exist for the first, nothing ran.",
