@@ -169,6 +169,21 @@ def test_a_step_may_write_over_its_state(tmp_path: Path) -> None:
         np.testing.assert_allclose(x, y, rtol=0.0, atol=1e-14)
 
 
+@COMPILER
+def test_a_laws_gains_and_paths_are_constants_and_its_clock_an_input(tmp_path: Path) -> None:
+    model, law = sd.load_urdf("two_link"), path_law()
+    sd.export(model, {"follow": law}, tmp_path)
+    assert (
+        "(const double q[2], const double v[2], const double clock[1], double tau[2])"
+        in (tmp_path / "src" / "robot.h").read_text()
+    )
+    function, tau = library(tmp_path, *FUSED).robot_follow, np.zeros(2)
+    q, v = np.array([0.3, -0.2]), np.array([0.5, 0.1])
+    for t in (0.0, 0.7, 1.9, 5.0):
+        assert call(function, q, v, np.array([t]), tau) == 0
+        np.testing.assert_allclose(tau, law(model, t, q, v), rtol=0.0, atol=1e-12)
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_numbers_are_read_back_to_the_bit(kind: str) -> None:
     dtype = KINDS[kind]
