@@ -65,7 +65,7 @@ def identify(
                 first where accelerations were measured and torques are not held
     hold        "after": a torque acts from its sample to the next one, as a controller's does; "before": up to its
                 sample; None: it is that of its time
-    delay       the torque of time t acts at t + delay [s]; True fits it
+    delay       the torque of time t acts at t + delay [s]; True fits it. Wrenches have none
     window      rows that are averaged, of motion and torque alike: less noise of velocities, fewer equations
     cutoff      [Hz] of a filter without phase for positions whose derivatives were not measured; None for none
     v_min       a row in which a joint is slower has no part in what its dry friction is in [rad/s | m/s]
@@ -73,6 +73,9 @@ def identify(
     bodies      names of joints whose bodies are unknown; all by default. With inertial parameters, without payload
     rows        "all", or "base": the six of a floating base, for measured ``wrenches``
     remove      take away base parameters with a deviation above this share of them, the worst first; None for none
+
+    Noise of a freedom counts as 1e-6 of its torque at least: exact torques, as computed ones, are fitted by every method,
+    with intervals of that size.
 
     Returns Identified: ``print`` shows it; ``model()``, ``scene()``, ``validate(recording)``, ``report(path)``.
     Raises  IdentificationError with a table of what the recording does not tell, for too few samples, a torque that
@@ -128,6 +131,9 @@ def identify(
         if not fixed:
             factors = added(factors, factors_of(one.rows(late), base.columns))
     extra = 0
+    shows = any(bool(one.torques[:, : settings.freedoms].any()) for one in kept)
+    if fixed and not shows:
+        _refuse("delay", delay, "a number of seconds: the torques of these rows are all 0, wrenches have no delay")
     if fixed:
         late, factors = fitted_delay(kept, base.columns, weighted)
         extra = 1
@@ -137,8 +143,8 @@ def identify(
             f"recording has {int(factors.n.sum())} equations, expected {TIMES_RANK * base.rank} or more, "
             f"{TIMES_RANK} for each of {base.rank} base parameters"
         )
-    if not fixed and kept and len(kept[0].motion) > 8 * settings.window:
-        best = whole_delay(kept[:1], base.columns, 3, LOOK) if late == 0.0 else 0
+    if not fixed and shows and late == 0.0 and len(kept[0].motion) > 8 * settings.window:
+        best = whole_delay(kept[:1], base.columns, 3, LOOK)
         if best:
             notes.append(
                 f"torques fit best {best} samples, {best * kept[0].recording.dt:g} s, away from the motion: delay=True"
@@ -148,13 +154,13 @@ def identify(
     residuals, t = np.zeros((0, len(factors.R))), np.zeros(0)
     if kept:
         t, residuals = _residuals(kept, base, fit.beta, late)
-        tested = [whiteness(x[np.isfinite(x)]) for x in residuals.T]
-        white, inflation = (np.array(x) for x in zip(*tested, strict=True))
+        white, inflation = _white(residuals, factors.floor)
         freedoms = _freedoms(robot)
         uneven = [freedoms[k] for k in np.flatnonzero(inflation > 1.0)]
         if uneven:
+            shared = ", as neighbouring means share samples" if settings.form == "momentum" and not hold else ""
             notes.append(
-                f"residuals are not white, intervals are widened for it: {', '.join(uneven[:8])}"
+                f"residuals are not white{shared}, intervals are widened for it: {', '.join(uneven[:8])}"
                 f"{' and others' if len(uneven) > 8 else ''}"
             )
     fit = _least_squares(factors, base, extra, weighted, share, method, inflation, fit)
@@ -251,6 +257,16 @@ def _residuals(equations: list[Equations], base: Base, beta: Array, delay: float
             t.append(rows.t)
             off.append(np.where(rows.keep, rows.y - rows.W[:, :, base.columns] @ beta, np.nan))
     return np.concatenate(t), np.concatenate(off)
+
+
+def _white(residuals: Array, floor: Array) -> tuple[Array, Array]:
+    """``whiteness`` of each freedom; residuals below the floor of noise, of torques that are exact, count as white."""
+    found = np.ones((2, len(floor)))
+    for k, x in enumerate(residuals.T):
+        x = x[np.isfinite(x)]
+        if len(x) and np.sqrt(np.mean(x**2)) > floor[k]:
+            found[:, k] = whiteness(x)
+    return found[0], found[1]
 
 
 def _nearest(base: Base, beta: Array, present: Array) -> Array:

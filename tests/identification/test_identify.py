@@ -12,6 +12,7 @@ from example_runs import compiled
 
 import spatialdyn as sd
 from spatialdyn.identification.log_cholesky import upper_factor
+from spatialdyn.identification.motions import means_of_steps
 from spatialdyn.identification.pseudo_inertia import consistent, in_body, parameters_of, pseudo_inertia
 
 EXACT = 1e-9  # of parameters of size 1: cond 30, eps, and of accelerations no differences
@@ -246,11 +247,15 @@ def flying(robot: sd.Model, with_wrench: bool) -> sd.Recording:
 @pytest.mark.parametrize("form", ["torque", "momentum"])
 def test_a_floating_base_is_found_from_its_measured_wrench(form: str) -> None:
     robot = floating()
-    near = 1e-8 if form == "torque" else 3e-3  # the mean of a smooth wrench is taken by two points
+    near = 1e-8 if form == "torque" else 2e-5  # the mean of a smooth wrench is that of a cubic
     for rows in ("base", "all"):
         found = sd.identify(flying(robot, True), robot, "wls", "inertial", rows=rows, form=form)
         assert abs(found.beta - truth(found, robot)).max() < near
         assert found.residuals.shape[1] == (6 if rows == "base" else 7)
+        if rows == "base":  # of torques that are 0 there is no delay
+            assert not [x for x in found.notes if "delay" in x]
+            with pytest.raises(sd.IdentificationError, match="delay is True, expected a number of seconds: the torques"):
+                sd.identify(flying(robot, True), robot, "wls", "inertial", rows=rows, form=form, delay=True)
     with pytest.raises(sd.IdentificationError, match="no wrenches"):
         sd.identify(flying(robot, False), robot, "wls", "inertial", rows="base")
 
@@ -320,6 +325,21 @@ def covered(seeds: range, delay: bool, noise: float = NOISE, **options: Any) -> 
 
 def test_intervals_cover_in_some_seeds() -> None:
     assert covered(range(20), False, hold="after") > 0.85
+
+
+def test_the_mean_of_a_step_is_that_of_a_cubic_and_its_intervals_cover() -> None:
+    """Torques of their times, without accelerations: means by two samples are off by more than such noise."""
+    t, c = np.arange(9.0), np.array([0.3, -0.2, 0.5, 0.7])
+    whole = np.polynomial.Polynomial(c).integ()(t)
+    np.testing.assert_allclose(means_of_steps(np.polynomial.Polynomial(c)(t)), np.diff(whole), rtol=1e-13)
+    assert np.array_equal(means_of_steps(np.array([[1.0], [3.0]])), [[2.0]])
+    log, share = measured(model(), 0.0), []
+    for seed in range(20):
+        tau = log.tau + NOISE * np.random.default_rng(seed).normal(size=log.tau.shape)
+        found = sd.identify(sd.Recording(log.t, log.q, tau, log.v), off(), parameters="inertial")
+        share.append(abs(found.beta - truth(found, model())) < found.half_width)
+        assert any("not white, as neighbouring means share samples" in x for x in found.notes)
+    assert np.mean(share) > 0.85
 
 
 @compiled
