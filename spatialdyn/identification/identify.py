@@ -74,8 +74,8 @@ def identify(
     rows        "all", or "base": the six of a floating base, for measured ``wrenches``
     remove      take away base parameters with a deviation above this share of them, the worst first; None for none
 
-    Noise of a freedom counts as 1e-6 of its torque at least: exact torques, as computed ones, are fitted by every method,
-    with intervals of that size.
+    Noise of a freedom counts as 1e-6 of its torque at least: every method fits exact torques, as computed ones, with
+    intervals of that size.
 
     Returns Identified: ``print`` shows it; ``model()``, ``scene()``, ``validate(recording)``, ``report(path)``.
     Raises  IdentificationError with a table of what the recording does not tell, for too few samples, a torque that

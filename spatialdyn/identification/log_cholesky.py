@@ -1,8 +1,8 @@
 """Inertias that bodies can have, by Gauss-Newton steps on Cholesky factors of pseudo-inertias.
 
 Each pseudo-inertia is P = U Uᵀ with U upper triangular of positive diagonal, and pays - log det P: it stays positive
-definite. A step is P + U (Θ + Θᵀ) Uᵀ of ten coordinates Θ, those of log-Cholesky at U. It is straight in the parameters,
-as the valley is that torques leave; along the curves of log-Cholesky coordinates a steep one takes hundreds of steps.
+definite. A step is P + U (Θ + Θᵀ) Uᵀ of ten coordinates Θ, those of log-Cholesky at U. It is straight in parameters, as
+the valley is that torques leave; along the curves of log-Cholesky coordinates a steep one takes hundreds of steps.
 The cost is then ½ |A π - z|² + ¼ weight |Θ + Θᵀ + C|² to order 2, C of the prior: one linear least squares each step.
 The torques' part is scaled up from nothing to 1 on the way, so that no step meets the border of what exists.
 
@@ -63,7 +63,7 @@ def fit(A: Array, z: Array, start: Array, bodies: int, bounded: NDArray[np.bool_
     """
     ten, tall, root = 10 * bodies, len(A), np.sqrt(0.5 * weight)
     U = upper_factor(pseudo_inertia(start[:ten].reshape(bodies, 10)))
-    inverse: Array = np.linalg.inv(U)  # of P₀ = U Uᵀ
+    inverse = np.linalg.inv(U)  # of P₀ = U Uᵀ
     x = np.where(bounded, np.maximum(start[ten:], 0.0), start[ten:])
 
     def pi_of(U: Array, x: Array) -> Array:
