@@ -54,7 +54,8 @@ def test_exact_torques_are_fitted_by_every_method(method: str) -> None:
         if method in ("log_cholesky", "sdp"):
             assert found.consistent
             assert found.model().name == model().name
-    nothing = sd.Recording(*(getattr(measured(model(), 0.0), x) for x in ("t", "q")), np.zeros((800, 2)))
+    log = measured(model(), 0.0)
+    nothing = sd.Recording(log.t, log.q, np.zeros(log.q.shape))
     still = sd.identify(nothing, model(), "log_cholesky", "friction")  # what gravity and motion would need as friction
     assert np.isfinite(still.parameters).all()
 

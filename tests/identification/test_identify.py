@@ -254,7 +254,7 @@ def test_a_floating_base_is_found_from_its_measured_wrench(form: str) -> None:
         assert found.residuals.shape[1] == (6 if rows == "base" else 7)
         if rows == "base":  # of torques that are 0 there is no delay
             assert not [x for x in found.notes if "delay" in x]
-            with pytest.raises(sd.IdentificationError, match="delay is True, expected .*: the torques of"):
+            with pytest.raises(sd.IdentificationError, match=r"delay is True, expected .*: the torques of"):
                 sd.identify(flying(robot, True), robot, "wls", "inertial", rows=rows, form=form, delay=True)
     with pytest.raises(sd.IdentificationError, match="no wrenches"):
         sd.identify(flying(robot, False), robot, "wls", "inertial", rows="base")
