@@ -340,6 +340,9 @@ def test_the_mean_of_a_step_is_that_of_a_cubic_and_its_intervals_cover() -> None
         share.append(abs(found.beta - truth(found, model())) < found.half_width)
         assert any("not white, as neighbouring means share samples" in x for x in found.notes)
     assert np.mean(share) > 0.85
+    dry = measured(model(), 0.0, coulomb=0.5, viscous=0.3)  # which jumps where a joint turns: those steps do not count
+    found = sd.identify(sd.Recording(dry.t, dry.q, dry.tau, dry.v), off())
+    assert abs(found.beta - truth(found, model(), coulomb=0.5, viscous=0.3)).max() < 1e-4
 
 
 @compiled
