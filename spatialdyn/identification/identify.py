@@ -21,7 +21,7 @@ from .identified import Identified
 from .least_squares import Factors, Solution, added, factors_of, quantile, solve, whiteness
 from .pseudo_inertia import consistent, positive, pseudo_inertia
 from .recording import Recording
-from .unknowns import DEFAULT, floats, names_of, unknowns_of, words_of
+from .unknowns import DEFAULT, floats, names_of, own_joints, unknowns_of, words_of
 
 Array = NDArray[np.float64]
 METHODS = ("ols", "wls", "log_cholesky", "sdp")
@@ -54,7 +54,8 @@ def identify(
     """Parameters of a robot from recorded motions: their base parameters, intervals, and a model that has them.
 
     recording   Recording, several of one robot, or a generator of them: each is reduced to small factors and let go
-    model       Model, or a Scene, whose Coulomb's and viscous friction are known where they are not looked for
+    model       Model, or a Scene, whose Coulomb's and viscous friction are known where they are not looked for; one
+                with contacts, constraints or fext is refused. A mimic joint's friction is its leader's
     method      "ols", "wls": least squares, weighted by each freedom's own noise, of base parameters; "log_cholesky":
                 of inertias that bodies can have, and friction of 0 or more, by Gauss-Newton; "sdp": the same by a
                 semidefinite program (needs cvxpy)
@@ -95,6 +96,11 @@ def identify(
     as_word("method", method, METHODS)
     if method == "sdp":
         semidefinite.need_cvxpy()
+    for name, known in (("contacts", scene.contacts), ("constraints", scene.constraints), ("fext", scene.fext)):
+        if known is not None:
+            raise IdentificationError(
+                f"scene has {name}, expected none: no equation has their forces, which are measured as wrenches"
+            )
     robot, weight = scene.model, _prior(method, prior)
     words = words_of(parameters)
     names = None if bodies is None else tuple(names_of("bodies", bodies))
@@ -360,4 +366,4 @@ def _refuse(name: str, value: Any, expected: str) -> Any:
 
 def _freedoms(model: Model) -> list[str]:
     """A name of each freedom: its joint's, with an index where that has several."""
-    return [j.name if j.nv == 1 else f"{j.name}[{k}]" for j in model.joints[1:] for k in range(j.nv)]
+    return [j.name if j.nv == 1 else f"{j.name}[{k}]" for j in own_joints(model) for k in range(j.nv)]

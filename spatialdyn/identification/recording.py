@@ -15,7 +15,7 @@ from ..errors import IdentificationError, ShapeError, SpatialDynError
 from ..model.model import Model
 from ..simulation.trajectory import Trajectory
 from .tables import KINDS, arrays_of, from_csv, from_parquet
-from .unknowns import floats
+from .unknowns import floats, own_joints
 
 Array = NDArray[np.float64]
 TABLES = (".csv", ".parquet")
@@ -186,7 +186,7 @@ class Recording:
         for name in self.wrenches:
             model.frame(name)
         tau, notes = self.torques(model), [*self._filled]
-        for joint in model.joints[1:]:
+        for joint in own_joints(model):
             if joint.nv != 1:
                 continue
             x, q = tau[:, joint.idx_v], self.q[:, joint.idx_q]

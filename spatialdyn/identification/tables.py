@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import IdentificationError, SpatialDynError
 from ..model.model import Model
+from .unknowns import own_joints
 
 Array = NDArray[np.float64]
 KINDS = ("q", "v", "a", "tau")
@@ -25,7 +26,7 @@ def arrays_of(columns: Mapping[str, ArrayLike], model: Model | None) -> dict[str
     where = dict(zip(given, columns, strict=True))
     if "t" not in where:
         raise IdentificationError(f"columns are {', '.join(given[:8])}, expected t among them")
-    joints = [] if model is None else [x.name for x in model.joints[1:] if x.nv == 1]
+    joints = [] if model is None else [x.name for x in own_joints(model) if x.nv == 1]
     found: dict[str, Any] = {kind: _names_of(kind, where, joints) for kind in KINDS}
     for kind in ("q", "tau"):
         if not found[kind]:

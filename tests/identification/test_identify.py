@@ -288,6 +288,30 @@ def test_parameters_that_are_not_seen_are_removed_the_worst_first() -> None:
     assert "removed" in str(found)
 
 
+def test_a_mimic_joint_has_its_leaders_friction_and_a_body_of_its_own() -> None:
+    solid = (1.0, (0.1, 0.05, 0.2), np.diag([0.1, 0.12, 0.09]))
+    builder = sd.ModelBuilder("pair").add_body("a", None, "revolute", (0, 1, 0), inertia=solid, joint_name="z")
+    mimic = {"leader": "z", "multiplier": 0.7, "offset": 0.1}
+    builder.add_body("b", "a", "revolute", (1, 0, 0), (0.0, 0.1, 0.3), solid, mimic=mimic, joint_name="follower")
+    robot, t = builder.build(mimic=True), np.linspace(0.0, 4.0, 400)
+    q, v, a = sd.fourier([[1.0], [0.8]], [[0.3], [-0.5]], 0.25, [0.0])(t)
+    log = sd.Recording(t, q, sd.rnea(robot, q, v, a) + 0.3 * v + 0.5 * np.sign(v), v, a)
+    found = sd.identify(log, robot, "log_cholesky")
+    assert found.names[-2:] == ("z.viscous", "z.coulomb")
+    assert abs(found.beta - truth(found, robot, viscous=0.3, coulomb=0.5)).max() < EXACT
+    np.testing.assert_allclose(found.model().damping, [0.3])
+    assert {joint.damping for joint in found.model().robot.joints if joint.name == "follower"} == {0.0}
+
+
+def test_forces_that_no_equation_has_are_refused() -> None:
+    log, hinge = measured(model(), 0.0), sd.ModelBuilder("arm").add_body("b", None, "revolute", (0, 1, 0))
+    for name, force in (("fext", np.zeros((3, 6))), ("contacts", sd.Contacts(model(), {"tip": 0.0}))):
+        with pytest.raises(sd.IdentificationError, match=f"scene has {name}, expected none"):
+            sd.identify(log, sd.Scene(model(), **{name: force}))  # type: ignore[arg-type]
+    with pytest.raises(sd.IdentificationError, match='joint "b_joint" is behind a spring'):
+        sd.base_parameters(hinge.add_series_elastic("b_joint", 10.0).build())
+
+
 def test_arguments_that_contradict_each_other_are_refused() -> None:
     log = measured(model(), 0.0)
     for options, said in (
