@@ -15,16 +15,18 @@ Source: Pfeiffer, Glocker, Multibody dynamics with unilateral contacts (1996), f
 
 from __future__ import annotations
 
-from ...algebra.regions import repeat, settled
+from ...algebra.regions import repeat, settled, when
 from ...algebra.scalars import Scalar, inline, select
 from ..signatures import Record, Vector
 from .contact_rows import Contact
-from .impulse_rows import COUNT, EPSILON, LEAST, PHASE, RES, ROUND, Impulses, residual, respond, sweep
+from .impulse_rows import CAREFUL, COUNT, EPSILON, LEAST, PHASE, RES, ROUND, Impulses, residual, respond, sweep
 from .newton_step import newton_step
 
 SWEEPS, SWEEPS_DRY, SWEEPS_AGAIN = 5, 2, 8  # before Newton's steps: at first, at first beside dry joints, and later
 PROX = (1e-3, 1e-2, 1e-4)  # ε at first, of each round; the last of all further ones
 PROX_LEAST = 1e-7  # by rounding
+PROX_MOST = 1e-1
+THROWN = 30.0
 FAR = 1e30  # a residual above all
 
 
@@ -71,6 +73,7 @@ def solve_phase(
     for k in range(rows):
         s.best[k] = s.force[k]
     state[RES], state[LEAST], state[ROUND], state[EPSILON], state[COUNT] = FAR, FAR, 0.0, 0.0, 0.0
+    state[CAREFUL] = 0.0
     s.left[0] = 1.0
     for _ in repeat(head.rounds, s.left, s.force, s.best, w, state):
         if settled(s.left[0]):
@@ -102,8 +105,17 @@ def solve_phase(
             state[RES] = new
             state[COUNT] = state[COUNT] + 1.0
             keep(state[LEAST] - new, s)
+            s.thrown[0] = select(state[CAREFUL], new - THROWN * state[LEAST], 0.0)
+            for _ in when(s.thrown[0], s.force, w, state):
+                for k in range(rows):
+                    s.force[k] = s.best[k]
+                respond(w, s)
+                more = 100.0 * state[EPSILON]
+                state[EPSILON] = select(more - PROX_MOST, PROX_MOST, more)
+                state[RES] = state[LEAST]
             s.stepping[0] = new - tolerance
         state[ROUND] = state[ROUND] + 1.0
+        state[CAREFUL] = 1.0 - state[CAREFUL]
         s.left[0] = state[LEAST] - tolerance
     for k in range(rows):
         s.force[k] = s.best[k]

@@ -36,7 +36,7 @@ def newton_step(
         for j in range(n):
             s.K[i, j] = s.M[i, j]
     for p in range(points):
-        add_point(p, contact.mu[p], prox, held is not None, w, s)
+        add_point(p, contact.mu[p], prox * s.soft[p], held is not None, w, s)
     most, firm = 0.0, 1.0 / prox
     for j in range(len(s.level)):
         k = 3 * points + j
@@ -46,7 +46,7 @@ def newton_step(
         s.off[j] = magnitude(u - wanted)
         most = select(s.off[j] - most, s.off[j], most)
     for j in range(len(s.level)):
-        add_joint(contact.contacts[1 + points + j].row - 1, 3 * points + j, j, most, firm, w, s)
+        add_joint(contact.contacts[1 + points + j].row - 1, 3 * points + j, j, most, firm / s.soft[points + j], w, s)
     if held is not None:
         for l in range(len(held.N)):
             stiff = STIFF / select(held.stiffness[l], held.stiffness[l], 1.0)
@@ -62,7 +62,7 @@ def newton_step(
             s.force[k + i] = s.force[k + i] + change
     for j in range(len(s.level)):
         k = 3 * points + j
-        s.force[k] = s.force[k] + (s.f[k] - stick_share(j, firm, s) * s.x[contact.contacts[1 + points + j].row - 1])
+        s.force[k] = s.force[k] + (s.f[k] - stick_share(j, firm / s.soft[points + j], s) * s.x[contact.contacts[1 + points + j].row - 1])
     respond(w, s)
 
 
