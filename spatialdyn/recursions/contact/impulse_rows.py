@@ -36,8 +36,8 @@ from .contact_rows import (
 from .coulomb_cone import factor_block, largest_eigenvalue, magnitude, off_the_law, point_impulse
 
 ROWS = "np+np+np+nl+nd"
-RES, LEAST, ROUND, EPSILON, COUNT, PHASE, CAREFUL = range(7)  # of ``state``
-HEAVY = 1e-4
+RES, LEAST, ROUND, EPSILON, COUNT, PHASE, CAREFUL, GRIP, JAMS = range(9)  # of ``state``
+HEAVY = 1e-4  # times a row's response and the largest inertia, from which on its proximal term shrinks with them
 
 
 class Impulses(NamedTuple):
@@ -69,7 +69,7 @@ class Impulses(NamedTuple):
     bounces: Vector = ("np",)  # e of a point that bounces, else 0
     lower: Vector = ("np",)  # the least λ_n: e λ_c in the second phase, else 0
     load: Vector = ("np",)  # what of λ_c only holds the point against the forces of the step
-    soft: Vector = ("np+nl+nd",)
+    soft: Vector = ("np+nl+nd",)  # factors of ε: small of points and joints that are light beside what they carry
     level: Vector = ("nl+nd",)  # h F(v) of each joint
     rests: Vector = ("nl+nd",)  # 1 of a joint at rest after the step, else 0
     held: Vector = ("nl+nd",)  # 1 of a joint that Newton's step takes to stick or stop
@@ -83,11 +83,11 @@ class Impulses(NamedTuple):
     N: Matrix = (3, 3)
     CJ: Matrix = (3, "nv")
     root: Vector = (4,)  # of ``find_root``
-    state: Vector = (7,)  # residual, the least so far, round, ε, count, phases done
+    state: Vector = (9,)  # residual, the least so far, round, ε, count, phases done, what differs in rounds
     left: Vector = (1,)  # of loops: residuals less the tolerance
     sweeping: Vector = (1,)
     stepping: Vector = (1,)
-    thrown: Vector = (1,)
+    thrown: Vector = (1,)  # above 0 of a step that is taken back
     phase: Vector = (1,)  # above 0 before a phase
     disc: Vector = (5,)  # of ``disc_impulse``
 
@@ -137,8 +137,7 @@ def open_laws(
         factor_block(s.B[p], s.size[k] + s.size[k + 1] + s.size[k + 2], n, s.factors[p])
         s.wide[p] = largest_eigenvalue(s.B[p])
         s.narrow[p] = quotient(1.0, s.wide[p])
-        ratio = HEAVY * (s.size[k] * heaviest)
-        s.soft[p] = 1.0 / select(ratio - 1.0, ratio, 1.0)
+        s.soft[p] = softness(s.size[k] * heaviest)
         free = velocity(s.Y, s.b, w, k)
         load = select(s.b[k] - free, s.b[k] - free, 0.0)
         s.load[p] = load * inverse(s.B[p, 0, 0], s.size[k], n)
@@ -149,11 +148,21 @@ def open_laws(
         k = 3 * points + j
         s.own[k] = product(s.Y, s.Z, k, k)
         s.each[j] = inverse(s.own[k], s.size[k], n)
-        ratio = HEAVY * (s.own[k] * heaviest)
-        s.soft[points + j] = 1.0 / select(ratio - 1.0, ratio, 1.0)
+        s.soft[points + j] = softness(s.own[k] * heaviest)
         if j < len(s.least):
             s.least[j], s.most[j] = allowed(contact.contacts[1 + points + j], q, dt)
         s.held[j], s.goal[j], s.rests[j] = 0.0, 0.0, 0.0
+
+
+@inline
+def softness(ratio: Scalar) -> Scalar:
+    """The factor of ε of a row, by its response times the largest inertia.
+
+    ε is relative to a row's own response. Under a trunk that is 1e5 times as heavy as a leg a joint that holds it would
+    else give way by far more than the weight, at every step.
+    """
+    heavy = HEAVY * ratio
+    return 1.0 / select(heavy - 1.0, heavy, 1.0)
 
 
 @inline
