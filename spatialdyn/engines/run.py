@@ -178,10 +178,12 @@ def run_table_kernel(
     seen     as of ``batch``
 
     A few samples with NaN or infinity are computed in NumPy: for the result NaN no kernel is compiled. So are all of a
-    model with mimic joints, whose reduced recursions have no table kernel, and of a Spec that is ``large``.
+    model with mimic joints, whose reduced recursions have no table kernel, of one without joints, and of a Spec that is
+    ``large``.
     """
     count = len(out) if at is None else len(at)
-    if table.bodies["leader"].any() or (spec.large and not numba_kernels.PLAIN):
+    in_numpy = len(table.bodies) == 1 or table.bodies["leader"].any()
+    if in_numpy or (spec.large and not numba_kernels.PLAIN):
         samples = np.arange(count) if at is None else at
         return run_in_numpy(spec, table, inputs, static, out, samples, columns, seen)
     odd = _few_not_finite(spec, table, inputs, static, count)
