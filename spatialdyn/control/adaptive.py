@@ -23,7 +23,7 @@ ROUNDED = 1e-9  # of the largest column of Y: what the right angles of a file, r
 EXCITED = 1e-6  # of the largest eigenvalue of ∫ Yᵀ Y, scaled to a diagonal of 1: below, a combination was not seen
 
 
-class Excitation(NamedTuple):
+class ExcitationRecord(NamedTuple):
     """What a motion shows of the parameters that a law learns, from ∫ Yᵀ Y dt with each column scaled to 1.
 
     rank         combinations of parameters that act on the torques: these can be learnt, others never
@@ -85,7 +85,7 @@ class Adaptive(Law):
         found: Array = self.values["friction"] + _state_of(run, "worn")
         return found
 
-    def excitation(self, q: ArrayLike, v: ArrayLike, a: ArrayLike) -> Excitation:
+    def excitation(self, q: ArrayLike, v: ArrayLike, a: ArrayLike) -> ExcitationRecord:
         """What a motion q (N, nq), v, a (N, nv) shows of the parameters that are learnt: tracking needs none of it, but
         only what is shown converges.
         """
@@ -98,7 +98,7 @@ class Adaptive(Law):
         w = np.sort(np.linalg.eigvalsh(W.T @ W))[::-1].clip(0.0)
         seen = w > EXCITED * max(w.max(initial=0.0), np.finfo(float).tiny)
         rank = int(seen.sum())
-        return Excitation(rank, int(chosen.sum()), float(w[0] / w[rank - 1]) if rank else math.inf, w)
+        return ExcitationRecord(rank, int(chosen.sum()), float(w[0] / w[rank - 1]) if rank else math.inf, w)
 
     def _learnt(self) -> Any:
         """Which of the parameters (njoints, 10) are learnt."""
