@@ -307,7 +307,8 @@ def _torques_of(
     """
     spec, names = _torque(control.spec), _names(control.spec)
     rows = [given[name] for name in names]
-    inputs = [x if x.ndim == 2 and x.flags.c_contiguous else np.ascontiguousarray(x.reshape(len(x), -1)) for x in rows]
+    flat = (x if x.ndim == 2 else x.reshape(len(x), math.prod(x.shape[1:])) for x in rows)
+    inputs = [np.ascontiguousarray(x) for x in flat]
     common = tuple(k for k, x in enumerate(inputs) if len(x) == 1 and names[k] in control.values)
     made, left = _program(spec, model, control.static, common), np.arange(samples)
     out = np.empty((samples, model.nv))
