@@ -186,7 +186,7 @@ def test_a_laws_gains_and_paths_are_constants_and_its_clock_an_input(tmp_path: P
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_numbers_are_read_back_to_the_bit(kind: str) -> None:
-    dtype = KINDS[kind]
+    dtype: Any = KINDS[kind]
     for x in (*np.random.default_rng(0).normal(size=20), 0.0, -0.0, 1.0, 1e300 if kind == "double" else 1e30, 5e-324):
         text = number(float(x), kind)
         read = dtype(text.removesuffix("f"))
@@ -273,7 +273,8 @@ def pair_robot(name: str) -> sd.Model:
         made = sd.ModelBuilder("groups").add_body("a", joint="spherical", inertia=solid)
         made.add_body("b", "a", "planar", placement=(0, 0, 0.2), inertia=solid)
         return made.add_body("c", "b", "continuous", placement=(0, 0, 0.2), inertia=solid).build(continuous="cos_sin")
-    return robot({"fixed": "arm", "mimic": "gripper"}.get(name, name))
+    made_by_hand: sd.Model = robot({"fixed": "arm", "mimic": "gripper"}.get(name, name))
+    return made_by_hand
 
 
 def pairs(model: sd.Model, dtype: Any, folder: Path, names: Any) -> tuple[dict[str, Any], dict[str, str]]:
