@@ -181,7 +181,8 @@ def main() -> None:
                 "python": platform.python_version(), "numpy": np.__version__,
             },
             "samples": chunk * count, "chunk": chunk, "loop_s": bare, "study_s": other, "ratio": ratio,
-            "sample_bytes": of_memory(), "file_bytes": size, "memory_grew_MB": grown, "dask_s": dask, "result_s": read, **driver,
+            "sample_bytes": of_memory(), "file_bytes": size, "memory_grew_MB": grown, "dask_s": dask,
+            "result_s": read, **driver,
         }  # fmt: skip
         Path(__file__).with_suffix(".json").write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
 

@@ -169,6 +169,19 @@ def test_a_step_may_write_over_its_state(tmp_path: Path) -> None:
         np.testing.assert_allclose(x, y, rtol=0.0, atol=1e-14)
 
 
+def _swapped(bodies: Any, x: Any, tau: Any) -> None:
+    tau[0], tau[1] = x[1], -x[0]
+
+
+@COMPILER
+def test_results_that_are_inputs_may_be_written_over_them(tmp_path: Path) -> None:
+    turned = Spec("turned", _swapped, None, (Argument("x", ("nv",), "", ""),), TAU, "", "")
+    sd.export(sd.load_urdf("two_link"), {"turned": turned}, tmp_path)
+    x = np.array([3.0, 5.0])
+    assert call(library(tmp_path).robot_turned, x, x) == 0
+    assert x.tolist() == [5.0, -3.0]
+
+
 @COMPILER
 def test_a_laws_gains_and_paths_are_constants_and_its_clock_an_input(tmp_path: Path) -> None:
     model, law = sd.load_urdf("two_link"), path_law()
