@@ -197,6 +197,22 @@ def test_a_laws_gains_and_paths_are_constants_and_its_clock_an_input(tmp_path: P
         np.testing.assert_allclose(tau, law(model, t, q, v), rtol=0.0, atol=1e-12)
 
 
+def test_laws_take_what_they_read(tmp_path: Path) -> None:
+    """No torque nor time step but where the law has them; what is of the beginning of a step is what it is given."""
+    model, hold = sd.load_urdf("two_link"), sd.PD([1.0, 1.0], [1.0, 1.0], [0.0, 0.0])
+    laws = {
+        "sum": hold + sd.Gravity(),
+        "limited": path_law().limited_by([5.0, 5.0]),
+        "sampled": sd.PD([1.0, 1.0], [1.0, 1.0], [0.0, 0.0], held=0.01),
+    }
+    header = sd.export(model, laws, tmp_path)[0].read_text()
+    state = "(const double q[2], const double v[2], "
+    assert f"int robot_sum{state}double tau[2]);" in header
+    assert f"int robot_limited{state}const double clock[1], double tau[2]);" in header
+    kept = "double dt, const double time_left[1], const double held_torque[2]"
+    assert f"int robot_sampled{state}{kept}, double tau[2], double time_left_after[1]" in header
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_numbers_are_read_back_to_the_bit(kind: str) -> None:
     dtype: Any = KINDS[kind]
