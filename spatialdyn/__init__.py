@@ -91,7 +91,7 @@ if TYPE_CHECKING:
         project_velocity,
     )
     from .constraints.table import Constraints
-    from .control.adaptive import Excitation, NaturalAdaptation, SlotineLi
+    from .control.adaptive import ExcitationRecord, NaturalAdaptation, SlotineLi
     from .control.gains import (
         LQR,
         ClosedStep,
@@ -164,7 +164,7 @@ __all__ = [
     "Base", "ChristoffelC", "ClosedStep", "ComTask", "ComputedTorque", "ConfigurationError", "Constrained",
     "ConstrainedDerivatives", "ConstrainedImpact", "ConstrainedMotion", "ConstraintError", "Constraints",
     "ContactRecord", "ContactStep", "ContactWrench", "Contacts", "Control", "Cost", "CouplerConstraint", "Diagnosis",
-    "DistanceConstraint", "EnergyLedger", "EnergyShaping", "Exact", "Excitation", "Finding", "Frame", "FrameTask",
+    "DistanceConstraint", "EnergyLedger", "EnergyShaping", "Exact", "ExcitationRecord", "Finding", "Frame", "FrameTask",
     "Friction", "Gains", "Gravity", "Heightfield", "HingeConstraint", "IKResult", "IdentificationError", "Identified",
     "Impact", "Impedance", "InertiaError", "Joint", "JointLimits", "LQR", "LyapunovRecord", "Mobility", "Model",
     "ModelBuilder", "ModelError", "Moments", "MomentumObserver", "Motor", "NaturalAdaptation", "NonFiniteError",
@@ -210,7 +210,7 @@ _LATE = {  # {module: public names}, imported when one is asked for: half the ti
     "VelocityConstraint WeldConstraint",
     "constraints.loops": "Mobility close_loops independent_joints mobility project_configuration project_velocity",
     "constraints.table": "Constraints",
-    "control.adaptive": "Excitation NaturalAdaptation SlotineLi",
+    "control.adaptive": "ExcitationRecord NaturalAdaptation SlotineLi",
     "control.impedance": "Impedance cartesian_damping",
     "operational.whole_body": "WholeBody WholeBodyMotion", "operational.quadratic": "Relaxation",
     "control.inverse_kinematics": "IKResult solve_ik",

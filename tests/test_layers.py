@@ -107,8 +107,9 @@ SHARED = {
 TOUCH_FILES = {"urdf", "sources", "engines", "pictures", "docs", "studies", "embedded"}  # meshes, pages, parts, C
 # themselves, a script, and loops in TOML; one reads an environment variable
 SAVE = {
-    "simulation.trajectory", "identification.recording", "compat.pinocchio.model.serialization_format",
-    "commands.port", "commands.robots", "commands.excite", "commands.identify",
+    "simulation.trajectory", "identification.recording", "identification.tables",
+    "compat.pinocchio.model.serialization_format", "commands.port", "commands.robots", "commands.excite",
+    "commands.identify",
     "compat.pinocchio.coverage.strictness", "examples.c_export",
 }  # fmt: skip
 NAME_FILES = {"validate", "commands", "examples"}  # pass a file name to Pinocchio; width of the terminal; pictures

@@ -96,7 +96,7 @@ GROUPS = {
         "Control",
         "Paths, laws, gains, observers, and checks of a run.",
         "Path PathPoint PathPeaks quintic trapezoid spline fourier PD PDGravity PDPlus ComputedTorque Passivity "
-        "EnergyShaping StateFeedback Gravity Impedance SlotineLi NaturalAdaptation Excitation cartesian_damping "
+        "EnergyShaping StateFeedback Gravity Impedance SlotineLi NaturalAdaptation ExcitationRecord cartesian_damping "
         "Gains critical_gains gravity_stiffness_bound lqr LQR closed_step "
         "ClosedStep largest_step MomentumObserver momentum_observer_step detection_thresholds ContactWrench "
         "contact_wrench base_velocity passivity PassivityRecord lyapunov LyapunovRecord",
