@@ -141,6 +141,11 @@ def own_joints(model: Model) -> list[Joint]:
     return [x for x in model.joints[1:] if x.name not in followers]
 
 
+def freedoms_of(model: Model) -> list[str]:
+    """A name of each freedom: its joint's, with an index where that has several."""
+    return [j.name if j.nv == 1 else f"{j.name}[{k}]" for j in own_joints(model) for k in range(j.nv)]
+
+
 def floats(model: Model) -> bool:
     """Whether the robot's first joint is that of a floating base: its six freedoms are the first."""
     return model.njoints > 1 and model.joints[1].kind == "floating"

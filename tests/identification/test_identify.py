@@ -309,7 +309,7 @@ def test_forces_that_no_equation_has_are_refused() -> None:
         with pytest.raises(sd.IdentificationError, match=f"scene has {name}, expected none"):
             sd.identify(log, sd.Scene(model(), **{name: force}))  # type: ignore[arg-type]
     with pytest.raises(sd.IdentificationError, match='joint "b_joint" is behind a spring'):
-        sd.base_parameters(hinge.add_series_elastic("b_joint", 10.0).build())
+        sd.base_parameters(hinge.add_series_elastic("b_joint", 10.0, rotor=0.1).build())
 
 
 def test_arguments_that_contradict_each_other_are_refused() -> None:
