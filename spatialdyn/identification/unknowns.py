@@ -100,7 +100,7 @@ def unknowns_of(model: Model, parameters: Any, payload: Any = None, bodies: Any 
     check_model(model)
     if springs := [x.name for x in model.robot.joints if x.spring is not None]:
         raise IdentificationError(
-            f'joint "{springs[0]}" is behind a spring, expected joints without: no equation has the torque of a spring'
+            f'joint "{springs[0]}" has a spring, expected joints without: no equation has its torque; Model.rigid()'
         )
     if not model.nv:
         raise IdentificationError(f'model "{model.name}" has no joint that moves, expected one that does')

@@ -308,7 +308,7 @@ def test_forces_that_no_equation_has_are_refused() -> None:
     for name, force in (("fext", np.zeros((3, 6))), ("contacts", sd.Contacts(model(), {"tip": 0.0}))):
         with pytest.raises(sd.IdentificationError, match=f"scene has {name}, expected none"):
             sd.identify(log, sd.Scene(model(), **{name: force}))  # type: ignore[arg-type]
-    with pytest.raises(sd.IdentificationError, match='joint "b_joint" is behind a spring'):
+    with pytest.raises(sd.IdentificationError, match='joint "b_joint_rotor" has a spring, expected joints without'):
         sd.base_parameters(hinge.add_series_elastic("b_joint", 10.0, rotor=0.1).build())
 
 
