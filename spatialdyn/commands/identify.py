@@ -59,9 +59,9 @@ def _run(arguments: argparse.Namespace) -> int:
         again = arguments.validate
         other = None if again is None else Recording.load(again, model, resample=arguments.resample)
         found = identify(
-            log, model, arguments.method, arguments.parameters, arguments.prior, form=arguments.form, hold=arguments.hold,
-            delay=_delay(arguments.delay), window=arguments.window, cutoff=arguments.cutoff, v_min=arguments.v_min,
-            payload=arguments.payload, rows=arguments.rows,
+            log, model, arguments.method, arguments.parameters, arguments.prior, form=arguments.form,
+            hold=arguments.hold, delay=_delay(arguments.delay), window=arguments.window, cutoff=arguments.cutoff,
+            v_min=arguments.v_min, payload=arguments.payload, rows=arguments.rows,
         )  # fmt: skip
         judged = None if other is None else found.validate(other)
         odd = () if other is None else other.check(model)

@@ -17,7 +17,7 @@ from . import log_cholesky, semidefinite
 from .base import ROWS, Base, structural_base
 from .base_fit import BaseFit, fit_base
 from .delays import fitted_delay, whole_delay
-from .equations import FORMS, HOLDS, Equations, Settings, refuse_flight
+from .equations import FORMS, HOLDS, KEPT, Equations, Settings, refuse_flight
 from .identified import Identified
 from .least_squares import Factors, added, factors_of, quantile, whiteness
 from .pseudo_inertia import consistent, positive, pseudo_inertia
@@ -108,8 +108,8 @@ def identify(
     as_word("rows", rows, ROWS)
     if rows == "base" and not floats(robot):
         raise IdentificationError(f'rows is "base", expected "all": robot "{robot.name}" has no floating base')
-    logs, once = _recordings(recording)
-    first, logs = _peeked(logs)
+    given, once = _recordings(recording)
+    first, logs = _peeked(given)
     settings = Settings(
         unknowns, _form(form, hold, first), hold if hold is None else as_word("hold", hold, HOLDS),
         as_count(window, MOST_WINDOW) or _refuse("window", window, "a number of rows of 1 or more"),
@@ -130,7 +130,7 @@ def identify(
     for log in logs:
         notes += [x for x in log.check(robot) if x not in notes]
         refuse_flight(log, settings)
-        one = Equations(log, settings)
+        one = Equations(log, settings, 0 if once else KEPT // len(given))
         if fixed and once:
             _refuse("recording", "a generator", "a list of Recordings: a delay that is fitted takes several passes")
         kept += [one] * (not once)

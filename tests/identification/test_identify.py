@@ -11,6 +11,7 @@ import pytest
 from example_runs import compiled
 
 import spatialdyn as sd
+from spatialdyn.identification.equations import Equations
 from spatialdyn.identification.log_cholesky import upper_factor
 from spatialdyn.identification.motions import means_of_steps
 from spatialdyn.identification.pseudo_inertia import consistent, in_body, parameters_of, pseudo_inertia
@@ -144,13 +145,26 @@ def test_noise_of_each_joint_weighs_and_is_found() -> None:
     assert (wls.white > 0.001).all()
 
 
-def test_a_generator_of_recordings_gives_what_all_of_them_give_at_once() -> None:
+def test_a_generator_of_recordings_gives_what_all_of_them_give_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     logs = [measured(model(), NOISE, seed) for seed in range(3)]
     whole = sd.identify(logs, model(), parameters="inertial")
     once = sd.identify((x for x in logs), model(), parameters="inertial")
     assert abs(whole.beta - once.beta).max() < EXACT
     np.testing.assert_array_equal(whole.rows, once.rows)
     assert np.isnan(once.white).all()
+    room = 2 * logs[0].tau.size * len(whole.names)  # of three logs each keeps the rows of a third of it: none
+    monkeypatch.setattr("spatialdyn.identification.identify.KEPT", room)
+    made: list[Equations] = []
+    keep = Equations.__init__
+
+    def noted(self: Equations, *given: Any) -> None:
+        keep(self, *given)
+        made.append(self)
+
+    monkeypatch.setattr(Equations, "__init__", noted)
+    assert np.array_equal(sd.identify(logs, model(), parameters="inertial").beta, whole.beta)
+    assert len(made) == 3
+    assert not any(x._made for x in made)
     with pytest.raises(sd.IdentificationError, match="several passes"):
         sd.identify((x for x in logs), model(), delay=True)
 
