@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from ..actuation.friction import Friction
 from ..calls.dynamics import calls
 from ..errors import IdentificationError
-from .motions import States, cubic_at, means_of_steps, motion_of
+from .motions import States, cubic_at, means_of_steps, motion_of, shared_by_means
 from .recording import Recording
 from .unknowns import Unknowns
 
@@ -47,6 +47,11 @@ class Settings:
     def freedoms(self) -> int:
         """How many rows a time has: those of the floating base alone if so."""
         return 6 if self.base_rows else self.unknowns.model.nv
+
+    @property
+    def shared(self) -> tuple[int, float]:
+        """``shared_by_means`` of rows that are means of samples, (1, 1) of those that share none."""
+        return shared_by_means(self.window) if self.form == "momentum" and self.hold is None else (1, 1.0)
 
 
 class Rows(NamedTuple):

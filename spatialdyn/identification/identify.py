@@ -19,7 +19,7 @@ from .base_fit import BaseFit, fit_base
 from .delays import fitted_delay, whole_delay
 from .equations import FORMS, HOLDS, KEPT, Equations, Settings, refuse_flight
 from .identified import Identified
-from .least_squares import Factors, added, factors_of, quantile, whiteness
+from .least_squares import WHITE, Factors, added, factors_of, quantile, whiteness
 from .pseudo_inertia import consistent, positive, pseudo_inertia
 from .recording import Recording
 from .unknowns import DEFAULT, floats, freedoms_of, names_of, unknowns_of, words_of
@@ -160,13 +160,12 @@ def identify(
     residuals, t = np.zeros((0, len(factors.R))), np.zeros(0)
     if kept:
         t, residuals = _residuals(kept, base, fit.beta, late)
-        white, inflation = _white(residuals, factors.floor)
+        white, inflation = _white(residuals, factors.floor, settings.shared)
         freedoms = freedoms_of(robot)
-        uneven = [freedoms[k] for k in np.flatnonzero(inflation > 1.0)]
+        uneven = [freedoms[k] for k in np.flatnonzero(white < WHITE)]
         if uneven:
-            shared = ", as neighbouring means share samples" if settings.form == "momentum" and not hold else ""
             notes.append(
-                f"residuals are not white{shared}, intervals are widened for it: {', '.join(uneven[:8])}"
+                f"residuals are not white, intervals are widened for it: {', '.join(uneven[:8])}"
                 f"{' and others' if len(uneven) > 8 else ''}"
             )
     fit = fit_base(factors, base, extra, weighted, share, method, inflation, fit)
@@ -204,13 +203,13 @@ def _residuals(equations: list[Equations], base: Base, beta: Array, delay: float
     return np.concatenate(t), np.concatenate(off)
 
 
-def _white(residuals: Array, floor: Array) -> tuple[Array, Array]:
+def _white(residuals: Array, floor: Array, shared: tuple[int, float]) -> tuple[Array, Array]:
     """``whiteness`` of each freedom; residuals below the floor of noise, of torques that are exact, count as white."""
-    found = np.ones((2, len(floor)))
+    found = np.array([np.ones(len(floor)), np.full(len(floor), shared[1])])
     for k, x in enumerate(residuals.T):
         x = x[np.isfinite(x)]
         if len(x) and np.sqrt(np.mean(x**2)) > floor[k]:
-            found[:, k] = whiteness(x)
+            found[:, k] = whiteness(x, *shared)
     return found[0], found[1]
 
 
