@@ -41,13 +41,14 @@ BELOW: dict[str, tuple[str, ...]] = {
     "linearization": ("simulation",),
     "control": ("simulation",),
     "operational": ("simulation",),
+    "embedded": ("simulation",),
     "identification": ("control",),
     "studies": ("simulation",),
     "accuracy": ("identification",),
     "validate": ("interop", "urdf"),
     "pictures": ("validate", "accuracy", "control"),
     "compat": ("pictures", "accuracy", "interop", "urdf", "sources"),
-    "__init__": ("accuracy", "linearization", "control", "operational", "validate", "pictures", "sources", "studies"),
+    "__init__": ("accuracy", "linearization", "operational", "validate", "pictures", "sources", "studies", "embedded"),
     "examples": ("__init__", "compat"),
     "docs": ("examples",),
     "commands": ("docs",),
@@ -103,7 +104,7 @@ SHARED = {
     "control.inverse_kinematics", "contact.impulses", "contact.impulse_rows", "contact.newton_step", "control.paths",
     "coordinates.coordinate_rates",
 }  # fmt: skip
-TOUCH_FILES = {"urdf", "sources", "engines", "pictures", "docs", "studies"}  # meshes, pages, parts
+TOUCH_FILES = {"urdf", "sources", "engines", "pictures", "docs", "studies", "embedded"}  # meshes, pages, parts, C
 # themselves, a script, and loops in TOML; one reads an environment variable
 SAVE = {
     "simulation.trajectory", "identification.recording", "identification.tables",

@@ -67,6 +67,11 @@ GROUPS = {
         "Scene simulate step rollout integrators Trajectory Rollout ContactRecord Control Cost energy_ledger "
         "EnergyLedger hamilton_simulation",
     ),
+    "chips": Group(
+        "Code for a chip",
+        "C of calls, laws and steps, without allocation.",
+        "export",
+    ),
     "studies": Group(
         "Studies",
         "A function of a scene on any number of random samples, in chunks, on any executor.",
@@ -150,6 +155,7 @@ BY_PACKAGE = {
     "linearization": "derivatives", "model": "robots",
     "pictures": "pictures", "recursions": "dynamics", "simulation": "simulation", "sources": "robots",
     "urdf": "robots", "identification": "identification", "studies": "studies", "operational": "control",
+    "embedded": "chips",
 }  # fmt: skip
 
 
