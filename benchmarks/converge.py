@@ -48,9 +48,7 @@ def one_point(quick: bool) -> list[Row]:
                 near = min((abs(x - found).max() for x in slides_by_angle(B, r, mu)), default=np.inf)
                 worst = max(worst, near / abs(found).max())
                 off += bool(near > NEAR * abs(found).max())
-    return [
-        [f"{4 * count} blocks, {slid} slide", "0 wrong", f"{off} wrong, {missed} should stick, within {worst:.1e}"]
-    ]
+    return [[f"{4 * count} blocks, {slid} slide", "0 wrong", f"{off} wrong, {missed} should stick, within {worst:.1e}"]]
 
 
 def body(corners: int) -> sd.Model:
