@@ -225,6 +225,3 @@ def _grid(parameters: Sequence[str]) -> str:
     return t.function(f"define void @grid(i64 %threads, {', '.join(parameters)})")
 
 
-def name_of(dtype: Any) -> str:
-    """LLVM's name of a dtype."""
-    return dtype_name(dtype)
