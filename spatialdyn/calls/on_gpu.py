@@ -190,5 +190,7 @@ def _rows(wanted: Array, x: View, batch: tuple[int, ...]) -> Rows:
             raise ShapeError(f"{wanted.name} has strides {x.strides}, expected rows that lie one stride apart")
         expected = stride * size
     if math.prod(lead) != math.prod(batch):
-        raise ShapeError(f"{wanted.name} has shape {x.shape}, expected the batch shape {batch} or none: it is not copied")
+        raise ShapeError(
+            f"{wanted.name} has shape {x.shape}, expected the batch shape {batch} or none: it is not copied"
+        )
     return Rows(x.address, step)

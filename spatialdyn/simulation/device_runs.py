@@ -40,10 +40,8 @@ def check_on_device(plan: Plan, q: Array, dtype: np.dtype[Any], contacts: bool) 
     if plan.method not in EXPLICIT_METHODS:
         listed = ", ".join(EXPLICIT_METHODS)
         raise SimulationError(f'method is "{plan.method}" with device="cuda", expected one of {listed}')
-    static = plan.tables
-    if numba_kernels.PLAIN or not (
-        plan.is_program and recording.fits(specs_of_step(plan.method, plan.structure, (), True), plan.model.bodies, static=static)
-    ):
+    specs = specs_of_step(plan.method, plan.structure, (), True) if plan.is_program else ()
+    if numba_kernels.PLAIN or not specs or not recording.fits(specs, plan.model.bodies, static=plan.tables):
         raise SimulationError(
             f'a step of "{plan.model.name}" in this scene has no program, expected one for device="cuda"'
         )
@@ -120,16 +118,22 @@ class DeviceInputs:
         inputs: list[StepRows] = []
         common, sound = [], True
         listed = [("dt", np.full((1, 1, 1), dt)), ("tau", None), *plan.values.items()]
-        for name, value in listed:
+        for name, value in listed:  # as a step takes them
             if name in ("tau", FEXT.name) and name in self.views:
                 view, way = self._forces(plan, name, kept), ways[name == FEXT.name]
                 lead = (0, 0, *view.strides[: len(view.shape) - (2 if name == FEXT.name else 1)])[-2:]
-                inputs.append(StepRows(view.address, *(s if size > 1 else 0 for s, size in zip(lead, way, strict=True))))
+                step = [stride if size > 1 else 0 for stride, size in zip(lead, way, strict=True)]
+                inputs.append(StepRows(view.address, *step))
             elif value is not None:
                 samples, times, columns = value.shape
                 if samples == 1:
                     common.append(len(states) + len(inputs))
                     sound &= bool(np.isfinite(value).all())
+                if not np.isfinite(value.astype(dtype)[np.isfinite(value)]).all():
+                    most = abs(value[np.isfinite(value)]).max()
+                    raise SimulationError(
+                        f'{name} holds {most}, expected the range of {dtype}, or dtype float64, with device="cuda"'
+                    )
                 address = uploaded(value).address
                 inputs.append(StepRows(address, times * columns if samples > 1 else 0, columns if times > 1 else 0))
         parts = plan.model, plan.method, plan.structure, plan.tables
@@ -137,9 +141,7 @@ class DeviceInputs:
         flags, count = library.empty((n,), np.uint8), library.zero()
         addresses = [self._read("a result", x).address for x in (*records, flags, count)]
         where = self.device, self.number
-        kernel.time_loop(
-            *where, (n, total, every), [*states, *inputs], addresses[:-2], *addresses[-2:], library.stream
-        )
+        kernel.time_loop(*where, (n, total, every), [*states, *inputs], addresses[:-2], *addresses[-2:], library.stream)
         self.device.wait(self.number, library.stream)
         if not sound:
             left = np.arange(n)

@@ -52,11 +52,11 @@ def run_samples(
 
 
 def run_alone(
-    plan: Plan, initial: RunStates, start: list[Array], held: Array, rows: Sequence[Array], steps: tuple[float, int, int],
-    sample: int, check: bool,
+    plan: Plan, initial: RunStates, start: list[Array], held: Array, rows: Sequence[Array],
+    steps: tuple[float, int, int], sample: int, check: bool,
 ) -> str:  # fmt: skip
-    """Run a sample as ``simulate`` does, from its start and torques (steps or 1, nv), and write its records; returns why
-    it fails, "" if it does not. A check leaves out the run of what is not finite.
+    """Run a sample as ``simulate`` does, from its start and torques (steps or 1, nv), and write its records; returns
+    why it fails, "" if it does not. A check leaves out the run of what is not finite.
     """
     reason = _not_finite(plan, start, held, steps[0]) or _value_not_finite(plan, sample)
     if reason and check:

@@ -133,7 +133,9 @@ def rollout(
     _check_lanes(scene, number)
     fixed = 0.0 if method in SCIPY_METHODS else float(dt)
     feedback = None if control is None else Feedback.of(control, model, B, T)
-    forces = fext_rows if given is None or fext_rows is None else fext_rows[:1, :1]  # zeros that stand for what is there
+    forces = (
+        fext_rows if given is None or fext_rows is None else fext_rows[:1, :1]
+    )  # zeros that stand for what is there
     plan = plan_of(scene, method, (start[0], start[1]), fixed, False, kept, Inputs(forces, None, feedback))
     initial = plan.unstarted if states is None else run_states(model, plan.states, plan.tables, states, B)
     now = [np.ascontiguousarray(np.broadcast_to(x, (B, x.shape[1]))) for x in (*start, *initial.starts)]

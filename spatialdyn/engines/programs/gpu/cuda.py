@@ -24,11 +24,15 @@ class Cuda(Device):
 
     kind = CUDA
 
+    def image(self, text: Text) -> bytes:
+        """What the driver loads: PTX, which ends in a zero."""
+        return ptx(text(NVPTX)).encode() + b"\0"
+
     def load(self, text: Text, number: int) -> Loaded:
         driver = _driver()
         attribute = driver.CUfunction_attribute
         with _current(number):
-            module = _done("cuModuleLoadData", driver.cuModuleLoadData(ptx(text(NVPTX)).encode() + b"\0"))
+            module = _done("cuModuleLoadData", driver.cuModuleLoadData(self.image(text)))
             handle = _done("cuModuleGetFunction", driver.cuModuleGetFunction(module, b"kernel"))
             spilled, registers = (
                 int(_done("cuFuncGetAttribute", driver.cuFuncGetAttribute(x, handle)))
@@ -81,7 +85,9 @@ def _driver() -> Any:
     try:
         _done("cuInit", driver.cuInit(0))
     except (RuntimeError, OSError) as error:  # of the loader
-        raise SpatialDynError(f'device is "cuda", expected a machine with a GPU of NVIDIA and its driver: {error}') from None
+        raise SpatialDynError(
+            f'device is "cuda", expected a machine with a GPU of NVIDIA and its driver: {error}'
+        ) from None
     return driver
 
 

@@ -16,7 +16,7 @@ from ..llvm.llvm_text import Body
 from ..record.kernel_layout import KernelLayout
 from ..record.program import Program
 from ..record.structure import Numbers
-from .thread_writer import CONSTANT, GLOBAL, Thread, ThreadWriter, dtype_name
+from .thread_writer import CONSTANT, GLOBAL, Thread, ThreadWriter
 
 BLOCK = 128  # threads of a block: any number of registers fits
 CONSTANT_BYTES = 1 << 16  # of the constant memory of a GPU; more numbers go to global memory
@@ -223,5 +223,3 @@ def _grid(parameters: Sequence[str]) -> str:
     t.branch(t.put("icmp slt i64 %next, %threads"), "loop", "done", then="done")
     t.do("ret void")
     return t.function(f"define void @grid(i64 %threads, {', '.join(parameters)})")
-
-

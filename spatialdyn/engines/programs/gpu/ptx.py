@@ -17,8 +17,8 @@ ARCHITECTURE, VERSION = "sm_75", "+ptx70"  # the driver compiles for its own GPU
 
 
 def orders(program: Program) -> list[list[int]]:
-    """The orders of lines to try: the program's own, and depth first from the last result, which holds fewer values of a
-    tree of bodies. A program with regions has its own alone.
+    """The orders of lines to try: the program's own, and depth first from the last result, which holds fewer values of
+    a tree of bodies. A program with regions has its own alone.
     """
     own = list(range(len(program.lines)))
     return [own] if program.regions else [own, depth_first(program, last=True)]

@@ -2,8 +2,8 @@
 
 The arithmetic is that of ``simd`` on one lane, so results have the same bits; only how a sample is read and written
 differs. An input is loaded where it is first read and a result stored where it is computed: what a thread holds at a
-time has to fit in its registers. The checks of a sample reject all that lanes reject. Where they sum squares, in another
-order, they reject a little more: rejected samples go to lanes, so that no result depends on it.
+time has to fit in its registers. The checks of a sample reject all that lanes reject. Where they sum squares, in
+another order, they reject a little more: rejected samples go to lanes, so that no result depends on it.
 """
 
 from __future__ import annotations
@@ -11,12 +11,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
-
 from ..llvm.llvm_vectors import ZERO, Vectors
 from ..llvm.simd import Writer
 from ..record.kernel_layout import KernelLayout
-from ..record.operations import CONST, INPUT
+from ..record.operations import CONST, INPUT, operands
 from ..record.program import Program
 
 MARGIN = {"double": 1e-9, "float": 1e-3}  # relative, of sums of squares: rounding of 10 000 terms is below it
@@ -198,8 +196,6 @@ class ThreadWriter(Writer):
 
 def most_live(program: Program, order: Sequence[int]) -> int:
     """How many values a thread holds at most with the lines in this order, inputs loaded at their first use."""
-    from ..record.operations import operands
-
     last: dict[int, int] = {}
     for at, k in enumerate(order):
         for operand in operands(program.lines[k]):
@@ -215,8 +211,3 @@ def most_live(program: Program, order: Sequence[int]) -> int:
         most = max(most, live)
         live -= sum(last[x] == at for x in here)
     return most
-
-
-def dtype_name(dtype: Any) -> str:
-    """LLVM's name of a dtype."""
-    return "double" if np.dtype(dtype) == np.float64 else "float"
