@@ -178,6 +178,8 @@ class SpecializedOnGpu(Specialized):
 def _rows(wanted: Array, x: View, batch: tuple[int, ...]) -> Rows:
     """The rows of an input. Raises ShapeError if they do not lie a stride apart."""
     lead, rank = lead_of(wanted, x.shape), len(wanted.shape)
+    if not math.prod(batch):
+        return Rows(x.address, 0)
     if rank and not x._replace(shape=x.shape[len(lead) :], strides=x.strides[len(lead) :]).contiguous:
         raise ShapeError(f"{wanted.name} has strides {x.strides}, expected the numbers of a sample side by side")
     if math.prod(lead) <= 1 and math.prod(batch) != math.prod(lead):
@@ -190,7 +192,5 @@ def _rows(wanted: Array, x: View, batch: tuple[int, ...]) -> Rows:
             raise ShapeError(f"{wanted.name} has strides {x.strides}, expected rows that lie one stride apart")
         expected = stride * size
     if math.prod(lead) != math.prod(batch):
-        raise ShapeError(
-            f"{wanted.name} has shape {x.shape}, expected the batch shape {batch} or none: it is not copied"
-        )
+        raise ShapeError(f"{wanted.name} has shape {x.shape}, expected all of the batch shape {batch}, or none of it")
     return Rows(x.address, step)
