@@ -136,6 +136,7 @@ def install(monkeypatch: pytest.MonkeyPatch, spills: tuple[int, ...] = ()) -> Dr
     """Both modules, until the end of the test; returns the driver."""
     driver, cupy = Driver(spills), ModuleType("cupy")
     cupy.empty = lambda shape, dtype: Array(np.full(shape, 9, dtype))  # type: ignore[attr-defined]
+    cupy.ones = lambda shape: Array(np.ones(shape))  # type: ignore[attr-defined]
     cupy.zeros = lambda shape, dtype: Array(np.zeros(shape, dtype))  # type: ignore[attr-defined]
     cupy.asarray = lambda x: Array(np.array(x))  # type: ignore[attr-defined]
     cupy.asnumpy = lambda x: x.x.copy()  # type: ignore[attr-defined]
