@@ -114,7 +114,7 @@ class SpecializedOnGpu(Specialized):
             flags, count = library.empty((n,), np.uint8), library.zero()
             noted = [device_arrays.read("flags", x, device.stream_for_dlpack(stream)).address for x in (flags, count)]
             addresses = [view.address for view in views]
-            self._on_device.batch(device, number, n, rows, addresses, *noted, stream)
+            self._on_device.batch(device, number, n, rows, addresses, noted[0], noted[1], stream)
             if check or not library.is_async():
                 device.wait(number, stream)
             if check and int(library.to_host(count)[0]):
@@ -139,14 +139,15 @@ class SpecializedOnGpu(Specialized):
             left = lanes._kernel([x.reshape((len(x), -1)) for x in parts], found)
         left = np.arange(len(index)) if left is None else left
         if len(left):  # at their places in the batch, which errors name: memory that is not touched takes none
-            wide = [np.zeros((n, *x.shape[1:]), x.dtype) if at.step else x for x, at in zip(parts, rows, strict=True)]
-            for x, part, at in zip(wide, parts, rows, strict=True):
+            both = zip(parts, rows, strict=True)
+            wide = [np.zeros((n, *part.shape[1:]), part.dtype) if at.step else part for part, at in both]
+            for whole, part, at in zip(wide, parts, rows, strict=True):
                 if at.step:
-                    x[index[left]] = part[left]
+                    whole[index[left]] = part[left]
             results = [np.zeros((n, x.shape[1]), x.dtype) for x in found]
             specialize_fallback.compute(request, self._inputs, wide, results, batch, index[left], False)
-            for x, part in zip(results, found, strict=True):
-                part[left] = x[index[left]]
+            for result, part in zip(results, found, strict=True):
+                part[left] = result[index[left]]
         return found
 
     def _read(self, wanted: Array, value: Any, stream: int = 0) -> View:  # type: ignore[override]

@@ -102,6 +102,8 @@ class Specialized:
         the errors of the public calls for values
     """
 
+    _kernel: batch_kernels.Kernel | None
+
     def __init__(
         self, request: SpecializeRequest, maker: Callable[..., Specialized], arguments: tuple[Any, ...]
     ) -> None:
@@ -121,7 +123,7 @@ class Specialized:
         narrow_only = request.dtype == np.float32
         self._driving = {x.name for x in request.arguments if narrow_only and x.unit != recording.POSITION}
         self.compile_seconds = 0.0
-        self._kernel: batch_kernels.Kernel | None = None
+        self._kernel = None
         self._single_due = False
 
     @property

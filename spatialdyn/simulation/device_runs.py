@@ -139,9 +139,10 @@ class DeviceInputs:
         parts = plan.model, plan.method, plan.structure, plan.tables
         kernel = _kernel(*parts, "tau" in self.views, dtype, len(states), tuple(common))
         flags, count = library.empty((n,), np.uint8), library.zero()
-        addresses = [self._read("a result", x).address for x in (*records, flags, count)]
+        *addresses, noted, counted = [self._read("a result", x).address for x in (*records, flags, count)]
         where = self.device, self.number
-        kernel.time_loop(*where, (n, total, every), [*states, *inputs], addresses[:-2], *addresses[-2:], library.stream)
+        given = [*states, *inputs]
+        kernel.time_loop(*where, (n, total, every), given, addresses, noted, counted, library.stream)
         self.device.wait(self.number, library.stream)
         if not sound:
             left = np.arange(n)
@@ -180,8 +181,8 @@ class DeviceInputs:
                 forces = self._sample(FEXT.name, b, 2)
                 if check and not np.isfinite(forces).all():
                     raise NonFiniteError("fext has numbers that are not finite, expected finite ones")
-                scene, start = plan.scene, (now[0][b], now[1][b])
-                alone = plan_of(scene, plan.method, start, steps[0], False, False, Inputs(forces, None, plan.feedback))
+                scene, begun = plan.scene, (now[0][b], now[1][b])
+                alone = plan_of(scene, plan.method, begun, steps[0], False, False, Inputs(forces, None, plan.feedback))
             start = [x[b].astype(float) for x in now]
             reason = run_alone(alone, initial, start, held[0], [x[k] for x in rows], steps, int(b), check)
             if reason and check:

@@ -286,12 +286,12 @@ def library_of(names: Sequence[str], arrays: Sequence[Any], kind: int) -> tuple[
     for name, root, one in zip(names, roots, known, strict=True):
         if one is None:
             raise SpatialDynError(f"{name} is of {root}, expected an array of PyTorch, CuPy or JAX")
-    for name, one, where in zip(names, known, found, strict=True):
-        if one is not known[0] or where != found[0]:
+    first, (_, number) = roots[0], found[0]
+    for name, root, place in zip(names, roots, found, strict=True):
+        if known[roots.index(root)] is not known[0] or place != found[0]:
             raise SpatialDynError(
-                f"{name} is of {one.__name__.strip('_')} on device {where[1]}, "  # type: ignore[union-attr]
-                f"expected {known[0].__name__.strip('_')} on device {found[0][1]} as {names[0]}"  # type: ignore[union-attr]
+                f"{name} is of {root} on device {place[1]}, expected {first} on device {number} as {names[0]}"
             )
     made = known[0]
     assert made is not None
-    return made(arrays[0]), found[0][1]
+    return made(arrays[0]), number

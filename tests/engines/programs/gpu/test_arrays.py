@@ -86,7 +86,7 @@ def test_arrays_of_one_library_on_one_device_are_expected() -> None:
     x, y, there = np.ones(2), torch.ones(2), fake_gpu.Array(np.ones(2))
     library, number = library_of(["q", "v"], [y, y], CPU)
     assert (type(library), number) == (LIBRARIES["torch"], 0)
-    with pytest.raises(SpatialDynError, match="v is of Torch on device 0, expected Numpy on device 0 as q"):
+    with pytest.raises(SpatialDynError, match="v is of torch on device 0, expected numpy on device 0 as q"):
         library_of(["q", "v"], [x, y], CPU)
     with pytest.raises(
         ShapeError, match=r'v is a ndarray in the memory of the CPU, expected one on a GPU, as device="cuda"'
