@@ -54,8 +54,7 @@ class SpecializedOnGpu(Specialized):
     check  whether rejected samples (big angles, NaN, joints without inertia: all that lanes reject) are computed on the
            CPU and their errors raised, for which the caller waits; if not, results of such samples are NaN
 
-    ptx       the text that the driver compiles, on any machine
-    engine    "cuda"
+    engine    "cuda"; ``ptx`` is the text that the driver compiles
     """
 
     def __init__(
@@ -70,18 +69,13 @@ class SpecializedOnGpu(Specialized):
                 f'{names} of "{request.model.name}" has no program in {request.dtype}, expected one for device="cuda"'
             )
         start = time.perf_counter()
-        self._on_device = GpuKernel(*self._recorded, request.dtype)
+        self._on_device: GpuKernel = self._threads
         self.compile_seconds = time.perf_counter() - start
 
     @property
     def engine(self) -> str:
         """The engine of batches."""
         return "cuda"
-
-    @property
-    def ptx(self) -> str:
-        """The program as PTX, the assembly text that a GPU's driver compiles."""
-        return self._on_device.ptx
 
     @cached_property
     def _lanes(self) -> Specialized:

@@ -178,6 +178,22 @@ class Specialized:
         """The straight-line program. Raises InertiaError if there is none."""
         return self._recorded.program
 
+    @cached_property
+    def _threads(self) -> Any:
+        """The program on threads, which is loaded on a GPU at its first use there."""
+        from ..engines.programs.gpu.gpu_kernel import GpuKernel
+
+        return GpuKernel(*self._recorded, self.dtype)
+
+    @property
+    def ptx(self) -> str:
+        """The program for one thread of a GPU as PTX, the assembly text that its driver compiles; on any machine.
+
+        Raises InertiaError if there is no program, SpatialDynError if it is too long for a thread
+        """
+        made: str = self._threads.ptx
+        return made
+
     def c_code(self, name: str | None = None, derivatives: bool = False) -> str:
         """The program as a C99 function ``void name(const double *q, ..., double *tau)`` that needs <math.h> only.
 

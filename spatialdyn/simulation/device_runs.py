@@ -141,7 +141,7 @@ class DeviceInputs:
         flags, count = library.empty((n,), np.uint8), library.zero()
         *addresses, noted, counted = [self._read("a result", x).address for x in (*records, flags, count)]
         where = self.device, self.number
-        given = [*states, *inputs]
+        given: list[Rows | StepRows] = [*states, *inputs]
         kernel.time_loop(*where, (n, total, every), given, addresses, noted, counted, library.stream)
         self.device.wait(self.number, library.stream)
         if not sound:
