@@ -221,7 +221,7 @@ _LATE = {  # {module: public names}, imported when one is asked for: half the ti
     "control.gains": "ClosedStep Gains LQR closed_step critical_gains gravity_stiffness_bound largest_step lqr",
     "control.monitors": "LyapunovRecord PassivityRecord lyapunov passivity",
     "control.motions": "fourier quintic spline trapezoid", "control.paths": "Path PathPeaks PathPoint",
-    "interop.pinocchio": "from_pinocchio", "embedded.export": "export",
+    "embedded.export": "export", "interop.pinocchio": "from_pinocchio",
     "identification.base": "Base base_parameters", "identification.identified": "Identified Validation",
     "identification.identify": "identify", "identification.excitation": "excitation",
     "identification.recording": "Recording",
