@@ -64,7 +64,10 @@ def _refuse_elsewhere(name: str, value: Any) -> None:
             "block dask.array.map_blocks(lambda ...: sd.rnea(model, ...), ..., meta=numpy.empty((0, 0)))"
         )
     if hasattr(value, "__cuda_array_interface__"):
-        raise ShapeError(f"{name} is a {type(value).__name__} on a GPU, expected an array in the memory of the CPU")
+        raise ShapeError(
+            f"{name} is a {type(value).__name__} on a GPU, expected an array in the memory of the CPU, or "
+            'sd.specialize(model, ..., device="cuda") for arrays there'
+        )
 
 
 def as_finite(name: str, value: ArrayLike) -> Array:
