@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,12 +21,23 @@ from ..errors import ConstraintError
 from ..model.model import Model
 from ..recursions.constraints.constrained import CHOSEN, DEPENDENT, ROWS, UNSURE
 from ..recursions.spec import Spec
-from .contact_points import Contacts
 from .table import Constraints, check_constraints
 
 Array = NDArray[np.float64]
 CONTRADICTION = 1e3 * DEPENDENT  # times eps and the number of terms: residual of an equation that no rounding explains
 NAMED = 1e-6  # of the largest share in a contradiction: equations that a message names
+
+
+class Owner(Protocol):
+    """What has a model and keeps the answers to calls with its tables."""
+
+    @property
+    def model(self) -> Model:
+        """The model of the tables."""
+
+    @property
+    def _plans(self) -> dict[Any, Any]:
+        """Answers, by call and the inputs that it is given."""
 
 
 def call(spec: Spec, model: Model, constraints: Constraints, *values: Any) -> Any:
@@ -36,7 +47,7 @@ def call(spec: Spec, model: Model, constraints: Constraints, *values: Any) -> An
     return answer(spec, constraints, (constraints.table,), values)
 
 
-def answer(spec: Spec, owner: Constraints | Contacts, static: tuple[StaticTable, ...], values: tuple[Any, ...]) -> Any:
+def answer(spec: Spec, owner: Owner, static: tuple[StaticTable, ...], values: tuple[Any, ...]) -> Any:
     """A call of a Spec with the tables of their owner, whose model is the caller's."""
     key = (spec.name, *(x is None for x in values))
     known = owner._plans.get(key)
@@ -46,7 +57,7 @@ def answer(spec: Spec, owner: Constraints | Contacts, static: tuple[StaticTable,
 
 
 def _function(
-    spec: Spec, owner: Constraints | Contacts, static: tuple[StaticTable, ...], there: list[bool]
+    spec: Spec, owner: Owner, static: tuple[StaticTable, ...], there: list[bool]
 ) -> Callable[..., Any]:
     """What answers a call with those of its inputs that are there: a builtin for one sample, Python for all else."""
     model = owner.model

@@ -14,7 +14,7 @@ torque control with high-ratio gear boxes and without joint-torque sensors (2016
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -22,20 +22,22 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..calls.arguments import as_finite, as_number, as_word, as_words, check_model
 from ..calls.dynamics import calls
-from ..constraints.contact_dynamics import contact_gaps
+from ..constraints.contact_points import Contacts
 from ..errors import ConstraintError, ModelError, ShapeError, SpatialDynError
+from ..recursions.control.whole_body import FAR
 from ..simulation.scene import Scene
-from .feet import Stance, feet_of, ground_axes, stance
+from .feet import feet_of
 from .hierarchy import check_tasks
-from .quadratic import Program, Relaxation, available, relax, residual, solve
+from .quadratic import EQUAL, NONE, Program, Relaxation, available, relax, residual, solve
 from .standing import Standing
-from .tasks import Rows, Task, rows_of
-from .viable import upper
+from .tasks import PostureTask, Rows, Task, rows_of
+from .terms import State, Terms
 
 Array = NDArray[np.float64]
 LIMITS = ("torque", "velocity", "position")
 FORCES, MOTION = 1e-4, 1e-6  # weights of (f/weight)² and of a²
 KEPT = 1e-8  # of the largest singular value: directions that higher tasks have
+MOST_TERMS = 64  # sets of frames that a WholeBody remembers the programs of
 
 
 class WholeBodyMotion(NamedTuple):
@@ -124,17 +126,38 @@ class WholeBody:
         floats = [x for x in model.joints[1:] if x.kind == "floating" and x.parent == 0]
         self.base = 6 if floats else 0
         self.weight = max(float(np.linalg.norm(model.gravity)) * model.total_mass, 1e-300)
-        self._names = [joint.name for joint in model.joints[1:] for _ in range(joint.nv)]
-        self._far = np.full(model.nv, np.inf)
-        stops = [(x.idx_v, x.idx_q) for x in model.joints[1:] if x.nq == x.nv == 1 and "position" in self.limits]
-        self._stops = tuple(np.array(stops, np.intp).reshape(-1, 2).T)
-        self._feet: dict[tuple[int, ...], Standing] = {}
-        contacts = self.scene.contacts
-        if contacts is not None and len(contacts):
-            self._axes = ground_axes(contacts)
-            for name in contacts.names:
-                _carries(model, name)
-            self._at(tuple(range(len(contacts))))
+        given = self.scene.contacts
+        self.contacts = Contacts(model, {}) if given is None else given
+        for name in self.contacts.names:
+            _carries(model, name)
+        self._feet = feet_of(model, self.contacts)
+        self._inputs = self._constants()
+        self._small = np.r_[np.full(model.nv, self.motion_weight), np.full(3 * len(self.contacts), self.force_weight)]
+        axes = self.contacts.table.rows[0]["axes"]
+        self._axes = np.array([[axes[letter + column] for column in "xyz"] for letter in "xyz"])
+        self._standing: dict[tuple[int, ...], Standing] = {}
+        self._terms: dict[Any, Terms] = {}
+        self._postures: dict[Any, tuple[Any, Rows]] = {}
+        self._whole = self._at(tuple(range(len(self.contacts))))
+        self._own = self._asked(self.tasks)
+
+    def _constants(self) -> tuple[Array, ...]:
+        """The inputs of the program that are the same at every state."""
+        model, n = self.model, self.model.nv
+        joints = model.joints[1:]
+        stops = [(x.idx_v, x.idx_q) for x in joints if x.nq == x.nv == 1 and "position" in self.limits]
+        lower, upper = np.full(n, -FAR), np.full(n, FAR)
+        at_v, at_q = np.array(stops, np.intp).reshape(-1, 2).T
+        lower[at_v], upper[at_v] = np.maximum(model.lower[at_q], -FAR), np.minimum(model.upper[at_q], FAR)
+        fastest, effort = np.array(model.velocity_limit), np.array(model.effort_limit)
+        fastest = np.where((fastest > 0.0) & ("velocity" in self.limits), np.minimum(fastest, FAR), FAR)
+        driven = (effort > 0.0) & np.isfinite(effort) & (np.arange(n) >= self.base) & ("torque" in self.limits)
+        self.unit = 1.0 / np.where(driven, effort, self.weight)
+        self.limit = np.where(driven, 1.0, np.where(np.arange(n) < self.base, 0.0, FAR))
+        largest = min(self.largest / self.weight, FAR)
+        numbers = (self.weight, self.brake, self.damping, self.dt, largest)
+        ground = np.array(self.contacts.friction, np.float64)
+        return lower, upper, fastest, self.unit, self.limit, *(np.array([x]) for x in numbers), ground
 
     def __call__(self, t: float, q: ArrayLike, v: ArrayLike) -> Array:
         """The torque (nv,) at a state: a torque function of ``simulate``."""
@@ -151,77 +174,100 @@ class WholeBody:
             if x.shape != (size,):
                 raise ShapeError(f"{name} has shape {x.shape}, expected ({size},): one state")
         given = self.tasks if tasks is None else check_tasks(self.model, tasks)
-        rows = [rows_of(task, self.model, q, v) for task in given]
-        program, made = self._program(q, v)
+        state, fixed, rows = self._state(given, q, v)
+        program = self._program(fixed, state)
         levels = sorted({int(task.priority) for task in given})
         if len(levels) == 1:
-            x, relaxed = self._settled(_with(program, list(zip(given, rows, strict=True)), self._weights(made)))
+            x, relaxed = self._settled(self._with(program, given, rows))
         else:
-            x, relaxed = self._in_order(program, given, rows, levels, self._weights(made))
-        return self._motion(x, made, rows, relaxed, residual(relaxed[0], x))
+            x, relaxed = self._in_order(program, given, rows, levels)
+        return self._motion(x, state, fixed, rows, relaxed)
+
+    def program(self, q: ArrayLike, v: ArrayLike) -> Program:
+        """The quadratic program at q (nq,), v (nv,), of all tasks at once: P, g, rows, low, high."""
+        q, v = as_finite("q", q), as_finite("v", v)
+        state, fixed, rows = self._state(self.tasks, q, v)
+        return self._with(self._program(fixed, state), self.tasks, rows)
 
     # --- the program ----------------------------------------------------------------------------------------
 
+    def _state(self, tasks: Sequence[Any], q: Array, v: Array) -> tuple[State, Standing, list[Rows]]:
+        """The terms at a state, what stands, and the equations of the tasks."""
+        terms = self._own if tasks is self.tasks else self._asked(tasks)
+        state = terms(q, v, *self._inputs)
+        fixed = self._whole if isinstance(self.standing, str) else self._at(self._touching(state.gap))
+        return state, fixed, self._rows(tasks, terms, state, q, v)
+
     def _at(self, at: tuple[int, ...]) -> Standing:
         """What is constant of these points."""
-        if at not in self._feet:
-            contacts = self.scene.contacts
-            feet = feet_of(self.model, contacts, at) if contacts is not None and at else []
-            order = [k for foot in feet for k in foot.at]
-            self._feet[at] = Standing.of(self, feet, order)
-        return self._feet[at]
+        if at not in self._standing:
+            self._standing[at] = Standing.of(self, self._feet, at)
+        return self._standing[at]
 
-    def _standing(self, q: Array) -> tuple[int, ...]:
-        contacts = self.scene.contacts
-        if contacts is None:
-            return ()
-        if isinstance(self.standing, str):
-            return tuple(range(len(contacts)))
-        gaps = np.asarray(contact_gaps(self.model, contacts, q))
-        return tuple(np.flatnonzero(gaps <= self.standing).tolist())
+    def _touching(self, gap: Array) -> tuple[int, ...]:
+        return tuple(np.flatnonzero(gap <= self.standing).tolist())
 
-    def _program(self, q: Array, v: Array) -> tuple[Program, _State]:
-        """The program without tasks, and what torques follow from."""
-        model, n, nb = self.model, self.model.nv, self.base
-        fixed = self._at(self._standing(q))
-        k = 3 * len(fixed.order)
-        M, h = np.asarray(calls["crba"](model, q)), np.asarray(calls["nonlinear_effects"](model, q, v))
-        if k:
-            feet = stance(model, fixed.feet, self._axes, q, v)
-        else:
-            feet = Stance(np.zeros((0, n)), np.zeros(0), np.zeros(0), np.zeros((n, 0)))
-        r = len(feet.drift)
-        A, b = np.zeros((nb + r, n + k)), np.empty(nb + r)
-        A[:nb, :n], A[:nb, n:], b[:nb] = M[:nb] / self.weight, -feet.pull[:nb], -h[:nb] / self.weight
-        A[nb:, :n], b[nb:] = feet.J / self.brake, -(feet.drift + self.damping * feet.rate) / self.brake
-        G, limit = fixed.G.copy(), fixed.h.copy()
-        for rows, sign in fixed.torque_rows:
-            scale = sign / fixed.effort
-            G[rows, :n] = scale[:, None] * M[fixed.driven]
-            G[rows, n:] = (-self.weight * scale[:, None]) * feet.pull[fixed.driven]
-            limit[rows] -= scale * h[fixed.driven]
-        least, most = fixed.least.copy(), fixed.most.copy()
-        if fixed.bounded:
-            gap_up, gap_down = self._gaps(q)
-            most[:n] = upper(gap_up, v, fixed.fastest, self.brake, self.dt)
-            least[:n] = -upper(gap_down, -v, fixed.fastest, self.brake, self.dt)
-        program = Program(
-            np.zeros((0, 0)), np.zeros(0), A, b, G, limit, least, most, fixed.groups, fixed.size, fixed.bounds,
-            fixed.scale,
-        )  # fmt: skip
-        return program, _State(M, h, feet, fixed)
+    def _asked(self, tasks: Sequence[Any]) -> Terms:
+        """The call that has the terms of these tasks."""
+        asked = [task._asked() if isinstance(task, Task) else None for task in tasks]
+        frames = [None if x is None or x.frame is None else self.model.frame(x.frame) for x in asked]
+        key = tuple(
+            None if x is None else (None if at is None else (at.kind, at.name), x.reference, x.rows)
+            for x, at in zip(asked, frames, strict=True)
+        )
+        if key not in self._terms:
+            if len(self._terms) >= MOST_TERMS:
+                self._terms.clear()
+            self._terms[key] = Terms(self.model, self.contacts, self._feet, asked)
+        return self._terms[key]
 
-    def _gaps(self, q: Array) -> tuple[Array, Array]:
-        """What each freedom has left to its upper and its lower limit; infinite where there is none."""
-        up, down, (at_v, at_q) = self._far.copy(), self._far.copy(), self._stops
-        up[at_v], down[at_v] = self.model.upper[at_q] - q[at_q], q[at_q] - self.model.lower[at_q]
-        return up, down
+    def _rows(self, tasks: Sequence[Any], terms: Terms, x: State, q: Array, v: Array) -> list[Rows]:
+        """The equations of the tasks."""
+        found = []
+        for task, place in zip(tasks, terms.places, strict=True):
+            if place is not None:
+                at, frame, turning = place
+                wanted = task._wanted(x.rate[at], x.com if frame < 0 else x.X[frame])
+                found.append(Rows(x.J[at], x.drift[at], wanted, turning))
+            elif isinstance(task, PostureTask):
+                at, fixed = self._posture(task, q, v)
+                left = v[at] if task.target is None else calls["difference"](self.model, q, task.target)[at]
+                found.append(fixed._replace(wanted=task._wanted(v[at], left)))
+            else:
+                found.append(rows_of(task, self.model, q, v))
+        return found
 
-    def _weights(self, made: _State) -> Array:
-        """The diagonal of what is small."""
-        n, k = self.model.nv, made.feet.pull.shape[1]
-        small: Array = np.r_[np.full(n, self.motion_weight), np.full(k, self.force_weight)]
-        return small
+    def _posture(self, task: PostureTask, q: Array, v: Array) -> tuple[Any, Rows]:
+        """The freedoms of a posture, as an index of arrays, and its rows but for what is wanted."""
+        if task.joints not in self._postures:
+            at = task.at(self.model)
+            neighbours = at == list(range(at[0], at[-1] + 1))
+            index = slice(at[0], at[-1] + 1) if neighbours else np.array(at)
+            self._postures[task.joints] = index, task._of_state(self.model, q, v)
+        return self._postures[task.joints]
+
+    def _program(self, fixed: Standing, x: State) -> Program:
+        """The program without tasks."""
+        rows, low, high = fixed.program(x)
+        empty = np.zeros(0)
+        return Program(empty, empty, rows, low, high, fixed.sense, fixed.names, fixed.size)
+
+    def _with(self, program: Program, tasks: Sequence[Any], rows: Sequence[Rows]) -> Program:
+        """The program with its tasks."""
+        n, size = self.model.nv, program.rows.shape[1]
+        P, g = np.zeros((size, size)), np.zeros(size)
+        diagonal = P.reshape(-1)[:: size + 1]
+        diagonal += self._small[:size]
+        for task, row in zip(tasks, rows, strict=True):
+            aim = task.weight * (row.wanted - row.drift)
+            if isinstance(task, PostureTask):
+                at, _ = self._postures[task.joints]
+                diagonal[at] += task.weight
+                g[at] -= aim
+            else:
+                P[:n, :n] += (task.weight * row.J.T) @ row.J
+                g[:n] -= aim @ row.J
+        return program._replace(P=P, g=g)
 
     def _settled(self, program: Program) -> tuple[Array, tuple[Program, list[Relaxation]]]:
         """The answer, with limits relaxed if need be."""
@@ -243,72 +289,52 @@ class WholeBody:
         return x, (softer, listed)
 
     def _in_order(
-        self, program: Program, tasks: list[Any], rows: list[Rows], levels: list[int], small: Array
+        self, program: Program, tasks: Sequence[Any], rows: list[Rows], levels: list[int]
     ) -> tuple[Array, tuple[Program, list[Relaxation]]]:
         """A program for each priority, in what those before it leave: x + Z y."""
         softer: tuple[Program, list[Relaxation]] | None = None
         for level in levels:
-            chosen = [(task, row) for task, row in zip(tasks, rows, strict=True) if task.priority == level]
+            chosen = [k for k, task in enumerate(tasks) if task.priority == level]
+            whole = self._with(program, [tasks[k] for k in chosen], [rows[k] for k in chosen])
             if softer is None:
-                x, softer = self._settled(_with(program, chosen, small))
-                program, Z = softer[0], _null(program.A)
+                x, softer = self._settled(whole)
+                program, size = softer[0], program.rows.shape[1]
+                Z = _null(program.rows[program.sense[size:] == EQUAL])
             else:
-                x = x + Z @ self._within(program, chosen, small, x, Z)
-            higher = np.concatenate([row.J for _, row in chosen])
+                x = x + Z @ self._within(whole, x, Z)
+            higher = np.concatenate([rows[k].J for k in chosen])
             Z = Z @ _null(higher @ Z[: self.model.nv])
             if not Z.shape[1]:
                 break
         assert softer is not None
         return x, softer
 
-    def _within(self, program: Program, chosen: list[Any], small: Array, x: Array, Z: Array) -> Array:
+    def _within(self, p: Program, x: Array, Z: Array) -> Array:
         """The best y of x + Z y; 0 where the solver has none, which is feasible."""
-        whole = _with(program, chosen, small)
-        high, low = np.isfinite(program.most), np.isfinite(program.least)
-        G = np.concatenate([program.G @ Z, Z[high], -Z[low]])
-        h = np.concatenate([program.h - program.G @ x, (program.most - x)[high], (x - program.least)[low]])
-        size = np.concatenate([program.size, program.scale[high], program.scale[low]])
-        free = np.full(Z.shape[1], np.inf)
+        bounded = (p.sense != EQUAL) & ((p.high < NONE) | (p.low > -NONE))
+        y = np.concatenate([x, p.rows @ x])
+        rows = np.concatenate([Z, p.rows @ Z])[bounded]
+        free = np.full(Z.shape[1], FAR)
         inner = Program(
-            Z.T @ whole.P @ Z, Z.T @ (whole.P @ x + whole.g), np.zeros((0, len(free))), np.zeros(0), G,
-            np.maximum(h, 0.0), -free, free, (), size, (), np.ones(len(free)),
+            Z.T @ p.P @ Z, Z.T @ (p.P @ x + p.g), rows, np.r_[-free, np.minimum((p.low - y)[bounded], 0.0)],
+            np.r_[free, np.maximum((p.high - y)[bounded], 0.0)], np.zeros(len(free) + len(rows), np.int32), (), free,
         )  # fmt: skip
-        y, _ = solve(self.solver, inner)
-        return np.zeros(len(free)) if y is None else y
+        found, _ = solve(self.solver, inner)
+        return np.zeros(len(free)) if found is None else found
 
     def _motion(
-        self, x: Array, made: _State, rows: list[Rows], relaxed: tuple[Program, list[Relaxation]], off: float
+        self, x: Array, state: State, fixed: Standing, rows: list[Rows], relaxed: tuple[Program, list[Relaxation]]
     ) -> WholeBodyMotion:
         n, nb = self.model.nv, self.base
         a, f = x[:n], self.weight * x[n:]
-        tau = made.M @ a + made.h - made.feet.pull @ f
+        bodies = state.rows[:n] if fixed.whole else state.rows[:n][:, fixed.columns]
+        tau = (bodies @ x) / self.unit + state.bias
         tau[:nb] = 0.0
-        forces = f.reshape(-1, 3) @ self._axes.T if len(f) else np.zeros((0, 3))
-        missed = tuple(row.J @ a + row.drift - row.wanted for row in rows)
-        names = () if self.scene.contacts is None else tuple(self.scene.contacts.names[k] for k in made.fixed.order)
-        return WholeBodyMotion(tau, a, forces, names, missed, tuple(relaxed[1]), off)
-
-
-class _State(NamedTuple):
-    """M, h and the feet at a state."""
-
-    M: Array
-    h: Array
-    feet: Stance
-    fixed: Standing
-
-
-def _with(program: Program, tasks: list[tuple[Any, Rows]], small: Array) -> Program:
-    """The program with these tasks as its cost."""
-    n = program.A.shape[1]
-    P, g = np.zeros((n, n)), np.zeros(n)
-    nv = tasks[0][1].J.shape[1]
-    J = np.concatenate([math.sqrt(task.weight) * row.J for task, row in tasks])
-    aim = np.concatenate([math.sqrt(task.weight) * (row.wanted - row.drift) for task, row in tasks])
-    P[:nv, :nv] = J.T @ J
-    P[np.arange(n), np.arange(n)] += small
-    g[:nv] = -(J.T @ aim)
-    return program._replace(P=P, g=g)
+        at = list(fixed.at)
+        names = tuple([self.contacts.names[k] for k in at])
+        forces = np.einsum("kji,kj->ki", state.tilt[at], f.reshape(-1, 3)) @ self._axes
+        missed = tuple([row.J @ a + row.drift - row.wanted for row in rows])
+        return WholeBodyMotion(tau, a, forces, names, missed, tuple(relaxed[1]), residual(relaxed[0], x))
 
 
 def _null(A: Array) -> Array:

@@ -9,7 +9,8 @@ import pytest
 from standing_robots import box, talos
 
 import spatialdyn as sd
-from spatialdyn.operational.viable import upper
+from spatialdyn.recursions.control.whole_body import viable
+from spatialdyn.operational.quadratic import EQUAL
 
 pytest.importorskip("qpsolvers")
 KKT = 1e-10  # of accelerations and of forces over the weight: a program without active inequalities
@@ -42,14 +43,11 @@ def test_the_ground_carries_the_weight(robot: Any) -> None:
 
 def kkt(body: sd.WholeBody, q: Any, v: Any) -> Any:
     """The solution of the equations alone."""
-    program, made = body._program(q, v)
-    rows = [(task, task.rows(body.model, q, v)) for task in body.tasks]
-    from spatialdyn.operational.whole_body import _with
-
-    p = _with(program, rows, body._weights(made))
-    A, n = p.A, len(p.g)
+    p = body.program(q, v)
+    equal = p.sense[len(p.g) :] == EQUAL
+    A, b, n = p.rows[equal], p.high[len(p.g) :][equal], len(p.g)
     K = np.block([[p.P, A.T], [A, np.zeros((len(A), len(A)))]])
-    return np.linalg.solve(K, np.r_[-p.g, p.b])[:n]
+    return np.linalg.solve(K, np.r_[-p.g, b])[:n]
 
 
 def test_without_active_limits_it_is_the_solution_of_the_equations() -> None:
@@ -130,16 +128,16 @@ def test_what_has_to_give_way_is_named() -> None:
 
 def test_braking_ends_before_the_limit() -> None:
     """From any viable state, with the acceleration that the bound allows taken in full, step after step."""
-    h, brake, fastest, limit = 1e-2, 5.0, np.array([2.0]), 1.0
+    h, brake, fastest, limit = 1e-2, 5.0, 2.0, 1.0
     for q0, v0 in ((0.0, 0.0), (0.5, 2.0), (0.9, 0.9), (1.0, 0.0)):
-        q, v = np.array([q0]), np.array([v0])
+        q, v = q0, v0
         for _ in range(400):
-            a = np.minimum(upper(limit - q, v, fastest, brake, h), 50.0)
+            a = min(viable(limit - q, v, fastest, brake, h), 50.0)
             q, v = q + h * v + 0.5 * h * h * a, v + h * a
-            assert q[0] <= limit + BRAKED
-            assert v[0] <= fastest[0] + 1e-9
-    assert q[0] > limit - 1e-2
-    assert upper(np.array([-0.1]), np.array([1.0]), fastest, brake, h)[0] == -brake  # beyond: braked, not more
+            assert q <= limit + BRAKED
+            assert v <= fastest + 1e-9
+    assert q > limit - 1e-2
+    assert viable(-0.1, 1.0, fastest, brake, h) == -brake  # beyond: braked, not more
 
 
 def test_feet_that_slip_are_slowed() -> None:
