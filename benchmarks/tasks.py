@@ -103,8 +103,8 @@ def bodies(rounds: int) -> None:
     whole = least(lambda: body.solve(q, v), 50, rounds)
     put, solved = least(lambda: body.program(q, v), 50, rounds), least(lambda: raw("daqp", program), 50, rounds)
     print(
-        f"talos    {len(program.g)} variables, {(program.sense == EQUAL).sum()} equations, {len(program.rows)} rows: assembly "
-        f"{put * 1e6:.0f} µs, daqp {solved * 1e6:.0f} µs, whole call {whole * 1e6:.0f} µs"
+        f"talos    {len(program.g)} variables, {len(program.rows)} rows, {(program.sense == EQUAL).sum()} of them "
+        f"equations: assembly {put * 1e6:.0f} µs, daqp {solved * 1e6:.0f} µs, whole call {whole * 1e6:.0f} µs"
     )
 
 

@@ -84,9 +84,11 @@ def by_qpsolvers(solver: str, p: Program) -> Array | None:
     least = np.where(p.low[:n] > -NONE, p.low[:n], -np.inf)
     most = np.where(p.high[:n] < NONE, p.high[:n], np.inf)
     A, b = p.rows[equal], high[equal]
-    given = (G, h) if len(h) else (None, None), (A, b) if len(b) else (None, None)
     try:
-        found = qpsolvers.solve_qp(p.P, p.g, *given[0], *given[1], least, most, solver=solver)
+        found = qpsolvers.solve_qp(
+            p.P, p.g, G if len(h) else None, h if len(h) else None, A if len(b) else None, b if len(b) else None, least,
+            most, solver=solver,
+        )  # fmt: skip
     except (ValueError, ArithmeticError, qpsolvers.exceptions.QPError):
         return None
     return None if found is None or not np.isfinite(found).all() else np.asarray(found)

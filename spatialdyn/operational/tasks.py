@@ -72,10 +72,6 @@ class Task:
         """What J and J̇ v belong to, where a program has them among others. Returns None if not applicable."""
         return None
 
-    def _wanted(self, rate: Array, place: Array) -> Array:
-        """a* (..., m), from J v (..., m) and the pose (..., 4, 4) or point (..., 3) of what was asked for."""
-        raise NotImplementedError
-
     def check(self, model: Model) -> None:
         """Raise ModelError or ShapeError if the task is none of this model's."""
         check_model(model)
@@ -199,20 +195,18 @@ class FrameTask(Task):
         rows = axes_of(self.axes)
         J = np.asarray(calls["frame_jacobian"](model, q, self.frame, self.reference))[..., rows, :]
         drift = np.asarray(calls["jacobian_dot_times_v"](model, q, v, self.frame, self.reference))[..., rows]
-        X = np.asarray(calls["frame_placement"](model, q, self.frame))
-        return Rows(J, drift, self._wanted((J @ v[..., None])[..., 0], X), np.array(rows) >= 3)
+        wanted = feedback(self, (J @ v[..., None])[..., 0], self._error(model, q, rows))
+        return Rows(J, drift, wanted, np.array(rows) >= 3)
 
     def _asked(self) -> Asked:
         """See ``Task``."""
         return Asked(self.frame, self.reference, tuple(axes_of(self.axes)))
 
-    def _wanted(self, rate: Array, place: Array) -> Array:
-        """See ``Task``."""
-        return feedback(self, rate, None if self.target is None else self._error(place))
-
-    def _error(self, X: Array) -> Array:
+    def _error(self, model: Model, q: Array, rows: list[int]) -> Array | None:
         """The displacement that is left, along the axes."""
-        target, rows = np.asarray(self.target), axes_of(self.axes)
+        if self.target is None:
+            return None
+        target, X = np.asarray(self.target), np.asarray(calls["frame_placement"](model, q, self.frame))
         R, whole = X[..., :3, :3], target.shape[-2:] == (4, 4)
         far = (target[..., :3, 3] if whole else target) - X[..., :3, 3]
         turn = turning(target[..., :3, :3] @ np.swapaxes(R, -1, -2)) if whole else 0.0 * far
@@ -260,18 +254,14 @@ class ComTask(Task):
         rows = axes_of(self.axes)
         J = np.asarray(calls["com_jacobian"](model, q))[..., rows, :]
         drift = np.asarray(calls["center_of_mass_acceleration"](model, q, v, 0.0 * v))[..., rows]
-        place = np.asarray(calls["center_of_mass"](model, q))
-        return Rows(J, drift, self._wanted((J @ v[..., None])[..., 0], place), np.zeros(len(rows), bool))
+        e = None
+        if self.target is not None:
+            e = (np.asarray(self.target) - np.asarray(calls["center_of_mass"](model, q)))[..., rows]
+        return Rows(J, drift, feedback(self, (J @ v[..., None])[..., 0], e), np.zeros(len(rows), bool))
 
     def _asked(self) -> Asked:
         """See ``Task``."""
         return Asked(None, "world", tuple(axes_of(self.axes)))
-
-    def _wanted(self, rate: Array, place: Array) -> Array:
-        """See ``Task``."""
-        if self.target is None:
-            return feedback(self, rate, None)
-        return feedback(self, rate, (np.asarray(self.target) - place)[..., axes_of(self.axes)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -328,14 +318,10 @@ class PostureTask(Task):
         """See ``Task``."""
         at = self.at(model)
         J = np.eye(model.nv)[at]
-        left = v if self.target is None else np.asarray(calls["difference"](model, q, self.target))
+        e = None if self.target is None else np.asarray(calls["difference"](model, q, self.target))[..., at]
         kinds = {k: joint for joint in model.joints[1:] for k in range(joint.idx_v, joint.idx_v + joint.nv)}
         turning = np.array([kinds[k].kind != "prismatic" for k in at])
-        return Rows(J, 0.0 * v[..., at], self._wanted(v[..., at], left[..., at]), turning)
-
-    def _wanted(self, rate: Array, place: Array) -> Array:
-        """See ``Task``; ``place`` is the displacement that is left, if there is a target."""
-        return feedback(self, rate, None if self.target is None else place)
+        return Rows(J, 0.0 * v[..., at], feedback(self, v[..., at], e), turning)
 
 
 def rows_of(task: Any, model: Model, q: Array, v: Array) -> Rows:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -14,46 +15,50 @@ from ..algebra.records import put_force, put_pose
 from ..algebra.spatial import Force
 from ..bodies.static_table import StaticTable
 from ..bodies.task_table import SIZES, TASKS
-from ..calls.arguments import frame_row_and_placement, reference_code
+from ..calls.arguments import core_shape, frame_row_and_placement, reference_code
 from ..constraints.calls import answer
 from ..constraints.contact_points import Contacts
 from ..model.model import Model
-from ..recursions.control.whole_body import WHOLE_BODY, WHOLE_BODY_OVER
+from ..recursions.control.whole_body import PARTS, WHOLE_BODY, WHOLE_BODY_OVER
 from .feet import Foot
 from .tasks import Asked
 
 Array = NDArray[np.float64]
 
 
-class State(NamedTuple):
-    """What the program gives at a state: views of one array.
+class State:
+    """What the program gives at a state, see ``recursions.control.whole_body``: parts of one array, by their names."""
 
-    rows       (n + ns + 4 np, n + 3 np) of x = (a, f), see the recursion; low, high: bounds of x, then of the rows
-    bias       (n,)
-    J          (nt, n), drift (nt,), rate (nt,)  of all tasks
-    X          (nf, 4, 4) poses of frames
-    com        (3,)
-    gap        (np,) of points, and tilt (np, 3, 3) of the ground there
+    __slots__ = ("_flat", "_parts")
+
+    def __init__(self, flat: Array, parts: dict[str, tuple[int, int, tuple[int, ...]]]) -> None:
+        """Of the array and where its parts lie."""
+        self._flat, self._parts = flat, parts
+
+    def __getattr__(self, name: str) -> Array:
+        begin, end, shape = self._parts[name]
+        return self._flat[begin:end].reshape(shape)
+
+
+class Place(NamedTuple):
+    """Where the rows of a task are among those of all.
+
+    rows     of J, J̇ v and a*
+    frame    its frame's number, 0 of the centre of mass
+    axes     of the frame
+    turning  which rows are rotations
     """
 
-    rows: Array
-    low: Array
-    high: Array
-    bias: Array
-    J: Array
-    drift: Array
-    rate: Array
-    X: Array
-    com: Array
-    gap: Array
-    tilt: Array
+    rows: slice
+    frame: int
+    axes: tuple[int, ...]
+    turning: NDArray[np.bool_]
 
 
 class Terms:
     """The call for some contacts and tasks.
 
-    places  for each task: its rows of J, the index of its frame's X (-1: the centre of mass), which rows are rotations;
-            None for one that asked for nothing
+    places  for each task, where its rows are; None for one that asked for none
     """
 
     def __init__(self, model: Model, contacts: Contacts, feet: Sequence[Foot], asked: Sequence[Asked | None]) -> None:
@@ -61,37 +66,26 @@ class Terms:
         frames: list[dict[str, Any]] = []
         equations: list[dict[str, Any]] = []
         rows: list[dict[str, Any]] = []
-        self.places: list[tuple[slice, int, NDArray[np.bool_]] | None] = []
+        self.places: list[Place | None] = []
+        for task in asked:
+            at = 0
+            if task is not None and task.frame is not None:
+                row, X = frame_row_and_placement(model, task.frame)
+                frames.append({"row": row, "X": X, "reference": reference_code(task.reference)})
+                at = len(frames)
+            axes = () if task is None else task.rows
+            span = slice(len(rows), len(rows) + len(axes))
+            self.places.append(None if task is None else Place(span, at, axes, np.array(axes) >= 3))
+            rows += [{"frame": at, "axis": k} for k in axes]
         for foot in feet:
             if len(foot.at) > 1:
                 frames.append({"row": foot.row, "X": np.eye(4), "reference": reference_code("local")})
                 equations += [{"frame": len(frames), "F": row} for row in foot.B.tolist()]
             else:
                 equations += [{"point": foot.at[0], "axis": k} for k in range(3)]
-        for task in asked:
-            if task is None:
-                self.places.append(None)
-                continue
-            at = 0
-            if task.frame is not None:
-                row, X = frame_row_and_placement(model, task.frame)
-                frames.append({"row": row, "X": X, "reference": reference_code(task.reference)})
-                at = len(frames)
-            span = slice(len(rows), len(rows) + len(task.rows))
-            self.places.append((span, at - 1, np.array(task.rows) >= 3))
-            rows += [{"frame": at, "axis": k} for k in task.rows]
-        n, points = model.nv, len(contacts)
-        width, height = n + 3 * points, n + len(equations) + 4 * points
-        shapes = (
-            (height, width), (width + height,), (width + height,), (n,), (len(rows), n), (len(rows),), (len(rows),),
-            (len(frames), 4, 4), (3,), (points,), (points, 3, 3),
-        )  # fmt: skip
-        ends = np.cumsum([int(np.prod(x)) for x in shapes]).tolist()
-        self._parts = [(a, b, shape) for a, b, shape in zip([0, *ends[:-1]], ends, shapes, strict=True)]
         table = np.zeros(1 + len(frames) + len(equations) + len(rows), TASKS)
         head = table[0]
-        head["last_row"], head["size"] = len(table) - 1, ends[-1]
-        head["nf"], head["ns"], head["nt"] = len(frames), len(equations), len(rows)
+        head["last_row"], head["nf"], head["ns"], head["nt"] = len(table) - 1, len(frames), len(equations), len(rows)
         for record, values in zip(table[1:], [*frames, *equations, *rows], strict=True):
             for name, value in values.items():
                 if name == "X":
@@ -100,13 +94,18 @@ class Terms:
                     put_force(record.F, Force(Vec(*value[3:]), Vec(*value[:3])))
                 else:
                     record[name] = value
-        self.model, self.equations = model, len(equations)
+        tables = (*contacts.tables, StaticTable(table, SIZES))
+        self._parts, end = {}, 0
+        for name, part in PARTS._asdict().items():
+            shape = core_shape(model, part, tables)
+            self._parts[name] = end, end + math.prod(shape), shape
+            end += math.prod(shape)
+        head["size"] = end
+        self.model, self.rows, self.frames = model, len(rows), len(frames)
         self._plans: dict[Any, Any] = {}
         self._spec = WHOLE_BODY if contacts.ground is None else WHOLE_BODY_OVER
         self._static = (*contacts.tables, StaticTable(table, SIZES))
 
     def __call__(self, *inputs: Array) -> State:
-        """The rows and terms; inputs in the order of the Spec's."""
-        flat = answer(self._spec, self, self._static, inputs)
-        return State(*[flat[a:b].reshape(shape) for a, b, shape in self._parts])
-
+        """The program and terms; inputs in the order of the Spec's."""
+        return State(answer(self._spec, self, self._static, inputs), self._parts)

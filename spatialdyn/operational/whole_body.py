@@ -27,10 +27,11 @@ from ..errors import ConstraintError, ModelError, ShapeError, SpatialDynError
 from ..recursions.control.whole_body import FAR
 from ..simulation.scene import Scene
 from .feet import feet_of
+from .goals import Goals, Joints, goals_of, terms_of
 from .hierarchy import check_tasks
 from .quadratic import EQUAL, NONE, Program, Relaxation, available, relax, residual, solve
 from .standing import Standing
-from .tasks import PostureTask, Rows, Task, rows_of
+from .tasks import Rows, Task
 from .terms import State, Terms
 
 Array = NDArray[np.float64]
@@ -131,21 +132,19 @@ class WholeBody:
         for name in self.contacts.names:
             _carries(model, name)
         self._feet = feet_of(model, self.contacts)
-        self._inputs = self._constants()
-        self._small = np.r_[np.full(model.nv, self.motion_weight), np.full(3 * len(self.contacts), self.force_weight)]
+        self._settings, self._friction = self._constants(), np.array(self.contacts.friction, np.float64)
         axes = self.contacts.table.rows[0]["axes"]
         self._axes = np.array([[axes[letter + column] for column in "xyz"] for letter in "xyz"])
         self._standing: dict[tuple[int, ...], Standing] = {}
         self._terms: dict[Any, Terms] = {}
-        self._postures: dict[Any, tuple[Any, Rows]] = {}
+        self._postures: dict[Any, Joints] = {}
         self._whole = self._at(tuple(range(len(self.contacts))))
-        self._own = self._asked(self.tasks)
+        self._goals = self._asked(self.tasks)
 
-    def _constants(self) -> tuple[Array, ...]:
-        """The inputs of the program that are the same at every state."""
+    def _constants(self) -> tuple[Array, Array]:
+        """The settings of the program, which are the same at every state."""
         model, n = self.model, self.model.nv
-        joints = model.joints[1:]
-        stops = [(x.idx_v, x.idx_q) for x in joints if x.nq == x.nv == 1 and "position" in self.limits]
+        stops = [(x.idx_v, x.idx_q) for x in model.joints[1:] if x.nq == x.nv == 1 and "position" in self.limits]
         lower, upper = np.full(n, -FAR), np.full(n, FAR)
         at_v, at_q = np.array(stops, np.intp).reshape(-1, 2).T
         lower[at_v], upper[at_v] = np.maximum(model.lower[at_q], -FAR), np.minimum(model.upper[at_q], FAR)
@@ -155,9 +154,8 @@ class WholeBody:
         self.unit = 1.0 / np.where(driven, effort, self.weight)
         self.limit = np.where(driven, 1.0, np.where(np.arange(n) < self.base, 0.0, FAR))
         largest = min(self.largest / self.weight, FAR)
-        numbers = (self.weight, self.brake, self.damping, self.dt, largest)
-        ground = np.array(self.contacts.friction, np.float64)
-        return lower, upper, fastest, self.unit, self.limit, *(np.array([x]) for x in numbers), ground
+        numbers = self.weight, self.brake, self.damping, self.dt, largest, self.motion_weight, self.force_weight
+        return np.array([lower, upper, fastest, self.unit, self.limit]), np.array(numbers)
 
     def __call__(self, t: float, q: ArrayLike, v: ArrayLike) -> Array:
         """The torque (nv,) at a state: a torque function of ``simulate``."""
@@ -173,30 +171,35 @@ class WholeBody:
         for name, x, size in (("q", q, self.model.nq), ("v", v, self.model.nv)):
             if x.shape != (size,):
                 raise ShapeError(f"{name} has shape {x.shape}, expected ({size},): one state")
-        given = self.tasks if tasks is None else check_tasks(self.model, tasks)
-        state, fixed, rows = self._state(given, q, v)
-        program = self._program(fixed, state)
-        levels = sorted({int(task.priority) for task in given})
-        if len(levels) == 1:
-            x, relaxed = self._settled(self._with(program, given, rows))
-        else:
-            x, relaxed = self._in_order(program, given, rows, levels)
+        goals = self._goals if tasks is None else self._asked(check_tasks(self.model, tasks))
+        state, fixed = self._state(goals, q, v)
+        rows = goals.rows(state, q, v)
+        program = self._program(goals, fixed, state, rows)
+        levels = sorted({int(task.priority) for task in goals.tasks})
+        x, relaxed = self._settled(program) if len(levels) == 1 else self._in_order(program, goals.tasks, rows, levels)
         return self._motion(x, state, fixed, rows, relaxed)
 
     def program(self, q: ArrayLike, v: ArrayLike) -> Program:
         """The quadratic program at q (nq,), v (nv,), of all tasks at once: P, g, rows, low, high."""
         q, v = as_finite("q", q), as_finite("v", v)
-        state, fixed, rows = self._state(self.tasks, q, v)
-        return self._with(self._program(fixed, state), self.tasks, rows)
+        state, fixed = self._state(self._goals, q, v)
+        return self._program(self._goals, fixed, state, self._goals.rows(state, q, v) if self._goals.others else [])
 
     # --- the program ----------------------------------------------------------------------------------------
 
-    def _state(self, tasks: Sequence[Any], q: Array, v: Array) -> tuple[State, Standing, list[Rows]]:
-        """The terms at a state, what stands, and the equations of the tasks."""
-        terms = self._own if tasks is self.tasks else self._asked(tasks)
-        state = terms(q, v, *self._inputs)
-        fixed = self._whole if isinstance(self.standing, str) else self._at(self._touching(state.gap))
-        return state, fixed, self._rows(tasks, terms, state, q, v)
+    def _asked(self, tasks: Sequence[Any]) -> Goals:
+        """What tasks want, and the call that has their terms."""
+        if len(self._terms) >= MOST_TERMS:
+            self._terms.clear()
+        terms = terms_of(self.model, self.contacts, self._feet, tasks, self._terms)
+        return goals_of(tasks, terms, self._postures)
+
+    def _state(self, goals: Goals, q: Array, v: Array) -> tuple[State, Standing]:
+        """The program of all points at a state, and what stands."""
+        state = goals.terms(q, v, *self._settings, *goals.inputs, self._friction)
+        if isinstance(self.standing, str):
+            return state, self._whole
+        return state, self._at(tuple(np.flatnonzero(state.gap <= self.standing).tolist()))
 
     def _at(self, at: tuple[int, ...]) -> Standing:
         """What is constant of these points."""
@@ -204,70 +207,22 @@ class WholeBody:
             self._standing[at] = Standing.of(self, self._feet, at)
         return self._standing[at]
 
-    def _touching(self, gap: Array) -> tuple[int, ...]:
-        return tuple(np.flatnonzero(gap <= self.standing).tolist())
+    def _program(self, goals: Goals, fixed: Standing, x: State, rows: Sequence[Rows]) -> Program:
+        """The program with all tasks."""
+        P, g = x.P, x.g
+        for k in goals.others:
+            _add(P, g, goals.tasks[k], rows[k])
+        if not fixed.whole:
+            P, g = P[np.ix_(fixed.columns, fixed.columns)], g[fixed.columns]
+        return Program(P, g, *fixed.program(x), fixed.sense, fixed.names, fixed.size)
 
-    def _asked(self, tasks: Sequence[Any]) -> Terms:
-        """The call that has the terms of these tasks."""
-        asked = [task._asked() if isinstance(task, Task) else None for task in tasks]
-        frames = [None if x is None or x.frame is None else self.model.frame(x.frame) for x in asked]
-        key = tuple(
-            None if x is None else (None if at is None else (at.kind, at.name), x.reference, x.rows)
-            for x, at in zip(asked, frames, strict=True)
-        )
-        if key not in self._terms:
-            if len(self._terms) >= MOST_TERMS:
-                self._terms.clear()
-            self._terms[key] = Terms(self.model, self.contacts, self._feet, asked)
-        return self._terms[key]
-
-    def _rows(self, tasks: Sequence[Any], terms: Terms, x: State, q: Array, v: Array) -> list[Rows]:
-        """The equations of the tasks."""
-        found = []
-        for task, place in zip(tasks, terms.places, strict=True):
-            if place is not None:
-                at, frame, turning = place
-                wanted = task._wanted(x.rate[at], x.com if frame < 0 else x.X[frame])
-                found.append(Rows(x.J[at], x.drift[at], wanted, turning))
-            elif isinstance(task, PostureTask):
-                at, fixed = self._posture(task, q, v)
-                left = v[at] if task.target is None else calls["difference"](self.model, q, task.target)[at]
-                found.append(fixed._replace(wanted=task._wanted(v[at], left)))
-            else:
-                found.append(rows_of(task, self.model, q, v))
-        return found
-
-    def _posture(self, task: PostureTask, q: Array, v: Array) -> tuple[Any, Rows]:
-        """The freedoms of a posture, as an index of arrays, and its rows but for what is wanted."""
-        if task.joints not in self._postures:
-            at = task.at(self.model)
-            neighbours = at == list(range(at[0], at[-1] + 1))
-            index = slice(at[0], at[-1] + 1) if neighbours else np.array(at)
-            self._postures[task.joints] = index, task._of_state(self.model, q, v)
-        return self._postures[task.joints]
-
-    def _program(self, fixed: Standing, x: State) -> Program:
-        """The program without tasks."""
-        rows, low, high = fixed.program(x)
-        empty = np.zeros(0)
-        return Program(empty, empty, rows, low, high, fixed.sense, fixed.names, fixed.size)
-
-    def _with(self, program: Program, tasks: Sequence[Any], rows: Sequence[Rows]) -> Program:
-        """The program with its tasks."""
-        n, size = self.model.nv, program.rows.shape[1]
-        P, g = np.zeros((size, size)), np.zeros(size)
-        diagonal = P.reshape(-1)[:: size + 1]
-        diagonal += self._small[:size]
+    def _alone(self, p: Program, tasks: Sequence[Any], rows: Sequence[Rows]) -> Program:
+        """The program with these tasks in place of those that it has."""
+        n, size = self.model.nv, len(p.g)
+        P, g = np.diag(np.r_[np.full(n, self.motion_weight), np.full(size - n, self.force_weight)]), np.zeros(size)
         for task, row in zip(tasks, rows, strict=True):
-            aim = task.weight * (row.wanted - row.drift)
-            if isinstance(task, PostureTask):
-                at, _ = self._postures[task.joints]
-                diagonal[at] += task.weight
-                g[at] -= aim
-            else:
-                P[:n, :n] += (task.weight * row.J.T) @ row.J
-                g[:n] -= aim @ row.J
-        return program._replace(P=P, g=g)
+            _add(P, g, task, row)
+        return p._replace(P=P, g=g)
 
     def _settled(self, program: Program) -> tuple[Array, tuple[Program, list[Relaxation]]]:
         """The answer, with limits relaxed if need be."""
@@ -295,7 +250,7 @@ class WholeBody:
         softer: tuple[Program, list[Relaxation]] | None = None
         for level in levels:
             chosen = [k for k, task in enumerate(tasks) if task.priority == level]
-            whole = self._with(program, [tasks[k] for k in chosen], [rows[k] for k in chosen])
+            whole = self._alone(program, [tasks[k] for k in chosen], [rows[k] for k in chosen])
             if softer is None:
                 x, softer = self._settled(whole)
                 program, size = softer[0], program.rows.shape[1]
@@ -332,9 +287,19 @@ class WholeBody:
         tau[:nb] = 0.0
         at = list(fixed.at)
         names = tuple([self.contacts.names[k] for k in at])
-        forces = np.einsum("kji,kj->ki", state.tilt[at], f.reshape(-1, 3)) @ self._axes
+        forces = f.reshape(-1, 3)
+        if self.contacts.ground is not None:
+            forces = np.einsum("kji,kj->ki", state.tilt[at], forces)
+        forces = forces @ self._axes
         missed = tuple([row.J @ a + row.drift - row.wanted for row in rows])
         return WholeBodyMotion(tau, a, forces, names, missed, tuple(relaxed[1]), residual(relaxed[0], x))
+
+
+def _add(P: Array, g: Array, task: Any, row: Rows) -> None:
+    """Add a task to P and g."""
+    n = row.J.shape[1]
+    P[:n, :n] += (task.weight * row.J.T) @ row.J
+    g[:n] -= task.weight * ((row.wanted - row.drift) @ row.J)
 
 
 def _null(A: Array) -> Array:

@@ -1,4 +1,4 @@
-"""The rows of a whole body's quadratic program in x = (a, f), and the terms of its tasks.
+"""A whole body's quadratic program, min ½ xᵀP x + gᵀx in x = (a, f), and the terms of its tasks.
 
 With n freedoms and three force components on each contact point, along the ground's normal and across it,
 
@@ -24,20 +24,22 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from ...algebra.euclidean import Mat3, Vec, add, cross, identity, rotate, scale, zero
-from ...algebra.public_arrays import write_motion, write_pose, write_vec
+from ...algebra.euclidean import Mat3, Vec, add, cross, identity, rotate, scale, unrotate
+from ...algebra.public_arrays import read_motion, write_motion, write_pose, write_vec
 from ...algebra.records import mat3_of, pose_of, put_mat3, table_dtype
 from ...algebra.scalars import Scalar, inline, select, sqrt
 from ...algebra.spatial import Force, Inertia, Motion, Pose
 from ...bodies.task_table import SIZES, TASKS
 from ..constraints.constraint_rows import carry_axes
 from ..contact.contact_rows import CONTACTS_ARGUMENT, GAP, HEIGHTS_ARGUMENT, MU, times, write_gaps, write_rows
+from ..coordinates.configuration import difference
 from ..momenta.centroidal import center_of_mass, center_of_mass_acceleration, center_of_mass_jacobian
 from ..signatures import Array, Bodies, Config, Matrix, Record, Vector, Work
-from ..spec import LOCAL_WORLD_ALIGNED, Argument, Q, Spec, V
+from ..spec import LOCAL, LOCAL_WORLD_ALIGNED, Argument, Q, Spec, V
 from ..tree.crba import crba
 from ..tree.kinematics import classical_acceleration, express_in, frame_jacobian, frame_motion
 from ..tree.rnea import rnea
+from .inverse_kinematics import put_error
 
 WORK = table_dtype(
     X=Pose,  # pose of the row in its parent, of crba and rnea; then of frames, then of the centre of mass
@@ -58,26 +60,31 @@ WORK = table_dtype(
 FAR = 1e30  # a bound that is none
 
 
-class Bounds(NamedTuple):
-    """Of each freedom: coordinates between which it stays, its largest speed, what its row of torques is multiplied
-    by, and the limit of that row.
+class Settings(NamedTuple):
+    """Numbers of the program.
+
+    bounds   (5, nv) of each freedom: coordinates between which it stays, its largest speed, what its row of torques is
+             multiplied by, and the limit of that row
+    numbers  (7,) weight of the robot, brake, D, h, largest push over the weight, and what is small of P: of a, of f
     """
 
-    lower: Vector
-    upper: Vector
-    fastest: Vector
-    unit: Vector
-    limit: Vector
+    bounds: Matrix
+    numbers: Vector
 
 
-class Numbers(NamedTuple):
-    """Single numbers, each in an array of one."""
+class Goals(NamedTuple):
+    """What tasks want, a* = a_d + Kp e - Kd ẋ, with a_d of which velocities to follow are a part.
 
-    weight: Vector
-    brake: Vector
-    damping: Vector
-    step: Vector
-    largest: Vector
+    rows     (4, nt) of rows of frames and the centre of mass: weight, Kp, Kd, a_d
+    targets  (nf + 1, 4, 4) poses for frames; of the first the place for the centre of mass
+    joints   (4, nv) the same four of joints
+    rest     (nq) where joints rest
+    """
+
+    rows: Matrix
+    targets: Array
+    joints: Matrix
+    rest: Config
 
 
 class Ground(NamedTuple):
@@ -89,17 +96,18 @@ class Ground(NamedTuple):
 
 
 class Terms(NamedTuple):
-    """The outputs: rows and bounds of the program, bias h, and J, J̇ v, J v of the tasks; all flat."""
+    """The outputs, flat: the program, bias h, and J, J̇ v and a* of the tasks, those of joints last."""
 
+    P: Vector
+    g: Vector
     rows: Vector
     low: Vector
     high: Vector
     bias: Vector
     J: Vector
     drift: Vector
-    rate: Vector
-    X: Vector
-    com: Vector
+    wanted: Vector
+    joints: Vector
     gap: Vector
     tilt: Vector
 
@@ -113,7 +121,9 @@ class Scratch(NamedTuple):
     J: Array = ("nf+1", 6, "nv")
     drift: Matrix = ("nf+1", 6)
     rate: Matrix = ("nf+1", 6)
-    sink: Vector = (3,)
+    e: Matrix = ("nf+1", 6)
+    heavy: Matrix = ("nt", "nv")
+    place: Vector = (3,)
     P: Matrix = (4, 4)
 
 
@@ -143,37 +153,40 @@ def viable(gap: Scalar, v: Scalar, fastest: Scalar, brake: Scalar, h: Scalar) ->
 
 
 @inline
-def write_accelerations(bodies: Bodies, q: Config, v: Vector, by: Bounds, x: Numbers, low: Vector, high: Vector) -> None:
+def write_accelerations(bodies: Bodies, q: Config, v: Vector, by: Settings, low: Vector, high: Vector) -> None:
     """Bounds of a."""
-    brake, h = x.brake[0], x.step[0]
+    brake, h = by.numbers[1], by.numbers[3]
     for i in range(len(v)):
         b = bodies[i + 1]
         if b.dofs == 1:
             at = q[b.q_index]
-            up, down = by.upper[i] - at, at - by.lower[i]
+            up, down = by.bounds[1, i] - at, at - by.bounds[0, i]
         else:
             up, down = FAR, FAR
-        high[i] = viable(up, v[i], by.fastest[i], brake, h)
-        low[i] = -viable(down, -v[i], by.fastest[i], brake, h)
+        high[i] = viable(up, v[i], by.bounds[2, i], brake, h)
+        low[i] = -viable(down, -v[i], by.bounds[2, i], brake, h)
 
 
 @inline
-def write_frames(bodies: Bodies, work: Work, q: Config, v: Vector, tasks: Record, out: Terms, s: Scratch) -> None:
-    """J, J̇ v and J v of every frame, in its reference, and its pose."""
-    for k in range(tasks[0].nf):
-        t = tasks[1 + k]
+def write_frames(
+    bodies: Bodies, work: Work, q: Config, v: Vector, tasks: Record, goals: Goals, s: Scratch
+) -> None:  # fmt: skip
+    """J, J̇ v and J v of every frame, in its reference, and e."""
+    for k in range(1, tasks[0].nf + 1):
+        t = tasks[k]
         write_pose(s.P, pose_of(t.X))
-        frame_jacobian(bodies, work, q, t.row, s.P, t.reference, s.J[1 + k])
+        frame_jacobian(bodies, work, q, t.row, s.P, t.reference, s.J[k])
         X, seen, total = frame_motion(bodies, work, q, v, None, t.row, s.P)
         seen, total = express_in(X, seen, t.reference), express_in(X, total, t.reference)
         if t.reference == LOCAL_WORLD_ALIGNED:
             total = classical_acceleration(total, seen)
-        write_motion(s.drift[1 + k], total)
-        write_motion(s.rate[1 + k], seen)
+        write_motion(s.drift[k], total)
+        write_motion(s.rate[k], seen)
         write_pose(s.P, X)
-        for i in range(4):
-            for j in range(4):
-                out.X[16 * k + 4 * i + j] = s.P[i, j]
+        put_error(s.P, goals.targets[k], 0, True, s.e[k])
+        if t.reference == LOCAL:
+            way = read_motion(s.e[k])
+            write_motion(s.e[k], Motion(unrotate(X.R, way.w), unrotate(X.R, way.v)))
 
 
 @inline
@@ -188,21 +201,22 @@ def point_drift(
     a = rotate(axes, rotate(X.R, classical_acceleration(total, seen).v))
     turn = rotate(axes, rotate(X.R, total.w))
     if ground.heights is None:
-        write_vec(s.sink, add(a, cross(turn, Vec(-c.radius, 0.0, 0.0))))
+        write_vec(s.place, add(a, cross(turn, Vec(-c.radius, 0.0, 0.0))))
     else:
         down = scale(-c.radius, Vec(s.T[p, 0, 0], s.T[p, 0, 1], s.T[p, 0, 2]))
-        write_vec(s.sink, times(s.T[p], add(a, cross(turn, down))))
-    return s.sink[axis]  # type: ignore[no-any-return]
+        write_vec(s.place, times(s.T[p], add(a, cross(turn, down))))
+    return s.place[axis]  # type: ignore[no-any-return]
 
 
 @inline
 def write_standing(
-    bodies: Bodies, work: Work, q: Config, v: Vector, ground: Ground, tasks: Record, x: Numbers, out: Terms, s: Scratch
+    bodies: Bodies, work: Work, q: Config, v: Vector, ground: Ground, tasks: Record, by: Settings, out: Terms,
+    s: Scratch,
 ) -> None:  # fmt: skip
     """The equations of feet."""
     n, nf, ns = len(v), tasks[0].nf, tasks[0].ns
     width = n + 3 * ground.contacts[0].np
-    brake, damping = 1.0 / x.brake[0], x.damping[0]
+    brake, damping = 1.0 / by.numbers[1], by.numbers[2]
     for r in range(ns):
         t = tasks[1 + nf + r]
         at = (n + r) * width
@@ -229,26 +243,16 @@ def write_standing(
 
 
 @inline
-def write_tasks(n: int, tasks: Record, out: Terms, s: Scratch) -> None:
-    """The rows of tasks, whose terms ``s`` has."""
-    nf, ns = tasks[0].nf, tasks[0].ns
-    for r in range(tasks[0].nt):
-        t = tasks[1 + nf + ns + r]
-        for i in range(n):
-            out.J[r * n + i] = s.J[t.frame, t.axis, i]
-        out.drift[r] = s.drift[t.frame, t.axis]
-        out.rate[r] = s.rate[t.frame, t.axis]
-
-
-@inline
-def write_com(bodies: Bodies, work: Work, q: Config, v: Vector, tasks: Record, out: Terms, s: Scratch) -> None:
+def write_com(
+    bodies: Bodies, work: Work, q: Config, v: Vector, tasks: Record, goals: Goals, s: Scratch
+) -> None:  # fmt: skip
     """The same of the centre of mass, as frame 0, where a task has it."""
     asked = 0
     for r in range(tasks[0].nt):
         if tasks[1 + tasks[0].nf + tasks[0].ns + r].frame == 0:
             asked = 1
     if asked == 1:
-        center_of_mass(bodies, work, q, out.com)
+        center_of_mass(bodies, work, q, s.place)
         center_of_mass_acceleration(bodies, work, q, v, None, s.drift[0])
         center_of_mass_jacobian(bodies, work, q, s.J[0])
         for k in range(3):
@@ -256,16 +260,47 @@ def write_com(bodies: Bodies, work: Work, q: Config, v: Vector, tasks: Record, o
             for i in range(len(v)):
                 rate = rate + s.J[0, k, i] * v[i]
             s.rate[0, k] = rate
-    else:
-        write_vec(out.com, zero())
+            s.e[0, k] = goals.targets[0, k, 3] - s.place[k]
+
+
+@inline
+def write_tasks(v: Vector, width: int, tasks: Record, by: Settings, goals: Goals, out: Terms, s: Scratch) -> None:
+    """The rows of tasks, whose terms ``s`` has, and P and g of these, of joints, and of what is small."""
+    n, nf, ns, nt = len(v), tasks[0].nf, tasks[0].ns, tasks[0].nt
+    for k in range(width):
+        out.g[k] = 0.0
+        for j in range(width):
+            out.P[k * width + j] = 0.0
+    for r in range(nt):
+        t = tasks[1 + nf + ns + r]
+        f, k = t.frame, t.axis
+        out.drift[r] = s.drift[f, k]
+        out.wanted[r] = goals.rows[3, r] + goals.rows[1, r] * s.e[f, k] - goals.rows[2, r] * s.rate[f, k]
+        for i in range(n):
+            out.J[r * n + i] = s.J[f, k, i]
+            s.heavy[r, i] = goals.rows[0, r] * s.J[f, k, i]
+            out.g[i] = out.g[i] - s.heavy[r, i] * (out.wanted[r] - out.drift[r])
+    for i in range(n):
+        for j in range(i + 1):
+            total = 0.0 * v[0]
+            for r in range(nt):
+                total = total + s.heavy[r, i] * out.J[r * n + j]
+            out.P[i * width + j] = total
+            out.P[j * width + i] = total
+        weight, kp, kd, feed = goals.joints[0, i], goals.joints[1, i], goals.joints[2, i], goals.joints[3, i]
+        out.joints[i] = feed + kp * out.joints[i] - kd * v[i]
+        out.P[i * width + i] = out.P[i * width + i] + (weight + by.numbers[5])
+        out.g[i] = out.g[i] - weight * out.joints[i]
+    for k in range(n, width):
+        out.P[k * width + k] = by.numbers[6]
 
 
 @inline
 def whole_body(
-    bodies: Bodies, work: Work, q: Config, v: Vector, by: Bounds, x: Numbers, ground: Ground, tasks: Record, out: Terms,
-    s: Scratch,
+    bodies: Bodies, work: Work, q: Config, v: Vector, by: Settings, goals: Goals, ground: Ground, tasks: Record,
+    out: Terms, s: Scratch,
 ) -> None:  # fmt: skip
-    """The rows of the program, and the terms of the tasks."""
+    """The program, and the terms of the tasks."""
     contacts, n, points = ground.contacts, len(bodies) - 1, ground.contacts[0].np
     ns, width, rows, low, high = tasks[0].ns, n + 3 * points, out.rows, out.low, out.high
     crba(bodies, work, q, s.M)
@@ -277,18 +312,18 @@ def whole_body(
     for k in range(len(rows)):
         rows[k] = 0.0
     for i in range(n):
-        unit = by.unit[i]
+        unit, limit = by.bounds[3, i], by.bounds[4, i]
         for j in range(n):
             rows[i * width + j] = unit * s.M[i, j]
         for k in range(3 * points):
-            rows[i * width + n + k] = -(x.weight[0] * unit) * s.pull[k, i]
-        low[width + i] = -by.limit[i] - unit * out.bias[i]
-        high[width + i] = by.limit[i] - unit * out.bias[i]
-    write_accelerations(bodies, q, v, by, x, low, high)
+            rows[i * width + n + k] = -(by.numbers[0] * unit) * s.pull[k, i]
+        low[width + i] = -limit - unit * out.bias[i]
+        high[width + i] = limit - unit * out.bias[i]
+    write_accelerations(bodies, q, v, by, low, high)
     for p in range(points):
         k = n + 3 * p
         low[k], low[k + 1], low[k + 2] = 0.0, -FAR, -FAR
-        high[k], high[k + 1], high[k + 2] = x.largest[0], FAR, FAR
+        high[k], high[k + 1], high[k + 2] = by.numbers[4], FAR, FAR
         for j in range(4):
             at = n + ns + 4 * p + j
             rows[at * width + k] = -0.5 * sqrt(2.0) * ground.mu[p]
@@ -297,43 +332,45 @@ def whole_body(
         for i in range(3):
             for j in range(3):
                 out.tilt[9 * p + 3 * i + j] = s.T[p, i, j] if ground.heights is not None else 1.0 if i == j else 0.0
-    write_frames(bodies, work, q, v, tasks, out, s)
-    write_standing(bodies, work, q, v, ground, tasks, x, out, s)
-    write_com(bodies, work, q, v, tasks, out, s)
-    write_tasks(n, tasks, out, s)
-
-
-def _numbers(names: str, unit: str, meaning: str, shape: tuple[str | int, ...]) -> list[Argument]:
-    return [Argument(name, shape, unit, meaning) for name in names.split()]
+    difference(bodies, q, goals.rest, out.joints)
+    write_frames(bodies, work, q, v, tasks, goals, s)
+    write_standing(bodies, work, q, v, ground, tasks, by, out, s)
+    write_com(bodies, work, q, v, tasks, goals, s)
+    write_tasks(v, width, tasks, by, goals, out, s)
 
 
 WIDTH = "nv+np+np+np"
 HEIGHT = "nv+ns+np+np+np+np"
-_BOUNDS = Bounds(
-    *_numbers("lower upper", "rad | m", "coordinates between which a freedom stays", ("nv",)),
-    *_numbers("fastest", "rad/s | m/s", "largest speed", ("nv",)),
-    *_numbers("unit limit", "", "of its row of torques", ("nv",)),
+_SETTINGS = Settings(
+    Argument("bounds", (5, "nv"), "", "of each freedom, see Settings"),
+    Argument("numbers", (7,), "", "of the program, see Settings"),
 )
-_NUMBERS = Numbers(*_numbers("weight brake damping step largest", "", "of the program", (1,)))
+_GOALS = Goals(
+    Argument("goals", (4, "nt"), "", "weight, Kp, Kd and feedforward of each row of a task"),
+    Argument("targets", ("nf+1", 4, 4), "m", "of the centre of mass and of frames"),
+    Argument("joint_goals", (4, "nv"), "", "weight, Kp, Kd and feedforward of each freedom"),
+    Argument("rest", ("nq",), "rad | m", "where joints rest"),
+)
 _TABLE = Argument("tasks", (), "", "frames, equations of feet and rows of tasks", static=True, table=TASKS, sizes=SIZES)
-_PARTS = Terms(
+PARTS = Terms(
+    Argument("P", (WIDTH, WIDTH), "", "of the program"), Argument("g", (WIDTH,), "", "of the program"),
     Argument("rows", (HEIGHT, WIDTH), "", "of the program"),
-    *_numbers("low high", "", "bounds of x, then of the rows", (f"{WIDTH}+{HEIGHT}",)),
+    Argument("low", (f"{WIDTH}+{HEIGHT}",), "", "bounds of x, then of the rows"),
+    Argument("high", (f"{WIDTH}+{HEIGHT}",), "", "the same"),
     Argument("bias", ("nv",), "N m | N", "C v + g"),
     Argument("J", ("nt", "nv"), "m/rad | 1", "of tasks"),
-    *_numbers("drift", "m/s² | rad/s²", "of tasks", ("nt",)),
-    *_numbers("rate", "m/s | rad/s", "of tasks", ("nt",)),
-    Argument("X", ("nf", 4, 4), "m", "poses of frames in the world"),
-    Argument("com", (3,), "m", "centre of mass, where a task has it"),
-    GAP, Argument("tilt", ("np", 3, 3), "1", "normal and tangents of the ground, in the axes of the table"),
+    Argument("drift", ("nt",), "m/s² | rad/s²", "J̇ v of tasks"),
+    Argument("wanted", ("nt",), "m/s² | rad/s²", "a* of tasks"),
+    Argument("joints", ("nv",), "rad/s² | m/s²", "a* of joints"), GAP,
+    Argument("tilt", ("np", 3, 3), "1", "normal and tangents of the ground, in the axes of the table"),
 )  # fmt: skip
 
 
 def _spec(name: str, heights: Argument | None) -> Spec:
     return Spec(
-        name, whole_body, WORK, (Q, V, _BOUNDS, _NUMBERS, Ground(CONTACTS_ARGUMENT, heights, MU), _TABLE),
-        Argument("terms", ("size",), "", "rows, bounds, and terms of tasks"),
-        "Rows of a whole body's quadratic program, and terms of its tasks.", "see whole_body", parts=_PARTS,
+        name, whole_body, WORK, (Q, V, _SETTINGS, _GOALS, Ground(CONTACTS_ARGUMENT, heights, MU), _TABLE),
+        Argument("terms", ("size",), "", "the program, and terms of tasks"),
+        "A whole body's quadratic program, and terms of its tasks.", "see whole_body", parts=PARTS,
         scratch=(Scratch(),), composed=True, large=True,
     )  # fmt: skip
 
