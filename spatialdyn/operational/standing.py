@@ -49,7 +49,7 @@ class Standing(NamedTuple):
         for x in parts:
             blocks[i : i + len(x), j : j + x.shape[1]] = x
             i, j = i + len(x), j + x.shape[1]
-        bodies = np.flatnonzero((np.arange(n) < body.base) | (body.limit > 0.0) & (body.limit < NONE))
+        bodies = np.flatnonzero(body.limit < NONE)
         points = np.array(at, np.intp)
         pyramids = (n + ns + 4 * points[:, None] + np.arange(4)).ravel()
         columns = np.r_[np.arange(n), (n + 3 * points[:, None] + np.arange(3)).ravel()].astype(np.intp)
@@ -64,7 +64,7 @@ class Standing(NamedTuple):
             np.ones(n), np.full(3 * k, body.weight), 1.0 / body.unit[bodies], np.ones(len(blocks)),
             np.full(4 * k, body.weight),
         ])  # fmt: skip
-        rows = np.r_[np.where(bodies < body.base, EQUAL, 0), np.full(len(blocks), EQUAL), np.zeros(4 * k)]
+        rows = np.r_[np.where(body.limit[bodies] == 0.0, EQUAL, 0), np.full(len(blocks), EQUAL), np.zeros(4 * k)]
         sense = np.r_[np.zeros(n + 3 * k), rows].astype(np.int32)
         return cls(at, whole, bodies, blocks, pyramids, columns, sense, tuple(names), size)
 

@@ -1,11 +1,11 @@
 """``WholeBody``: joint torques of a robot on its feet, by a quadratic program of accelerations and contact forces.
 
     min  Σ w_k |J_k a + J̇_k v - a_k*|² + w_f |f|² + ε |a|²
-    s.t. M_b a + h_b = J_bᵀ f                       the base, which has no motor
+    s.t. M_b a + h_b = J_bᵀ f                       the base and what else has no motor
          J_c a + J̇_c v = -D J_c v                   feet that stand
          |f_t| <= μ/√2 f_n,  0 <= f_n               pyramids within the cones
          -τ_max <= M_a a + h_a - J_aᵀ f <= τ_max
-         least(q, v) <= a <= most(q, v)             position and velocity limits (``viable``)
+         least(q, v) <= a <= most(q, v)             position and velocity limits
 
 τ is what the third line has: it is no variable. Source: after Del Prete, Mansard, Ramos, Stasse and Nori, Implementing
 torque control with high-ratio gear boxes and without joint-torque sensors (2016), the form that TSID has.
@@ -25,6 +25,7 @@ from ..calls.dynamics import calls
 from ..constraints.contact_points import Contacts
 from ..errors import ConstraintError, ModelError, ShapeError, SpatialDynError
 from ..recursions.control.whole_body import FAR
+from ..simulation.effects.motor import CURRENT
 from ..simulation.scene import Scene
 from .feet import feet_of
 from .goals import Goals, Joints, goals_of, terms_of
@@ -65,7 +66,7 @@ class WholeBodyMotion(NamedTuple):
 class WholeBody:
     """Whole-body control: tasks of a robot that stands on the contacts of its scene.
 
-    scene       Scene with Contacts on a Plane, whose points are the feet; or a Model, of a robot without feet
+    scene       Scene with Contacts, whose points are the feet; or a Model, of a robot without feet
     tasks       FrameTask, ComTask, PostureTask, or any object with their methods: weighted within one ``priority``, and
                 in strict order of priorities, 0 first
     limits      which of torque, velocity and position limits of the model hold; () for none
@@ -81,7 +82,9 @@ class WholeBody:
 
     ``solve(q, v)`` is a WholeBodyMotion; the object itself is a torque function of ``simulate``, held over a step:
     ``sd.simulate(scene, q, v, 5.0, 2e-3, torque=whole_body)``. Whatever the solver says, its answer is checked.
-    Friction and motors of the scene's joints are not compensated.
+    Freedoms without a motor have no torque, those of the scene's Motor no more than it gives at rest. Losses of motors
+    and friction of joints are not compensated. Over a Heightfield each point has the axes of the ground
+    below it.
     Raises  ModelError, ConstraintError and SpatialDynError naming what does not fit; ``solve`` ConstraintError with the
             smallest relaxation, by name, where the limits leave nothing
 
@@ -111,6 +114,8 @@ class WholeBody:
             raise ModelError(f'robot "{model.name}" has joints that mimic others, expected none for WholeBody')
         if self.scene.constraints is not None:
             raise ConstraintError("the scene has constraints, expected none beside contacts for WholeBody")
+        if self.scene.motor is not None and self.scene.drive != CURRENT:
+            raise ModelError(f"the scene's motors are driven by {self.scene.drive}, expected {CURRENT}: torques")
         self.tasks = check_tasks(model, tasks)
         self.limits = as_words("limits", [] if limits is None or limits is False else limits, LIMITS)
         self.dt, self.brake, self.damping = (
@@ -150,9 +155,15 @@ class WholeBody:
         lower[at_v], upper[at_v] = np.maximum(model.lower[at_q], -FAR), np.minimum(model.upper[at_q], FAR)
         fastest, effort = np.array(model.velocity_limit), np.array(model.effort_limit)
         fastest = np.where((fastest > 0.0) & ("velocity" in self.limits), np.minimum(fastest, FAR), FAR)
-        driven = (effort > 0.0) & np.isfinite(effort) & (np.arange(n) >= self.base) & ("torque" in self.limits)
+        effort = np.where(effort > 0.0, effort, np.inf)
+        passive = np.arange(n) < self.base
+        if self.scene.motor is not None:
+            stall = self.scene.motor.stall_torque
+            passive = passive | (stall == 0.0)
+            effort = np.minimum(np.minimum(effort, self.scene.motor.torque), np.where(stall > 0.0, stall, np.inf))
+        driven = np.isfinite(effort) & ~passive & ("torque" in self.limits)
         self.unit = 1.0 / np.where(driven, effort, self.weight)
-        self.limit = np.where(driven, 1.0, np.where(np.arange(n) < self.base, 0.0, FAR))
+        self.limit = np.where(driven, 1.0, np.where(passive, 0.0, FAR))
         largest = min(self.largest / self.weight, FAR)
         numbers = self.weight, self.brake, self.damping, self.dt, largest, self.motion_weight, self.force_weight
         return np.array([lower, upper, fastest, self.unit, self.limit]), np.array(numbers)
@@ -280,11 +291,11 @@ class WholeBody:
     def _motion(
         self, x: Array, state: State, fixed: Standing, rows: list[Rows], relaxed: tuple[Program, list[Relaxation]]
     ) -> WholeBodyMotion:
-        n, nb = self.model.nv, self.base
+        n = self.model.nv
         a, f = x[:n], self.weight * x[n:]
         bodies = state.rows[:n] if fixed.whole else state.rows[:n][:, fixed.columns]
         tau = (bodies @ x) / self.unit + state.bias
-        tau[:nb] = 0.0
+        tau[self.limit == 0.0] = 0.0
         at = list(fixed.at)
         names = tuple([self.contacts.names[k] for k in at])
         forces = f.reshape(-1, 3)

@@ -9,8 +9,8 @@ import pytest
 from standing_robots import box, talos
 
 import spatialdyn as sd
-from spatialdyn.recursions.control.whole_body import viable
 from spatialdyn.operational.quadratic import EQUAL
+from spatialdyn.recursions.control.whole_body import viable
 
 pytest.importorskip("qpsolvers")
 KKT = 1e-10  # of accelerations and of forces over the weight: a program without active inequalities
@@ -177,6 +177,10 @@ BAD: list[tuple[dict[str, Any], type[Exception], str]] = [
     ({"standing": "some"}, sd.SpatialDynError, "standing is 'some'"),
     ({"infeasible": "ignore"}, sd.SpatialDynError, "infeasible is"),
     ({"scene": 1}, sd.SpatialDynError, "model is a int"),
+    ({"tasks": [sd.ComTask(axes="xy"), sd.ComTask(axes="yz")]}, sd.SpatialDynError, "both move y of the centre"),
+    ({"tasks": sd.ComTask(np.zeros((2, 3)))}, sd.ShapeError, "expected that of one state"),
+    ({"tasks": sd.PostureTask(np.tile(box()[2], (2, 1)))}, sd.ShapeError, "expected that of one state"),
+    ({"tasks": sd.ComTask(np.zeros(3), Kp=np.ones((2, 3)))}, sd.ShapeError, "expected that of one state"),
 ]  # fmt: skip
 
 
@@ -187,11 +191,8 @@ def test_bad_input_is_named(change: dict[str, Any], kind: type[Exception], messa
         sd.WholeBody(**({"scene": scene, "tasks": standing(model, q)} | change))
 
 
-def test_ground_that_is_not_flat_and_states_that_do_not_fit_are_refused() -> None:
+def test_states_that_do_not_fit_and_points_without_inertia_are_refused() -> None:
     model, scene, q = box()
-    hills = sd.Contacts(model, {"corner0": 0.0}, terrain=sd.Heightfield(np.zeros((3, 3)), 1.0))
-    with pytest.raises(sd.ConstraintError, match="expected a Plane"):
-        sd.WholeBody(sd.Scene(model, contacts=hills), standing(model, q))
     body = sd.WholeBody(scene, standing(model, q))
     with pytest.raises(sd.ShapeError, match="q has shape"):
         body.solve(q[None], np.zeros(model.nv))

@@ -124,6 +124,7 @@ class Scratch(NamedTuple):
     e: Matrix = ("nf+1", 6)
     heavy: Matrix = ("nt", "nv")
     place: Vector = (3,)
+    rest: Vector = ("nv",)
     P: Matrix = (4, 4)
 
 
@@ -253,7 +254,9 @@ def write_com(
             asked = 1
     if asked == 1:
         center_of_mass(bodies, work, q, s.place)
-        center_of_mass_acceleration(bodies, work, q, v, None, s.drift[0])
+        for i in range(len(v)):
+            s.rest[i] = 0.0
+        center_of_mass_acceleration(bodies, work, q, v, s.rest, s.drift[0])
         center_of_mass_jacobian(bodies, work, q, s.J[0])
         for k in range(3):
             rate = 0.0 * v[0]
