@@ -22,8 +22,10 @@ from .adaptive_laws import (
     natural_with_friction,
 )
 from .composite_laws import (
+    Ends,
     Filters,
     Prediction,
+    WornEnds,
     composite,
     composite_with_friction,
     natural_composite,
@@ -51,7 +53,7 @@ FILTERS = Filters(
     Argument("filtered", ("nv", "njoints", 10), "", "F", start=0.0),
     Argument("filtered_torque", ("nv",), "N m | N", "T", start=0.0), Argument("begun", (1,), "", "1", start=0.0),
 )  # fmt: skip
-FILTERS_AFTER = tuple([Argument(f"{x.name}_after", x.shape, x.unit, x.meaning) for x in FILTERS])
+FILTERS_AFTER = Filters(*[Argument(f"{x.name}_after", x.shape, x.unit, x.meaning) for x in FILTERS])
 RECURSIONS = {  # by whether they are natural, composite, and learn friction
     (False, False, False): euclidean, (False, False, True): euclidean_with_friction,
     (False, True, False): composite, (False, True, True): composite_with_friction,
@@ -82,9 +84,12 @@ def adaptive_spec(
     shapes = "".join("M" if x else "d" for x in (matrix_rates, matrix_gain)) + "f" * friction
     inputs: list[Any] = [Q, V, DT, aim, by, *[PREDICTED] * predicts, *[WEAR] * friction, learnt]
     scratch: tuple[Any, ...] = (Scratch(), NaturalScratch()) if natural_law else (Scratch(),)
+    ends: Any = (TAU, end, *[WORN_AFTER] * friction)
+    if predicts:
+        ends = WornEnds(TAU, end, *FILTERS_AFTER, WORN_AFTER) if friction else Ends(TAU, end, *FILTERS_AFTER)
     return Spec(
         f"{name}_{shapes}", RECURSIONS[natural_law, predicts, friction], WORK,
         (*inputs, *[FILTERS] * predicts, *[WORN] * friction), TAU, "Adaptive control.", "see adaptive_laws",
-        parts=(TAU, end, *(FILTERS_AFTER if predicts else ()), *[WORN_AFTER] * friction),
+        parts=ends,
         scratch=(*scratch, *[("nv", "njoints", 10)] * predicts), composed=True,
     )  # fmt: skip

@@ -54,16 +54,37 @@ class Filters(NamedTuple):
     begun: Vector
 
 
+class Ends(NamedTuple):
+    """The outputs of composite laws: τ, what is learnt, and the filters, of the end of a step."""
+
+    tau: Vector
+    after: Vector
+    F: Vector
+    T: Vector
+    begun: Vector
+
+
+class WornEnds(NamedTuple):
+    """The same, and friction."""
+
+    tau: Vector
+    after: Vector
+    F: Vector
+    T: Vector
+    begun: Vector
+    worn: Vector
+
+
 @inline
 def predict(
-    bodies: Bodies, work: Work, v: Vector, dt: Scalar, deadzone: Vector, by: Prediction, old: Filters, tau: Vector,
-    F_after: Vector, T_after: Vector, begun_after: Vector, x: Scratch, W: Array,
+    bodies: Bodies, work: Work, v: Vector, dt: Scalar, deadzone: Vector, by: Prediction, old: Filters, out: Ends,
+    x: Scratch, W: Array,
 ) -> None:  # fmt: skip
     """y += c Wᵀ e, and the filters at the end of the step; the scratch is that of ``torques``, tau without friction."""
     rise = by.bandwidth[0] / (1.0 + dt * by.bandwidth[0])  # φ/h
     share, begun, width = dt * rise, old.begun[0], 10 * len(x.pi)
-    for k in range(len(F_after)):
-        F_after[k] = 0.0
+    for k in range(len(out.F)):
+        out.F[k] = 0.0
     put_vec(work[0].g, neg(vec_of(bodies[0].gravity)))
     for i in range(1, len(bodies)):
         put_vec(work[i].g, unrotate(pose_of(work[i].X).R, vec_of(work[bodies[i].parent].g)))
@@ -71,7 +92,7 @@ def predict(
         known = rise * bodies[i + 1].armature * v[i]
         T = select(begun, old.T[i], known)
         x.e[i] = known - T
-        T_after[i] = T + share * (tau[i] + known - T)
+        out.T[i] = T + share * (out.tau[i] + known - T)
     for i in range(1, len(bodies)):
         body = bodies[i].joint
         X = identity_pose()
@@ -87,7 +108,7 @@ def predict(
                 p = rise * x.ten[0, k]
                 F = select(begun, old.F[j - 1, body, k], -p)
                 W[j - 1, body, k] = p + F
-                F_after[(j - 1) * width + 10 * body + k] = F + share * (x.ten[1, k] - x.ten[2, k] - p - F)
+                out.F[(j - 1) * width + 10 * body + k] = F + share * (x.ten[1, k] - x.ten[2, k] - p - F)
                 x.e[j - 1] = x.e[j - 1] + W[j - 1, body, k] * x.pi[body, k]
             X = compose(pose_of(work[j].X), X)
             j = bodies[j].parent
@@ -99,52 +120,50 @@ def predict(
             for k in range(10):
                 x.y[body, k] = x.y[body, k] + weight * W[j - 1, body, k] * x.e[j - 1]
             j = bodies[j].parent
-    begun_after[0] = 1.0
+    out.begun[0] = 1.0
 
 
 @inline
 def composite(
     bodies: Bodies, work: Work, q: Config, v: Vector, dt: Scalar, aim: Aim, by: Euclidean, predicted: Prediction,
-    learnt: Array, old: Filters, tau: Vector, after: Vector, F: Vector, T: Vector, begun: Vector, x: Scratch,
-    W: Array,
+    learnt: Array, old: Filters, out: Ends, x: Scratch, W: Array,
 ) -> None:  # fmt: skip
     """``euclidean``, with the error of prediction."""
-    act_euclidean(bodies, work, q, v, aim, by, learnt, tau, x)
-    predict(bodies, work, v, dt, by.deadzone, predicted, old, tau, F, T, begun, x, W)
-    move_euclidean(dt, by, after, x)
+    act_euclidean(bodies, work, q, v, aim, by, learnt, out.tau, x)
+    predict(bodies, work, v, dt, by.deadzone, predicted, old, out, x, W)
+    move_euclidean(dt, by, out.after, x)
 
 
 @inline
 def composite_with_friction(
     bodies: Bodies, work: Work, q: Config, v: Vector, dt: Scalar, aim: Aim, by: Euclidean, predicted: Prediction,
-    wear: Wear, learnt: Array, old: Filters, worn: Array, tau: Vector, after: Vector, F: Vector, T: Vector,
-    begun: Vector, worn_after: Vector, x: Scratch, W: Array,
+    wear: Wear, learnt: Array, old: Filters, worn: Array, out: WornEnds, x: Scratch, W: Array,
 ) -> None:  # fmt: skip
     """``composite``, with friction."""
-    composite(bodies, work, q, v, dt, aim, by, predicted, learnt, old, tau, after, F, T, begun, x, W)
-    add_friction(v, wear, worn, tau)
-    learn_friction(v, x.s, wear, worn, dt, worn_after)
+    ends = Ends(out.tau, out.after, out.F, out.T, out.begun)
+    composite(bodies, work, q, v, dt, aim, by, predicted, learnt, old, ends, x, W)
+    add_friction(v, wear, worn, out.tau)
+    learn_friction(v, x.s, wear, worn, dt, out.worn)
 
 
 @inline
 def natural_composite(
     bodies: Bodies, work: Work, q: Config, v: Vector, dt: Scalar, aim: Aim, by: Natural, predicted: Prediction,
-    learnt: Array, old: Filters, tau: Vector, after: Vector, F: Vector, T: Vector, begun: Vector, x: Scratch,
-    own: NaturalScratch, W: Array,
+    learnt: Array, old: Filters, out: Ends, x: Scratch, own: NaturalScratch, W: Array,
 ) -> None:  # fmt: skip
     """``natural``, with the error of prediction."""
-    act_natural(bodies, work, q, v, aim, by, learnt, tau, x, own)
-    predict(bodies, work, v, dt, by.deadzone, predicted, old, tau, F, T, begun, x, W)
-    move_natural(dt, by, after, x, own)
+    act_natural(bodies, work, q, v, aim, by, learnt, out.tau, x, own)
+    predict(bodies, work, v, dt, by.deadzone, predicted, old, out, x, W)
+    move_natural(dt, by, out.after, x, own)
 
 
 @inline
 def natural_composite_with_friction(
     bodies: Bodies, work: Work, q: Config, v: Vector, dt: Scalar, aim: Aim, by: Natural, predicted: Prediction,
-    wear: Wear, learnt: Array, old: Filters, worn: Array, tau: Vector, after: Vector, F: Vector, T: Vector,
-    begun: Vector, worn_after: Vector, x: Scratch, own: NaturalScratch, W: Array,
+    wear: Wear, learnt: Array, old: Filters, worn: Array, out: WornEnds, x: Scratch, own: NaturalScratch, W: Array,
 ) -> None:  # fmt: skip
     """``natural_composite``, with friction."""
-    natural_composite(bodies, work, q, v, dt, aim, by, predicted, learnt, old, tau, after, F, T, begun, x, own, W)
-    add_friction(v, wear, worn, tau)
-    learn_friction(v, x.s, wear, worn, dt, worn_after)
+    ends = Ends(out.tau, out.after, out.F, out.T, out.begun)
+    natural_composite(bodies, work, q, v, dt, aim, by, predicted, learnt, old, ends, x, own, W)
+    add_friction(v, wear, worn, out.tau)
+    learn_friction(v, x.s, wear, worn, dt, out.worn)
