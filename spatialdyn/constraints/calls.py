@@ -56,9 +56,7 @@ def answer(spec: Spec, owner: Owner, static: tuple[StaticTable, ...], values: tu
     return known(*(x for x in values if x is not None))
 
 
-def _function(
-    spec: Spec, owner: Owner, static: tuple[StaticTable, ...], there: list[bool]
-) -> Callable[..., Any]:
+def _function(spec: Spec, owner: Owner, static: tuple[StaticTable, ...], there: list[bool]) -> Callable[..., Any]:
     """What answers a call with those of its inputs that are there: a builtin for one sample, Python for all else."""
     model = owner.model
     varying = [x for x in spec.present if not x.static]

@@ -54,7 +54,7 @@ FILTERS = Filters(
     Argument("filtered_torque", ("nv",), "N m | N", "T", start=0.0), Argument("begun", (1,), "", "1", start=0.0),
 )  # fmt: skip
 FILTERS_AFTER = Filters(*[Argument(f"{x.name}_after", x.shape, x.unit, x.meaning) for x in FILTERS])
-RECURSIONS = {  # by whether they are natural, composite, and learn friction
+RECURSIONS: dict[tuple[bool, bool, bool], Any] = {  # by whether they are natural, composite, and learn friction
     (False, False, False): euclidean, (False, False, True): euclidean_with_friction,
     (False, True, False): composite, (False, True, True): composite_with_friction,
     (True, False, False): natural, (True, False, True): natural_with_friction,

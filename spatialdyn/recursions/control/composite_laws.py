@@ -1,7 +1,7 @@
 """Composite adaptive laws: they learn from the error of prediction as well as from that of tracking.
 
-y = Yᵀ s + c Wᵀ e with e = W π̂ - what acted. Of p = Y_p π and
-N = g - Cᵀ v = Y_N π, ṗ = τ - N, filtered so that no acceleration is needed: with φ = ω h/(1 + ω h) and T⁺ = T + φ (τ - T),
+y = Yᵀ s + c Wᵀ e with e = W π̂ - what acted. Of p = Y_p π and N = g - Cᵀ v = Y_N π, ṗ = τ - N, filtered so that no
+acceleration is needed: with φ = ω h/(1 + ω h) and T⁺ = T + φ (τ - T),
 
     W = φ/h Y_p + F,   F⁺ = F + φ (Y_N - φ/h Y_p - F),   W π = T   if p⁺ = p + h (τ - N),
 

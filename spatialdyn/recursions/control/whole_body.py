@@ -206,7 +206,7 @@ def point_drift(
     else:
         down = scale(-c.radius, Vec(s.T[p, 0, 0], s.T[p, 0, 1], s.T[p, 0, 2]))
         write_vec(s.place, times(s.T[p], add(a, cross(turn, down))))
-    return s.place[axis]  # type: ignore[no-any-return]
+    return s.place[axis]
 
 
 @inline
