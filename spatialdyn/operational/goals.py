@@ -57,7 +57,7 @@ class Goals(NamedTuple):
 
 
 def asked_of(tasks: Sequence[Any]) -> list[Asked | None]:
-    """What each task asks of the program."""
+    """The rows of the program that each task has."""
     return [task._asked() if isinstance(task, Task) else None for task in tasks]
 
 
