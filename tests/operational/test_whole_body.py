@@ -151,10 +151,10 @@ def test_the_smallest_relaxation_is_that_by_hand() -> None:
     body = sd.WholeBody(b.build(), sd.PostureTask([0.0]), brake=20.0, infeasible="relax")
     found = body.solve([1.0], [1.0])
     assert [x.name for x in found.relaxed] == [
-        'torque limit of joint "hub"',
-        'position or velocity limit of joint "hub"',
+        'torque limit of joint "wheel_joint"',
+        'position or velocity limit of joint "wheel_joint"',
     ]
-    np.testing.assert_allclose([x.amount for x in found.relaxed], [1000 / 101, 10 / 101], rtol=1e-4)
+    np.testing.assert_allclose([x.amount for x in found.relaxed], [1000 / 101, 10 / 101], rtol=1e-3)
     np.testing.assert_allclose(found.tau, -2010 / 101, rtol=2e-3)
 
 
