@@ -178,10 +178,7 @@ class WholeBody:
 
     def solve(self, q: ArrayLike, v: ArrayLike, tasks: Task | Iterable[Task] | None = None) -> WholeBodyMotion:
         """The motion at q (nq,), v (nv,); ``tasks`` in place of those that it was made with. Raises as the class."""
-        q, v = as_finite("q", q), as_finite("v", v)
-        for name, x, size in (("q", q, self.model.nq), ("v", v, self.model.nv)):
-            if x.shape != (size,):
-                raise ShapeError(f"{name} has shape {x.shape}, expected ({size},): one state")
+        q, v = self._one(q, v)
         goals = self._goals if tasks is None else self._asked(check_tasks(self.model, tasks))
         state, fixed = self._state(goals, q, v)
         rows = goals.rows(state, q, v)
@@ -191,12 +188,20 @@ class WholeBody:
         return self._motion(x, state, fixed, rows, relaxed)
 
     def program(self, q: ArrayLike, v: ArrayLike) -> Program:
-        """The quadratic program at q (nq,), v (nv,), of all tasks at once: P, g, rows, low, high."""
-        q, v = as_finite("q", q), as_finite("v", v)
+        """The quadratic program at q (nq,), v (nv,), of all tasks at once. Raises ShapeError, NonFiniteError."""
+        q, v = self._one(q, v)
         state, fixed = self._state(self._goals, q, v)
         return self._program(self._goals, fixed, state, self._goals.rows(state, q, v) if self._goals.others else [])
 
     # --- the program ----------------------------------------------------------------------------------------
+
+    def _one(self, q: ArrayLike, v: ArrayLike) -> tuple[Array, Array]:
+        """One state. Raises ShapeError, NonFiniteError."""
+        q, v = as_finite("q", q), as_finite("v", v)
+        for name, x, size in (("q", q, self.model.nq), ("v", v, self.model.nv)):
+            if x.shape != (size,):
+                raise ShapeError(f"{name} has shape {x.shape}, expected ({size},): one state")
+        return q, v
 
     def _asked(self, tasks: Sequence[Any]) -> Goals:
         """What tasks want, and the call that has their terms."""
