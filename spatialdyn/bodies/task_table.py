@@ -6,7 +6,7 @@ Row 0 is the header. The first ``nf`` rows after it are frames, the next ``ns`` 
 column     meaning
 last_row   row 0 only: the number of rows that follow
 nf, ns, nt row 0 only: numbers of frames, equations of feet, rows of tasks
-size       row 0 only: how many numbers the program writes
+total      row 0 only: how many numbers the program writes
 row        of a frame, the row of the body that carries it
 X          of a frame, its pose in that body
 reference  of a frame, LOCAL, WORLD or LOCAL_WORLD_ALIGNED: the axes of its Jacobian
@@ -28,7 +28,7 @@ TASKS = table_dtype(
     nf=int,
     ns=int,
     nt=int,
-    size=int,
+    total=int,
     row=int,
     X=Pose,
     reference=int,
@@ -37,4 +37,4 @@ TASKS = table_dtype(
     axis=int,
     F=Force,
 )
-SIZES = ("nf", "ns", "nt", "size")
+SIZES = ("nf", "ns", "nt", "total")

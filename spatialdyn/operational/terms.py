@@ -100,7 +100,7 @@ class Terms:
             shape = core_shape(model, part, tables)
             self._parts[name] = end, end + math.prod(shape), shape
             end += math.prod(shape)
-        head["size"] = end
+        head["total"] = end
         self.model, self.rows, self.frames = model, len(rows), len(frames)
         self._plans: dict[Any, Any] = {}
         self._spec = WHOLE_BODY if contacts.ground is None else WHOLE_BODY_OVER

@@ -372,7 +372,7 @@ PARTS = Terms(
 def _spec(name: str, heights: Argument | None) -> Spec:
     return Spec(
         name, whole_body, WORK, (Q, V, _SETTINGS, _GOALS, Ground(CONTACTS_ARGUMENT, heights, MU), _TABLE),
-        Argument("terms", ("size",), "", "the program, and terms of tasks"),
+        Argument("terms", ("total",), "", "the program, and terms of tasks"),
         "A whole body's quadratic program, and terms of its tasks.", "see whole_body", parts=PARTS,
         scratch=(Scratch(),), composed=True, large=True,
     )  # fmt: skip
