@@ -178,7 +178,7 @@ class Contacts:
         terrain: Plane | Heightfield | None = None,
         tolerance: float = 1e-6,
         steps: int = 12,
-        rounds: int = 4,
+        rounds: int = 8,
         **others: Any,
     ) -> None:
         """See the class."""

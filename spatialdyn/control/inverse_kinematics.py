@@ -11,7 +11,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..algebra.lie import larger
-from ..calls.arguments import as_count, as_finite, as_flag, as_number, broadcast, check_model, frame_row_and_placement
+from ..calls.arguments import (
+    as_count,
+    as_finite,
+    as_flag,
+    as_number,
+    broadcast,
+    check_model,
+    frame_row_and_placement,
+    pose_fault,
+)
 from ..calls.dynamics import calls
 from ..calls.states import random_configuration
 from ..engines.programs.record.mimic_rows import evaluate
@@ -29,7 +38,6 @@ BEYOND = 1e300  # rad, m: of a joint without limits
 STEPS, PROGRESS = 6, 0.9  # steps within which the residual has to fall to this part of what it was
 FILL = 128  # attempts side by side: fewer take hardly less time
 SAME = 1e-4  # rad, m: solutions that differ by less are one
-RIGID = 1e-6  # of the rows of a target's rotation
 
 
 class IKResult(NamedTuple):
@@ -132,12 +140,8 @@ def _targets(model: Model, targets: Any) -> tuple[tuple[Any, ...], Array, tuple[
         frames += frame_row_and_placement(model, name)
         x = as_finite(f"target of {name}", value)
         if x.shape[-2:] == (4, 4):
-            R = x[..., :3, :3]
-            off = abs(R @ np.swapaxes(R, -1, -2) - np.eye(3)).max(initial=0.0)
-            if off > RIGID or (np.linalg.det(R) < 0.0).any():
-                raise SpatialDynError(
-                    f"target of {name} has a rotation whose rows are off by {off:.2g}, expected a pose"
-                )
+            if fault := pose_fault(x):
+                raise SpatialDynError(f"target of {name} has {fault}, expected a pose")
             poses.append(x)
         elif x.shape[-1:] == (3,):
             pose = np.zeros((*x.shape[:-1], 4, 4))

@@ -59,8 +59,10 @@ class Path:
               others may
     duration  [s]; a Fourier series repeats with this period, other paths rest before 0 and after their end. Of B paths
               the longest
+    limits    whether a path beyond the position or velocity limits of a robot that it meets is an error
 
-    ``path[b]`` is one of B paths, ``path.batch`` their shape (B,), () of one alone.
+    ``path[b]`` is one of B paths, ``path.batch`` their shape (B,), () of one alone. It serves every robot with the
+    joints of ``model``, whatever its masses, loads and gravity.
 
     ``spline``, ``quintic``, ``trapezoid`` and ``fourier`` make paths.
 
@@ -70,7 +72,9 @@ class Path:
     (array([0.5, 1. ]), array([0.9375, 1.875 ]))
     """
 
-    def __init__(self, model: Model | None, spec: Spec, values: dict[str, Array], duration: float) -> None:
+    def __init__(
+        self, model: Model | None, spec: Spec, values: dict[str, Array], duration: float, limits: bool = True
+    ) -> None:
         """See the class; the functions that make paths check what they are given."""
         if not isinstance(spec, Spec) or not isinstance(values, Mapping):
             name, wrong = ("values", values) if isinstance(spec, Spec) else ("spec", spec)
@@ -92,7 +96,7 @@ class Path:
         for y in values.values():
             y.flags.writeable = False
         self.model, self.spec, self.values = model if model is None else check_model(model), spec, values
-        self.duration = _positive("duration", duration)
+        self.duration, self.limits = _positive("duration", duration), as_flag("limits", limits)
 
     def __repr__(self) -> str:
         what = self.spec.name.partition("_")[0]
@@ -111,7 +115,8 @@ class Path:
             raise ShapeError(f"path is one alone, expected several to take {b!r} of")
         sizes = {x.name: len(x.shape) for x in self.spec.present}
         own = {name: x[b] if x.ndim > sizes[name] else x for name, x in self.values.items()}
-        return Path(self.model, self.spec, own, float(own["times"][..., -1].max()) if "times" in own else self.duration)
+        duration = float(own["times"][..., -1].max()) if "times" in own else self.duration
+        return Path(self.model, self.spec, own, duration, self.limits)
 
     @property
     def rows(self) -> dict[str, Array]:
@@ -172,15 +177,25 @@ class Path:
     def check_limits(self, model: Model | None = None) -> None:
         """Raise SpatialDynError, naming the joint, where the path leaves position limits or is faster than a joint."""
         model = check_model(model if model is not None else self.model)
-        self.check_model(model)
+        self._check_coordinates(model)
         check_limits(model, self.peaks())
 
     def check_model(self, model: Model) -> None:
-        """Raise SpatialDynError unless the path is of this model's coordinates."""
-        check_model(model)
+        """Raise SpatialDynError unless the path is of this model's joints and, but with ``limits=False``, within their
+        limits.
+        """
+        _meet(self, check_model(model))
+
+    def _check_coordinates(self, model: Model) -> None:
         if self.model is not None:
-            if self.model != model:
-                raise SpatialDynError(f'path is of robot "{self.model.name}", expected one of "{model.name}"')
+            if model is self.model:
+                return
+            own, other = _joints(self.model), _joints(model)
+            if own != other:
+                raise SpatialDynError(
+                    f'path is of robot "{self.model.name}", expected one of "{model.name}", which has other joints: '
+                    f"{_first_difference(own, other)}"
+                )
             return
         n = self.values["centre"].shape[-1]
         if n != model.nq or not _is_plain(model):
@@ -197,6 +212,27 @@ class Path:
         from ..pictures.control_plots import plot_path
 
         return plot_path(self, path)
+
+
+@lru_cache(maxsize=32)
+def _meet(path: Path, model: Model) -> None:
+    """Raise SpatialDynError unless the path is one of this model; kept of those that are."""
+    path._check_coordinates(model)
+    if path.limits:
+        check_limits(model, path.peaks())
+
+
+@lru_cache(maxsize=32)
+def _joints(model: Model) -> tuple[tuple[Any, ...], ...]:
+    """What the configuration space is made of: names and kinds of the joints and their places in q and v."""
+    return tuple((x.name, x.kind, x.idx_q, x.nq, x.idx_v, x.nv) for x in model.joints[1:])
+
+
+def _first_difference(own: tuple[tuple[Any, ...], ...], other: tuple[tuple[Any, ...], ...]) -> str:
+    for a, b in zip(own, other, strict=False):
+        if a != b:
+            return f'{a[1]} "{a[0]}" is not {b[1]} "{b[0]}"' if a[:2] != b[:2] else f'"{a[0]}" is elsewhere in q or v'
+    return f"{len(own)} are not {len(other)}"
 
 
 @lru_cache(maxsize=32)
@@ -226,7 +262,8 @@ def spline(
     points  (N, nq)  configurations [rad | m]; (B, N, nq) for B paths
     model   of whose coordinates they are; left out, they are numbers
     ends    "rest", where v is 0 at both ends, or "natural", where a is
-    limits  whether a path beyond the model's position or velocity limits is an error
+    limits  whether a path beyond the position or velocity limits of the model is an error: here, or without one in the
+            call or run of a law that follows it
 
     Displacements are those from the first point, where rotations may turn by 3 rad.
     Raises  ShapeError, SpatialDynError
@@ -368,22 +405,22 @@ def fourier(
     if parts["cosines"].shape != parts["sines"].shape:
         raise ShapeError(f"sines has shape {parts['sines'].shape}, expected that of cosines, {parts['cosines'].shape}")
     values = {"centre": base.copy(), "frequency": np.array([step]), **{name: x.copy() for name, x in parts.items()}}
-    return _checked(Path(model, fourier_spec(parts["sines"].shape[-2]), values, 1.0 / step), limits)
+    return _checked(Path(model, fourier_spec(parts["sines"].shape[-2]), values, 1.0 / step, limits))
 
 
 def _polynomial(model: Model | None, centre: Array, times: Array, c: Array, limits: bool) -> Path:
     values = {"centre": centre.copy(), "times": times.copy(), "coefficients": np.ascontiguousarray(c)}
-    return _checked(Path(model, polynomial_spec(c.shape[-3], c.shape[-1]), values, float(times[-1])), limits)
+    return _checked(Path(model, polynomial_spec(c.shape[-3], c.shape[-1]), values, float(times[-1]), limits))
 
 
 def _timed(model: Model | None, centre: Array, way: Array, times: Array, scale: Array, limits: bool) -> Path:
     values = {"centre": centre.copy(), "way": way.copy(), "times": times, "scale": scale}
-    return _checked(Path(model, timed_spec(*scale.shape[-2:]), values, float(times[..., -1].max())), limits)
+    return _checked(Path(model, timed_spec(*scale.shape[-2:]), values, float(times[..., -1].max()), limits))
 
 
-def _checked(path: Path, limits: bool) -> Path:
-    if as_flag("limits", limits) and path.model is not None:
-        path.check_limits()
+def _checked(path: Path) -> Path:
+    if path.model is not None:
+        path.check_model(path.model)
     return path
 
 

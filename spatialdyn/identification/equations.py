@@ -2,7 +2,8 @@
 
 torque    Y(q, v, a) π = τ at each sample, with accelerations
 momentum  (p(k+1) - p(k)) / h - mean of (Cᵀ v - g) = mean torque of a step, both sides linear in π and without
-          accelerations; the mean by Simpson's rule on a cubic. A torque that is held over a step is its mean exactly
+          accelerations; the mean by Simpson's rule on a cubic. A torque that is held over a step is its mean exactly,
+          the mean of one that is not is that of a cubic through four samples
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from numpy.typing import NDArray
 from ..actuation.friction import Friction
 from ..calls.dynamics import calls
 from ..errors import IdentificationError
-from .motions import States, motion_of
+from .motions import States, cubic_at, means_of_steps, motion_of
 from .recording import Recording
 from .unknowns import Unknowns
 
@@ -80,7 +81,9 @@ class Equations:
         tau = self.recording.torques(self.model)
         if self.settings.form == "torque":
             return tau
-        return {None: 0.5 * (tau[1:] + tau[:-1]), "after": tau[:-1], "before": tau[1:]}[self.settings.hold]
+        if self.settings.hold is None:
+            return means_of_steps(tau)
+        return tau[:-1] if self.settings.hold == "after" else tau[1:]
 
     def rows(self, delay: float = 0.0) -> Iterator[Rows]:
         """All rows, in chunks; windows of several rows are means of both sides."""
@@ -160,8 +163,23 @@ class Equations:
         rates = [np.asarray(calls["momentum_rate"](model, x.q, x.v, none)) for x in (ends, middle)]
         whole = (p[1:] - p[:-1]) / h - (rates[0][1:] + 4.0 * rates[1] + rates[0][:-1]) / 6.0
         still = (np.minimum(abs(v0), abs(v1)) < self.settings.v_min) | ((v0 == 0.0) & (v1 == 0.0))
-        forces = self._wrenches(ends.q, start, part)
-        return self._known(W, whole, v, sign, still, None if forces is None else 0.5 * (forces[1:] + forces[:-1]))
+        if self.settings.hold is None:
+            still |= self._turning(start, stop, part)
+        if not self.recording.wrenches:
+            return self._known(W, whole, v, sign, still, None)
+        last = len(self.motion) - (1 if part else 0)
+        first, end = max(0, start - 1), min(stop + 2, last)  # a neighbour more on both sides, for means by four
+        forces = self._wrenches(self.motion.between(first, end, part).q, first, part)
+        assert forces is not None
+        means = means_of_steps(forces)[start - first :][: stop - start]
+        return self._known(W, whole, v, sign, still, means)
+
+    def _turning(self, start: int, stop: int, part: float) -> NDArray[np.bool_]:
+        """Steps (n, nv) whose mean is of samples before and after a joint turns: there dry friction jumps."""
+        v = self.motion.states.v
+        k = np.arange(start, stop)
+        near = np.sign([v[np.clip(k + i, 0, len(v) - 1)] for i in range(-1, 4 if part else 3)])
+        return np.asarray(near.min(0) != near.max(0))
 
     def _rates(self, x: States) -> Array:
         """Regressor of Cᵀ v - g."""
@@ -198,9 +216,7 @@ class Equations:
         total = np.zeros((len(q), self.model.nv))
         for frame, given in self.recording.wrenches.items():
             first = self.motion.first + start
-            force = given[first : first + len(q)]
-            if part:
-                force = (1.0 - part) * force + part * given[first + 1 : first + 1 + len(q)]
+            force = cubic_at(given, first, first + len(q), part) if part else given[first : first + len(q)]
             J = np.asarray(calls["frame_jacobian"](self.model, q, frame))
             total += np.einsum("nij,ni->nj", J, force)
         return total

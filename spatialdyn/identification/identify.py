@@ -21,7 +21,7 @@ from .identified import Identified
 from .least_squares import Factors, Solution, added, factors_of, quantile, solve, whiteness
 from .pseudo_inertia import consistent, positive, pseudo_inertia
 from .recording import Recording
-from .unknowns import DEFAULT, floats, names_of, unknowns_of, words_of
+from .unknowns import DEFAULT, floats, names_of, own_joints, unknowns_of, words_of
 
 Array = NDArray[np.float64]
 METHODS = ("ols", "wls", "log_cholesky", "sdp")
@@ -54,7 +54,8 @@ def identify(
     """Parameters of a robot from recorded motions: their base parameters, intervals, and a model that has them.
 
     recording   Recording, several of one robot, or a generator of them: each is reduced to small factors and let go
-    model       Model, or a Scene, whose Coulomb's and viscous friction are known where they are not looked for
+    model       Model, or a Scene, whose Coulomb's and viscous friction are known where they are not looked for; one
+                with contacts, constraints or fext is refused. A mimic joint's friction is its leader's
     method      "ols", "wls": least squares, weighted by each freedom's own noise, of base parameters; "log_cholesky":
                 of inertias that bodies can have, and friction of 0 or more, by Gauss-Newton; "sdp": the same by a
                 semidefinite program (needs cvxpy)
@@ -65,7 +66,7 @@ def identify(
                 first where accelerations were measured and torques are not held
     hold        "after": a torque acts from its sample to the next one, as a controller's does; "before": up to its
                 sample; None: it is that of its time
-    delay       the torque of time t acts at t + delay [s]; True fits it
+    delay       the torque of time t acts at t + delay [s]; True fits it. Wrenches have none
     window      rows that are averaged, of motion and torque alike: less noise of velocities, fewer equations
     cutoff      [Hz] of a filter without phase for positions whose derivatives were not measured; None for none
     v_min       a row in which a joint is slower has no part in what its dry friction is in [rad/s | m/s]
@@ -73,6 +74,9 @@ def identify(
     bodies      names of joints whose bodies are unknown; all by default. With inertial parameters, without payload
     rows        "all", or "base": the six of a floating base, for measured ``wrenches``
     remove      take away base parameters with a deviation above this share of them, the worst first; None for none
+
+    Noise of a freedom counts as 1e-6 of its torque at least: every method fits exact torques, as computed ones, with
+    intervals of that size.
 
     Returns Identified: ``print`` shows it; ``model()``, ``scene()``, ``validate(recording)``, ``report(path)``.
     Raises  IdentificationError with a table of what the recording does not tell, for too few samples, a torque that
@@ -92,6 +96,11 @@ def identify(
     as_word("method", method, METHODS)
     if method == "sdp":
         semidefinite.need_cvxpy()
+    for name, known in (("contacts", scene.contacts), ("constraints", scene.constraints), ("fext", scene.fext)):
+        if known is not None:
+            raise IdentificationError(
+                f"scene has {name}, expected none: no equation has their forces, which are measured as wrenches"
+            )
     robot, weight = scene.model, _prior(method, prior)
     words = words_of(parameters)
     names = None if bodies is None else tuple(names_of("bodies", bodies))
@@ -128,6 +137,9 @@ def identify(
         if not fixed:
             factors = added(factors, factors_of(one.rows(late), base.columns))
     extra = 0
+    shows = any(bool(one.torques[:, : settings.freedoms].any()) for one in kept)
+    if fixed and not shows:
+        _refuse("delay", delay, "a number of seconds: the torques of these rows are all 0, wrenches have no delay")
     if fixed:
         late, factors = fitted_delay(kept, base.columns, weighted)
         extra = 1
@@ -137,8 +149,8 @@ def identify(
             f"recording has {int(factors.n.sum())} equations, expected {TIMES_RANK * base.rank} or more, "
             f"{TIMES_RANK} for each of {base.rank} base parameters"
         )
-    if not fixed and kept and len(kept[0].motion) > 8 * settings.window:
-        best = whole_delay(kept[:1], base.columns, 3, LOOK) if late == 0.0 else 0
+    if not fixed and shows and late == 0.0 and len(kept[0].motion) > 8 * settings.window:
+        best = whole_delay(kept[:1], base.columns, 3, LOOK)
         if best:
             notes.append(
                 f"torques fit best {best} samples, {best * kept[0].recording.dt:g} s, away from the motion: delay=True"
@@ -148,13 +160,13 @@ def identify(
     residuals, t = np.zeros((0, len(factors.R))), np.zeros(0)
     if kept:
         t, residuals = _residuals(kept, base, fit.beta, late)
-        tested = [whiteness(x[np.isfinite(x)]) for x in residuals.T]
-        white, inflation = (np.array(x) for x in zip(*tested, strict=True))
+        white, inflation = _white(residuals, factors.floor)
         freedoms = _freedoms(robot)
         uneven = [freedoms[k] for k in np.flatnonzero(inflation > 1.0)]
         if uneven:
+            shared = ", as neighbouring means share samples" if settings.form == "momentum" and not hold else ""
             notes.append(
-                f"residuals are not white, intervals are widened for it: {', '.join(uneven[:8])}"
+                f"residuals are not white{shared}, intervals are widened for it: {', '.join(uneven[:8])}"
                 f"{' and others' if len(uneven) > 8 else ''}"
             )
     fit = _least_squares(factors, base, extra, weighted, share, method, inflation, fit)
@@ -253,6 +265,16 @@ def _residuals(equations: list[Equations], base: Base, beta: Array, delay: float
     return np.concatenate(t), np.concatenate(off)
 
 
+def _white(residuals: Array, floor: Array) -> tuple[Array, Array]:
+    """``whiteness`` of each freedom; residuals below the floor of noise, of torques that are exact, count as white."""
+    found = np.ones((2, len(floor)))
+    for k, x in enumerate(residuals.T):
+        x = x[np.isfinite(x)]
+        if len(x) and np.sqrt(np.mean(x**2)) > floor[k]:
+            found[:, k] = whiteness(x)
+    return found[0], found[1]
+
+
 def _nearest(base: Base, beta: Array, present: Array) -> Array:
     """π with K π = β, nearest to the model's own, each measured by its size."""
     size = np.maximum(abs(present), 1e-3 * max(1e-9, abs(present).max(initial=0.0)))
@@ -344,4 +366,4 @@ def _refuse(name: str, value: Any, expected: str) -> Any:
 
 def _freedoms(model: Model) -> list[str]:
     """A name of each freedom: its joint's, with an index where that has several."""
-    return [j.name if j.nv == 1 else f"{j.name}[{k}]" for j in model.joints[1:] for k in range(j.nv)]
+    return [j.name if j.nv == 1 else f"{j.name}[{k}]" for j in own_joints(model) for k in range(j.nv)]

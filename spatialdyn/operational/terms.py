@@ -16,7 +16,7 @@ from ..algebra.spatial import Force
 from ..bodies.static_table import StaticTable
 from ..bodies.task_table import SIZES, TASKS
 from ..calls.arguments import core_shape, frame_row_and_placement, reference_code
-from ..constraints.calls import answer
+from ..calls.one_sample import of_model
 from ..constraints.contact_points import Contacts
 from ..model.model import Model
 from ..recursions.control.whole_body import PARTS, WHOLE_BODY, WHOLE_BODY_OVER
@@ -102,10 +102,10 @@ class Terms:
             end += math.prod(shape)
         head["total"] = end
         self.model, self.rows, self.frames = model, len(rows), len(frames)
-        self._plans: dict[Any, Any] = {}
-        self._spec = WHOLE_BODY if contacts.ground is None else WHOLE_BODY_OVER
+        self.spec = WHOLE_BODY if contacts.ground is None else WHOLE_BODY_OVER
         self._static = (*contacts.tables, StaticTable(table, SIZES))
+        self._given = (True,) * sum(not x.static for x in self.spec.present)
 
     def __call__(self, *inputs: Array) -> State:
         """The program and terms; inputs in the order of the Spec's."""
-        return State(answer(self._spec, self, self._static, inputs), self._parts)
+        return State(of_model(self.spec, self.model, self._static, self._given)(*inputs), self._parts)
