@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -104,8 +105,16 @@ class Terms:
         self.model, self.rows, self.frames = model, len(rows), len(frames)
         self.spec = WHOLE_BODY if contacts.ground is None else WHOLE_BODY_OVER
         self._static = (*contacts.tables, StaticTable(table, SIZES))
-        self._given = (True,) * sum(not x.static for x in self.spec.present)
 
     def __call__(self, *inputs: Array) -> State:
         """The program and terms; inputs in the order of the Spec's."""
-        return State(of_model(self.spec, self.model, self._static, self._given)(*inputs), self._parts)
+        return State(self._answer(*inputs), self._parts)
+
+    @cached_property
+    def _answer(self) -> Callable[..., Array]:
+        varying = [x for x in self.spec.present if not x.static]
+        return of_model(self.spec, self.model, self._static, (True,) * len(varying))
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Without the call, which another process makes itself."""
+        return {name: x for name, x in self.__dict__.items() if name != "_answer"}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from functools import cache
 from itertools import product
 from typing import Any
@@ -154,7 +155,7 @@ def test_tasks_of_other_classes_count_as_ours() -> None:
     half = tasks[1].with_(weight=0.05)
     twice = sd.WholeBody(scene, [tasks[0], half, half]).solve(q, v)
     np.testing.assert_allclose(first.a, twice.a, atol=SOLVED)
-    other = sd.WholeBody(scene, [sd.ComTask(axes="z")])
+    other = pickle.loads(pickle.dumps(sd.WholeBody(scene, [sd.ComTask(axes="z")])))
     np.testing.assert_allclose(other.solve(q, v, tasks).a, first.a, atol=SOLVED)
 
 
