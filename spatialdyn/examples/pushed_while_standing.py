@@ -66,7 +66,7 @@ def stand(robot: Any, frame: str, impulse: float, seconds: float) -> tuple[Any, 
         return sd.wrench_at(model, q, frame, np.eye(6)[0] * impulse / (PUSH[1] - PUSH[0]) * (PUSH[0] <= t < PUSH[1]))
 
     try:
-        run = sd.simulate(scene, q, np.zeros(model.nv), seconds, DT, torque=body, fext=push)
+        run = sd.simulate(scene, q, np.zeros(model.nv), seconds, DT, torque=body, fext=push, record=5)
     except sd.SpatialDynError:  # a robot on its back, whose feet no torque can hold
         return np.zeros(1), np.ones(1), False
     found = sd.center_of_mass(model, run.q)

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from ..actuation.friction import Friction
 from ..calls.dynamics import calls
 from ..errors import IdentificationError
-from .motions import States, cubic_at, means_of_steps, motion_of
+from .motions import States, cubic_at, means_of_steps, motion_of, shared_by_means
 from .recording import Recording
 from .unknowns import Unknowns
 
@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 FORMS = ("torque", "momentum")
 HOLDS = ("after", "before")  # a torque acts from its sample to the next, or from the one before to it
 CHUNK = 2048  # rows of each joint at a time
-KEPT = 1 << 25  # numbers of all rows up to which they are kept
+KEPT = 1 << 25  # numbers of all rows up to which they are kept, of all recordings together
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,6 +48,11 @@ class Settings:
         """How many rows a time has: those of the floating base alone if so."""
         return 6 if self.base_rows else self.unknowns.model.nv
 
+    @property
+    def shared(self) -> tuple[int, float]:
+        """``shared_by_means`` of rows that are means of samples, (1, 1) of those that share none."""
+        return shared_by_means(self.window) if self.form == "momentum" and self.hold is None else (1, 1.0)
+
 
 class Rows(NamedTuple):
     """Rows of some times: W (n, nv, count), y (n, nv), which count (n, nv), t (n,) [s], and τ (n, nv) measured."""
@@ -62,8 +67,11 @@ class Rows(NamedTuple):
 class Equations:
     """The equations of one recording, with a delay: the torque of time t acts at t + delay."""
 
-    def __init__(self, recording: Recording, settings: Settings) -> None:
-        """Filter the motion; no row is made yet. Raises IdentificationError for commanded torques."""
+    def __init__(self, recording: Recording, settings: Settings, kept: int = KEPT) -> None:
+        """Filter the motion; no row is made yet, and up to ``kept`` numbers of them are kept.
+
+        Raises IdentificationError for commanded torques.
+        """
         if recording._commanded:
             raise IdentificationError(
                 "recording is of a run with motors, whose tau is the commanded torque, expected the torque that acted: "
@@ -73,6 +81,7 @@ class Equations:
         model = settings.unknowns.model
         self.model = model
         self.motion = motion_of(recording, model, settings.cutoff, settings.form == "torque")
+        self._kept = kept
         self._made: dict[float, list[tuple[Array, Array, NDArray[np.bool_]]]] = {}
 
     @cached_property
@@ -124,7 +133,7 @@ class Equations:
             yield from self._made[part]
             return
         count = len(self.settings.unknowns.names)
-        keep = len(self.motion) * self.model.nv * count <= KEPT
+        keep = len(self.motion) * self.model.nv * count <= self._kept
         made = []
         end = len(self.motion) - (1 if part else 0) - (1 if self.settings.form == "momentum" else 0)
         for start in range(0, end, CHUNK):

@@ -215,7 +215,7 @@ class Identified:
         t, tau, predicted = predictions(self, [Equations(recording, self.settings)])
         off = tau - predicted
         rms = np.sqrt(np.nanmean(off**2, axis=0))
-        white = np.array([whiteness(x[np.isfinite(x)])[0] for x in off.T])
+        white = np.array([whiteness(x[np.isfinite(x)], *self.settings.shared)[0] for x in off.T])
         spread = np.maximum(np.nanstd(tau, axis=0), np.finfo(float).tiny)
         return Validation(t, tau, predicted, rms, self.noise, rms / self.noise, rms / spread, white)
 

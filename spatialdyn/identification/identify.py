@@ -14,18 +14,18 @@ from ..errors import IdentificationError
 from ..model.model import Model
 from ..simulation.scene import Scene, scene_of
 from . import log_cholesky, semidefinite
-from .base import ROWS, Base, pivoted, structural_base
+from .base import ROWS, Base, structural_base
+from .base_fit import BaseFit, fit_base
 from .delays import fitted_delay, whole_delay
-from .equations import FORMS, HOLDS, Equations, Settings, refuse_flight
+from .equations import FORMS, HOLDS, KEPT, Equations, Settings, refuse_flight
 from .identified import Identified
-from .least_squares import Factors, Solution, added, factors_of, quantile, solve, whiteness
+from .least_squares import WHITE, Factors, added, factors_of, quantile, whiteness
 from .pseudo_inertia import consistent, positive, pseudo_inertia
 from .recording import Recording
-from .unknowns import DEFAULT, floats, names_of, own_joints, unknowns_of, words_of
+from .unknowns import DEFAULT, floats, freedoms_of, names_of, unknowns_of, words_of
 
 Array = NDArray[np.float64]
 METHODS = ("ols", "wls", "log_cholesky", "sdp")
-UNSEEN = 1e-7  # of the largest pivot of columns of norm 1: a smaller one is no excitation
 TIMES_RANK = 10  # rows that a recording needs at least for each base parameter
 PRIOR = 1.0  # as much as each body's inertia seen once with a deviation of its own size
 FLOOR = 1e-4  # eigenvalues of P₀ by its largest: what a model has below, bodies of no mass say, is raised
@@ -108,8 +108,8 @@ def identify(
     as_word("rows", rows, ROWS)
     if rows == "base" and not floats(robot):
         raise IdentificationError(f'rows is "base", expected "all": robot "{robot.name}" has no floating base')
-    logs, once = _recordings(recording)
-    first, logs = _peeked(logs)
+    given, once = _recordings(recording)
+    first, logs = _peeked(given)
     settings = Settings(
         unknowns, _form(form, hold, first), hold if hold is None else as_word("hold", hold, HOLDS),
         as_count(window, MOST_WINDOW) or _refuse("window", window, "a number of rows of 1 or more"),
@@ -130,7 +130,7 @@ def identify(
     for log in logs:
         notes += [x for x in log.check(robot) if x not in notes]
         refuse_flight(log, settings)
-        one = Equations(log, settings)
+        one = Equations(log, settings, 0 if once else KEPT // len(given))
         if fixed and once:
             _refuse("recording", "a generator", "a list of Recordings: a delay that is fitted takes several passes")
         kept += [one] * (not once)
@@ -155,21 +155,20 @@ def identify(
             notes.append(
                 f"torques fit best {best} samples, {best * kept[0].recording.dt:g} s, away from the motion: delay=True"
             )
-    fit = _least_squares(factors, base, extra, weighted, share, method)
+    fit = fit_base(factors, base, extra, weighted, share, method)
     inflation, white = np.ones(len(factors.R)), np.full(len(factors.R), np.nan)
     residuals, t = np.zeros((0, len(factors.R))), np.zeros(0)
     if kept:
         t, residuals = _residuals(kept, base, fit.beta, late)
-        white, inflation = _white(residuals, factors.floor)
-        freedoms = _freedoms(robot)
-        uneven = [freedoms[k] for k in np.flatnonzero(inflation > 1.0)]
+        white, inflation = _white(residuals, factors.floor, settings.shared)
+        freedoms = freedoms_of(robot)
+        uneven = [freedoms[k] for k in np.flatnonzero(white < WHITE)]
         if uneven:
-            shared = ", as neighbouring means share samples" if settings.form == "momentum" and not hold else ""
             notes.append(
-                f"residuals are not white{shared}, intervals are widened for it: {', '.join(uneven[:8])}"
+                f"residuals are not white, intervals are widened for it: {', '.join(uneven[:8])}"
                 f"{' and others' if len(uneven) > 8 else ''}"
             )
-    fit = _least_squares(factors, base, extra, weighted, share, method, inflation, fit)
+    fit = fit_base(factors, base, extra, weighted, share, method, inflation, fit)
     present = unknowns.present
     bounds: tuple[str, ...] = ()
     if method in ("ols", "wls"):
@@ -192,68 +191,7 @@ def identify(
     )  # fmt: skip
 
 
-# --- least squares of the base ------------------------------------------------------------------------------
-
-
-class _Fit:
-    """β (rank,) and what goes with it, 0 for columns that were removed or are not seen."""
-
-    def __init__(self, factors: Factors, rank: int, kept: NDArray[np.intp], extra: int, solution: Solution) -> None:
-        own = len(kept)
-        self.solution, self.kept = solution, kept
-        self.beta, self.deviation = np.zeros(rank), np.zeros(rank)
-        self.covariance = np.zeros((rank, rank))
-        self.beta[kept] = solution.beta[:own]
-        self.covariance[np.ix_(kept, kept)] = solution.covariance[:own, :own]
-        self.deviation = np.sqrt(self.covariance.diagonal())
-        self.late = float(np.sqrt(solution.covariance[-1, -1])) if extra else 0.0
-        T = solution.R[:own, :own]
-        self.values = np.linalg.svd(T / np.sqrt((T * T).sum(0)), compute_uv=False)
-        self.removed: list[int] = []
-        self.seen = np.ones(rank, bool)
-
-
-def _least_squares(
-    factors: Factors, base: Base, extra: int, weighted: bool, share: float | None, method: str,
-    inflation: Array | None = None, before: _Fit | None = None,
-) -> _Fit:  # fmt: skip
-    """β of the columns that are seen, less those that are removed. Raises IdentificationError."""
-    tail = np.arange(base.rank, base.rank + extra)
-    if before is not None:
-        columns = np.concatenate([before.kept, tail]).astype(np.intp)
-        made = _Fit(factors, base.rank, before.kept, extra, solve(factors.part(columns), weighted, inflation))
-        made.removed, made.seen = before.removed, before.seen
-        made.deviation = np.where(made.seen, made.deviation, np.inf)
-        return made
-    R = factors.joined(np.ones(len(factors.R)))[: base.rank, : base.rank]
-    size = np.sqrt((R * R).sum(0))
-    used = np.flatnonzero(size > UNSEEN * size.max(initial=0.0))
-    order, T = pivoted(R[:, used] / size[used])
-    pivots = abs(T.diagonal())
-    seen = np.zeros(base.rank, bool)
-    seen[used[order[: int((pivots > UNSEEN * pivots[0]).sum())]]] = True
-    if not seen.all() and method in ("ols", "wls") and share is None:
-        lost = [base.text(int(k)) for k in np.flatnonzero(~seen)]
-        table = "\n".join(f"  {x}" for x in lost[:20])
-        raise IdentificationError(
-            f"recording tells {int(seen.sum())} of {base.rank} base parameters, expected all: a motion that moves "
-            f'these too, method="log_cholesky", whose prior has them, or remove= to leave them out\n{table}'
-        )
-    kept, removed = np.flatnonzero(seen), []
-    while True:
-        columns = np.concatenate([kept, tail]).astype(np.intp)
-        made = _Fit(factors, base.rank, kept, extra, solve(factors.part(columns), weighted))
-        if share is None or not len(kept):
-            break
-        with np.errstate(divide="ignore"):
-            worst = made.deviation[kept] / abs(made.beta[kept])
-        if worst.max() <= share:
-            break
-        removed.append(int(kept[worst.argmax()]))
-        kept = np.delete(kept, worst.argmax())
-    made.removed = [*np.flatnonzero(~seen).tolist(), *removed] if share is not None else removed
-    made.seen = seen
-    return made
+# --- from the base to bodies ----------------------------------------------------------------------------------
 
 
 def _residuals(equations: list[Equations], base: Base, beta: Array, delay: float) -> tuple[Array, Array]:
@@ -265,13 +203,13 @@ def _residuals(equations: list[Equations], base: Base, beta: Array, delay: float
     return np.concatenate(t), np.concatenate(off)
 
 
-def _white(residuals: Array, floor: Array) -> tuple[Array, Array]:
+def _white(residuals: Array, floor: Array, shared: tuple[int, float]) -> tuple[Array, Array]:
     """``whiteness`` of each freedom; residuals below the floor of noise, of torques that are exact, count as white."""
-    found = np.ones((2, len(floor)))
+    found = np.array([np.ones(len(floor)), np.full(len(floor), shared[1])])
     for k, x in enumerate(residuals.T):
         x = x[np.isfinite(x)]
         if len(x) and np.sqrt(np.mean(x**2)) > floor[k]:
-            found[:, k] = whiteness(x)
+            found[:, k] = whiteness(x, *shared)
     return found[0], found[1]
 
 
@@ -283,7 +221,7 @@ def _nearest(base: Base, beta: Array, present: Array) -> Array:
     return np.asarray(present + size * change)
 
 
-def _consistent(method: str, fit: _Fit, base: Base, unknowns: Any, weight: float) -> log_cholesky.Consistent:
+def _consistent(method: str, fit: BaseFit, base: Base, unknowns: Any, weight: float) -> log_cholesky.Consistent:
     """The consistent parameters of the weighted least squares of a fit, from the model's own."""
     p = len(fit.kept)
     R = fit.solution.R[:p, :p]
@@ -362,8 +300,3 @@ def _not_negative(name: str, value: Any) -> float:
 
 def _refuse(name: str, value: Any, expected: str) -> Any:
     raise IdentificationError(f"{name} is {value!r}, expected {expected}")
-
-
-def _freedoms(model: Model) -> list[str]:
-    """A name of each freedom: its joint's, with an index where that has several."""
-    return [j.name if j.nv == 1 else f"{j.name}[{k}]" for j in own_joints(model) for k in range(j.nv)]

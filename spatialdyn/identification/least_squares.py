@@ -150,12 +150,22 @@ def quantile(freedoms: float) -> float:
     return z + first / n + second / n**2
 
 
-def whiteness(residuals: Array) -> tuple[float, float]:
+def whiteness(residuals: Array, apart: int = 1, least: float = 1.0) -> tuple[float, float]:
     """Probability of residuals (n,) as uneven as these if they were white (Ljung and Box), and their inflation.
 
+    apart  from one residual to the next that shares no sample with it: those are tested
+    least  inflation of residuals of white noise
+
     The inflation is 1 + 2 Σ ρ_k over the first lags whose correlation is significant: the variance of a mean of
-    neighbours over that of white residuals, 1 at least.
+    neighbours over that of white residuals.
     """
+    chance, inflation = _whiteness(residuals[::apart])
+    if apart > 1 and chance < WHITE:
+        inflation = _whiteness(residuals)[1]
+    return chance, max(least, inflation)
+
+
+def _whiteness(residuals: Array) -> tuple[float, float]:
     x = residuals - residuals.mean() if len(residuals) else residuals
     n, power = len(x), float(x @ x)
     if n < 4 * LAGS or power == 0.0:

@@ -17,6 +17,7 @@ from .recording import Recording
 
 Array = NDArray[np.float64]
 ORDER = 4  # of the Butterworth filter, whose gain is used twice: no phase is left
+ALONE = 0.01  # a smaller correlation is none
 EDGE = 1.0  # of 1/cutoff, left out at both ends, where the filter continues the motion by reflection
 
 
@@ -74,6 +75,18 @@ def cubic_at(x: Array, start: int, stop: int, s: float) -> Array:
         one * (1.0 + 2.0 * s) * (1.0 - s) ** 2 + two * s * s * (3.0 - 2.0 * s)
         + slope * s * (1.0 - s) ** 2 - end * s * s * (1.0 - s)
     )  # fmt: skip
+
+
+def shared_by_means(window: int) -> tuple[int, float]:
+    """What means of ``window`` neighbouring ``means_of_steps`` of white noise have in common.
+
+    Returns how many means apart those are that share next to no sample, and the variance of a mean of many of them over
+    that of as many white ones.
+    """
+    weights = np.convolve(np.array([-1.0, 13.0, 13.0, -1.0]) / 24.0, np.full(window, 1.0 / window))
+    rho = np.correlate(weights, weights, "full")[len(weights) - 1 :: window]
+    rho /= rho[0]
+    return int(np.flatnonzero(abs(rho) > ALONE)[-1]) + 1, float(2.0 * rho.sum() - 1.0)
 
 
 def means_of_steps(x: Array) -> Array:

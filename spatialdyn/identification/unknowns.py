@@ -100,7 +100,7 @@ def unknowns_of(model: Model, parameters: Any, payload: Any = None, bodies: Any 
     check_model(model)
     if springs := [x.name for x in model.robot.joints if x.spring is not None]:
         raise IdentificationError(
-            f'joint "{springs[0]}" is behind a spring, expected joints without: no equation has the torque of a spring'
+            f'joint "{springs[0]}" has a spring, expected joints without: no equation has its torque; Model.rigid()'
         )
     if not model.nv:
         raise IdentificationError(f'model "{model.name}" has no joint that moves, expected one that does')
@@ -139,6 +139,11 @@ def own_joints(model: Model) -> list[Joint]:
     """The joints that have freedoms of their own, no mimic joints: those have their leaders'."""
     followers = {x.name for x in model.robot.joints if x.mimic is not None} if model.mimic_matrix is not None else set()
     return [x for x in model.joints[1:] if x.name not in followers]
+
+
+def freedoms_of(model: Model) -> list[str]:
+    """A name of each freedom: its joint's, with an index where that has several."""
+    return [j.name if j.nv == 1 else f"{j.name}[{k}]" for j in own_joints(model) for k in range(j.nv)]
 
 
 def floats(model: Model) -> bool:

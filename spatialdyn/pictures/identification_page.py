@@ -9,7 +9,7 @@ import numpy as np
 
 from ..identification.identified import COLUMNS, Identified, Validation
 from ..identification.recording import Recording
-from ..identification.unknowns import own_joints
+from ..identification.unknowns import freedoms_of
 from .figures import FAINT, dash, need_matplotlib, new_figure, tidy
 from .markup import bullets, facts, folded, heading, line, table
 from .page import LINKS, _ready, made_by, picture, write
@@ -202,8 +202,7 @@ def plot_torques(found: Identified, judged: Validation) -> Figure:
 
 def _freedoms(found: Identified) -> list[str]:
     """A name of each freedom that has rows."""
-    names = [j.name if j.nv == 1 else f"{j.name}[{k}]" for j in own_joints(found.start) for k in range(j.nv)]
-    return names[: len(found.noise)]
+    return freedoms_of(found.start)[: len(found.noise)]
 
 
 def _all_positive(found: Identified) -> bool:

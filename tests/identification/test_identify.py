@@ -11,8 +11,9 @@ import pytest
 from example_runs import compiled
 
 import spatialdyn as sd
+from spatialdyn.identification.equations import Equations
 from spatialdyn.identification.log_cholesky import upper_factor
-from spatialdyn.identification.motions import means_of_steps
+from spatialdyn.identification.motions import means_of_steps, shared_by_means
 from spatialdyn.identification.pseudo_inertia import consistent, in_body, parameters_of, pseudo_inertia
 
 EXACT = 1e-9  # of parameters of size 1: cond 30, eps, and of accelerations no differences
@@ -144,13 +145,26 @@ def test_noise_of_each_joint_weighs_and_is_found() -> None:
     assert (wls.white > 0.001).all()
 
 
-def test_a_generator_of_recordings_gives_what_all_of_them_give_at_once() -> None:
+def test_a_generator_of_recordings_gives_what_all_of_them_give_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     logs = [measured(model(), NOISE, seed) for seed in range(3)]
     whole = sd.identify(logs, model(), parameters="inertial")
     once = sd.identify((x for x in logs), model(), parameters="inertial")
     assert abs(whole.beta - once.beta).max() < EXACT
     np.testing.assert_array_equal(whole.rows, once.rows)
     assert np.isnan(once.white).all()
+    room = 2 * logs[0].tau.size * len(whole.names)  # of three logs each keeps the rows of a third of it: none
+    monkeypatch.setattr("spatialdyn.identification.identify.KEPT", room)
+    made: list[Equations] = []
+    keep = Equations.__init__
+
+    def noted(self: Equations, *given: Any) -> None:
+        keep(self, *given)
+        made.append(self)
+
+    monkeypatch.setattr(Equations, "__init__", noted)
+    assert np.array_equal(sd.identify(logs, model(), parameters="inertial").beta, whole.beta)
+    assert len(made) == 3
+    assert not any(x._made for x in made)
     with pytest.raises(sd.IdentificationError, match="several passes"):
         sd.identify((x for x in logs), model(), delay=True)
 
@@ -308,8 +322,8 @@ def test_forces_that_no_equation_has_are_refused() -> None:
     for name, force in (("fext", np.zeros((3, 6))), ("contacts", sd.Contacts(model(), {"tip": 0.0}))):
         with pytest.raises(sd.IdentificationError, match=f"scene has {name}, expected none"):
             sd.identify(log, sd.Scene(model(), **{name: force}))  # type: ignore[arg-type]
-    with pytest.raises(sd.IdentificationError, match='joint "b_joint" is behind a spring'):
-        sd.base_parameters(hinge.add_series_elastic("b_joint", 10.0).build())
+    with pytest.raises(sd.IdentificationError, match='joint "b_joint_rotor" has a spring, expected joints without'):
+        sd.base_parameters(hinge.add_series_elastic("b_joint", 10.0, rotor=0.1).build())
 
 
 def test_arguments_that_contradict_each_other_are_refused() -> None:
@@ -357,13 +371,15 @@ def test_the_mean_of_a_step_is_that_of_a_cubic_and_its_intervals_cover() -> None
     whole = np.polynomial.Polynomial(c).integ()(t)
     np.testing.assert_allclose(means_of_steps(np.polynomial.Polynomial(c)(t)), np.diff(whole), rtol=1e-13)
     assert np.array_equal(means_of_steps(np.array([[1.0], [3.0]])), [[2.0]])
-    log, share = measured(model(), 0.0), []
+    log, share, noted = measured(model(), 0.0), [], 0
     for seed in range(20):
         tau = log.tau + NOISE * np.random.default_rng(seed).normal(size=log.tau.shape)
         found = sd.identify(sd.Recording(log.t, log.q, tau, log.v), off(), parameters="inertial")
         share.append(abs(found.beta - truth(found, model())) < found.half_width)
-        assert any("not white, as neighbouring means share samples" in x for x in found.notes)
+        noted += bool(found.notes)
     assert np.mean(share) > 0.85
+    assert noted < 4  # neighbouring means share samples, which is no sign of a wrong model
+    assert shared_by_means(1) == (3, pytest.approx(576.0 / 340.0))
     dry = measured(model(), 0.0, coulomb=0.5, viscous=0.3)  # which jumps where a joint turns: those steps do not count
     found = sd.identify(sd.Recording(dry.t, dry.q, dry.tau, dry.v), off())
     assert abs(found.beta - truth(found, model(), coulomb=0.5, viscous=0.3)).max() < 1e-4
