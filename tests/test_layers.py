@@ -101,6 +101,7 @@ SHARED = {
     "constraints.constraint_rows", "constraints.dense", "tree.rotors", "constraints.constrained",
     "contact.coulomb_cone", "joints.friction", "coordinates.configuration", "contact.contact_rows", "tree.aba_motors",
     "tree.regressor", "momenta.adaptive_regressors", "control.control_laws",
+    "control.adaptive_laws", "control.composite_laws",
     "control.inverse_kinematics", "contact.impulses", "contact.impulse_rows", "contact.newton_step", "control.paths",
     "coordinates.coordinate_rates",
 }  # fmt: skip
@@ -124,7 +125,7 @@ FILE_CALLS = {
 LATE = {
     "yourdfpy", "lxml", "trimesh", "pinocchio", "rich", "scipy", "mpmath", "matplotlib", "sympy", "pandas", "viser",
     "IPython", "qpsolvers", "casadi", "jax", "torch", "mujoco", "xacrodoc", "robot_descriptions", "sphinx",
-    "cvxpy", "clarabel", "dask", "distributed", "cuda", "cupy",
+    "cvxpy", "clarabel", "dask", "distributed", "daqp", "cuda", "cupy",
 }  # fmt: skip
 HEAVY = {"numba", "llvmlite", "concurrent.futures"}  # no import of the package needs them
 MUTATORS = {"append", "extend", "insert", "add", "update", "setdefault", "pop", "popitem", "clear", "remove", "discard"}

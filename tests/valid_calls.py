@@ -451,6 +451,7 @@ ROWS: dict[str, Callable[[], dict[str, Any]]] = {
     "VelocityConstraint": lambda: {"A": [1.0, 2.0]},
     "WholeBody": lambda: {"scene": sd.Scene(model(), contacts=touching()), "tasks": sd.PostureTask(q())},
     "WholeBody.__call__": lambda: {"t": 0.0, "q": q(), "v": v()},
+    "WholeBody.program": lambda: {"q": q(), "v": v()},
     "WholeBody.solve": lambda: {"q": q(), "v": v(), "tasks": [sd.PostureTask(q())]},
     "WeldConstraint": lambda: {**CONSTRAINT, **PLACES},
     "assemble": lambda: {"robot": model().robot},

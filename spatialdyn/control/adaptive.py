@@ -14,7 +14,7 @@ from ..calls.arguments import as_array, as_number, check_model
 from ..calls.dynamics import calls
 from ..errors import InertiaError, ModelError, NonFiniteError, ShapeError, SimulationError
 from ..model.model import Model
-from ..recursions.control.adaptive_laws import adaptive_spec
+from ..recursions.control.adaptive_specs import adaptive_spec
 from .laws import Law, _is_matrix, _reference, gain_of
 from .paths import Path
 
@@ -45,7 +45,8 @@ class Adaptive(Law):
 
     def __init__(
         self, natural: bool, model: Model, rates: ArrayLike, gain: ArrayLike, path: Path | ArrayLike,
-        own: dict[str, Array], deadzone: float, friction: Friction | None, friction_gain: ArrayLike, held: bool | float,
+        own: dict[str, Array], deadzone: float, composite: float, bandwidth: float, friction: Friction | None,
+        friction_gain: ArrayLike, held: bool | float,
     ) -> None:  # fmt: skip
         """Of the inputs ``own`` of one law, and those of both."""
         self.model = model
@@ -59,10 +60,18 @@ class Adaptive(Law):
         if not 0.0 <= zone < math.inf:
             raise SimulationError(f"deadzone is {deadzone!r}, expected 0 or more [rad/s]")
         values = {"rates": one, "gain": two, **own, "deadzone": np.array([zone])}
+        weight, width = as_number(composite), as_number(bandwidth)
+        if not 0.0 <= weight < math.inf:
+            raise SimulationError(f"composite is {composite!r}, expected 0 or more")
+        if not 0.0 < width < math.inf:
+            raise SimulationError(f"bandwidth is {bandwidth!r}, expected a finite number above 0 [1/s]")
+        self.predicts = weight > 0.0
+        if self.predicts:
+            values |= {"composite": np.array([weight]), "bandwidth": np.array([width])}
         if friction is not None:
             values |= _friction(model, friction, friction_gain)
         self.friction = friction is not None
-        core = adaptive_spec(natural, _is_matrix(one), _is_matrix(two), self.friction)
+        core = adaptive_spec(natural, _is_matrix(one), _is_matrix(two), self.friction, self.predicts)
         super().__init__(core, values, reference, held)
         self.checks = (*self.checks, self._check)
 
@@ -115,6 +124,9 @@ class SlotineLi(Adaptive):
     Gamma          number or (njoints, 10), 0 or more: how fast each is learnt; 0 keeps it
     bounds         (least, most), each (njoints, 10): the estimates stay between
     deadzone       |s| up to which nothing is learnt [rad/s]: what noise and friction leave would be learnt as mass
+    composite      c, 0 or more: learns from the error of predicted torques too, by y = Yᵀ s + c Wᵀ e. Estimates then go
+                   on while tracking is already good. A step has to keep h c Γ |W|² below 2
+    bandwidth      of the filters that make W and e without accelerations [1/s]
     friction       Friction, first estimates of coulomb and viscous, with smoothing: the law learns and gives them
     friction_gain  number or (2, nv): how fast those are learnt
     held           as of ``Control``; estimates move from step to step
@@ -123,7 +135,8 @@ class SlotineLi(Adaptive):
     estimates; they converge to the true parameters only where the motion excites them: ``excitation``. They may
     leave what is physical, with a negative mass: ``NaturalAdaptation`` never does.
     Raises  SimulationError, ShapeError, ModelError
-    Source  Slotine and Li, On the adaptive control of robot manipulators (1987).
+    Source  Slotine and Li, On the adaptive control of robot manipulators (1987); Composite adaptive control of robot
+            manipulators (1989).
 
     >>> import numpy as np, spatialdyn as sd
     >>> model = sd.load_urdf("two_link")
@@ -137,7 +150,8 @@ class SlotineLi(Adaptive):
     def __init__(
         self, model: Model, rates: ArrayLike, gain: ArrayLike, path: Path | ArrayLike, parameters: ArrayLike,
         Gamma: ArrayLike, *, bounds: Sequence[ArrayLike] | None = None, deadzone: float = 0.0,
-        friction: Friction | None = None, friction_gain: ArrayLike = 1.0, held: bool | float = True,
+        composite: float = 0.0, bandwidth: float = 10.0, friction: Friction | None = None,
+        friction_gain: ArrayLike = 1.0, held: bool | float = True,
     ) -> None:  # fmt: skip
         """See the class."""
         check_model(model)
@@ -158,7 +172,9 @@ class SlotineLi(Adaptive):
                     f"{least[j, k]:.6g} and {most[j, k]:.6g}"
                 )
         own = {"first": first, "step": step, "least": least, "most": most}
-        super().__init__(False, model, rates, gain, path, own, deadzone, friction, friction_gain, held)
+        super().__init__(
+            False, model, rates, gain, path, own, deadzone, composite, bandwidth, friction, friction_gain, held
+        )
 
     def estimates(self, run: Any) -> Array:
         """See ``Adaptive``."""
@@ -182,7 +198,7 @@ class NaturalAdaptation(Adaptive):
                    or discs
     gamma          number or (njoints,), above 0: small learns fast; inf keeps a body as it is, as it has to be of one
                    without mass
-    deadzone, friction, friction_gain, held  as of ``SlotineLi``
+    deadzone, composite, bandwidth, friction, friction_gain, held  as of ``SlotineLi``
 
     A step whose h/γ GᵀLG is larger than 1 is taken as one of 1: with a γ so small P̂ would run to the edge at once.
     Raises  InertiaError naming the joint whose body has no volume; SimulationError, ShapeError, ModelError
@@ -199,8 +215,8 @@ class NaturalAdaptation(Adaptive):
 
     def __init__(
         self, model: Model, rates: ArrayLike, gain: ArrayLike, path: Path | ArrayLike, parameters: ArrayLike,
-        gamma: ArrayLike, *, deadzone: float = 0.0, friction: Friction | None = None, friction_gain: ArrayLike = 1.0,
-        held: bool | float = True,
+        gamma: ArrayLike, *, deadzone: float = 0.0, composite: float = 0.0, bandwidth: float = 10.0,
+        friction: Friction | None = None, friction_gain: ArrayLike = 1.0, held: bool | float = True,
     ) -> None:  # fmt: skip
         """See the class."""
         check_model(model)
@@ -212,7 +228,9 @@ class NaturalAdaptation(Adaptive):
         step = np.broadcast_to(1.0 / given, (model.njoints,)).copy()
         step[0] = 0.0
         own = {"first": _factors(model, _table(model, "parameters", parameters), step > 0.0), "step": step}
-        super().__init__(True, model, rates, gain, path, own, deadzone, friction, friction_gain, held)
+        super().__init__(
+            True, model, rates, gain, path, own, deadzone, composite, bandwidth, friction, friction_gain, held
+        )
 
     def estimates(self, run: Any) -> Array:
         """See ``Adaptive``."""

@@ -24,6 +24,14 @@ Array = NDArray[np.float64]
 REFERENCES = ("local", "world", "local_world_aligned")
 
 
+class Asked(NamedTuple):
+    """What the equations of a task belong to: rows of a frame in a reference, or of the centre of mass for None."""
+
+    frame: str | Frame | None
+    reference: str
+    rows: tuple[int, ...]
+
+
 class Rows(NamedTuple):
     """The equations of a task: J (..., m, nv), drift J̇ v (..., m) and the acceleration wanted (..., m).
 
@@ -58,6 +66,10 @@ class Task:
     def _of_state(self, model: Model, q: Array, v: Array) -> Rows:
         """The same, of arrays that fit."""
         raise NotImplementedError
+
+    def _asked(self) -> Asked | None:
+        """What J and J̇ v belong to, where a program has them among others. Returns None if not applicable."""
+        return None
 
     def check(self, model: Model) -> None:
         """Raise ModelError or ShapeError if the task is none of this model's."""
@@ -182,6 +194,10 @@ class FrameTask(Task):
         wanted = feedback(self, (J @ v[..., None])[..., 0], self._error(model, q, rows))
         return Rows(J, drift, wanted, np.array(rows) >= 3)
 
+    def _asked(self) -> Asked:
+        """See ``Task``."""
+        return Asked(self.frame, self.reference, tuple(axes_of(self.axes)))
+
     def _error(self, model: Model, q: Array, rows: list[int]) -> Array | None:
         """The displacement that is left, along the axes."""
         if self.target is None:
@@ -238,6 +254,10 @@ class ComTask(Task):
         if self.target is not None:
             e = (np.asarray(self.target) - np.asarray(calls["center_of_mass"](model, q)))[..., rows]
         return Rows(J, drift, feedback(self, (J @ v[..., None])[..., 0], e), np.zeros(len(rows), bool))
+
+    def _asked(self) -> Asked:
+        """See ``Task``."""
+        return Asked(None, "world", tuple(axes_of(self.axes)))
 
 
 @dataclass(frozen=True, eq=False)
