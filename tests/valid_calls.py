@@ -484,6 +484,7 @@ ROWS: dict[str, Callable[[], dict[str, Any]]] = {
     "exact": lambda: {"model": model(), "call": sd.crba},
     "excitation": lambda: {"model": model(), "duration": 4.0, "harmonics": 2, "parameters": "inertial", "starts": 2,
                            "steps": 1},
+    "export": lambda: {"scene": model(), "functions": {"torque": sd.generalized_gravity}, "folder": tempfile.mkdtemp()},
     "forward_dynamics": lambda: _state(tau=tau()),
     "fourier": lambda: {"cosines": np.ones((3, 2)), "sines": np.ones((3, 2)), "frequency": 1.0, "centre": q()},
     "friction_regressor": lambda: {"model": model(), "v": v()},

@@ -23,7 +23,7 @@ ROUNDED = 1e-9  # of the largest column of Y: what the right angles of a file, r
 EXCITED = 1e-6  # of the largest eigenvalue of ∫ Yᵀ Y, scaled to a diagonal of 1: below, a combination was not seen
 
 
-class Excitation(NamedTuple):
+class ExcitationRecord(NamedTuple):
     """What a motion shows of the parameters that a law learns, from ∫ Yᵀ Y dt with each column scaled to 1.
 
     rank         combinations of parameters that act on the torques: these can be learnt, others never
@@ -53,8 +53,8 @@ class Adaptive(Law):
             raise ModelError(f'robot "{model.name}" has joints that mimic others, expected none for adaptive laws')
         if model.bodies["geared"].any() or model.bodies["coupled"].any():
             raise ModelError(f'robot "{model.name}" has rotors on moving links or differentials, expected none')
-        reference, n = _reference(path)
-        one, two = gain_of("rates", rates, n), gain_of("gain", gain, n)
+        reference, _ = _reference(path)
+        one, two = gain_of("rates", rates, model.nv), gain_of("gain", gain, model.nv)
         zone = as_number(deadzone)
         if not 0.0 <= zone < math.inf:
             raise SimulationError(f"deadzone is {deadzone!r}, expected 0 or more [rad/s]")
@@ -85,7 +85,7 @@ class Adaptive(Law):
         found: Array = self.values["friction"] + _state_of(run, "worn")
         return found
 
-    def excitation(self, q: ArrayLike, v: ArrayLike, a: ArrayLike) -> Excitation:
+    def excitation(self, q: ArrayLike, v: ArrayLike, a: ArrayLike) -> ExcitationRecord:
         """What a motion q (N, nq), v, a (N, nv) shows of the parameters that are learnt: tracking needs none of it, but
         only what is shown converges.
         """
@@ -98,7 +98,7 @@ class Adaptive(Law):
         w = np.sort(np.linalg.eigvalsh(W.T @ W))[::-1].clip(0.0)
         seen = w > EXCITED * max(w.max(initial=0.0), np.finfo(float).tiny)
         rank = int(seen.sum())
-        return Excitation(rank, int(chosen.sum()), float(w[0] / w[rank - 1]) if rank else math.inf, w)
+        return ExcitationRecord(rank, int(chosen.sum()), float(w[0] / w[rank - 1]) if rank else math.inf, w)
 
     def _learnt(self) -> Any:
         """Which of the parameters (njoints, 10) are learnt."""
@@ -178,8 +178,10 @@ class NaturalAdaptation(Adaptive):
     model          Model of the joints; its own masses do not count
     rates, gain    as of ``SlotineLi``
     path           Path, or positions to hold (nq,)
-    parameters     (njoints, 10)  first estimates, each of a body with volume: no point masses, rods or discs
-    gamma          number or (njoints,), above 0: small learns fast; inf keeps a body as it is
+    parameters     (njoints, 10)  first estimates, of what is learnt each of a body with volume: no point masses, rods
+                   or discs
+    gamma          number or (njoints,), above 0: small learns fast; inf keeps a body as it is, as it has to be of one
+                   without mass
     deadzone, friction, friction_gain, held  as of ``SlotineLi``
 
     A step whose h/γ GᵀLG is larger than 1 is taken as one of 1: with a γ so small P̂ would run to the edge at once.
@@ -209,7 +211,7 @@ class NaturalAdaptation(Adaptive):
             raise SimulationError(f"gamma is {given.tolist()}, expected numbers above 0")
         step = np.broadcast_to(1.0 / given, (model.njoints,)).copy()
         step[0] = 0.0
-        own = {"first": _factors(model, _table(model, "parameters", parameters)), "step": step}
+        own = {"first": _factors(model, _table(model, "parameters", parameters), step > 0.0), "step": step}
         super().__init__(True, model, rates, gain, path, own, deadzone, friction, friction_gain, held)
 
     def estimates(self, run: Any) -> Array:
@@ -288,13 +290,16 @@ def parameters_of(P: Array) -> Array:
     return np.stack([P[..., 3, 3], P[..., 0, 3], P[..., 1, 3], P[..., 2, 3], *rotational], -1)
 
 
-def _factors(model: Model, parameters: Array) -> Array:
-    """Cholesky factors (njoints, 4, 4), row 0 zero. Raises InertiaError naming the joint."""
+def _factors(model: Model, parameters: Array, learnt: NDArray[np.bool_]) -> Array:
+    """Factors (njoints, 4, 4) of pseudo-inertias, row 0 zero. Raises InertiaError naming the joint."""
     G = np.zeros((model.njoints, 4, 4))
     for j, P in enumerate(pseudo_inertia(parameters)):
         if j == 0:
             continue
-        w = np.linalg.eigvalsh(P)
+        w, U = np.linalg.eigh(P)
+        if not learnt[j] and w[0] >= -1e-12 * abs(w).max():  # of a rod or a body without mass, which stay as they are
+            G[j] = U * np.sqrt(w.clip(0.0))
+            continue
         if not w[0] > 1e-12 * w[-1] or not w[-1] > 0.0:
             raise InertiaError(
                 f'body of joint "{model.names[j]}" has a pseudo-inertia with the eigenvalue {w[0]:.3g}, largest '

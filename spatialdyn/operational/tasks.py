@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..calls.arguments import as_array, as_finite, as_items, as_number, as_word, broadcast, check_model
+from ..calls.arguments import as_array, as_finite, as_items, as_number, as_word, broadcast, check_model, pose_fault
 from ..calls.dynamics import calls
 from ..errors import ModelError, NonFiniteError, ShapeError, SpatialDynError
 from ..model.model import Frame, Model
@@ -22,7 +22,6 @@ from .spectral import ALL_AXES, axes_of
 
 Array = NDArray[np.float64]
 REFERENCES = ("local", "world", "local_world_aligned")
-RIGID = 1e-6  # of the rows of a target's rotation
 
 
 class Rows(NamedTuple):
@@ -168,11 +167,8 @@ class FrameTask(Task):
             raise ShapeError(f'target of task "{self.name}" has shape {x.shape}, expected {wanted}')
         if self.reference == "world":
             raise SpatialDynError(f'task "{self.name}" has a target and reference "world", expected an acceleration')
-        if pose:
-            R = x[..., :3, :3]
-            off = abs(R @ np.swapaxes(R, -1, -2) - np.eye(3)).max()
-            if off > RIGID:
-                raise SpatialDynError(f'target of task "{self.name}" has no rotation: R Rᵀ is off 1 by {off:.2g}')
+        if pose and (fault := pose_fault(x)):
+            raise SpatialDynError(f'target of task "{self.name}" has {fault}')
 
     def check(self, model: Model) -> None:
         """Raise ModelError if there is no such frame."""

@@ -208,3 +208,32 @@ def test_a_law_meets_the_joints_that_it_was_made_for(arm: sd.Model, path: sd.Pat
     b = sd.ModelBuilder("other").add_body("a", None, "planar", (0, 0, 1), inertia=(1.0, (0, 0, 0), np.eye(3)))
     with pytest.raises(sd.ModelError, match="whose parameters the law learns"):
         law._check(b.build())
+
+
+@compiled
+@pytest.mark.parametrize("natural", [False, True])
+def test_a_period_of_one_step_is_a_torque_held_over_steps(arm: sd.Model, path: sd.Path, natural: bool) -> None:
+    """And estimates, tables of numbers for each body, move once in a longer one."""
+
+    def run(held: bool | float) -> sd.Rollout:
+        make: Any = sd.NaturalAdaptation if natural else sd.SlotineLi
+        law = make(arm, RATES, GAIN, path, wrong(arm), 1.0, held=held)
+        return sd.rollout(arm, Q0, V0, dt=DT, steps=4, control=law)
+
+    every = run(True)
+    np.testing.assert_allclose(run(DT).states["learnt"], every.states["learnt"], rtol=1e-12, atol=1e-15)
+    slow = run(2.0 * DT).states["learnt"]
+    assert (slow[0] == slow[1]).all()
+    assert (slow[1] != slow[2]).any()
+    assert (slow[2] == slow[3]).all()
+
+
+def test_a_body_without_mass_is_kept_as_it_is() -> None:
+    solid = (1.0, (0.1, 0.0, 0.2), 0.1 * np.eye(3))
+    b = sd.ModelBuilder("hollow").add_body("shell", None, axis=(0, 1, 0), armature=0.1)
+    model = b.add_body("rod", "shell", axis=(0, 1, 0), inertia=solid).build()
+    pi = sd.inertial_parameters(model)
+    with pytest.raises(sd.InertiaError, match='body of joint "shell_joint" has a pseudo-inertia'):
+        sd.NaturalAdaptation(model, RATES, GAIN, [0.1, 0.2], pi, 10.0)
+    law = sd.NaturalAdaptation(model, RATES, GAIN, [0.1, 0.2], pi, [np.inf, np.inf, 10.0])
+    np.testing.assert_allclose(law(model, 0.0, Q0, V0), sd.Passivity(RATES, GAIN, [0.1, 0.2])(model, 0.0, Q0, V0))
