@@ -274,7 +274,7 @@ def _kernel(spec: Spec, count: int) -> Callable[..., int] | None:
     if spec.traceable or numba_kernels.PLAIN:
         return numba_kernels.batch_kernel(spec)
     tier = tiers.table_kernel(spec)
-    return tier.batches if count >= MANY_ALONE or tier.code() is not None else None  # type: ignore[no-any-return]
+    return tier.batches if count >= MANY_ALONE or tier.code() is not None else None
 
 
 def _one_by_one(
