@@ -70,7 +70,7 @@ class Impulses(NamedTuple):
     lower: Vector = ("np",)  # the least λ_n: e λ_c in the phase after λ_c, else 0
     next: Vector = ("np",)  # that of the phase that follows
     load: Vector = ("np",)  # what of λ_c only holds the point against the forces of the step
-    soft: Vector = ("np+nl+nd",)  # factors of ε: small of points and joints that are light beside what they carry
+    firm: Vector = ("np+nl+nd",)  # of ε: large of points and joints that are light beside what they carry
     level: Vector = ("nl+nd",)  # h F(v) of each joint
     rests: Vector = ("nl+nd",)  # 1 of a joint at rest after the step, else 0
     held: Vector = ("nl+nd",)  # 1 of a joint that Newton's step takes to stick or stop
@@ -138,7 +138,7 @@ def open_laws(
         factor_block(s.B[p], s.size[k] + s.size[k + 1] + s.size[k + 2], n, s.factors[p])
         s.wide[p] = largest_eigenvalue(s.B[p])
         s.narrow[p] = quotient(1.0, s.wide[p])
-        s.soft[p] = softness(s.size[k] * heaviest)
+        s.firm[p] = stiffness(s.size[k] * heaviest)
         free = velocity(s.Y, s.b, w, k)
         load = select(s.b[k] - free, s.b[k] - free, 0.0)
         s.load[p] = load * inverse(s.B[p, 0, 0], s.size[k], n)
@@ -149,21 +149,21 @@ def open_laws(
         k = 3 * points + j
         s.own[k] = product(s.Y, s.Z, k, k)
         s.each[j] = inverse(s.own[k], s.size[k], n)
-        s.soft[points + j] = softness(s.own[k] * heaviest)
+        s.firm[points + j] = stiffness(s.own[k] * heaviest)
         if j < len(s.least):
             s.least[j], s.most[j] = allowed(contact.contacts[1 + points + j], q, dt)
         s.held[j], s.goal[j], s.rests[j] = 0.0, 0.0, 0.0
 
 
 @inline
-def softness(ratio: Scalar) -> Scalar:
-    """The factor of ε of a row, by its response times the largest inertia.
+def stiffness(ratio: Scalar) -> Scalar:
+    """By how much ε of a row is smaller, by its response times the largest inertia.
 
     ε is relative to a row's own response. Under a trunk that is 1e5 times as heavy as a leg a joint that holds it would
     else give way by far more than the weight, at every step.
     """
     heavy = HEAVY * ratio
-    return 1.0 / select(heavy - 1.0, heavy, 1.0)
+    return select(heavy - 1.0, heavy, 1.0)
 
 
 @inline
