@@ -22,7 +22,7 @@ import spatialdyn as sd
 Array = np.ndarray
 ROBOTS = ("two_link", "ur5", "panda")
 STATES, STEPS, DT = 1024, 50, 1e-3
-CALLED = 8192  # states of a call of a law, around which Python takes 0.1 ms
+CALLED = 32768  # states of a call of a law, around which Python takes some 10 µs
 POSES, ALL_POSES = 1024, 10_000
 CLOSE = 1e-9  # relative, of torques by two formulas; M is multiplied out in one of them
 REACHED = 1e-8  # [rad, m]

@@ -12,6 +12,7 @@ from __future__ import annotations
 import argparse
 import heapq
 import json
+import math
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -107,7 +108,7 @@ def page(found: dict[str, Any]) -> str:
             ["files of a chunk", f"{amount(found['file_bytes'])}, at least {amount(found['least_file_bytes'])}"],
             ["a chunk of one sample: driver, worker and file", f"{1e3 * found['driver_s']:.2f} ms"],
             ["the same through Dask: its scheduler and client", f"{1e3 * serve:.1f} ms"],
-            ["reading a chunk's part back for `result()`", f"{1e3 * found['result_s']:.2f} ms"],
+            ["reading and merging a chunk's part for `result()`", f"{1e3 * found['result_s']:.2f} ms"],
             ["listing a part", f"{1e6 * found['list_s']:.1f} µs"],
         ],
     )
@@ -143,9 +144,9 @@ def page(found: dict[str, Any]) -> str:
     ]  # fmt: skip
     body = []
     for nodes in NODES:
-        for workers, cores in ((nodes, CORES), (nodes * CORES, 1)):
+        for workers, cores in ((nodes, CORES), (nodes * CORES // 4, 4)):
             shares = [used(Cluster(workers, cores, serve), x) for x in LENGTHS]
-            body.append([str(nodes), f"{workers} of {cores} core{'s' * (cores > 1)}", *(f"{x:.0%}" for x in shares)])
+            body.append([str(nodes), f"{workers} of {cores} cores", *(f"{x:.0%}" for x in shares)])
     lines += table(["machines", "workers", *(f"{x:g} s" for x in LENGTHS)], body)
     machines = Cluster(1000, CORES, serve)
     files = SAMPLES[1] / rate / LENGTHS[0]
@@ -157,8 +158,8 @@ def page(found: dict[str, Any]) -> str:
         f"{amount(LENGTHS[2] * rate * found['sample_bytes'])}, one of {LENGTHS[3]:g} s "
         f"{amount(LENGTHS[3] * rate * found['sample_bytes'])}. A function that draws and reduces in blocks has longer "
         "chunks in the same memory; or split the study by seed, each part with a folder and a scheduler of its own: "
-        f"{1000 * serve / (length / CORES):.0f} of them feed 1000 machines. The driver holds one sum and one part, "
-        "however many samples.",
+        f"{math.ceil(1000 * serve / (length / CORES))} of them feed 1000 machines. The driver holds one sum and "
+        "one part, however many samples.",
         f"3. **Chunks given out.** With 256 at a time, as it was before this simulation, 1000 machines are busy for "
         f"{used(machines, LENGTHS[3], 256):.0%} of the time with chunks of {LENGTHS[3]:g} s; with {AHEAD} for "
         f"{used(machines, LENGTHS[3]):.0%}.",

@@ -106,6 +106,7 @@ if TYPE_CHECKING:
     from .control.inverse_kinematics import IKResult, solve_ik
     from .control.laws import PD, ComputedTorque, EnergyShaping, Gravity, Passivity, PDGravity, PDPlus, StateFeedback
     from .control.monitors import LyapunovRecord, PassivityRecord, lyapunov, passivity
+    from .control.motions import fourier, quintic, spline, trapezoid
     from .control.observers import (
         ContactWrench,
         MomentumObserver,
@@ -114,7 +115,7 @@ if TYPE_CHECKING:
         detection_thresholds,
         momentum_observer_step,
     )
-    from .control.paths import Path, PathPeaks, PathPoint, fourier, quintic, spline, trapezoid
+    from .control.paths import Path, PathPeaks, PathPoint
     from .embedded.export import export
     from .identification.base import Base, base_parameters
     from .identification.excitation import excitation
@@ -219,8 +220,8 @@ _LATE = {  # {module: public names}, imported when one is asked for: half the ti
     "control.laws": "ComputedTorque EnergyShaping Gravity PD PDGravity PDPlus Passivity StateFeedback",
     "control.gains": "ClosedStep Gains LQR closed_step critical_gains gravity_stiffness_bound largest_step lqr",
     "control.monitors": "LyapunovRecord PassivityRecord lyapunov passivity",
-    "control.paths": "Path PathPeaks PathPoint fourier quintic spline trapezoid", "interop.pinocchio": "from_pinocchio",
-    "embedded.export": "export",
+    "control.motions": "fourier quintic spline trapezoid", "control.paths": "Path PathPeaks PathPoint",
+    "embedded.export": "export", "interop.pinocchio": "from_pinocchio",
     "identification.base": "Base base_parameters", "identification.identified": "Identified Validation",
     "identification.identify": "identify", "identification.excitation": "excitation",
     "identification.recording": "Recording",

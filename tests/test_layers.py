@@ -124,7 +124,7 @@ FILE_CALLS = {
 LATE = {
     "yourdfpy", "lxml", "trimesh", "pinocchio", "rich", "scipy", "mpmath", "matplotlib", "sympy", "pandas", "viser",
     "IPython", "qpsolvers", "casadi", "jax", "torch", "mujoco", "xacrodoc", "robot_descriptions", "sphinx",
-    "cvxpy", "clarabel", "dask", "distributed",
+    "cvxpy", "clarabel", "dask", "distributed", "cuda", "cupy",
 }  # fmt: skip
 HEAVY = {"numba", "llvmlite", "concurrent.futures"}  # no import of the package needs them
 MUTATORS = {"append", "extend", "insert", "add", "update", "setdefault", "pop", "popitem", "clear", "remove", "discard"}

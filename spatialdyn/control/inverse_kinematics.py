@@ -245,7 +245,8 @@ class _Attempts(NamedTuple):
 
     def some(self, chosen: NDArray[Any]) -> _Attempts:
         """Those chosen, by a mask or by indices."""
-        return _Attempts(*(x[chosen] for x in self))
+        at: NDArray[Any] = np.flatnonzero(chosen) if chosen.dtype == np.bool_ else chosen
+        return _Attempts(*(x[at] for x in self))
 
     def beside(self, other: _Attempts) -> _Attempts:
         """These and others."""
@@ -254,16 +255,16 @@ class _Attempts(NamedTuple):
     def moved(self, after: Array, tolerance: float, most: int) -> tuple[_Attempts, NDArray[np.bool_]]:
         """The attempts after steps (n, STEPS, nq + 2), and which of them are over."""
         n, nq = len(self.q), self.q.shape[1]
-        rest, row = np.sqrt(after[:, :, nq:]), np.arange(n)
-        size = rest.max(2)
-        size[np.isnan(size)] = np.inf
-        good = size <= tolerance
+        row = np.arange(n)
+        square = np.maximum(after[:, :, nq], after[:, :, nq + 1])  # written out: a max over two takes half the time
+        square[np.isnan(square)] = np.inf
+        good = square <= tolerance * tolerance
         done = good.any(1)
-        k = np.where(done, good.argmax(1), size.argmin(1))  # of the states before the steps, the one to keep
-        lowest = size[row, k]
-        better = (lowest < self.left.max(1))[:, None]
+        k = np.where(done, good.argmax(1), square.argmin(1))  # of the states before the steps, the one to keep
+        lowest = np.sqrt(square[row, k])
+        better = (lowest < np.maximum(self.left[:, 0], self.left[:, 1]))[:, None]
         where = np.where((k == 0)[:, None], self.state[:, :nq], after[row, k - 1, :nq])
-        q, left = np.where(better, where, self.q), np.where(better, rest[row, k], self.left)
+        q, left = np.where(better, where, self.q), np.where(better, np.sqrt(after[row, k, nq:]), self.left)
         stuck = ~done & ~(lowest < PROGRESS * self.least)
         step = self.step + STEPS
         why = np.where(done, CONVERGED, np.where(stuck, STUCK, EXHAUSTED))

@@ -76,7 +76,9 @@ def export(
     try:
         root = Path(folder)
     except TypeError:
-        raise SpatialDynError(f"folder is {folder!r}, expected the path of a folder") from None
+        root = Path("\0")
+    if "\0" in str(root):
+        raise SpatialDynError(f"folder is {folder!r}, expected the path of a folder")
     kind = type_of(dtype_of(dtype))
     texts = files_of(name, functions_of(scene, functions, dtype), kind, VERSION)
     for path in texts:

@@ -21,15 +21,17 @@ from ..calls.specialize import specialize
 from ..calls.specialize_request import SpecializeRequest, dtype_of
 from ..calls.specialized import Specialized, check_program, of_request, results_of_rows
 from ..calls.states import random_configuration
+from ..engines.programs.record.operations import INPUT
 from ..engines.programs.record.program import Program
 from ..engines.programs.transform.source_code import C_WORDS, Shapes, has_meaning
 from ..errors import SimulationError, SpatialDynError
 from ..laws.control import Control
-from ..laws.law_specs import RATE, check_recordable
+from ..laws.law_specs import RATE, begun_of, check_recordable
 from ..model.model import Model
 from ..recursions.control.control_laws import law_spec
 from ..recursions.control.paths import CLOCK
-from ..recursions.spec import Argument, Spec
+from ..recursions.joints.friction import DT
+from ..recursions.spec import TAU, Argument, Spec
 from ..simulation.scene import Scene
 from ..simulation.scene_program import step_request
 from ..simulation.single_step import step
@@ -129,7 +131,11 @@ def _program_of(scene: Model | Scene, what: Any, dtype: Any) -> tuple[Specialize
 def _of_law(
     model: Model, spec: Spec, values: Mapping[str, Any], static: Sequence[Any], dtype: Any
 ) -> tuple[Specialized, Shapes]:
-    """The program of a law: its values are constants, what has none is an input, as the law's states are."""
+    """The program of a law: its values are constants, what has none is an input, as the law's states are.
+
+    It is called at the beginning of a step; the torque and the time step are inputs if the law reads them.
+    """
+    spec = _at_the_beginning(spec)
     arguments = tuple(x for x in spec.present if not x.static)
     named = [x.name for x in spec.present if x.static]
     if len(named) != len(static):
@@ -147,12 +153,51 @@ def _of_law(
     shapes = {x.name: core_shape(model, x, tuple(static)) for x in spec.parts or (spec.output,)}
     width = sum(map(math.prod, shapes.values()))
     whole = replace(spec, output=Argument("torque", (width,), "", "")) if spec.parts else spec
+    made = _requested(model, whole, arguments, dict(zip(named, static, strict=True)), constants, dtype)
+    for x in arguments:
+        if x.name in (TAU.name, DT.name) and x.name not in constants and not _reads(made, x.name):
+            constants[x.name] = np.zeros(math.prod(core_shape(model, x)))
+            made = _requested(model, whole, arguments, dict(zip(named, static, strict=True)), constants, dtype)
+    return made, shapes
+
+
+def _requested(
+    model: Model, spec: Spec, arguments: tuple[Argument, ...], static: dict[str, Any], constants: dict[str, Array],
+    dtype: Any,
+) -> Specialized:  # fmt: skip
+    """The program of a Spec. Raises SpatialDynError if it has none."""
     request = SpecializeRequest(
-        model=model, specs=(whole,), several=True, dtype=dtype_of(dtype), arguments=arguments,
-        static=dict(zip(named, static, strict=True)), constants=constants, parameter_names=(), parameters=(),
-        output_places=None,
+        model=model, specs=(spec,), several=True, dtype=dtype_of(dtype), arguments=arguments, static=static,
+        constants=dict(constants), parameter_names=(), parameters=(), output_places=None,
     )  # fmt: skip
-    return check_program(of_request(request, specialize, ()), "C"), shapes
+    return check_program(of_request(request, specialize, ()), "C")
+
+
+def _reads(k: Specialized, name: str) -> bool:
+    """Whether a program reads an input."""
+    first = 0
+    for x in k._inputs:
+        count = math.prod(x.shape)
+        if x.name == name:
+            return any(op.code == INPUT and first <= op.a < first + count for op in k.program.lines)
+        first += count
+    return False
+
+
+def _at_the_beginning(spec: Spec) -> Spec:
+    """A law whose inputs "q_begun" and such, of the beginning of the step, are those that it is called with."""
+    early = begun_of(spec)
+    if not early or tuple(spec.inputs) != spec.present:
+        return spec
+    kept = tuple(x for x in spec.present if x.name not in early)
+
+    def recursion(rows: Any, *arrays: Any) -> None:
+        work = 0 if spec.work is None else 1
+        given = dict(zip((x.name for x in kept), arrays[work:], strict=False))
+        values = [given[early.get(x.name, x.name)] for x in spec.present]
+        spec.recursion(rows, *arrays[:work], *values, *arrays[work + len(kept) :])
+
+    return replace(spec, recursion=recursion, inputs=kept)
 
 
 def _function(name: str, k: Specialized, parts: Shapes | None) -> Function:

@@ -35,6 +35,7 @@ from .programs.run.tiered_program import TieredProgram
 
 SHARE = 10**9 if numba_kernels.PLAIN else 128  # least samples of a thread: some 100 µs
 FEW, FEW_NUMBERS = 512, 1 << 20  # most samples, and numbers of their results, that NumPy computes in some 10 ms to 1 s
+FEW_ALONE = 16  # of a recursion that branches on values, which takes them one by one, 1 to 20 ms each
 MANY_ALONE = 512  # samples of a recursion that branches on values, 20 ms each in plain Python, that compile it at once
 MOST_STEPS = 200_000  # rows of the table times numbers of a result, 2 us each at most, that NumPy is given
 MANY = 8192  # samples of a batch to prepare for
@@ -187,7 +188,7 @@ def run_table_kernel(
     if in_numpy or (spec.large and not numba_kernels.PLAIN):
         samples = np.arange(count) if at is None else at
         return run_in_numpy(spec, table, inputs, static, out, samples, columns, seen)
-    odd = _few_not_finite(spec, table, inputs, static, count) if spec.traceable else NONE
+    odd = _few_not_finite(spec, table, inputs, static, count)
     if not len(odd):
         return _run_table_kernel(spec, table, inputs, static, out, at, columns, seen)
     samples = np.arange(count) if at is None else at
@@ -226,7 +227,7 @@ def _few(spec: Spec, table: Table, static: tuple[Any, ...]) -> int:
     numbers = max(1, math.prod(_core(spec, table, hashable(static))))
     if len(table.bodies) * numbers > MOST_STEPS:
         return 0
-    return max(1, min(FEW, FEW_NUMBERS // numbers))
+    return max(1, min(FEW, FEW_NUMBERS // numbers)) if spec.traceable else FEW_ALONE
 
 
 def _few_not_finite(spec: Spec, table: Table, inputs: Arrays, static: tuple[Any, ...], count: int) -> NDArray[np.intp]:

@@ -64,7 +64,7 @@ def stand(robot: Any, frame: str, impulse: float, seconds: float) -> tuple[Any, 
     def push(t: float, q: Any, v: Any) -> Any:
         return sd.wrench_at(model, q, frame, np.eye(6)[0] * impulse / (PUSH[1] - PUSH[0]) * (PUSH[0] <= t < PUSH[1]))
 
-    run = sd.simulate(scene, q, np.zeros(model.nv), seconds, DT, torque=body, fext=push)
+    run = sd.simulate(scene, q, np.zeros(model.nv), seconds, DT, torque=body, fext=push, record=5)
     return run.t, np.linalg.norm(sd.center_of_mass(model, run.q) - c, axis=1), float(abs(run.v[-1]).max())
 
 

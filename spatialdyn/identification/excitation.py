@@ -12,7 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 from ..bodies.kinds import R1
 from ..calls.arguments import as_array, as_finite, as_flag, as_number, as_word
 from ..calls.dynamics import calls
-from ..control.paths import Path, fourier
+from ..control.motions import fourier
+from ..control.paths import Path
 from ..errors import IdentificationError, ShapeError, SpatialDynError
 from ..model.model import Model
 from .base import structural_base

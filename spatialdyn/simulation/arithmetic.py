@@ -106,7 +106,8 @@ class Computed:
             made = self._calls.setdefault(key, self._made(spec, static, tuple(x is not None for x in values)))
         call, shape, parts = made
         out = np.empty(shape)
-        set_status(self.system, answered(call, out, *(x for x in values if x is not None)), self.t)
+        code = answered(call, out, *(x for x in values if x is not None))
+        set_status(self.system, finite(code, out), self.t)
         return {name: out[at] for name, at in parts.items()}
 
     def _made(self, spec: Spec, static: tuple[Any, ...], there: tuple[bool, ...]) -> Answer:
@@ -124,10 +125,10 @@ class Computed:
 
 
 def answered(call: Callable[..., Any], out: Any, *inputs: Any) -> int:
-    """Write the result of a call on one sample; returns the status of its error."""
+    """Write the result of a call on one sample; returns the status of its error, and OK for NaN of an input's NaN."""
     try:
         out[...] = call(*inputs)
-        return OK if np.isfinite(out).all() else NONFINITE
+        return OK
     except InertiaError:
         code = PIVOT
     except ConfigurationError:
@@ -136,3 +137,8 @@ def answered(call: Callable[..., Any], out: Any, *inputs: Any) -> int:
         code = NONFINITE
     out[...] = np.nan
     return code
+
+
+def finite(code: int, out: Any) -> int:
+    """The status of a result that has to be finite."""
+    return NONFINITE if code == OK and not np.isfinite(out).all() else code

@@ -185,9 +185,8 @@ class FixedSteps:
                 x[...] = kept
             done = int(recorder.at[0])
             if at_once is None:  # a program's states are q, and v or p
-                system = self._by_calls[0] if plain else self._by_kernels[0]
                 with np.errstate(all="ignore"):
-                    self.family.observe(system, steps.time(done), self.state)
+                    self.family.observe(self._by_calls[0], steps.time(done), self.state)
             recorder.end(steps.time(done), self.state.q, self.state.w, self.torque.unasked(done))
             raise
 

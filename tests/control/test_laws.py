@@ -493,3 +493,24 @@ def test_a_law_keeps_copies_of_its_values(arm: sd.Model) -> None:
     other = sd.ModelBuilder("rod").add_body("rod", None, axis=(0, 0, 1)).build()
     with pytest.raises(sd.ShapeError, match=r"has shape \(3,\), expected \(1,\)"):
         law(other, 0.0, [0.0], [0.0])
+
+
+@pytest.mark.parametrize("kind", ["trapezoid", "spline", "quintic"])
+def test_a_jump_of_acceleration_leaves_an_error_of_order_one(kind: str) -> None:
+    """By rk4 with steps that end at the jumps, whose one side is taken for both; order 4 before the first."""
+    model = sd.load_urdf("two_link")
+    path = {
+        "trapezoid": sd.trapezoid([0.0, 0.0], [0.5, -0.25], 1.0, 2.0), "quintic": sd.quintic([0, 0], [0.5, -0.25], 1.0),
+        "spline": sd.spline([0.0, 0.4, 1.0], [[0.0, 0.0], [0.3, 0.1], [0.2, 0.2]]),
+    }[kind]  # fmt: skip
+    law, first = sd.ComputedTorque(*sd.critical_gains(4.0), path), 0.4
+    whole, before = [], []
+    for dt in (0.02, 0.01, 0.005):
+        run = sd.simulate(model, [0.0, 0.0], [0.0, 0.0], 1.2, dt, "rk4", control=law)
+        off = abs(run.q - path(run.t).q).max(1)
+        whole.append(off.max())
+        before.append(off[run.t < first + 0.5 * dt].max())
+    order = 4.0 if kind == "quintic" else 1.0
+    assert np.log2(whole[0] / whole[1]) == pytest.approx(order, abs=0.1)
+    assert np.log2(whole[1] / whole[2]) == pytest.approx(order, abs=0.1)
+    assert np.log2(before[0] / before[1]) == pytest.approx(4.0, abs=0.2)

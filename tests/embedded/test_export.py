@@ -169,6 +169,19 @@ def test_a_step_may_write_over_its_state(tmp_path: Path) -> None:
         np.testing.assert_allclose(x, y, rtol=0.0, atol=1e-14)
 
 
+def _swapped(bodies: Any, x: Any, tau: Any) -> None:
+    tau[0], tau[1] = x[1], -x[0]
+
+
+@COMPILER
+def test_results_that_are_inputs_may_be_written_over_them(tmp_path: Path) -> None:
+    turned = Spec("turned", _swapped, None, (Argument("x", ("nv",), "", ""),), TAU, "", "")
+    sd.export(sd.load_urdf("two_link"), {"turned": turned}, tmp_path)
+    x = np.array([3.0, 5.0])
+    assert call(library(tmp_path).robot_turned, x, x) == 0
+    assert x.tolist() == [5.0, -3.0]
+
+
 @COMPILER
 def test_a_laws_gains_and_paths_are_constants_and_its_clock_an_input(tmp_path: Path) -> None:
     model, law = sd.load_urdf("two_link"), path_law()
@@ -184,9 +197,25 @@ def test_a_laws_gains_and_paths_are_constants_and_its_clock_an_input(tmp_path: P
         np.testing.assert_allclose(tau, law(model, t, q, v), rtol=0.0, atol=1e-12)
 
 
+def test_laws_take_what_they_read(tmp_path: Path) -> None:
+    """No torque nor time step but where the law has them; what is of the beginning of a step is what it is given."""
+    model, hold = sd.load_urdf("two_link"), sd.PD([1.0, 1.0], [1.0, 1.0], [0.0, 0.0])
+    laws = {
+        "sum": hold + sd.Gravity(),
+        "limited": path_law().limited_by([5.0, 5.0]),
+        "sampled": sd.PD([1.0, 1.0], [1.0, 1.0], [0.0, 0.0], held=0.01),
+    }
+    header = sd.export(model, laws, tmp_path)[0].read_text()
+    state = "(const double q[2], const double v[2], "
+    assert f"int robot_sum{state}double tau[2]);" in header
+    assert f"int robot_limited{state}const double clock[1], double tau[2]);" in header
+    kept = "double dt, const double time_left[1], const double held_torque[2]"
+    assert f"int robot_sampled{state}{kept}, double tau[2], double time_left_after[1]" in header
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_numbers_are_read_back_to_the_bit(kind: str) -> None:
-    dtype = KINDS[kind]
+    dtype: Any = KINDS[kind]
     for x in (*np.random.default_rng(0).normal(size=20), 0.0, -0.0, 1.0, 1e300 if kind == "double" else 1e30, 5e-324):
         text = number(float(x), kind)
         read = dtype(text.removesuffix("f"))
@@ -273,7 +302,8 @@ def pair_robot(name: str) -> sd.Model:
         made = sd.ModelBuilder("groups").add_body("a", joint="spherical", inertia=solid)
         made.add_body("b", "a", "planar", placement=(0, 0, 0.2), inertia=solid)
         return made.add_body("c", "b", "continuous", placement=(0, 0, 0.2), inertia=solid).build(continuous="cos_sin")
-    return robot({"fixed": "arm", "mimic": "gripper"}.get(name, name))
+    made_by_hand: sd.Model = robot({"fixed": "arm", "mimic": "gripper"}.get(name, name))
+    return made_by_hand
 
 
 def pairs(model: sd.Model, dtype: Any, folder: Path, names: Any) -> tuple[dict[str, Any], dict[str, str]]:

@@ -36,7 +36,7 @@ from .contact_rows import (
 from .coulomb_cone import factor_block, largest_eigenvalue, magnitude, off_the_law, point_impulse
 
 ROWS = "np+np+np+nl+nd"
-RES, LEAST, ROUND, EPSILON, COUNT, PHASE, CAREFUL, GRIP, JAMS = range(9)  # of ``state``
+RES, LEAST, ROUND, EPSILON, COUNT, PHASE, CAREFUL, GRIP, JAMS, SHARE = range(10)  # of ``state``
 HEAVY = 1e-4  # times a row's response and the largest inertia, from which on its proximal term shrinks with them
 
 
@@ -51,10 +51,10 @@ class Impulses(NamedTuple):
     b: Vector = (ROWS,)  # velocities J v, with a point's target c
     before: Vector = (ROWS,)  # velocities at the beginning
     force: Vector = (ROWS,)  # λ
-    total: Vector = (ROWS,)  # of both phases
+    total: Vector = (ROWS,)  # of all phases
     best: Vector = (ROWS,)  # that of the least residual
     f: Vector = (ROWS,)  # of Newton's step
-    first: Vector = (ROWS,)  # of the first phase, beside which λ is that of the second; else 0
+    first: Vector = (ROWS,)  # of the phases before, beside which λ is that of the last; else 0
     own: Vector = (ROWS,)  # a row's own response; of joints
     each: Vector = ("nl+nd",)  # its inverse, 0 of one that nothing moves
     least: Vector = ("nl",)  # velocities with which a joint does not pass its limits within the step
@@ -67,7 +67,8 @@ class Impulses(NamedTuple):
     factors: Array = ("np", 5, 3)  # of B, and scratch of solving
     C: Array = ("np", 3, 3)  # of Newton's step
     bounces: Vector = ("np",)  # e of a point that bounces, else 0
-    lower: Vector = ("np",)  # the least λ_n: e λ_c in the second phase, else 0
+    lower: Vector = ("np",)  # the least λ_n: e λ_c in the phase after λ_c, else 0
+    next: Vector = ("np",)  # that of the phase that follows
     load: Vector = ("np",)  # what of λ_c only holds the point against the forces of the step
     soft: Vector = ("np+nl+nd",)  # factors of ε: small of points and joints that are light beside what they carry
     level: Vector = ("nl+nd",)  # h F(v) of each joint
@@ -83,7 +84,7 @@ class Impulses(NamedTuple):
     N: Matrix = (3, 3)
     CJ: Matrix = (3, "nv")
     root: Vector = (4,)  # of ``find_root``
-    state: Vector = (9,)  # residual, the least so far, round, ε, count, phases done, what differs in rounds
+    state: Vector = (10,)  # residual, the least so far, round, ε, count, phases done, what differs in rounds
     left: Vector = (1,)  # of loops: residuals less the tolerance
     sweeping: Vector = (1,)
     stepping: Vector = (1,)

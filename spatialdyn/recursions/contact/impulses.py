@@ -8,8 +8,10 @@ step that throws λ far is taken back and ε grown, where rigid points press aga
 and fourth of four, points grip the ground at first, where a leg that slides would jam (Painlevé) and has to stick.
 
 Points that bounce do so in a second phase (Poisson): the first brings them to rest, with impulses λ_c, and the second
-adds Λ_n of at least e λ_c, complementary to u_n, with friction of its own within μ Λ_n. Work is lost in each hit then;
-Newton's law, u_n = -e u_n of before, gains some with friction. What of λ_c only answers to forces is not given back.
+adds Λ_n of at least e λ_c, complementary to u_n, with friction of its own within μ Λ_n. What Λ_n is above that brings
+another point to rest that the first threw down, and is given back in a phase that follows, until no more is. Work is
+lost in each hit then, but for e = 1 without friction; Newton's law, u_n = -e u_n of before, gains some with friction.
+What of λ_c only answers to forces is not given back.
 
 Source: Pfeiffer, Glocker, Multibody dynamics with unilateral contacts (1996), for Poisson's law; the law as in
 ``contact``; its solution is a derivation of our own.
@@ -20,7 +22,7 @@ from __future__ import annotations
 from ...algebra.regions import repeat, settled, when
 from ...algebra.scalars import Scalar, inline, select
 from ..signatures import Record, Vector
-from .contact_rows import Contact
+from .contact_rows import REST, Contact
 from .impulse_rows import (
     CAREFUL,
     COUNT,
@@ -31,6 +33,7 @@ from .impulse_rows import (
     PHASE,
     RES,
     ROUND,
+    SHARE,
     Impulses,
     residual,
     respond,
@@ -43,6 +46,7 @@ PROX = (1e-3, 1e-2, 1e-4)  # ε at first, of each round; the last of all further
 PROX_LEAST = 1e-7  # by rounding
 PROX_MOST, REGROWN = 1e-1, 100.0  # ε that a step taken back leaves, at most, and by how much it grows it
 THROWN = 30.0  # times the least residual, from which a step is taken back
+PHASES = 8  # of hits, of which one point needs two
 GRIPS, GRIPPED = 1e3, 4  # times μ, in so many steps of a round
 FAR = 1e30  # a residual above all
 
@@ -61,19 +65,26 @@ def solve_impulses(
         s.first[k] = 0.0
     for k in range(len(state)):
         state[k] = 0.0
+    state[SHARE] = 1.0
     s.phase[0] = 1.0
-    for _ in repeat(2, s.phase, s.force, s.first, s.lower, s.free, w, state):
+    for _ in repeat(PHASES, s.phase, s.force, s.first, s.lower, s.free, w, state):
         if settled(s.phase[0]):
             break
         solve_phase(contact, held, first, w, s)
         s.phase[0] = 0.0
+        for p in range(len(s.lower)):  # points of one hit that differ in e share its least after the first
+            least = select(s.bounces[p] - state[SHARE], state[SHARE], s.bounces[p])
+            state[SHARE] = select(state[PHASE], state[SHARE], select(s.force[3 * p], least, state[SHARE]))
         for p in range(len(s.lower)):
-            hit = s.force[3 * p] - s.load[p]
-            least = s.bounces[p] * select(hit, hit, 0.0)
-            s.lower[p] = select(state[PHASE], s.lower[p], least)
-            s.phase[0] = select(least, 1.0 - state[PHASE], s.phase[0])
+            share = select(state[PHASE], state[SHARE], s.bounces[p])
+            hit = s.force[3 * p] - select(state[PHASE], s.lower[p], s.load[p])
+            again = select(s.B[p, 0, 0] * hit - select(state[PHASE], REST, 0.0), share * hit, 0.0)
+            s.phase[0] = select(again, 1.0, s.phase[0])
+            s.next[p] = again
+        for p in range(len(s.lower)):
+            s.lower[p] = select(s.phase[0], s.next[p], s.lower[p])
         for k in range(rows):
-            s.first[k] = select(s.phase[0], s.force[k], s.first[k])
+            s.first[k] = s.first[k] + select(s.phase[0], s.force[k], 0.0)
             s.force[k] = select(s.phase[0], 0.0, s.force[k])
         for i in range(len(w)):
             s.free[i] = select(s.phase[0], w[i], s.free[i])
