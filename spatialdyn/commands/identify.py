@@ -23,7 +23,9 @@ from .targets import check_file, check_report
 def add(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments to its parser."""
     add_robot(parser)
-    parser.add_argument("log", metavar="LOG", help="CSV or parquet: t, q0 ..., tau0 ..., perhaps v0 ..., a0 ...")
+    parser.add_argument(
+        "log", metavar="LOG", help="CSV or parquet: t, q0 ... or q_JOINT ..., tau0 ..., perhaps v0 ..., a0 ..."
+    )
     parser.add_argument("--lock", metavar="NAMES", help="joints that do not move, separated by commas")
     parser.add_argument("--method", choices=METHODS, default="log_cholesky", help="default: log_cholesky")
     parser.add_argument(
