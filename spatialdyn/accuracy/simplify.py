@@ -20,6 +20,7 @@ from ..engines.programs.record import recording
 from ..errors import ModelError, SpatialDynError
 from ..model.changes import lock_values, resting
 from ..model.model import Model
+from ..waiting import watch
 
 Array = NDArray[np.float64]
 
@@ -85,6 +86,7 @@ class Savings(NamedTuple):
         return "\n".join(lines)
 
 
+@watch.call("simplify")
 def simplify(
     model: Model,
     lock: Mapping[str, ArrayLike] | Iterable[str] = (),

@@ -10,7 +10,8 @@ import logging
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 
-from ..engines import locks, waiting
+from .. import waiting
+from ..engines import locks
 from ..errors import SpatialDynError
 
 Report = Callable[[int, int], None]

@@ -16,6 +16,7 @@ from ..model.model import Frame, Model
 from ..model.robot_checks import masked
 from ..recursions.coordinates.coordinate_rates import TURN
 from ..recursions.spec import FEXT, LOCAL, TAU, WORLD, Argument, Q, V
+from ..waiting import watch
 from .arguments import as_array, batch_shape, broadcast, check_model, reference_code
 from .dynamics import calls, checked_call
 
@@ -27,6 +28,7 @@ FORCE = Argument("force", (6,), "N | N m", "force at a frame, linear first")
 # --- random configurations -------------------------------------------------------------------------------
 
 
+@watch.call("random_configuration")
 def random_configuration(
     model: Model, rng: np.random.Generator | int | None = None, shape: int | tuple[int, ...] = ()
 ) -> Array:

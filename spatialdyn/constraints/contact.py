@@ -21,6 +21,7 @@ from ..model.model import Model
 from ..recursions.constraints.constrained import CHOSEN, MOTION
 from ..recursions.constraints.kkt import bordered_inverse, constrained_samples
 from ..recursions.spec import TAU
+from ..waiting import watch
 from .dynamics import ConstrainedImpact, ConstrainedMotion, constrained_impact, constrained_motion
 from .kinds import Constraint
 from .table import Constraints, check_constraints
@@ -230,9 +231,10 @@ def solve(model: Model, M: Array, r: Array, J: Array, gamma: Array, damping: flo
     factors = np.empty((n, n)), np.empty((m, n)), np.empty((m, m))
     run = kernel(constrained_samples, *RANKS)
     table, soft = getattr(without_mimic(model), numba_kernels.TABLE), np.array([softness])
-    for first, end in threads.slices(count, n + 1, n * n + m * (n + m)):
-        given = (x[first:end] for x in (Ms, Js, rs, gammas))
-        run(table, *given, soft, *factors, *(x[first:end] for x in (out, force, rank)))
+    with watch.work(f"a batch of {count} samples"):
+        for first, end in threads.slices(count, n + 1, n * n + m * (n + m)):
+            given = (x[first:end] for x in (Ms, Js, rs, gammas))
+            run(table, *given, soft, *factors, *(x[first:end] for x in (out, force, rank)))
     if (rank != m).any():
         _raise_rank(model, Ms, m, rank, batch)
     return Solved(out.reshape((*batch, n)), force.reshape((*batch, m)), *factors)

@@ -17,6 +17,7 @@ from ..model.model import Model
 from ..simulation.rollouts import rollout
 from ..simulation.scene import Scene, scene_of
 from ..simulation.stiff_laws import joint_of_mode
+from ..waiting import watch
 from .laws import StateFeedback
 
 Array = NDArray[np.float64]
@@ -76,6 +77,7 @@ def _positive(name: str, value: ArrayLike) -> Array:
     return x
 
 
+@watch.call("gravity_stiffness_bound")
 def gravity_stiffness_bound(model: Model, samples: int = 1000, seed: int = 0) -> float:
     """The largest slope of gravity, max ‖∂g/∂q‖₂ [N m/rad], of random configurations within the limits.
 
@@ -111,6 +113,7 @@ class LQR(NamedTuple):
         return StateFeedback(self.K, q, v, tau, joints, held=self.discrete)
 
 
+@watch.call("lqr")
 def lqr(A: ArrayLike, B: ArrayLike, Q: ArrayLike, R: ArrayLike, *, discrete: bool = False) -> LQR:
     """The gain K of u = -K x that minimizes ∫ xᵀQx + uᵀRu along ẋ = A x + B u, or the sum along x⁺ = A x + B u.
 
@@ -183,6 +186,7 @@ class ClosedStep(NamedTuple):
             )
 
 
+@watch.call("closed_step")
 def closed_step(
     scene: Scene | Model, law: Control, q: ArrayLike, v: ArrayLike, dt: float, method: str | None = None
 ) -> ClosedStep:

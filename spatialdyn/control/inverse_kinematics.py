@@ -20,6 +20,7 @@ from ..model.model import Frame, Model
 from ..recursions import SPECS
 from ..recursions.control.inverse_kinematics import damped_step, put_error
 from ..recursions.spec import LOCAL_WORLD_ALIGNED, Argument, Spec
+from ..waiting import watch
 from .programs import repeated
 
 Array = NDArray[np.float64]
@@ -54,6 +55,7 @@ class IKResult(NamedTuple):
     solutions: list[Array] | None
 
 
+@watch.call("solve_ik")
 def solve_ik(
     model: Model,
     targets: Mapping[str | Frame, ArrayLike],

@@ -14,6 +14,7 @@ from ..calls.arguments import as_array, as_number
 from ..errors import NonFiniteError, ShapeError, SimulationError
 from ..simulation.ledger import energy_ledger
 from ..simulation.trajectory import Trajectory
+from ..waiting import watch
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -58,6 +59,7 @@ class PassivityRecord:
             return math.nan
         return math.log(self.worst / other.worst) / math.log(self.dt / other.dt)
 
+    @watch.call("PassivityRecord.plot")
     def plot(self, path: str | None = None) -> Figure:
         """Draw stored and supplied energy, and the excess; path: a file to write too. Returns the Figure."""
         from ..pictures.control_plots import plot_passivity
@@ -65,6 +67,7 @@ class PassivityRecord:
         return plot_passivity(self, path)
 
 
+@watch.call("passivity")
 def passivity(run: Trajectory, storage: Any = None) -> PassivityRecord:
     """Whether a robot stored no more energy than was supplied: V(t) - V(0) <= ∫ vᵀτ dt + work of external forces.
 
@@ -119,6 +122,7 @@ class LyapunovRecord:
         """Whether it never rises, beyond rounding."""
         return self.first is None
 
+    @watch.call("LyapunovRecord.plot")
     def plot(self, path: str | None = None) -> Figure:
         """Draw it over time; path: a file to write too. Returns the Figure."""
         from ..pictures.control_plots import plot_lyapunov
@@ -126,6 +130,7 @@ class LyapunovRecord:
         return plot_lyapunov(self, path)
 
 
+@watch.call("lyapunov")
 def lyapunov(run: Trajectory, V: Any, rounding: float | None = None) -> LyapunovRecord:
     """Whether a function of the state falls along a motion.
 

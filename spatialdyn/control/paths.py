@@ -23,6 +23,7 @@ from ..model.builder import ModelBuilder
 from ..model.model import Model
 from ..recursions.control.paths import fourier_spec, polynomial_spec, timed_spec
 from ..recursions.spec import Spec
+from ..waiting import watch
 from .path_ranges import check_limits, extremes
 
 if TYPE_CHECKING:
@@ -189,6 +190,7 @@ class Path:
                 f'"{model.name}": make it with model=model'
             )
 
+    @watch.call("Path.plot")
     def plot(self, path: str | None = None) -> Figure:
         """Draw q, v and a over time with Matplotlib; path: a file to write too. Returns the Figure.
 

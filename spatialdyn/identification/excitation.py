@@ -15,6 +15,7 @@ from ..calls.dynamics import calls
 from ..control.paths import Path, fourier
 from ..errors import IdentificationError, ShapeError, SpatialDynError
 from ..model.model import Model
+from ..waiting import watch
 from .base import structural_base
 from .unknowns import DEFAULT, Unknowns, unknowns_of, whole_number, words_of
 
@@ -28,6 +29,7 @@ RIDGE = 1e-9  # of the largest diagonal entry of WᵀW: what is not moved counts
 STEP = 1e-6  # of central differences of the regressor
 
 
+@watch.call("excitation")
 def excitation(
     model: Model,
     duration: float = 10.0,

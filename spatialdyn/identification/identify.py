@@ -13,6 +13,7 @@ from ..calls.arguments import as_count, as_number, as_word
 from ..errors import IdentificationError
 from ..model.model import Model
 from ..simulation.scene import Scene, scene_of
+from ..waiting import watch
 from . import log_cholesky, semidefinite
 from .base import ROWS, Base, pivoted, structural_base
 from .delays import fitted_delay, whole_delay
@@ -33,6 +34,7 @@ MOST_WINDOW = 1 << 20
 LOOK = 2048  # rows of each freedom in which a delay of whole samples is looked for
 
 
+@watch.call("identify")
 def identify(
     recording: Recording | Iterable[Recording],
     model: Model | Scene,

@@ -14,6 +14,7 @@ from ..calls.files import check_ending
 from ..errors import IdentificationError, ShapeError, SpatialDynError
 from ..model.model import Model
 from ..simulation.trajectory import Trajectory
+from ..waiting import watch
 from .unknowns import floats
 
 Array = NDArray[np.float64]
@@ -110,6 +111,7 @@ class Recording:
         return f"<Recording: {len(self)} samples of {self.dt:g} s, {self.tau.shape[1]} torques{also}>"
 
     @classmethod
+    @watch.call("Recording.of")
     def of(cls, run: Trajectory) -> Recording:
         """The Recording of a simulation's samples, of its positions, velocities and torques.
 
@@ -128,6 +130,7 @@ class Recording:
         return made
 
     @classmethod
+    @watch.call("Recording.load")
     def load(cls, path: Any, model: Model | None = None, *, resample: bool = False) -> Recording:
         """The Recording in a table, CSV by NumPy or parquet by pandas.
 
@@ -161,6 +164,7 @@ class Recording:
                 raise IdentificationError(f"columns have no {kind}0, expected {kind}0, {kind}1, ... or {kind}_JOINT")
         return cls(table["t"], found["q"], found["tau"], found["v"], found["a"], resample=resample)  # type: ignore[arg-type]
 
+    @watch.call("Recording.save")
     def save(self, path: Any) -> None:
         """Write the samples to a CSV file that ``load`` reads, all digits of them; wrenches are left out."""
         check_ending("path", path, (".csv",))
@@ -218,6 +222,7 @@ class Recording:
                 )
         return tuple(notes)
 
+    @watch.call("Recording.torques")
     def torques(self, model: Model) -> Array:
         """(N, nv) of all freedoms: 0 for a floating base whose torques were left out."""
         missing = check_model(model).nv - self.tau.shape[1]

@@ -11,6 +11,7 @@ from ..calls.arguments import as_array, as_items, check_model
 from ..calls.dynamics import calls
 from ..errors import NonFiniteError, ShapeError, SpatialDynError
 from ..model.model import Model
+from ..waiting import watch
 from .conserved import ConservedQuantity, conserved_quantities
 
 Array = NDArray[np.float64]
@@ -48,6 +49,7 @@ class ConservationReport(tuple[Conservation, ...]):
         return "\n".join(lines)
 
 
+@watch.call("check_conservation")
 def check_conservation(
     trajectory: Any, quantities: list[ConservedQuantity] | None = None, model: Model | None = None
 ) -> ConservationReport:

@@ -26,6 +26,7 @@ from ..calls.arguments import as_array, as_flag, as_number, batch_shape, broadca
 from ..errors import ShapeError, SpatialDynError
 from ..model.model import Model
 from ..recursions.spec import Q, V
+from ..waiting import watch
 from .lie_brackets import structure_constants
 
 Array = NDArray[np.float64]
@@ -100,6 +101,7 @@ class ChristoffelC:
         """
         return self._koszul(q, v, dynamics.mass_matrix_derivatives(self.model, q))
 
+    @watch.call("ChristoffelC.by_finite_differences")
     def by_finite_differences(self, q: ArrayLike, v: ArrayLike, h: float = STEP) -> Array:
         """The same from ∂M/∂q by central differences of sixth order, for debugging; error about 1e-12 of M.
 
@@ -123,6 +125,7 @@ class ChristoffelC:
             dM += weight / h * np.moveaxis(ahead - behind, -3, -1)
         return self._koszul(q, v, dM)
 
+    @watch.call("ChristoffelC.by_rnea_columns")
     def by_rnea_columns(self, q: ArrayLike, v: ArrayLike) -> Array:
         """Columns ½ (c(v + e_j) - c(v) - c(e_j)) of the quadratic form c(v) = C v: half of ∂(C v)/∂v.
 
@@ -238,6 +241,7 @@ class SkewSymmetry:
         )
 
 
+@watch.call("verify_skew_symmetry")
 def verify_skew_symmetry(
     model: Model, q: ArrayLike, v: ArrayLike, C: ArrayLike | Callable[[Array], ArrayLike] | None = None
 ) -> SkewSymmetry:

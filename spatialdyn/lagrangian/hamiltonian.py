@@ -27,6 +27,7 @@ from ..calls.arguments import as_array, as_number, check_model
 from ..calls.dynamics import calls
 from ..errors import NonFiniteError, ShapeError, SpatialDynError
 from ..model.model import Model
+from ..waiting import watch
 from .lie_brackets import structure_constants
 
 Array = NDArray[np.float64]
@@ -66,6 +67,7 @@ def hamilton_equations(
     return rates[..., 0, :], rates[..., 1, :]
 
 
+@watch.call("poisson_bracket")
 def poisson_bracket(
     model: Model, F: Observable, G: Observable, q: ArrayLike, p: ArrayLike, step: float = STEP
 ) -> float:

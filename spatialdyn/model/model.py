@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import ModelError
+from ..waiting import watch
 from .assembly import GRAVITY, IDENTITY, Frame, Options, Tables, tables
 from .changes import changed, gravity_of, locked, rigid, subtree_robot
 from .joint_rows import Joint, frozen
@@ -99,7 +100,8 @@ class Model:
         if not isinstance(robot, Robot) or not isinstance(options, Options):
             given = f"a {type(robot).__name__} and a {type(options).__name__}"
             raise ModelError(f"a Model is made of {given}, expected a Robot and Options: assemble(robot) makes one")
-        self._hold(tables(robot, options), options)
+        with watch.work("making a Model"):
+            self._hold(tables(robot, options), options)
 
     def _hold(self, made: Tables, options: Options) -> None:
         robot = made.robot

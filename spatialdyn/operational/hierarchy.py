@@ -12,6 +12,7 @@ from ..calls.arguments import as_finite, broadcast, check_model
 from ..calls.dynamics import calls
 from ..errors import ModelError, ShapeError, SpatialDynError
 from ..model.model import Model
+from ..waiting import watch
 from .space import times
 from .spectral import DAMPING, LENGTH, axes_of, lengths_of, share_of, spectral_inverse
 from .tasks import FrameTask, PostureTask, Rows, Task, rows_of
@@ -36,6 +37,7 @@ class TaskTorque(NamedTuple):
     weak: tuple[Array, ...]
 
 
+@watch.call("task_torque")
 def task_torque(
     model: Model, q: ArrayLike, v: ArrayLike, tasks: Task | Iterable[Task],
     posture: ArrayLike | PostureTask | None = None, *, damping: float = DAMPING, length: float = LENGTH,

@@ -15,6 +15,7 @@ from ..errors import SpatialDynError
 from ..simulation.recorder import scale_of
 from ..simulation.rollout_result import Rollout
 from ..simulation.trajectory import Trajectory
+from ..waiting import watch
 from .coordinates import UNITS, Coordinate, by_unit, chosen, coordinates, title
 from .figures import check_path, colours, plain, written
 from .panels import Panel, dash_of_run, drift, grid, heading, least_span, logarithmic, names_of, padded
@@ -27,6 +28,7 @@ SHARE = 1e-3  # of the energy that a motion exchanges: a smaller change is seen 
 COMPARED = ("q", "v", "tau", "p", "energy", "difference")
 
 
+@watch.call("plot")
 def plot(
     runs: Any,
     what: Any = None,

@@ -18,6 +18,7 @@ from ..errors import ConstraintError, ModelError, SpatialDynError
 from ..model.model import Model
 from ..simulation import Rollout, Trajectory
 from ..simulation.scene import Scene, scene_of
+from ..waiting import watch
 from .acting import impulses_of, scene_of_run
 from .mesh_files import Folder
 from .motions import motion_of
@@ -103,7 +104,8 @@ def view(
     if motion is not None and own_impulses(scene, given):
         impulses = impulses_of(given, sample or 0)
     start: Any = motion.q[0, 0] if motion is not None else standing(scene) if given is None else given
-    made = View(scene, start, motion, impulses, shapes, urdf, folders, floor, host, port)
+    with watch.call("view"):
+        made = View(scene, start, motion, impulses, shapes, urdf, folders, floor, host, port)
     if open or (open is None and not moves and not in_notebook() and has_screen()):
         made.open_tab()
     return made

@@ -16,6 +16,7 @@ from ..calls.arguments import check_model
 from ..calls.files import check_ending
 from ..errors import ModelError, SpatialDynError
 from ..model.model import Model
+from ..waiting import watch
 from .contact_record import ContactRecord
 
 if TYPE_CHECKING:
@@ -92,6 +93,7 @@ class Trajectory:
             f"{abs(self.energy - self.energy[0]).max():.3g} J{cut}>"
         )
 
+    @watch.call("Trajectory.save")
     def save(self, path: str | PathLike[str] | IO[bytes]) -> None:
         """Write everything but the robot to a file in NumPy's npz format, which ``Trajectory.load`` reads.
 
@@ -117,6 +119,7 @@ class Trajectory:
             raise SpatialDynError(f"{path!r} cannot be written: {error}") from error
 
     @classmethod
+    @watch.call("Trajectory.load")
     def load(cls, path: str | PathLike[str], model: Model | None = None) -> Trajectory:
         """The Trajectory in a file written by ``save``.
 
@@ -163,6 +166,7 @@ class Trajectory:
             columns |= {f"{name}{k}": y for k, y in enumerate(x.reshape((len(x), -1)).T)}
         return pandas.DataFrame(columns, index=pandas.Index(self.t, name="t"))
 
+    @watch.call("Trajectory.plot")
     def plot(
         self, what: str | Sequence[str] = ("q", "v", "energy"), *, joints: str | Sequence[str] | None = None,
         ax: Any = None, path: Any = None,
@@ -184,6 +188,7 @@ class Trajectory:
 
         return plot_trajectory(self, what, joints, ax, path)
 
+    @watch.call("Trajectory.report")
     def report(self, path: str | PathLike[str]) -> None:
         """Write one HTML page of the run, which needs no network: robot, player, plots, numbers, how to reproduce it.
 

@@ -16,6 +16,7 @@ from ..model.model import Model
 from ..urdf.load import find_robot, load_urdf, robot_names
 from ..urdf.sources import is_yourdfpy
 from ..urdf.strict_xml import SIZE_LIMIT
+from ..waiting import watch
 from .descriptions import description_file, description_names
 from .mjmodel import from_mjmodel, need_mujoco
 from .xacro import is_xacro, urdf_of_xacro
@@ -28,6 +29,7 @@ SDF = (
 )
 
 
+@watch.call("load")
 def load(
     source: Any,
     root: str = "fixed",

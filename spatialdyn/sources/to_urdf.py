@@ -17,6 +17,7 @@ from ..errors import SpatialDynError
 from ..model.model import Model
 from ..model.robot import Link, Robot, RobotJoint
 from ..model.robot_checks import rpy_matrix, rpy_of
+from ..waiting import watch
 
 Array = NDArray[np.float64]
 KINDS = ("fixed", "revolute", "continuous", "prismatic", "floating", "planar")
@@ -57,10 +58,11 @@ def to_urdf(model: Model) -> str:
             raise SpatialDynError(f"{what!r} has a character that XML cannot hold, expected a name without it")
     _warn_of_order(robot)
     lines = [f"<robot name={quoteattr(robot.name)}>"]
-    for link in robot.links:
-        lines += _link(link)
-    for joint in robot.joints:
-        lines += _joint(joint)
+    with watch.call("to_urdf"):
+        for link in robot.links:
+            lines += _link(link)
+        for joint in robot.joints:
+            lines += _joint(joint)
     return "\n".join([*lines, "</robot>", ""])
 
 

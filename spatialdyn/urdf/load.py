@@ -32,6 +32,7 @@ from ..model.robot_checks import (
     rpy_matrix,
     rpy_of,
 )
+from ..waiting import watch
 from .robot_files import example_robots, find_robot, robot_names
 from .sources import bytes_of, file_of, is_yourdfpy
 from .strict_xml import (
@@ -89,10 +90,11 @@ def load_urdf(
     1
     """
     options = options_of(root, gravity, continuous, mimic)
-    robot, where = _read(source, inertia, snap, stacklevel=4)
-    if options.mimic:
-        _check_leaders(robot, where)
-    return Model(robot, options)
+    with watch.call("load_urdf"):
+        robot, where = _read(source, inertia, snap, stacklevel=4)
+        if options.mimic:
+            _check_leaders(robot, where)
+        return Model(robot, options)
 
 
 def read_urdf(source: Any, inertia: str = "warn", snap: float | None = None, skip_leftovers: bool = False) -> Robot:
@@ -100,7 +102,8 @@ def read_urdf(source: Any, inertia: str = "warn", snap: float | None = None, ski
 
     skip_leftovers  True leaves out elements of xacro and of undeclared prefixes that ``load_urdf`` refuses, and warns
     """
-    return _read(source, inertia, snap, 4, skip_leftovers)[0]
+    with watch.call("read_urdf"):
+        return _read(source, inertia, snap, 4, skip_leftovers)[0]
 
 
 def _read(
