@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ..calls.arguments import as_number
-from ..errors import ShapeError, SpatialDynError
+from ..errors import ShapeError, SpatialDynError, literal
 from ..model.model import Model
 from ..waiting import watch
 
@@ -232,7 +232,7 @@ def checked_tolerance(tolerance: Any) -> float:
     """A tolerance as a float. Raises SpatialDynError unless it is a number above 0."""
     number = as_number(tolerance)
     if not 0.0 < number:
-        raise SpatialDynError(f"tolerance is {tolerance!r}, expected a number above 0")
+        raise SpatialDynError(f"tolerance is {literal(tolerance)}, expected a number above 0")
     return number
 
 

@@ -16,7 +16,7 @@ from ..calls.failures import raise_if_singular
 from ..engines import threads
 from ..engines.compiled import numba_kernels
 from ..engines.compiled.table_kernels import kernel
-from ..errors import ConstraintError, InertiaError, ModelError, ShapeError
+from ..errors import ConstraintError, InertiaError, ModelError, ShapeError, literal
 from ..model.model import Model
 from ..recursions.constraints.constrained import CHOSEN, MOTION
 from ..recursions.constraints.kkt import bordered_inverse, constrained_samples
@@ -198,7 +198,7 @@ def _impact_of_points(
     """``impact`` of a Jacobian."""
     elastic = as_number(restitution)
     if not 0.0 <= elastic <= 1.0:
-        raise ConstraintError(f"restitution is {restitution!r}, expected 0 to 1")
+        raise ConstraintError(f"restitution is {literal(restitution)}, expected 0 to 1")
     M, J, v = calls["crba"](model, q), as_array("J", J), as_array("v", v)
     if J.ndim < 2 or v.ndim < 1 or J.shape[-1] != v.shape[-1]:
         raise ShapeError(f"v has shape {v.shape} and J {J.shape}, expected (..., {model.nv}) and (..., m, {model.nv})")
@@ -216,7 +216,7 @@ def solve(model: Model, M: Array, r: Array, J: Array, gamma: Array, damping: flo
     """x (..., nv) and λ (..., m) of M x = r + Jᵀ λ, J x + γ = -damping λ. Raises as ``constrained_dynamics``."""
     softness = as_number(damping)
     if not 0.0 <= softness < math.inf:
-        raise ConstraintError(f"damping is {damping!r}, expected a finite number of 0 or more")
+        raise ConstraintError(f"damping is {literal(damping)}, expected a finite number of 0 or more")
     n, m = model.nv, J.shape[-2] if J.ndim > 1 else 0
     cores = {"q": (M, (n, n)), "tau": (r, (n,)), "J": (J, (m, n)), "drift": (gamma, (m,))}
     for name, (x, core) in cores.items():

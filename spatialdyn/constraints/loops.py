@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..algebra.scalars import EPS
 from ..calls.arguments import as_array, as_items, as_number
 from ..calls.dynamics import calls
-from ..errors import ConstraintError, ModelError, NonFiniteError, ShapeError
+from ..errors import ConstraintError, ModelError, NonFiniteError, ShapeError, literal
 from ..model.model import Model
 from ..waiting import watch
 from .dynamics import constraint_error, constraint_jacobian, constraint_rate, response, velocity_response
@@ -237,7 +237,7 @@ def _half_turned(model: Model, x: HingeConstraint | WeldConstraint, q: Array) ->
 def _tolerance(tolerance: Any) -> float:
     number = as_number(tolerance)
     if not 0.0 < number < np.inf:
-        raise ConstraintError(f"tolerance is {tolerance!r}, expected a finite number above 0")
+        raise ConstraintError(f"tolerance is {literal(tolerance)}, expected a finite number above 0")
     return number
 
 

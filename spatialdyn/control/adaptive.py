@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..actuation.friction import Friction, check_friction
 from ..calls.arguments import as_array, as_number, check_model
 from ..calls.dynamics import calls
-from ..errors import InertiaError, ModelError, NonFiniteError, ShapeError, SimulationError
+from ..errors import InertiaError, ModelError, NonFiniteError, ShapeError, SimulationError, literal
 from ..model.model import Model
 from ..recursions.control.adaptive_laws import adaptive_spec
 from .laws import Law, _is_matrix, _reference, gain_of
@@ -57,7 +57,7 @@ class Adaptive(Law):
         one, two = gain_of("rates", rates, n), gain_of("gain", gain, n)
         zone = as_number(deadzone)
         if not 0.0 <= zone < math.inf:
-            raise SimulationError(f"deadzone is {deadzone!r}, expected 0 or more [rad/s]")
+            raise SimulationError(f"deadzone is {literal(deadzone)}, expected 0 or more [rad/s]")
         values = {"rates": one, "gain": two, **own, "deadzone": np.array([zone])}
         if friction is not None:
             values |= _friction(model, friction, friction_gain)
@@ -148,7 +148,7 @@ class SlotineLi(Adaptive):
         least, most = np.full_like(first, -1e300), np.full_like(first, 1e300)
         if bounds is not None:
             if not isinstance(bounds, Sequence) or len(bounds) != 2:
-                raise SimulationError(f"bounds is {bounds!r}, expected (least, most)")
+                raise SimulationError(f"bounds is {literal(bounds)}, expected (least, most)")
             least, most = (_table(model, "bounds", x, spread=True, finite=False) for x in bounds)
             out = (first < least) | (first > most)
             if out.any():
@@ -230,7 +230,7 @@ class NaturalAdaptation(Adaptive):
 def _state_of(run: Any, name: str) -> Array:
     states: Any = getattr(run, "states", None)
     if not isinstance(states, Mapping):
-        raise SimulationError(f"run is {run!r}, expected a Trajectory or Rollout of this law")
+        raise SimulationError(f"run is {literal(run)}, expected a Trajectory or Rollout of this law")
     if name not in states:
         raise SimulationError(f"run has states {', '.join(states) or 'none'}, expected one of this law, with {name}")
     return np.asarray(states[name])

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..calls.arguments import as_array, as_count, as_flag, as_number, broadcast, check_model
 from ..calls.dynamics import calls
 from ..calls.states import random_configuration
-from ..errors import NonFiniteError, ShapeError, SimulationError, SpatialDynError, pip_install
+from ..errors import NonFiniteError, ShapeError, SimulationError, SpatialDynError, literal, pip_install
 from ..laws.control import Control
 from ..model.model import Model
 from ..simulation.rollouts import rollout
@@ -92,7 +92,7 @@ def gravity_stiffness_bound(model: Model, samples: int = 1000, seed: int = 0) ->
     """
     check_model(model)
     if not (n := as_count(samples, 10**7)):
-        raise SpatialDynError(f"samples is {samples!r}, expected a whole number from 1 to 10000000")
+        raise SpatialDynError(f"samples is {literal(samples)}, expected a whole number from 1 to 10000000")
     q = random_configuration(model, seed, (n,))
     slope = np.asarray(calls["generalized_gravity_derivatives"](model, q))
     return float(np.linalg.norm(slope, 2, axis=(-2, -1)).max(initial=0.0))
@@ -207,13 +207,13 @@ def closed_step(
     scene = scene_of(scene)
     model, n = scene.model, scene.model.nv
     if not isinstance(law, Control):
-        raise SimulationError(f"law is {law!r}, expected a Control")
+        raise SimulationError(f"law is {literal(law)}, expected a Control")
     for name, value in (("smooth", scene.solves),):
         if value:
             raise SimulationError(f"scene of {', '.join(scene.acts)} is not {name}, expected smooth effects")
     h = as_number(dt)
     if not 0.0 < h < math.inf:
-        raise SimulationError(f"dt is {dt!r}, expected a finite number above 0")
+        raise SimulationError(f"dt is {literal(dt)}, expected a finite number above 0")
     at, speed = as_array("q", q), as_array("v", v)
     for name, x, size in (("q", at, model.nq), ("v", speed, n)):
         if x.shape != (size,):

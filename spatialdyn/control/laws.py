@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..calls.arguments import as_array, as_word
-from ..errors import NonFiniteError, ShapeError, SimulationError
+from ..errors import NonFiniteError, ShapeError, SimulationError, literal
 from ..laws.control import Control
 from ..laws.law_specs import RATE, evaluated, with_values
 from ..model.model import Model
@@ -346,7 +346,7 @@ class StateFeedback(Law):
             as_array("joints", joints)
             at = np.asarray(joints)
             if at.shape != (len(gain),) or at.dtype.kind not in "iu" or not ((at >= 0) & (at < n)).all():
-                raise ShapeError(f"joints are {joints!r}, expected {len(gain)} whole numbers from 0 to {n - 1}")
+                raise ShapeError(f"joints are {literal(joints)}, expected {len(gain)} whole numbers from 0 to {n - 1}")
             whole = np.zeros((n, 2 * n))
             whole[at] = gain
             gain = whole

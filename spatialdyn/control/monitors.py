@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..calls.arguments import as_array, as_number
-from ..errors import NonFiniteError, ShapeError, SimulationError
+from ..errors import NonFiniteError, ShapeError, SimulationError, literal
 from ..simulation.ledger import energy_ledger
 from ..simulation.trajectory import Trajectory
 from ..waiting import watch
@@ -150,7 +150,7 @@ def lyapunov(run: Trajectory, V: Any, rounding: float | None = None) -> Lyapunov
     if not isinstance(run, Trajectory):
         raise SimulationError(f"run is a {type(run).__name__}, expected a Trajectory of simulate")
     if rounding is not None and not 0.0 <= as_number(rounding) < math.inf:
-        raise SimulationError(f"rounding is {rounding!r}, expected a finite number of 0 or more")
+        raise SimulationError(f"rounding is {literal(rounding)}, expected a finite number of 0 or more")
     value = _samples("V", V, run)
     least = 1e-12 * float(abs(value).max(initial=0.0)) if rounding is None else as_number(rounding)
     change = np.diff(value)

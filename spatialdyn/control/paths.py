@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..bodies.kinds import R1
 from ..calls.arguments import as_array, as_finite, as_flag, as_number, as_word, broadcast, check_model
 from ..calls.dynamics import calls, checked_call
-from ..errors import ShapeError, SpatialDynError
+from ..errors import ShapeError, SpatialDynError, literal
 from ..model.builder import ModelBuilder
 from ..model.model import Model
 from ..recursions.control.paths import fourier_spec, polynomial_spec, timed_spec
@@ -75,7 +75,7 @@ class Path:
         """See the class; the functions that make paths check what they are given."""
         if not isinstance(spec, Spec) or not isinstance(values, Mapping):
             name, wrong = ("values", values) if isinstance(spec, Spec) else ("spec", spec)
-            raise SpatialDynError(f"{name} is {wrong!r}, expected a Spec and a mapping of its values")
+            raise SpatialDynError(f"{name} is {literal(wrong)}, expected a Spec and a mapping of its values")
         values = {str(name): as_finite(f"{name} of a path", x).copy() for name, x in values.items()}
         if unknown := {*values} ^ {x.name for x in spec.present if x.start is None}:
             raise SpatialDynError(
@@ -109,7 +109,7 @@ class Path:
     def __getitem__(self, b: int | slice) -> Path:
         """Path b of B, or some of them."""
         if not self.batch:
-            raise ShapeError(f"path is one alone, expected several to take {b!r} of")
+            raise ShapeError(f"path is one alone, expected several to take {literal(b)} of")
         sizes = {x.name: len(x.shape) for x in self.spec.present}
         own = {name: x[b] if x.ndim > sizes[name] else x for name, x in self.values.items()}
         return Path(self.model, self.spec, own, float(own["times"][..., -1].max()) if "times" in own else self.duration)
@@ -328,7 +328,7 @@ def trapezoid(
         which = f" in sample {int(still.argmax())}" if still.ndim else ""
         raise SpatialDynError(f"q1 is q0{which}, expected another configuration")
     if not np.isfinite(most[1]).all():
-        raise SpatialDynError(f"a_max is {a_max!r}, expected finite numbers")
+        raise SpatialDynError(f"a_max is {literal(a_max)}, expected finite numbers")
     fast, a = most
     rise = np.minimum(fast / a, np.sqrt(1.0 / a))  # s goes from 0 to 1 at a rate of a rise at most
     level, none = np.maximum(0.0, 1.0 / (a * rise) - rise), 0.0 * rise
@@ -392,7 +392,7 @@ def _checked(path: Path, limits: bool) -> Path:
 def _positive(name: str, value: float) -> float:
     x = as_number(value)
     if not 0.0 < x < math.inf:
-        raise SpatialDynError(f"{name} is {value!r}, expected a finite number above 0")
+        raise SpatialDynError(f"{name} is {literal(value)}, expected a finite number above 0")
     return x
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..calls.arguments import as_count, as_number, as_word
-from ..errors import IdentificationError
+from ..errors import IdentificationError, literal
 from ..model.model import Model
 from ..simulation.scene import Scene, scene_of
 from ..waiting import watch
@@ -299,7 +299,7 @@ def _peeked(logs: Any) -> tuple[Recording, Any]:
     walk = iter(logs)
     first = next(walk, None)
     if not isinstance(first, Recording):
-        raise IdentificationError(f"recording has {first!r}, expected a Recording")
+        raise IdentificationError(f"recording has {literal(first)}, expected a Recording")
 
     def every() -> Any:
         yield first
@@ -317,7 +317,7 @@ def _form(form: str | None, hold: str | None, first: Recording) -> str:
     as_word("form", form, FORMS)
     if form == "torque" and hold is not None:
         raise IdentificationError(
-            f'form is "torque" and hold {hold!r}, expected "momentum": a held torque is the mean of a step'
+            f'form is "torque" and hold {literal(hold)}, expected "momentum": a held torque is the mean of a step'
         )
     return form
 
@@ -326,7 +326,7 @@ def _prior(method: str, prior: float | None) -> float:
     if prior is None:
         return PRIOR
     if method in ("ols", "wls"):
-        raise IdentificationError(f'prior is {prior!r}, expected None for method "{method}", which has none')
+        raise IdentificationError(f'prior is {literal(prior)}, expected None for method "{method}", which has none')
     return _positive("prior", prior)
 
 
@@ -341,7 +341,7 @@ def _not_negative(name: str, value: Any) -> float:
 
 
 def _refuse(name: str, value: Any, expected: str) -> Any:
-    raise IdentificationError(f"{name} is {value!r}, expected {expected}")
+    raise IdentificationError(f"{name} is {literal(value)}, expected {expected}")
 
 
 def _freedoms(model: Model) -> list[str]:

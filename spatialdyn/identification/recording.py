@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..calls.arguments import as_array, as_flag, check_model
 from ..calls.files import check_ending
-from ..errors import IdentificationError, ShapeError, SpatialDynError
+from ..errors import IdentificationError, ShapeError, SpatialDynError, literal
 from ..model.model import Model
 from ..simulation.trajectory import Trajectory
 from ..waiting import watch
@@ -66,7 +66,7 @@ class Recording:
         given: dict[str, Any] = {"q": q, "tau": tau, "v": v, "a": a}
         found = {name: np.array(as_array(name, x)) for name, x in given.items() if x is not None}
         if wrenches is not None and not isinstance(wrenches, Mapping):
-            raise IdentificationError(f"wrenches is {wrenches!r}, expected a mapping of frames to arrays (N, 6)")
+            raise IdentificationError(f"wrenches is {literal(wrenches)}, expected a mapping of frames to arrays (N, 6)")
         forces = {str(name): np.array(as_array(f"wrench of {name}", x)) for name, x in (wrenches or {}).items()}
         when = np.array(as_array("t", t))
         if when.ndim != 1 or len(when) < LEAST:
@@ -174,7 +174,7 @@ class Recording:
         try:
             np.savetxt(path, rows, "%.17g", ",", header=",".join(names), comments="")
         except (OSError, ValueError) as error:
-            raise SpatialDynError(f"{path!r} cannot be written: {error}") from error
+            raise SpatialDynError(f"{literal(path)} cannot be written: {error}") from error
 
     def check(self, model: Model) -> tuple[str, ...]:
         """What is odd about the recording for a robot, in words; empty if nothing is.
@@ -281,12 +281,12 @@ def _csv(path: Any) -> dict[str, Array]:
             lines = [line for line in file if line.strip()]
             rows = np.loadtxt(lines, delimiter=",", ndmin=2) if lines else np.zeros((0, len(names)))
     except (OSError, ValueError, UnicodeDecodeError) as error:
-        raise SpatialDynError(f"{path!r} cannot be read: {error}") from error
+        raise SpatialDynError(f"{literal(path)} cannot be read: {error}") from error
     if names == [""] or not lines:
-        raise SpatialDynError(f"{path!r} is empty, expected a line of names and rows of numbers")
+        raise SpatialDynError(f"{literal(path)} is empty, expected a line of names and rows of numbers")
     _refuse_twice(names)
     if rows.shape[1:] != (len(names),):
-        raise SpatialDynError(f"{path!r} has {rows.shape[1]} columns under {len(names)} names, expected as many")
+        raise SpatialDynError(f"{literal(path)} has {rows.shape[1]} columns under {len(names)} names, expected as many")
     return dict(zip(names, rows.T, strict=True))
 
 
@@ -299,6 +299,6 @@ def _parquet(path: Any) -> dict[str, Array]:
     try:
         frame = pandas.read_parquet(path)
     except Exception as error:  # of the engine that pandas finds, which has its own errors
-        raise SpatialDynError(f"{path!r} cannot be read: {error}") from error
+        raise SpatialDynError(f"{literal(path)} cannot be read: {error}") from error
     _refuse_twice([str(name) for name in frame.columns])
     return {str(name): frame[name].to_numpy() for name in frame.columns}

@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..calls import dynamics
 from ..calls.arguments import as_array, as_flag, as_number, batch_shape, broadcast, check_model
-from ..errors import ShapeError, SpatialDynError
+from ..errors import ShapeError, SpatialDynError, literal
 from ..model.model import Model
 from ..recursions.spec import Q, V
 from ..waiting import watch
@@ -114,7 +114,7 @@ class ChristoffelC:
         Raises  SpatialDynError if h is not a positive number.
         """
         if not 0.0 < as_number(h) < np.inf:
-            raise SpatialDynError(f"h is {h!r}, expected a positive number")
+            raise SpatialDynError(f"h is {literal(h)}, expected a positive number")
         q, E = self._given(q), np.eye(self.model.nv)
         dM = np.zeros((*q.shape[:-1], *(self.model.nv,) * 3))
         for steps, weight in STENCIL:

@@ -25,7 +25,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..calls.arguments import as_array, as_number, check_model
 from ..calls.dynamics import calls
-from ..errors import NonFiniteError, ShapeError, SpatialDynError
+from ..errors import NonFiniteError, ShapeError, SpatialDynError, literal
 from ..model.model import Model
 from ..waiting import watch
 from .lie_brackets import structure_constants
@@ -101,10 +101,10 @@ def poisson_bracket(
         if x.shape != (size,):
             raise ShapeError(f"{name} has shape {x.shape}, expected ({size},): a bracket is of one state")
     if not 0.0 < as_number(step) < np.inf:
-        raise SpatialDynError(f"step is {step!r}, expected a positive number")
+        raise SpatialDynError(f"step is {literal(step)}, expected a positive number")
     for f, name in ((F, "F"), (G, "G")):
         if not callable(f):
-            raise SpatialDynError(f"{name} is {f!r}, expected a function of (q, p)")
+            raise SpatialDynError(f"{name} is {literal(f)}, expected a function of (q, p)")
     dF, dG = (_gradients(model, f, name, q, p, float(step)) for f, name in ((F, "F"), (G, "G")))
     gyroscopic = np.einsum("m,mij,i,j->", p, structure_constants(model), dF[1], dG[1])
     return float(dF[0] @ dG[1] - dF[1] @ dG[0] - gyroscopic)
@@ -127,7 +127,7 @@ def _number(value: object, name: str) -> float:
     """A value that is one finite number. Raises SpatialDynError naming the function."""
     x = np.asarray(value)
     if x.dtype.kind not in "fiu" or x.size != 1:
-        raise SpatialDynError(f"{name} returned {value!r}, expected a number")
+        raise SpatialDynError(f"{name} returned {literal(value)}, expected a number")
     if not np.isfinite(x).all():
-        raise NonFiniteError(f"{name} returned {value!r}, expected a finite number")
+        raise NonFiniteError(f"{name} returned {literal(value)}, expected a finite number")
     return float(x.reshape(()))

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from ..bodies import kinds
 from ..calls.arguments import as_word, check_model, reference_code
 from ..engines.numbers import symbolic as engine
-from ..errors import ModelError, SpatialDynError
+from ..errors import ModelError, SpatialDynError, literal
 from ..model.model import Frame, Model
 from ..recursions import SPECS
 from ..urdf.load import load_urdf
@@ -102,7 +102,7 @@ class SymbolicManipulator:
     ) -> None:
         """Read the robot and choose its symbols."""
         if limit is not None and not (isinstance(limit, (int, float)) and limit > 0):
-            raise SpatialDynError(f"limit is {limit!r}, expected a positive number of products, or None")
+            raise SpatialDynError(f"limit is {literal(limit)}, expected a positive number of products, or None")
         if isinstance(model, str) or hasattr(model, "__fspath__"):
             model = load_urdf(model)
         if check_model(model).mimic_matrix is not None:
@@ -328,7 +328,7 @@ class SymbolicManipulator:
         F, G = as_expression("F", F), as_expression("G", G)
         for name, x in {"F": F, "G": G}.items():
             if not isinstance(x, self._sympy.Expr):
-                raise SpatialDynError(f"{name} is {x!r:.80}, expected one expression")
+                raise SpatialDynError(f"{name} is {literal(x):.80}, expected one expression")
         bracket = self._sympy.Add(
             *(F.diff(x) * G.diff(p) - F.diff(p) * G.diff(x) for x, p in zip(self.q, self.p, strict=True))
         )
@@ -363,7 +363,7 @@ class SymbolicManipulator:
         if isinstance(what, (list, tuple)):
             rows = [[as_expression("quantity", x) for x in (row if isinstance(row, list) else [row])] for row in what]
             if len({len(row) for row in rows}) > 1:
-                raise SpatialDynError(f"quantity is {what!r:.80}, expected rows of one length")
+                raise SpatialDynError(f"quantity is {literal(what):.80}, expected rows of one length")
             what = self._sympy.ImmutableMatrix(rows)
         what = as_expression("quantity", what)
         strange = sorted(what.free_symbols - set(self._ring.plain), key=str)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ..calls.dynamics import calls
 from ..constraints.contact_points import Contacts, Plane
-from ..errors import ConstraintError
+from ..errors import ConstraintError, literal
 from ..model.model import Model
 
 Array = NDArray[np.float64]
@@ -64,7 +64,7 @@ def feet_of(model: Model, contacts: Contacts, at: tuple[int, ...]) -> list[Foot]
 def ground_axes(contacts: Contacts) -> Array:
     """The ground's normal and two tangents, as columns. Raises ConstraintError for ground that is not flat."""
     if not isinstance(contacts.terrain, Plane):
-        raise ConstraintError(f"the contacts' terrain is {contacts.terrain!r}, expected a Plane for WholeBody")
+        raise ConstraintError(f"the contacts' terrain is {literal(contacts.terrain)}, expected a Plane for WholeBody")
     axes = contacts.table.rows[0]["axes"]
     return np.array([[axes[letter + column] for letter in "xyz"] for column in "xyz"])
 

@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..calls.arguments import as_finite, as_number, as_word, as_words, check_model
 from ..calls.dynamics import calls
 from ..constraints.contact_dynamics import contact_gaps
-from ..errors import ConstraintError, ModelError, ShapeError, SpatialDynError
+from ..errors import ConstraintError, ModelError, ShapeError, SpatialDynError, literal
 from ..simulation.scene import Scene
 from .feet import Stance, feet_of, ground_axes, stance
 from .hierarchy import check_tasks
@@ -323,7 +323,7 @@ def _null(A: Array) -> Array:
 def _positive(name: str, value: Any) -> float:
     x = as_number(value)
     if not 0.0 < x < math.inf:
-        raise SpatialDynError(f"{name} is {value!r}, expected a finite number above 0")
+        raise SpatialDynError(f"{name} is {literal(value)}, expected a finite number above 0")
     return x
 
 

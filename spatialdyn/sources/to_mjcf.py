@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..calls.arguments import check_model
-from ..errors import SpatialDynError
+from ..errors import SpatialDynError, literal
 from ..model.assembly import IDENTITY, ROOT_JOINT
 from ..model.model import Model
 from ..model.physical_inertia import parallel_axis
@@ -62,7 +62,7 @@ def to_mjcf(model: Model) -> str:
         _refuse(joint, robot.root)
     for what in (robot.name, *(x.name for x in robot.links), *(x.name for x in robot.joints)):
         if NO_TEXT.search(what):
-            raise SpatialDynError(f"{what!r} has a character that XML cannot hold, expected a name without it")
+            raise SpatialDynError(f"{literal(what)} has a character that XML cannot hold, expected a name without it")
     links, children = {x.name: x for x in robot.links}, robot.children
     solid = _solid(robot)
     if WORLD in links and (robot.root != WORLD or floats or links[WORLD].mass):

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..calls.arguments import check_model
-from ..errors import SpatialDynError
+from ..errors import SpatialDynError, literal
 from ..model.model import Model
 from ..model.robot import Link, Robot, RobotJoint
 from ..model.robot_checks import rpy_matrix, rpy_of
@@ -55,7 +55,7 @@ def to_urdf(model: Model) -> str:
         _refuse(joint)
     for what in (robot.name, *(x.name for x in robot.links), *(x.name for x in robot.joints)):
         if NO_TEXT.search(what):
-            raise SpatialDynError(f"{what!r} has a character that XML cannot hold, expected a name without it")
+            raise SpatialDynError(f"{literal(what)} has a character that XML cannot hold, expected a name without it")
     _warn_of_order(robot)
     lines = [f"<robot name={quoteattr(robot.name)}>"]
     with watch.call("to_urdf"):

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import ModelError
+from ..errors import ModelError, literal
 from ..model.model import Model
 from ..model.robot_checks import quoted
 from ..model.transmission import Transmission
@@ -145,7 +145,7 @@ def _number(element: Any, tags: tuple[str, ...], default: float) -> float:
     except ValueError:
         value = math.nan
     if not math.isfinite(value):
-        raise _UnsoundError(f"has {tags[0]} {texts[0][:40]!r}, expected a finite number")
+        raise _UnsoundError(f"has {tags[0]} {literal(texts[0][:40])}, expected a finite number")
     return value
 
 

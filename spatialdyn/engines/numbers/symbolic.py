@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...algebra import regions, scalars
-from ...errors import SpatialDynError, pip_install
+from ...errors import SpatialDynError, literal, pip_install
 from ...recursions.spec import Spec, shape_in
 from ..programs.record.tracer import evaluate
 from .fourier import fourier, length
@@ -128,7 +128,9 @@ class Number:
 
 def _unknown(name: str) -> Any:
     def refuse(x: Number, *others: Any) -> Number:
-        raise SpatialDynError(f"{name} of the symbolic {x!r} has no closed form here, expected sums and products")
+        raise SpatialDynError(
+            f"{name} of the symbolic {literal(x)} has no closed form here, expected sums and products"
+        )
 
     return refuse
 
