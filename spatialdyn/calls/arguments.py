@@ -74,6 +74,12 @@ def as_finite(name: str, value: ArrayLike) -> Array:
     return x
 
 
+def within_range(name: str, *results: Array) -> None:
+    """Raise NonFiniteError if results of finite numbers are not finite: they are beyond the range of float64."""
+    if not all(np.isfinite(x).all() for x in results):
+        raise NonFiniteError(f"{name} is beyond the range of float64, expected arguments that are less far from 1")
+
+
 def as_flag(name: str, value: Any) -> bool:
     """True or False, Python's or NumPy's. Raises SpatialDynError naming the argument."""
     if not isinstance(value, (bool, np.bool_)):

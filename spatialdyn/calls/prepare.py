@@ -83,11 +83,12 @@ def _specs(calls: Any, with_frame: bool, with_constraints: bool) -> list[Spec]:
     if calls is None:
         found = [spec for spec in SPECS.values() if with_frame or not _of_frame(spec)]
         return found + (list(OF_CONSTRAINTS) if with_constraints else [])
-    if not (isinstance(calls, (str, Iterable)) or callable(calls)):
+    try:
+        listed = [calls] if isinstance(calls, str) or callable(calls) else list(calls)
+    except TypeError:
         raise SpatialDynError(
             f"calls is {literal(calls)}, expected public calls such as spatialdyn.rnea, or their names"
-        )
-    listed = [calls] if isinstance(calls, str) or callable(calls) else list(calls)
+        ) from None
     found = []
     for call in listed:
         spec = SPECS.get(call) if isinstance(call, str) else spec_of(call)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, NamedTuple, overload
 
@@ -118,8 +119,8 @@ def constrained_dynamics(model: Model, *given: Any, **named: Any) -> Constrained
     (2, True)
     """
     if _of_table(model, given, named):
-        return constrained_motion(model, *given, **named)
-    return _with_jacobian(model, *given, **named)
+        return _called("constrained_dynamics of Constraints", constrained_motion, model, given, named)
+    return _called("constrained_dynamics of a Jacobian", _with_jacobian, model, given, named)
 
 
 constrained_dynamics.spec = replace(  # type: ignore[attr-defined]  # for ``exact``, with equations in their order
@@ -134,6 +135,22 @@ def _of_table(model: Model, given: tuple[Any, ...], named: dict[str, Any]) -> bo
     if "constraints" in named or any(isinstance(x, (Constraint, str)) for x in items):
         check_constraints(model, first)
     return isinstance(first, Constraints)
+
+
+def _called(
+    what: str, function: Callable[..., Any], model: Model, given: tuple[Any, ...], named: dict[str, Any]
+) -> Any:
+    """A function's result. Raises TypeError, naming the public call, for arguments that it does not take."""
+    try:
+        return function(model, *given, **named)
+    except TypeError:
+        signature = inspect.signature(function)
+        try:
+            signature.bind(model, *given, **named)
+        except TypeError as error:
+            expected = ", ".join(signature.parameters)
+            raise TypeError(f"{what}: {error}, expected ({expected})") from None
+        raise
 
 
 def _with_jacobian(
@@ -184,12 +201,8 @@ def impact(model: Model, *given: Any, **named: Any) -> Impact | ConstrainedImpac
     True
     """
     if _of_table(model, given, named):
-        return constrained_impact(model, *given, **named)
-    try:
-        bound = _POINTS.bind(model, *given, **named)
-    except TypeError as error:
-        raise TypeError(f"impact of a Jacobian: {error}, expected (model, q, v, J, restitution, damping)") from None
-    return _impact_of_points(*bound.args, **bound.kwargs)
+        return _called("impact of Constraints", constrained_impact, model, given, named)
+    return _called("impact of a Jacobian", _impact_of_points, model, given, named)
 
 
 def _impact_of_points(
@@ -207,9 +220,6 @@ def _impact_of_points(
     solved = solve(model, M, np.zeros(model.nv), J, gamma, damping)
     with np.errstate(invalid="ignore"):  # of samples that are not finite
         return Impact(v + solved.x, solved.force)
-
-
-_POINTS = inspect.signature(_impact_of_points)
 
 
 def solve(model: Model, M: Array, r: Array, J: Array, gamma: Array, damping: float = 0.0) -> Solved:

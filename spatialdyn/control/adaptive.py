@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..actuation.friction import Friction, check_friction
-from ..calls.arguments import as_array, as_number, check_model
+from ..calls.arguments import as_array, as_number, check_model, within_range
 from ..calls.dynamics import calls
 from ..errors import InertiaError, ModelError, NonFiniteError, ShapeError, SimulationError, literal
 from ..model.model import Model
@@ -207,7 +207,9 @@ class NaturalAdaptation(Adaptive):
             raise ShapeError(f"gamma has shape {given.shape}, expected a number or ({model.njoints},)")
         if not (given > 0.0).all():
             raise SimulationError(f"gamma is {given.tolist()}, expected numbers above 0")
-        step = np.broadcast_to(1.0 / given, (model.njoints,)).copy()
+        with np.errstate(over="ignore"):
+            step = np.broadcast_to(1.0 / given, (model.njoints,)).copy()
+        within_range("1 / gamma", step)
         step[0] = 0.0
         own = {"first": _factors(model, _table(model, "parameters", parameters)), "step": step}
         super().__init__(True, model, rates, gain, path, own, deadzone, friction, friction_gain, held)

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..calls.arguments import as_array, as_count, as_flag, as_number, broadcast, check_model
+from ..calls.arguments import as_array, as_count, as_flag, as_number, broadcast, check_model, within_range
 from ..calls.dynamics import calls
 from ..calls.states import random_configuration
 from ..errors import NonFiniteError, ShapeError, SimulationError, SpatialDynError, literal, pip_install
@@ -39,28 +39,34 @@ def critical_gains(omega: ArrayLike, zeta: ArrayLike = 1.0) -> Gains:
 
     For ``PD`` and laws like it multiply both by the diagonal of M at its largest. With a torque held over steps of
     semi_implicit_euler such a mode is stable below ``largest_step``.
-    Raises SpatialDynError, ShapeError
+    Raises SpatialDynError, ShapeError; NonFiniteError for numbers beyond the range of float64
 
     >>> import spatialdyn as sd
     >>> [float(x) for x in sd.critical_gains(10.0, 0.7)]
     [100.0, 14.0]
     """
     w, z = _modes(omega, zeta)
-    return Gains(w * w + 0.0 * z, 2.0 * z * w)
+    with np.errstate(over="ignore"):
+        found = Gains(w * w + 0.0 * z, 2.0 * z * w)
+    within_range("a gain", *found)
+    return found
 
 
 def largest_step(omega: ArrayLike, zeta: ArrayLike) -> Array:
     """The step [s] below which a mode of frequency ω and damping ζ is stable under a torque held over steps of
     semi_implicit_euler: (2 √(1 + ζ²) - 2 ζ) / ω.
 
-    Raises SpatialDynError, ShapeError
+    Raises SpatialDynError, ShapeError; NonFiniteError for numbers beyond the range of float64
 
     >>> import spatialdyn as sd
     >>> round(float(sd.largest_step(1.0, 0.7)), 3)
     1.041
     """
     w, z = _modes(omega, zeta)
-    return np.asarray((2.0 * np.sqrt(1.0 + z * z) - 2.0 * z) / w)
+    with np.errstate(over="ignore", under="ignore"):
+        found = np.asarray(2.0 / (np.hypot(1.0, z) + z) / w)
+    within_range("a step", found)
+    return found
 
 
 def _modes(omega: ArrayLike, zeta: ArrayLike) -> tuple[Array, Array]:

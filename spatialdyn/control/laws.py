@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..calls.arguments import as_array, as_word
+from ..calls.arguments import as_array, as_word, within_range
 from ..errors import NonFiniteError, ShapeError, SimulationError, literal
 from ..laws.control import Control
 from ..laws.law_specs import RATE, evaluated, with_values
@@ -240,7 +240,10 @@ class EnergyShaping(Law):
         kinetic = np.asarray(calls["kinetic_energy"](model, q, v))
         if self.potential == "cosine":
             return np.asarray(kinetic + (Kp * (1.0 - np.cos(e))).sum(-1))
-        return np.asarray(kinetic + 0.5 * (e * (Kp * e if Kp.ndim == 1 else e @ Kp)).sum(-1))
+        with np.errstate(over="ignore", invalid="ignore"):
+            found = np.asarray(kinetic + 0.5 * (e * (Kp * e if Kp.ndim == 1 else e @ Kp)).sum(-1))
+        within_range("an energy", found[np.isfinite(kinetic) & np.isfinite(e).all(-1)])
+        return found
 
 
 class PDPlus(Law):

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..algebra.scalars import EPS
-from ..calls.arguments import as_array, as_finite, as_flag, as_number, broadcast, check_model
+from ..calls.arguments import as_array, as_finite, as_flag, as_number, broadcast, check_model, within_range
 from ..calls.dynamics import calls, checked_call
 from ..engines.compiled.numba_kernels import user_kernel
 from ..errors import ConstraintError, ModelError, ShapeError, SpatialDynError, literal
@@ -199,7 +199,11 @@ def contact_wrench(
     if not 0.0 < size < math.inf:
         raise SpatialDynError(f"length is {literal(length)}, expected a finite number above 0")
     scale = np.array([1.0, 1.0, 1.0, size, size, size])
-    U, s, Vt = np.linalg.svd(J / scale[:, None], full_matrices=True)  # (..., 6, nv), of scaled wrenches
+    with np.errstate(over="ignore"):
+        scaled = J / scale[:, None]
+    within_range("a Jacobian divided by length", scaled[np.isfinite(J).all((-2, -1))])
+    unknown = ~np.isfinite(scaled).all((-2, -1))  # of samples with NaN, for which no decomposition is found
+    U, s, Vt = np.linalg.svd(np.where(unknown[..., None, None], 0.0, scaled), full_matrices=True)  # of scaled wrenches
     k = min(6, model.nv)
     told = s > max(6, model.nv) * EPS**0.5 * s[..., :1]
     rank = told.sum(-1)

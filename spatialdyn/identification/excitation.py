@@ -26,6 +26,7 @@ FINE = 1000  # where limits are held
 MARGIN = 0.999  # of a limit: between two points a path goes on by less than the rest
 FREE = (math.pi, 3.0)  # amplitude and speed of a joint without limits [rad, rad/s | m, m/s]
 RIDGE = 1e-9  # of the largest diagonal entry of WᵀW: what is not moved counts as log of this, not as -inf
+PERIODS = 1e-9, 1e9  # s: beyond, squares of accelerations leave the range of float64
 STEP = 1e-6  # of central differences of the regressor
 
 
@@ -77,8 +78,10 @@ def excitation(
     if any(row["kind"] not in R1 for row in model.bodies[1:]):
         raise IdentificationError(f'positions of robot "{model.name}" are not all numbers, expected one that has such')
     period, count = as_number(duration), whole_number("harmonics", harmonics, 2, 100)
-    if not 0.0 < period < math.inf:
-        raise IdentificationError(f"duration is {literal(duration)}, expected a finite number above 0")
+    if not PERIODS[0] <= period <= PERIODS[1]:
+        raise IdentificationError(
+            f"duration is {literal(duration)}, expected a number of {PERIODS[0]:g} to {PERIODS[1]:g} seconds"
+        )
     as_word("criterion", criterion, CRITERIA)
     tried, turns = whole_number("starts", starts, 1), whole_number("steps", steps, 0)
     rng = np.random.default_rng(whole_number("seed", seed, 0))

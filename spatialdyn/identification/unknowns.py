@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -150,9 +149,10 @@ def names_of(argument: str, given: Any) -> list[str]:
     """A name or several. Raises IdentificationError."""
     if isinstance(given, str):
         return [given]
-    if not isinstance(given, Iterable):
-        raise IdentificationError(f"{argument} is {literal(given)}, expected names of joints")
-    return list(given)
+    try:
+        return list(given)
+    except TypeError:
+        raise IdentificationError(f"{argument} is {literal(given)}, expected names of joints") from None
 
 
 def _bare(model: Model, name: str) -> bool:

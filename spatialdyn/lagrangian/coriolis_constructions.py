@@ -30,6 +30,7 @@ from ..waiting import watch
 from .lie_brackets import structure_constants
 
 Array = NDArray[np.float64]
+LEAST_STEP = 1e-12  # below, M(q + h) - M(q - h) is rounding
 STEP = 5e-3  # of sixth-order differences: h⁶ and eps / h are both about 1e-13 of M
 STENCIL = ((1, 45.0 / 60.0), (2, -9.0 / 60.0), (3, 1.0 / 60.0))
 
@@ -113,8 +114,8 @@ class ChristoffelC:
         Strong and torsion-free up to the error of the differences; 6 n mass matrices.
         Raises  SpatialDynError if h is not a positive number.
         """
-        if not 0.0 < as_number(h) < np.inf:
-            raise SpatialDynError(f"h is {literal(h)}, expected a positive number")
+        if not LEAST_STEP <= as_number(h) < np.inf:
+            raise SpatialDynError(f"h is {literal(h)}, expected a positive number, {LEAST_STEP:g} at least")
         q, E = self._given(q), np.eye(self.model.nv)
         dM = np.zeros((*q.shape[:-1], *(self.model.nv,) * 3))
         for steps, weight in STENCIL:

@@ -67,9 +67,12 @@ def subtree_robot(robot: Robot, link: str) -> Robot:
 def rigid(model: Model, joints: Any) -> tuple[Robot, Options]:
     """The robot and options of ``Model.rigid``."""
     springs = {j.spring.joint: j for j in model.robot.joints if j.spring is not None}
-    if joints is not None and (isinstance(joints, str) or not isinstance(joints, Iterable)):
+    try:
+        names = list(springs) if joints is None else list(joints if not isinstance(joints, str) else ())
+    except TypeError:
+        names = []
+    if isinstance(joints, str) or (joints is not None and not isinstance(joints, Iterable)):
         raise ModelError(f"joints is {literal(joints)}, expected names of joints behind springs")
-    names = list(springs) if joints is None else list(joints)
     made = {j.name: j for j in model.robot.joints}
     for name in names:
         if not isinstance(name, str) or name not in springs:

@@ -303,6 +303,8 @@ class Ring:
         if e.is_Rational:
             return Number(self, self.polynomials(sympy.QQ(int(e.p), int(e.q))))
         if e.is_Float:
+            if not math.isfinite(float(e)):
+                raise SpatialDynError(f"{e!s:.40} is beyond the range of float64, expected a number within it")
             return self.of(sympy.Rational(repr(float(e))))
         if e.is_Add or e.is_Mul:
             total = self.of(e.args[0])
