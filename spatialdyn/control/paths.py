@@ -6,7 +6,6 @@ floating bases move as numbers do (``recursions.control.paths``). Without a mode
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping
 from functools import lru_cache
 from itertools import pairwise
@@ -30,6 +29,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
+TIMES = 1e-50, 1e50  # s: beyond, powers of a duration leave the range of float64
 TURN = 3.0  # rad from the centre of a path: beyond π its displacement is not unique
 SAMPLES = 1000  # of a segment or period, where extremes have no closed form
 
@@ -391,8 +391,10 @@ def _checked(path: Path, limits: bool) -> Path:
 
 def _positive(name: str, value: float) -> float:
     x = as_number(value)
-    if not 0.0 < x < math.inf:
-        raise SpatialDynError(f"{name} is {literal(value)}, expected a finite number above 0")
+    if not TIMES[0] <= x <= TIMES[1]:
+        raise SpatialDynError(
+            f"{name} is {literal(value)}, expected a finite number above 0, from {TIMES[0]:g} to {TIMES[1]:g}"
+        )
     return x
 
 

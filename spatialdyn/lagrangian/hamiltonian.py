@@ -33,6 +33,7 @@ from .lie_brackets import structure_constants
 Array = NDArray[np.float64]
 Observable = Callable[[Array, Array], float]
 
+LEAST_STEP = 1e-12  # below, differences are rounding
 STEP = 4e-3  # of 6th-order differences: h⁶/140 of truncation is 3e-17 f⁽⁷⁾, rounding 2 eps/h = 1e-13 of f
 WEIGHTS = ((1, 45.0 / 60.0), (2, -9.0 / 60.0), (3, 1.0 / 60.0))  # of f(kh) - f(-kh), over h
 
@@ -100,8 +101,8 @@ def poisson_bracket(
     for name, x, size in (("q", q, model.nq), ("p", p, model.nv)):
         if x.shape != (size,):
             raise ShapeError(f"{name} has shape {x.shape}, expected ({size},): a bracket is of one state")
-    if not 0.0 < as_number(step) < np.inf:
-        raise SpatialDynError(f"step is {literal(step)}, expected a positive number")
+    if not LEAST_STEP <= as_number(step) < np.inf:
+        raise SpatialDynError(f"step is {literal(step)}, expected a positive number, {LEAST_STEP:g} at least")
     for f, name in ((F, "F"), (G, "G")):
         if not callable(f):
             raise SpatialDynError(f"{name} is {literal(f)}, expected a function of (q, p)")

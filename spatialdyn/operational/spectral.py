@@ -21,6 +21,7 @@ from ..errors import SpatialDynError, literal
 Array = NDArray[np.float64]
 ALL_AXES = "xyz rxyz"
 LENGTH = 0.3  # [m] by which rotations are compared with translations: about a link of an arm
+LEAST_SHARE = 1e-100  # of the largest eigenvalue, by which is divided
 DAMPING = 1e-3  # of the largest eigenvalue: below, a direction is weak
 
 
@@ -69,8 +70,10 @@ def lengths_of(rows: list[int], length: Any) -> Array:
 def share_of(damping: Any) -> float:
     """The share of the largest eigenvalue below which a direction is weak. Raises SpatialDynError."""
     share = as_number(damping)
-    if not 0.0 < share <= 1.0:
-        raise SpatialDynError(f"damping is {literal(damping)}, expected a number above 0 and at most 1")
+    if not LEAST_SHARE <= share <= 1.0:
+        raise SpatialDynError(
+            f"damping is {literal(damping)}, expected a number above 0 and at most 1, from {LEAST_SHARE:g} on"
+        )
     return share
 
 
