@@ -37,7 +37,7 @@ def literal(value: object) -> str:
     try:
         return repr(value)
     except Exception:  # of any class of the caller's
-        return f"a {type(value).__name__} that cannot be printed"
+        return f"<{type(value).__name__} that cannot be printed>"
 
 
 class SpatialDynError(ValueError):

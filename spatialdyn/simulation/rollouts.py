@@ -32,6 +32,7 @@ from .states import run_states
 from .stiff_laws import warn_of_stiff_law
 
 Array = NDArray[Any]
+MOST_STEPS = 1 << 53  # and bytes of a record; a compiled loop counts to 2^63
 
 
 @effects_in_scene("rollout")
@@ -127,6 +128,8 @@ def rollout(
     initial = plan.unstarted if states is None else run_states(model, plan.states, plan.tables, states, B)
     now = [np.ascontiguousarray(np.broadcast_to(x, (B, x.shape[1]))) for x in (*start, *initial.starts)]
     every = _every(1 if record is None else record, T)
+    if 8 * B * (T // every) * sum(x.shape[1] for x in now) >= MOST_STEPS:
+        raise SimulationError(f"{B} samples of {T // every} states are more than memory holds, expected a larger record")
     records = [np.empty((B, T // every, x.shape[1]), number) for x in now]
     if B and T and model.nv:
         rest = np.zeros(model.nv)
@@ -228,6 +231,8 @@ def _check_lanes(scene: Scene, number: np.dtype[Any]) -> None:
 
 def _steps(steps: int | None, lengths: dict[str, int]) -> int:
     """T from the argument and from the axes of inputs, by name. Raises ShapeError if they differ."""
+    if steps is not None and _is_number(steps) and steps >= MOST_STEPS:
+        raise SimulationError(f"steps is {literal(steps)}, expected fewer than 2^53")
     if steps is not None and not (_is_number(steps) and math.isfinite(steps) and steps == int(steps) and steps >= 0):
         raise SimulationError(f"steps is {literal(steps)}, expected a whole number of 0 or more")
     several = {name: k for name, k in lengths.items() if k != 1}
