@@ -30,6 +30,7 @@ from .scene_search import WIDE, Search, Stage, Trial
 Array = NDArray[np.float64]
 SAMPLES = 32
 MOST = 1 << 12
+EPS = float(np.finfo(np.float64).eps)
 TOLERANCE = 1e-3  # rad | m
 SPREAD = 0.01  # [rad | m], [rad/s | m/s]
 
@@ -126,6 +127,12 @@ def requires(
     warn_of_friction(scene, "requires")
     whole = scene.with_(friction=False) if scene.friction is None else scene  # it warns no more
     starts, fresh, middle = _samples(whole, q, v, deviations, count)
+    farthest = max(float(abs(x).max(initial=0.0)) for pair in (starts, fresh) for x in pair)
+    if farthest * EPS > within:
+        raise SpatialDynError(
+            f"a start has position or velocity {farthest:g}, expected less than {within / EPS:.2g}, of which float64 "
+            "tells changes of the tolerance"
+        )
     motion = Motion.of(whole, seconds, torques, law, sees)
     search = Search(motion, within, starts, fresh, *middle, _method(whole))
     found = candidates(whole, search.q0, wanted)

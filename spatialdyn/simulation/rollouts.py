@@ -129,7 +129,7 @@ def rollout(
     now = [np.ascontiguousarray(np.broadcast_to(x, (B, x.shape[1]))) for x in (*start, *initial.starts)]
     every = _every(1 if record is None else record, T)
     if 8 * B * (T // every) * sum(x.shape[1] for x in now) >= MOST_STEPS:
-        raise SimulationError(f"{B} samples of {T // every} states are more than memory holds, expected a larger record")
+        raise SimulationError(f"{B} samples of {T // every} states are more than memory holds, expected fewer")
     records = [np.empty((B, T // every, x.shape[1]), number) for x in now]
     if B and T and model.nv:
         rest = np.zeros(model.nv)

@@ -172,7 +172,9 @@ class Study:
         if threads is not None and (isinstance(threads, bool) or not isinstance(threads, int) or threads < 1):
             raise StudyError(f"threads is {literal(threads)}, expected a number of threads or None")
         if threads is not None and executor is None:
-            raise StudyError(f"threads is {literal(threads)} without an executor, expected sd.set_num_threads for this process")
+            raise StudyError(
+                f"threads is {literal(threads)} without an executor, expected None, or sd.set_num_threads here"
+            )
         given = getattr(executor, "get_executor", None)
         executor = executor if given is None else given()
         if executor is not None and not callable(getattr(executor, "submit", None)):

@@ -254,7 +254,7 @@ def test_more_steps_than_a_compiled_loop_counts_are_refused(steps: int) -> None:
     """2^64 and more ended the process: of an int a kernel takes the low 64 bits."""
     arm = sd.load_urdf("two_link")
     for record in ("last", 2**40, 1):
-        with pytest.raises(sd.SimulationError, match=r"steps is .*, expected fewer than 2\^53"):
+        with pytest.raises(sd.SimulationError, match=r"steps is .*, expected (fewer than 2\^53|a whole number)"):
             sd.rollout(arm, np.zeros((2, 2)), np.zeros((2, 2)), dt=1e-3, steps=steps, record=record)
     with pytest.raises(sd.SimulationError, match="2 samples of 1125899906842624 states are more than memory holds"):
         sd.rollout(arm, np.zeros((2, 2)), np.zeros((2, 2)), dt=1e-3, steps=2**50)
