@@ -319,8 +319,8 @@ def trapezoid(
         x = as_array(name, value)
         if x.shape not in ((), way.shape[-1:]):
             raise ShapeError(f"{name} has shape {x.shape}, expected a number or {way.shape[-1:]}")
-        if not (x > 0.0).all() or np.isnan(x).any():
-            raise SpatialDynError(f"{name} is {x.tolist()}, expected numbers above 0")
+        if not (x >= TIMES[0]).all():
+            raise SpatialDynError(f"{name} is {x.tolist()}, expected numbers above 0, {TIMES[0]:g} at least")
         with np.errstate(divide="ignore"):
             most.append((np.broadcast_to(x, way.shape) / abs(way)).min(-1, initial=np.inf))
     still = ~way.any(-1)

@@ -289,7 +289,7 @@ def _recordings(given: Any) -> tuple[Any, bool]:
     """Recordings one by one, and whether they can be gone through once only."""
     if isinstance(given, Recording):
         return [given], False
-    if not isinstance(given, Iterable) or (np.ndim(given) == 0 and hasattr(given, "ndim")):
+    if not isinstance(given, Iterable) or getattr(given, "ndim", 1) == 0:
         raise IdentificationError(f"recording is a {type(given).__name__}, expected a Recording, or several")
     return given, not isinstance(given, (list, tuple))
 
