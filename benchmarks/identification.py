@@ -21,7 +21,7 @@ import spatialdyn as sd
 
 ROWS = 7000  # times, of seven torques each
 NOISE = np.array([0.2, 0.2, 0.2, 0.15, 0.1, 0.05, 0.02])  # N m
-RANKS = {"panda": 43, "talos_reduced": 206}
+RANKS = {"panda": 43, "talos_reduced": 206, "talos": 290}
 
 
 def seconds(run: Callable[[], Any]) -> float:
@@ -46,12 +46,12 @@ def log_of(model: sd.Model) -> sd.Recording:
 def main() -> None:
     """Assert, measure, print."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--quick", action="store_true", help="without the humanoid")
+    parser.add_argument("--quick", action="store_true", help="without the humanoids")
     quick = parser.parse_args().quick
     warnings.simplefilter("ignore")
     panda = sd.load_urdf("panda")
     arm = panda.reduced([name for name in panda.names if "finger" in name])
-    robots = {"panda": arm} if quick else {"panda": arm, "talos_reduced": sd.load_urdf("talos_reduced")}
+    robots = {"panda": arm} | {name: sd.load_urdf(name) for name in RANKS if name != "panda" and not quick}
     for name, model in robots.items():
         assert sd.base_parameters(model).rank == RANKS[name]
         spent = seconds(lambda model=model: sd.base_parameters(model))

@@ -92,7 +92,7 @@ if TYPE_CHECKING:
         project_velocity,
     )
     from .constraints.table import Constraints
-    from .control.adaptive import Excitation, NaturalAdaptation, SlotineLi
+    from .control.adaptive import ExcitationRecord, NaturalAdaptation, SlotineLi
     from .control.gains import (
         LQR,
         ClosedStep,
@@ -107,6 +107,7 @@ if TYPE_CHECKING:
     from .control.inverse_kinematics import IKResult, solve_ik
     from .control.laws import PD, ComputedTorque, EnergyShaping, Gravity, Passivity, PDGravity, PDPlus, StateFeedback
     from .control.monitors import LyapunovRecord, PassivityRecord, lyapunov, passivity
+    from .control.motions import fourier, quintic, spline, trapezoid
     from .control.observers import (
         ContactWrench,
         MomentumObserver,
@@ -115,7 +116,8 @@ if TYPE_CHECKING:
         detection_thresholds,
         momentum_observer_step,
     )
-    from .control.paths import Path, PathPeaks, PathPoint, fourier, quintic, spline, trapezoid
+    from .control.paths import Path, PathPeaks, PathPoint
+    from .embedded.export import export
     from .identification.base import Base, base_parameters
     from .identification.excitation import excitation
     from .identification.identified import Identified, Validation
@@ -164,7 +166,7 @@ __all__ = [
     "Base", "ChristoffelC", "ClosedStep", "ComTask", "ComputedTorque", "ConfigurationError", "Constrained",
     "ConstrainedDerivatives", "ConstrainedImpact", "ConstrainedMotion", "ConstraintError", "Constraints",
     "ContactRecord", "ContactStep", "ContactWrench", "Contacts", "Control", "Cost", "CouplerConstraint", "Diagnosis",
-    "DistanceConstraint", "EnergyLedger", "EnergyShaping", "Exact", "Excitation", "Finding", "Frame", "FrameTask",
+    "DistanceConstraint", "EnergyLedger", "EnergyShaping", "Exact", "ExcitationRecord", "Finding", "Frame", "FrameTask",
     "Friction", "Gains", "Gravity", "Heightfield", "HingeConstraint", "IKResult", "IdentificationError", "Identified",
     "Impact", "Impedance", "InertiaError", "Joint", "JointLimits", "LQR", "LyapunovRecord", "Mobility", "Model",
     "ModelBuilder", "ModelError", "Moments", "MomentumObserver", "Motor", "NaturalAdaptation", "NonFiniteError",
@@ -178,15 +180,15 @@ __all__ = [
     "closed_step", "compare_with_pinocchio", "compile", "conserved_quantities", "constrained_dynamics",
     "constrained_dynamics_derivatives", "constraint_drift", "constraint_error", "constraint_jacobian", "contact_gaps",
     "contact_step", "contact_wrench", "critical_gains", "delassus", "detection_thresholds", "diagnose",
-    "energy_ledger", "exact", "excitation", "forward_dynamics", "fourier", "friction_regressor", "friction_torque",
-    "from_drake", "from_mjmodel", "from_mujoco", "from_pinocchio", "gravity_stiffness_bound", "hamilton_equations",
-    "hamilton_simulation", "identify", "impact", "independent_joints", "integrators", "kernels", "largest_step",
-    "linearize", "load", "load_urdf", "lqr", "lyapunov", "mobility", "momentum_observer_step", "operational_space",
-    "operational_space_coupling", "passivity", "plot", "poisson_bracket", "project_configuration", "project_velocity",
-    "quintic", "random_configuration", "read_transmissions", "recommend", "requires", "rollout", "simplify",
-    "simulate", "solve_ik", "specialize", "spline", "spring_energy", "spring_torque", "step", "step_derivatives",
-    "study", "task_torque", "to_actuators", "to_drake", "to_joints", "to_mjcf", "to_mujoco", "to_urdf",
-    "torque_limits", "trade", "trapezoid", "verify_skew_symmetry", "view", "wrench_at",
+    "energy_ledger", "exact", "excitation", "export", "forward_dynamics", "fourier", "friction_regressor",
+    "friction_torque", "from_drake", "from_mjmodel", "from_mujoco", "from_pinocchio", "gravity_stiffness_bound",
+    "hamilton_equations", "hamilton_simulation", "identify", "impact", "independent_joints", "integrators", "kernels",
+    "largest_step", "linearize", "load", "load_urdf", "lqr", "lyapunov", "mobility", "momentum_observer_step",
+    "operational_space", "operational_space_coupling", "passivity", "plot", "poisson_bracket", "project_configuration",
+    "project_velocity", "quintic", "random_configuration", "read_transmissions", "recommend", "requires", "rollout",
+    "simplify", "simulate", "solve_ik", "specialize", "spline", "spring_energy", "spring_torque", "step",
+    "step_derivatives", "study", "task_torque", "to_actuators", "to_drake", "to_joints", "to_mjcf", "to_mujoco",
+    "to_urdf", "torque_limits", "trade", "trapezoid", "verify_skew_symmetry", "view", "wrench_at",
 ]  # fmt: skip
 
 _LATE = {  # {module: public names}, imported when one is asked for: half the time of an import
@@ -210,7 +212,7 @@ _LATE = {  # {module: public names}, imported when one is asked for: half the ti
     "VelocityConstraint WeldConstraint",
     "constraints.loops": "Mobility close_loops independent_joints mobility project_configuration project_velocity",
     "constraints.table": "Constraints",
-    "control.adaptive": "Excitation NaturalAdaptation SlotineLi",
+    "control.adaptive": "ExcitationRecord NaturalAdaptation SlotineLi",
     "control.impedance": "Impedance cartesian_damping",
     "operational.whole_body": "WholeBody WholeBodyMotion", "operational.quadratic": "Relaxation",
     "control.inverse_kinematics": "IKResult solve_ik",
@@ -219,7 +221,8 @@ _LATE = {  # {module: public names}, imported when one is asked for: half the ti
     "control.laws": "ComputedTorque EnergyShaping Gravity PD PDGravity PDPlus Passivity StateFeedback",
     "control.gains": "ClosedStep Gains LQR closed_step critical_gains gravity_stiffness_bound largest_step lqr",
     "control.monitors": "LyapunovRecord PassivityRecord lyapunov passivity",
-    "control.paths": "Path PathPeaks PathPoint fourier quintic spline trapezoid", "interop.pinocchio": "from_pinocchio",
+    "control.motions": "fourier quintic spline trapezoid", "control.paths": "Path PathPeaks PathPoint",
+    "embedded.export": "export", "interop.pinocchio": "from_pinocchio",
     "identification.base": "Base base_parameters", "identification.identified": "Identified Validation",
     "identification.identify": "identify", "identification.excitation": "excitation",
     "identification.recording": "Recording",
@@ -245,7 +248,7 @@ _LATE = {  # {module: public names}, imported when one is asked for: half the ti
 }  # fmt: skip
 _MODULE_OF = {name: module for module, names in _LATE.items() for name in names.split()}
 _ROOMS = (
-    "accuracy", "actuation", "constraints", "control", "identification", "interop", "lagrangian", "laws",
+    "accuracy", "actuation", "constraints", "control", "embedded", "identification", "interop", "lagrangian", "laws",
     "linearization", "operational", "pictures", "sources", "simulation", "studies", "validate",
 )  # fmt: skip
 

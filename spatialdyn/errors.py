@@ -23,6 +23,7 @@ EXTRAS: dict[str, tuple[str, ...]] = {  # the packages of each extra of pyprojec
     "identification": ("cvxpy", "clarabel"),
     "wbc": ("qpsolvers", "daqp"),
     "cluster": ("dask", "distributed"),
+    "cuda": ("cuda-bindings",),
     "docs": ("sphinx", "myst-parser", "furo"),
 }
 

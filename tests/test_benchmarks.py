@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import fake_gpu
 import numpy as np
 import pytest
 from slow import slow_but
@@ -27,6 +28,7 @@ import cases  # noqa: E402
 import chains  # noqa: E402
 import corpus  # noqa: E402
 import costs  # noqa: E402
+import gpu  # noqa: E402
 import machine  # noqa: E402
 import measure  # noqa: E402
 import mutants  # noqa: E402
@@ -392,3 +394,32 @@ def test_a_fault_is_put_into_a_copy_and_taken_out_again(tmp_path: Path) -> None:
         assert b"class SpatialDynError(TypeError):" in file.read_bytes()
     assert file.read_bytes() == text
     assert file.stat().st_mtime_ns == before
+
+
+@compiled
+def test_the_gpu_script_compares_bits_and_names_the_card(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    """By a driver that is none; without it the script says so."""
+    kept = tmp_path / "gpu.json"
+    monkeypatch.setattr(sys, "argv", ["gpu.py", "--quick", "--urdf", "two_link", "--save", str(kept)])
+    fake_gpu.install(monkeypatch)
+    small = {"SAMPLES": 512, "ROUNDS": 1, "COMPARED": 64, "STEPS": 3, "ROLLOUTS": 64, "COPIED": 64, "CHAINED": 64}
+    for name, value in {**small, "DEEP": 2, "CALLS": ("rnea",)}.items():
+        monkeypatch.setattr(gpu, name, value)
+    gpu.main()
+    found = json.loads(kept.read_text(encoding="utf-8"))
+    assert found["card"] == "no GPU"
+    assert [row["call"] for row in found["rows"]] == ["rnea", "rollout"] * 2
+    assert all(row["bits equal"] for row in found["rows"])
+    assert "G samples/s" in capsys.readouterr().out
+
+
+def test_without_a_gpu_the_script_measures_nothing(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(sys.modules, "torch", None)
+    monkeypatch.setitem(sys.modules, "cupy", None)
+    with pytest.raises(SystemExit, match="0"):
+        gpu.library()
+    assert capsys.readouterr().out == "no GPU with PyTorch or CuPy here: nothing is measured\n"

@@ -42,13 +42,14 @@ BELOW: dict[str, tuple[str, ...]] = {
     "linearization": ("simulation",),
     "control": ("simulation",),
     "operational": ("simulation",),
+    "embedded": ("simulation",),
     "identification": ("control",),
     "studies": ("simulation",),
     "accuracy": ("identification",),
     "validate": ("interop", "urdf"),
     "pictures": ("validate", "accuracy", "control"),
     "compat": ("pictures", "accuracy", "interop", "urdf", "sources"),
-    "__init__": ("accuracy", "linearization", "control", "operational", "validate", "pictures", "sources", "studies"),
+    "__init__": ("accuracy", "linearization", "operational", "validate", "pictures", "sources", "studies", "embedded"),
     "examples": ("__init__", "compat"),
     "docs": ("examples",),
     "commands": ("docs",),
@@ -101,14 +102,16 @@ SHARED = {
     "constraints.constraint_rows", "constraints.dense", "tree.rotors", "constraints.constrained",
     "contact.coulomb_cone", "joints.friction", "coordinates.configuration", "contact.contact_rows", "tree.aba_motors",
     "tree.regressor", "momenta.adaptive_regressors", "control.control_laws",
+    "control.adaptive_laws", "control.composite_laws",
     "control.inverse_kinematics", "contact.impulses", "contact.impulse_rows", "contact.newton_step", "control.paths",
     "coordinates.coordinate_rates",
 }  # fmt: skip
-TOUCH_FILES = {"urdf", "sources", "engines", "pictures", "docs", "studies", "waiting"}  # meshes, pages, parts, a fork
+TOUCH_FILES = {"urdf", "sources", "engines", "pictures", "docs", "studies", "embedded", "waiting"}  # and a fork
 # themselves, a script, and loops in TOML; one reads an environment variable
 SAVE = {
-    "simulation.trajectory", "identification.recording", "compat.pinocchio.model.serialization_format",
-    "commands.port", "commands.robots", "commands.excite", "commands.identify",
+    "simulation.trajectory", "identification.recording", "identification.tables",
+    "compat.pinocchio.model.serialization_format", "commands.port", "commands.robots", "commands.excite",
+    "commands.identify",
     "compat.pinocchio.coverage.strictness", "examples.c_export",
 }  # fmt: skip
 NAME_FILES = {"validate", "commands", "examples"}  # pass a file name to Pinocchio; width of the terminal; pictures
@@ -123,7 +126,7 @@ FILE_CALLS = {
 LATE = {
     "yourdfpy", "lxml", "trimesh", "pinocchio", "rich", "scipy", "mpmath", "matplotlib", "sympy", "pandas", "viser",
     "IPython", "qpsolvers", "casadi", "jax", "torch", "mujoco", "xacrodoc", "robot_descriptions", "sphinx",
-    "cvxpy", "clarabel", "dask", "distributed",
+    "cvxpy", "clarabel", "dask", "distributed", "daqp", "cuda", "cupy",
 }  # fmt: skip
 HEAVY = {"numba", "llvmlite", "concurrent.futures"}  # no import of the package needs them
 MUTATORS = {"append", "extend", "insert", "add", "update", "setdefault", "pop", "popitem", "clear", "remove", "discard"}

@@ -179,7 +179,7 @@ def lesser_control(control: Control, scene: Scene, made: Lesser, steps: int, som
     for name, x in values.items():
         shape = inputs[name].shape
         lead = x.shape[: x.ndim - len(shape)]
-        if not at.whole:
+        if not at.whole and x.ndim:
             for axis, size in enumerate(shape, start=len(lead)):
                 if size in ("nq", "nv"):
                     x = np.take(x, at.in_q if size == "nq" else at.in_v, axis=axis)
@@ -187,7 +187,7 @@ def lesser_control(control: Control, scene: Scene, made: Lesser, steps: int, som
             x = np.repeat(x, steps // lead[-1], axis=len(lead) - 1)
             x = np.take(x, np.arange(some), axis=len(lead) - 1)
         values[name] = x
-    return control if not values else Control(control.spec, values, control.held)
+    return control if not values else Control.of(control.spec, values, control.static, control.held)
 
 
 def scattered(

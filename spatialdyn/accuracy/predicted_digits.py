@@ -1,4 +1,4 @@
-"""Digits that calls keep on a model: in the table kernel, in programs and in float32, against double-double."""
+"""Digits that calls keep on a model: as their recursions stand, in programs and in float32, against double-double."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from ..calls.arguments import core_shape
 from ..calls.dynamics import calls
 from ..calls.forward_dynamics import EXTENDED, METHODS
 from ..engines.compiled import numba_kernels
+from ..engines.numbers.samples import Evaluation
 from ..engines.programs.record import recording
 from ..engines.programs.record.regroup import regroup
 from ..errors import SpatialDynError
@@ -27,6 +28,8 @@ EPS = {"float64": float(np.finfo(np.float64).eps), "float32": float(np.finfo(np.
 COARSER = EPS["float32"] / EPS["float64"]
 INPUTS = {"rnea": "qva", "crba": "q", "aba": "qva", "aba_refined": "qva", "minverse": "q"}  # inputs of judged calls
 SHORT = 32  # freedoms up to which all are judged; at 100, crba takes 20 s to compile, aba_refined 8
+IN_NUMPY = 128  # freedoms up to which NumPy takes less time than the table kernels take to compile
+BRANCHING = 64  # states of a recursion that branches on values: one by one, 2 ms each for an arm, 30 for a humanoid
 ALWAYS = ("rnea", "aba")  # at any size: 2 and 4 s at 100; one call without pivots and one with
 
 
@@ -52,7 +55,8 @@ def digits_of(errors: Array, least: float = EPS["float64"]) -> float:
 def method_errors(model: Model, arrays: list[Array]) -> dict[str, dict[str, Array]]:
     """Errors of each method of ``forward_dynamics``, over the largest acceleration, against ABA in double-double.
 
-    float64 is measured, in the table kernel. float32 is derived: the same error times 2²⁹, for "refined" plus
+    float64 is measured, of each recursion as it stands, in at most BRANCHING states of one that branches on values.
+    float32 is derived: the same error times 2²⁹, for "refined" plus
     the square of its first solution's, plus the effect of rounding the model's numbers and the inputs. It supposes
     float32 throughout; ``specialize`` computes samples whose pivots are lost, or that leave its range, in float64.
 
@@ -64,19 +68,20 @@ def method_errors(model: Model, arrays: list[Array]) -> dict[str, dict[str, Arra
     """
     with np.errstate(all="ignore"):
         truth, _ = truths(model, "aba", arrays, checked=0)
-        measured = {
-            method: of_calls("aba", by_table_kernel(model, name, arrays), truth) for method, name in METHODS.items()
-        }
+        measured = {}
+        for method, name in METHODS.items():
+            n = len(truth) if SPECS[name].traceable else BRANCHING
+            measured[method] = of_calls("aba", as_written(model, name, [x[:n] for x in arrays]), truth[:n])
         bodies = model.bodies.copy()
         regroup(bodies, solved=True)  # as in a program, whose constants are rounded after regrouping
         _round(bodies)
         rounded = [x.astype(np.float32).astype(np.float64) for x in arrays]
-        moved = of_calls("aba", by_table_kernel(model, METHODS["refined"], rounded, bodies), truth)
+        moved = of_calls("aba", as_written(model, METHODS["refined"], rounded, bodies), truth)
         first = COARSER * measured["aba"]
         return {
             method: {
                 "float64": found,
-                "float32": COARSER * found + moved + (first * first if method == "refined" else 0.0),
+                "float32": COARSER * found + moved[: len(found)] + (first * first if method == "refined" else 0.0),
             }
             for method, found in measured.items()
         } | {EXTENDED: {"float64": EPS["float64"] * (0.5 + 4.0 * measured["aba"])}}
@@ -85,7 +90,7 @@ def method_errors(model: Model, arrays: list[Array]) -> dict[str, dict[str, Arra
 def program_errors(
     model: Model, arrays: list[Array], step: Callable[[], None] = lambda: None
 ) -> dict[str, tuple[Array, Array]]:
-    """{call: (errors of the table kernel, errors of the program)}.
+    """{call: (errors of the recursion as it stands, errors of the program)}.
 
     arrays  q (n, nq), v (n, nv), and a or tau (n, nv)
     step    called before each call
@@ -100,7 +105,7 @@ def program_errors(
         spec = SPECS[name]
         if not recording.fits((spec,), model.bodies) or (model.nv > SHORT and name not in ALWAYS):
             continue
-        alone = by_table_kernel(model, name, given)
+        alone = as_written(model, name, given)
         sound = np.flatnonzero(np.isfinite(alone.reshape(len(alone), -1)).all(axis=1))
         if not len(sound):
             continue
@@ -116,20 +121,23 @@ def program_errors(
     return found
 
 
-def by_table_kernel(model: Model, name: str, arrays: list[Array], bodies: NDArray[Any] | None = None) -> Array:
-    """Results of the table kernel, sample by sample; not finite where it fails.
+def as_written(model: Model, name: str, arrays: list[Array], bodies: NDArray[Any] | None = None) -> Array:
+    """Results of the recursion as it stands, in float64, sample by sample; not finite where it fails.
 
     bodies  a table instead of the model's
+
+    Up to IN_NUMPY freedoms in NumPy, which compiles nothing; above by the table kernel.
     """
     spec = numba_kernels.variant(SPECS[name], frozenset())
     table = model.bodies if bodies is None else bodies
     n = len(arrays[0])
-    out = np.full((n, *core_shape(model, spec.output)), np.nan)
-    passed = [y for x in arrays for y in (np.ascontiguousarray(x), 1)]
+    out, status = np.full((n, *core_shape(model, spec.output)), np.nan), np.empty(n, np.int8)
     with np.errstate(all="ignore"):
-        numba_kernels.batch_kernel(spec)(
-            table if numba_kernels.PLAIN else table.ctypes.data, n, *passed, out, np.empty(n, np.int8)
-        )
+        if model.nv <= IN_NUMPY or not spec.traceable:
+            Evaluation(spec, table, ())(arrays, out.reshape((n, -1)), status)
+            return out
+        passed = [y for x in arrays for y in (np.ascontiguousarray(x), 1)]
+        numba_kernels.batch_kernel(spec)(table if numba_kernels.PLAIN else table.ctypes.data, n, *passed, out, status)
     return out
 
 

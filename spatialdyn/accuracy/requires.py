@@ -241,7 +241,7 @@ def _control_code(search: Search, stage: Stage, trial: Trial, some: int) -> str:
         shape, word = inputs[name].shape, f'control.values["{name}"]'
         lead = x.shape[: x.ndim - len(shape)]
         for axis, size in enumerate(shape, start=len(lead)):
-            if not at.whole and size in ("nq", "nv"):
+            if not at.whole and x.ndim and size in ("nq", "nv"):
                 word, changed = f"np.take({word}, keep_{size[1]}, {axis})", True
         if lead and lead[-1] > 1:
             axis, changed = len(lead) - 1, True
@@ -250,7 +250,7 @@ def _control_code(search: Search, stage: Stage, trial: Trial, some: int) -> str:
         values.append(f'"{name}": {word}')
     if not changed:
         return "law = control"
-    return f"law = sd.Control(control.spec, {{{', '.join(values)}}}, control.held)"
+    return f"law = sd.Control.of(control.spec, {{{', '.join(values)}}}, (), control.held)"
 
 
 # --- arguments -------------------------------------------------------------------------------------------

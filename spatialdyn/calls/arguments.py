@@ -17,6 +17,7 @@ from ..model.robot_checks import masked
 from ..recursions.spec import LOCAL, LOCAL_WORLD_ALIGNED, WORLD, Argument, shape_in
 
 Array = NDArray[np.float64]
+RIGID = 1e-6  # of the rows of a pose
 MOST_AXES = 32  # of an array that NumPy broadcasts
 REFERENCES = {"local": LOCAL, "world": WORLD, "local_world_aligned": LOCAL_WORLD_ALIGNED}
 
@@ -63,7 +64,10 @@ def _refuse_elsewhere(name: str, value: Any) -> None:
             "block dask.array.map_blocks(lambda ...: sd.rnea(model, ...), ..., meta=numpy.empty((0, 0)))"
         )
     if hasattr(value, "__cuda_array_interface__"):
-        raise ShapeError(f"{name} is a {type(value).__name__} on a GPU, expected an array in the memory of the CPU")
+        raise ShapeError(
+            f"{name} is a {type(value).__name__} on a GPU, expected an array in the memory of the CPU, or "
+            'sd.specialize(model, ..., device="cuda") for arrays there'
+        )
 
 
 def as_finite(name: str, value: ArrayLike) -> Array:
@@ -78,6 +82,19 @@ def within_range(name: str, *results: Array) -> None:
     """Raise NonFiniteError if results of finite numbers are not finite: they are beyond the range of float64."""
     if not all(np.isfinite(x).all() for x in results):
         raise NonFiniteError(f"{name} is beyond the range of float64, expected arguments that are less far from 1")
+
+
+def pose_fault(X: Array) -> str:
+    """What keeps matrices (..., 4, 4) from being poses, "" if nothing does."""
+    R = X[..., :3, :3]
+    with np.errstate(over="ignore", invalid="ignore"):
+        off = abs(R @ np.swapaxes(R, -1, -2) - np.eye(3)).max(initial=0.0)
+    if not off <= RIGID:
+        return f"no rotation: R Rᵀ is off 1 by {off:.2g}"
+    if (np.linalg.det(R) < 0.0).any():
+        return "no rotation but a reflection, det R = -1"
+    last = abs(X[..., 3, :] - np.array([0.0, 0.0, 0.0, 1.0])).max(initial=0.0)
+    return f"a last row that is off [0, 0, 0, 1] by {last:.2g}" if last > RIGID else ""
 
 
 def as_flag(name: str, value: Any) -> bool:

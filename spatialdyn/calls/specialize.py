@@ -16,10 +16,12 @@ from numpy.typing import DTypeLike
 
 from ..errors import SpatialDynError, literal
 from ..model.model import Frame, Model
-from .specialize_request import Names, check_derivative, read_request
+from .on_gpu import as_device, on_device
+from .specialize_request import Names, SpecializeRequest, check_derivative, read_request
 from .specialized import Specialized, check_program, of_request
 
 if typing.TYPE_CHECKING:
+    from ..engines.programs.gpu.device import Device
     from .promise import Promise
 
 
@@ -37,6 +39,7 @@ def specialize(
     constraints: Any = ...,
     derivative: str | None = ...,
     tolerance: None = ...,
+    device: str = ...,
 ) -> Specialized: ...
 
 
@@ -55,6 +58,7 @@ def specialize(
     derivative: None = ...,
     *,
     tolerance: float | tuple[float, float],
+    device: str = ...,
 ) -> Promise: ...
 
 
@@ -71,6 +75,7 @@ def specialize(
     constraints: Any = None,
     derivative: str | None = None,
     tolerance: float | tuple[float, float] | None = None,
+    device: str = "cpu",
 ) -> Specialized | Promise:
     """One compiled program for one or several calls of a model; inputs that are fixed are folded into it.
 
@@ -104,6 +109,8 @@ def specialize(
     tolerance  relative to the largest entry of a sample's result, or (relative, absolute): the answer is a Promise,
               each sample computed by the first of float32, float64 and double-double whose bound is within it, in
               float64. Of one call. dtype=np.float32 starts at float32 wherever; else only where that is cheaper
+    device    "cuda" for arrays of PyTorch, CuPy or JAX on a GPU, in and out: one thread a sample, the bits of the CPU's
+              lanes. ``k.ptx`` is its text, on any machine; ``k(..., check=False)`` does not wait, see ``k.__doc__``
 
     Returns a Specialized: call it with the remaining inputs in their usual order, of any batch shape, and ``out=``.
     With a tolerance a Promise, called alike.
@@ -117,21 +124,24 @@ def specialize(
     (2,)
 
     Raises
-        SpatialDynError for an unknown call, dtype, input or output, listing the known ones
-            and for derivatives of a call that has no program, or one with loops, as steps in contact have
+        SpatialDynError for an unknown call, dtype, input, output or device, listing the known ones
+            and for derivatives of a call that has no program, or one with loops, as steps in contact have; on a GPU
+            for calls without a program, and with a tolerance
         ModelError for a name that is not in the model
         ShapeError for a constant of the wrong shape, ConfigurationError for one of the wrong norm
     """
     constants = {} if fixed is None else fixed
+    where = as_device(device)
+    if where is not None and tolerance is not None:
+        raise SpatialDynError(f'tolerance is {tolerance!r} with device="cuda", expected None: a Promise is of the CPU')
     if (reader := getattr(calls.func if isinstance(calls, partial) else calls, "request", None)) is not None:
         rest = {"inputs": inputs or None, "outputs": outputs, "frame": frame, "constraints": constraints}
         named = [name for name, x in {**rest, "tolerance": tolerance}.items() if x is not None]
         if named:
             raise SpatialDynError(f"{named[0]} is given, expected none with a step")
-        stepped = of_request(
-            reader(model, calls, dtype, constants, check_derivative(derivative, dtype)), specialize,
-            (model, calls, dtype, fixed, inputs, outputs, frame, reference, classical, constraints, derivative),
-        )  # fmt: skip
+        arguments: tuple[Any, ...] = model, calls, dtype, fixed, inputs, outputs, frame, reference, classical
+        arguments = *arguments, constraints, derivative, tolerance, device
+        stepped = _made(reader(model, calls, dtype, constants, check_derivative(derivative, dtype)), arguments, where)
         return stepped if derivative is None else check_program(stepped, f"derivative={derivative!r}")
     given = (inputs, outputs, frame, reference, classical, constraints)
     request = read_request(model, calls, dtype, constants, *given, derivative=derivative)
@@ -155,5 +165,14 @@ def specialize(
         from .promise import Promise  # what bounds need is read for a tolerance alone
 
         return Promise(request, tolerance, bounded, partial(specialize, **words), (model, calls))
-    made = of_request(request, specialize, (model, calls, dtype, fixed, *given, derivative))
+    made = _made(request, (model, calls, dtype, fixed, *given, derivative, tolerance, device), where)
     return made if derivative is None else check_program(made, f"derivative={derivative!r}")
+
+
+def _made(request: SpecializeRequest, arguments: tuple[Any, ...], device: Device | None) -> Specialized:
+    """The program of a request, on the CPU or on a device."""
+    return (
+        of_request(request, specialize, arguments)
+        if device is None
+        else on_device(request, specialize, arguments, device)
+    )

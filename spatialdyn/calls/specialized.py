@@ -102,24 +102,37 @@ class Specialized:
         the errors of the public calls for values
     """
 
+    _kernel: batch_kernels.Kernel | None
+
     def __init__(
         self, request: SpecializeRequest, maker: Callable[..., Specialized], arguments: tuple[Any, ...]
     ) -> None:
         """Record and compile the program of a request. ``maker(*arguments)`` makes it again."""
         if not isinstance(request, SpecializeRequest):
             raise SpatialDynError(f"request is a {type(request).__name__}, expected specialize(model, calls)")
-        self._request, self._made_by = request, (maker, arguments)
+        self._read_request(request, (maker, arguments))
+        if self._fits:
+            self._kernel = self._compile(one=False)
+        self._single_due = self._kernel is not None and request.dtype == np.float64
+
+    def _read_request(self, request: SpecializeRequest, made_by: tuple[Any, ...]) -> None:
+        """Set what is known of a request, without a kernel."""
+        self._request, self._made_by = request, made_by
         self._inputs, self._results = request.inputs(), request.results()
         self._shapes = [x.shape for x in self._results]
         narrow_only = request.dtype == np.float32
         self._driving = {x.name for x in request.arguments if narrow_only and x.unit != recording.POSITION}
         self.compile_seconds = 0.0
-        self._kernel: batch_kernels.Kernel | None = None
+        self._kernel = None
+        self._single_due = False
+
+    @property
+    def _fits(self) -> bool:
+        """Whether there is a program, but for joints of zero articulated inertia."""
+        request = self._request
         bodies, numbers = request.model.bodies, sum(map(math.prod, self._shapes))
         in_range = request.dtype == np.float64 or not float32_range.beyond(bodies)
-        if in_range and not numba_kernels.PLAIN and recording.fits(request.specs, bodies, numbers, request.tables):
-            self._kernel = self._compile(one=False)
-        self._single_due = self._kernel is not None and request.dtype == np.float64
+        return in_range and not numba_kernels.PLAIN and recording.fits(request.specs, bodies, numbers, request.tables)
 
     @property
     def model(self) -> Model:
@@ -164,6 +177,22 @@ class Specialized:
     def program(self) -> Program:
         """The straight-line program. Raises InertiaError if there is none."""
         return self._recorded.program
+
+    @cached_property
+    def _threads(self) -> Any:
+        """The program on threads, which is loaded on a GPU at its first use there."""
+        from ..engines.programs.gpu.gpu_kernel import GpuKernel
+
+        return GpuKernel(*self._recorded, self.dtype)
+
+    @property
+    def ptx(self) -> str:
+        """The program for one thread of a GPU as PTX, the assembly text that its driver compiles; on any machine.
+
+        Raises InertiaError if there is no program, SpatialDynError if it is too long for a thread
+        """
+        made: str = self._threads.ptx
+        return made
 
     def c_code(self, name: str | None = None, derivatives: bool = False) -> str:
         """The program as a C99 function ``void name(const double *q, ..., double *tau)`` that needs <math.h> only.
@@ -330,7 +359,7 @@ class Specialized:
             names = ", ".join(x.name for x in self._inputs)
             raise TypeError(f"{len(given)} inputs were given, expected {len(self._inputs)}: ({names})")
         arrays = [self._read(x.name, value) for x, value in zip(self._inputs, given, strict=True)]
-        leads = [_lead(x, array) for x, array in zip(self._inputs, arrays, strict=True)]
+        leads = [lead_of(x, array.shape) for x, array in zip(self._inputs, arrays, strict=True)]
         batch = broadcast([x.name for x in self._inputs], leads)
         whole = [batch + shape for shape in self._shapes]
         if out is None:
@@ -398,9 +427,9 @@ class Specialized:
         return tuple(outs)
 
 
-def _lead(wanted: Array, x: NDArray[Any]) -> tuple[int, ...]:
+def lead_of(wanted: Array, shape: tuple[int, ...]) -> tuple[int, ...]:
     """Leading axes of an input. Raises ShapeError if the last axes are not the shape of one sample."""
     rank = len(wanted.shape)
-    if x.ndim < rank or x.shape[x.ndim - rank :] != wanted.shape:
-        raise ShapeError(f"{wanted.name} has shape {x.shape}, expected ({', '.join(['...', *map(str, wanted.shape)])})")
-    return x.shape[: x.ndim - rank]
+    if len(shape) < rank or shape[len(shape) - rank :] != wanted.shape:
+        raise ShapeError(f"{wanted.name} has shape {shape}, expected ({', '.join(['...', *map(str, wanted.shape)])})")
+    return shape[: len(shape) - rank]

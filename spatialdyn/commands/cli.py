@@ -1,6 +1,6 @@
 """The command line: ``spatialdyn info ROBOT``, ``compare [ROBOT ...|--all]``, ``derive ROBOT``, ``simulate ROBOT``,
 ``view ROBOT``, ``check ROBOT``, ``trade ROBOT``, ``requires ROBOT``, ``identify ROBOT LOG``, ``excite ROBOT``,
-``compile ROBOT``, ``port SCRIPT``, ``run SCRIPT``, ``study FILE``, ``example [NAME]``, ``docs``.
+``compile ROBOT``, ``export ROBOT``, ``port SCRIPT``, ``run SCRIPT``, ``study FILE``, ``example [NAME]``, ``docs``.
 
 Exit status: 0 success; 1 disagreement with Pinocchio, an error found by ``check``, or a script with missing names; 2
 bad input, reported in one line on stderr; 130 Ctrl-C, likewise; 141 a reader that closed stdout early; of ``run`` that
@@ -33,6 +33,7 @@ COMMANDS = {
     "identify": "inertias and friction of a robot from a log of positions and torques, with intervals",
     "excite": "a path that moves every parameter of a robot, within its limits",
     "compile": "compile a robot's calls ahead, and keep the code on disk",
+    "export": "calls, control laws and steps of a robot as C for a controller's chip",
     "port": "which of Pinocchio's names a script uses, and which are supported",
     "run": "a script, unchanged, with this library in the place of Pinocchio",
     "study": "a function on many random samples, in chunks, here or on a cluster",

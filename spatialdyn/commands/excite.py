@@ -36,6 +36,11 @@ def _run(arguments: argparse.Namespace) -> int:
     check_plot(arguments.plot)
     if not 0.0 < arguments.rate < 1e6:
         raise SpatialDynError(f"--rate is {arguments.rate:g}, expected a number above 0, up to 1e6")
+    slow = 2.0 * arguments.harmonics / arguments.duration if arguments.duration > 0.0 else 0.0
+    if arguments.rate < slow:
+        raise SpatialDynError(
+            f"--rate is {arguments.rate:g}, expected {slow:g} or more, twice the highest harmonic of the path"
+        )
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         model = load(arguments)

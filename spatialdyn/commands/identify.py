@@ -8,6 +8,7 @@ import math
 import warnings
 from typing import Any
 
+from ..identification.base import ROWS
 from ..identification.equations import FORMS, HOLDS
 from ..identification.identified import COLUMNS, Identified, Validation
 from ..identification.identify import METHODS, identify
@@ -22,7 +23,9 @@ from .targets import check_file, check_report
 def add(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments to its parser."""
     add_robot(parser)
-    parser.add_argument("log", metavar="LOG", help="CSV or parquet: t, q0 ..., tau0 ... and perhaps v0 ..., a0 ...")
+    parser.add_argument(
+        "log", metavar="LOG", help="CSV or parquet: t, q0 ... or q_JOINT ..., tau0 ..., perhaps v0 ..., a0 ..."
+    )
     parser.add_argument("--lock", metavar="NAMES", help="joints that do not move, separated by commas")
     parser.add_argument("--method", choices=METHODS, default="log_cholesky", help="default: log_cholesky")
     parser.add_argument(
@@ -35,6 +38,8 @@ def add(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--window", type=int, default=1, metavar="N", help="rows that are averaged (default: 1)")
     parser.add_argument("--cutoff", type=float, metavar="HZ", help="of a filter for positions (default: none)")
     parser.add_argument("--v-min", type=float, default=0.0, metavar="V", help="slower rows are left out (default: 0)")
+    parser.add_argument("--prior", type=float, metavar="W", help="weight of the robot's own inertias (default: 1)")
+    parser.add_argument("--rows", choices=ROWS, default="all", help="all, or the six of a floating base (default: all)")
     parser.add_argument("--payload", metavar="FRAME", help="find the load on a frame, the robot being known")
     parser.add_argument("--resample", action="store_true", help="put uneven times of the logs on an even grid")
     parser.add_argument("--validate", metavar="LOG", help="a log of another motion, to be predicted")
@@ -56,9 +61,9 @@ def _run(arguments: argparse.Namespace) -> int:
         again = arguments.validate
         other = None if again is None else Recording.load(again, model, resample=arguments.resample)
         found = identify(
-            log, model, arguments.method, arguments.parameters, form=arguments.form, hold=arguments.hold,
-            delay=_delay(arguments.delay), window=arguments.window, cutoff=arguments.cutoff, v_min=arguments.v_min,
-            payload=arguments.payload,
+            log, model, arguments.method, arguments.parameters, arguments.prior, form=arguments.form,
+            hold=arguments.hold, delay=_delay(arguments.delay), window=arguments.window, cutoff=arguments.cutoff,
+            v_min=arguments.v_min, payload=arguments.payload, rows=arguments.rows,
         )  # fmt: skip
         judged = None if other is None else found.validate(other)
         odd = () if other is None else other.check(model)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -11,12 +10,7 @@ from numpy.typing import NDArray
 from ..algebra.scalars import EPS
 from ..bodies.static_table import StaticTable
 from ..calls.arguments import core_shape
-from ..calls.dynamics import checked_call
-from ..engines import object_layout, run
-from ..engines.compiled import numba_kernels
-from ..engines.programs.llvm.single_call_text import ARRAY, MOST, NUMBER
-from ..engines.programs.run import single_call
-from ..engines.programs.run.single_call import Parameter
+from ..calls.one_sample import of_model
 from ..errors import ConstraintError
 from ..model.model import Model
 from ..recursions.constraints.constrained import CHOSEN, DEPENDENT, ROWS, UNSURE
@@ -41,40 +35,8 @@ def answer(spec: Spec, owner: Constraints | Contacts, static: tuple[StaticTable,
     key = (spec.name, *(x is None for x in values))
     known = owner._plans.get(key)
     if known is None:
-        known = owner._plans.setdefault(key, _function(spec, owner, static, [x is not None for x in values]))
+        known = owner._plans.setdefault(key, of_model(spec, owner.model, static, tuple(x is not None for x in values)))
     return known(*(x for x in values if x is not None))
-
-
-def _function(
-    spec: Spec, owner: Constraints | Contacts, static: tuple[StaticTable, ...], there: list[bool]
-) -> Callable[..., Any]:
-    """What answers a call with those of its inputs that are there: a builtin for one sample, Python for all else."""
-    model = owner.model
-    varying = [x for x in spec.present if not x.static]
-    given = [x for x, has in zip(varying, there, strict=True) if has]
-    found = None
-    lacks = any(not (has or x.optional) for x, has in zip(varying, there, strict=True))  # what a program would read
-    if not lacks and object_layout.READY and not numba_kernels.PLAIN and len(given) < MOST:
-        found = run.program(numba_kernels.variant(spec, frozenset(x.name for x in given)), model, static)
-
-    def checked(*values: Any) -> Any:
-        left = iter(values)
-        return checked_call(spec, model, tuple(next(left) if has else None for has in there), static, None)
-
-    if found is None:
-        return checked
-    lanes = found.program
-    program, alive = lanes.single()
-    shapes = [core_shape(model, x, static) for x in given]
-    plan = single_call.plan(program, [core_shape(model, spec.output, static)], shapes, alive=alive)
-
-    def python(*values: Any) -> Any:
-        if single_call.exhausted(plan):
-            single_call.change(plan, *lanes.single())
-        return checked(*values)
-
-    parameters = [Parameter(x.name, ARRAY if x.shape else NUMBER) for x in given]
-    return single_call.bound(python, parameters, plan)
 
 
 def settled(spec: Spec, constraints: Constraints, out: Array, *values: Any) -> Array:

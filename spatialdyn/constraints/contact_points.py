@@ -123,9 +123,10 @@ class Contacts:
     model        Model; with mimic joints its limits alone
     points       {frame: radius of its sphere [m]}, 0 for the frame's origin itself
     friction     Coulomb's coefficient μ: a number, or {frame: number} for all points
-    restitution  from 0 to 1, in the same form, by Poisson's law: a point that hits faster than 0.01 m/s receives that
-                 share of the impulse that brought it to rest once more; without friction it leaves at that share of its
-                 speed. No hit adds energy
+    restitution  from 0 to 1, in the same form, by Poisson's law: a point that hits receives that share of the impulse
+                 that brought it to rest once more, and so do points that this throws down; without friction one alone
+                 leaves at that share of its speed. No hit adds energy, and none of 1 without friction takes some.
+                 Slower than 0.01 m/s it comes to rest where forces press it down by a tenth of its speed in the step
     terrain      ``Plane``, that of z = 0 if left out, or ``Heightfield``
     tolerance    largest violation of their laws by points and joints in a step [m/s | rad/s]. A box that just sticks on
                  an incline creeps at 1e-8 a thousandth as fast as at 1e-6. In float32 1e-4 is the least that rounding
@@ -178,7 +179,7 @@ class Contacts:
         terrain: Plane | Heightfield | None = None,
         tolerance: float = 1e-6,
         steps: int = 12,
-        rounds: int = 4,
+        rounds: int = 8,
         **others: Any,
     ) -> None:
         """See the class."""

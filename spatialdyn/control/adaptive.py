@@ -14,7 +14,7 @@ from ..calls.arguments import as_array, as_number, check_model, within_range
 from ..calls.dynamics import calls
 from ..errors import InertiaError, ModelError, NonFiniteError, ShapeError, SimulationError, literal
 from ..model.model import Model
-from ..recursions.control.adaptive_laws import adaptive_spec
+from ..recursions.control.adaptive_specs import adaptive_spec
 from .laws import Law, _is_matrix, _reference, gain_of
 from .paths import Path
 
@@ -23,7 +23,7 @@ ROUNDED = 1e-9  # of the largest column of Y: what the right angles of a file, r
 EXCITED = 1e-6  # of the largest eigenvalue of ∫ Yᵀ Y, scaled to a diagonal of 1: below, a combination was not seen
 
 
-class Excitation(NamedTuple):
+class ExcitationRecord(NamedTuple):
     """What a motion shows of the parameters that a law learns, from ∫ Yᵀ Y dt with each column scaled to 1.
 
     rank         combinations of parameters that act on the torques: these can be learnt, others never
@@ -45,7 +45,8 @@ class Adaptive(Law):
 
     def __init__(
         self, natural: bool, model: Model, rates: ArrayLike, gain: ArrayLike, path: Path | ArrayLike,
-        own: dict[str, Array], deadzone: float, friction: Friction | None, friction_gain: ArrayLike, held: bool | float,
+        own: dict[str, Array], deadzone: float, composite: float, bandwidth: float, friction: Friction | None,
+        friction_gain: ArrayLike, held: bool | float,
     ) -> None:  # fmt: skip
         """Of the inputs ``own`` of one law, and those of both."""
         self.model = model
@@ -53,16 +54,24 @@ class Adaptive(Law):
             raise ModelError(f'robot "{model.name}" has joints that mimic others, expected none for adaptive laws')
         if model.bodies["geared"].any() or model.bodies["coupled"].any():
             raise ModelError(f'robot "{model.name}" has rotors on moving links or differentials, expected none')
-        reference, n = _reference(path)
-        one, two = gain_of("rates", rates, n), gain_of("gain", gain, n)
+        reference, _ = _reference(path)
+        one, two = gain_of("rates", rates, model.nv), gain_of("gain", gain, model.nv)
         zone = as_number(deadzone)
         if not 0.0 <= zone < math.inf:
             raise SimulationError(f"deadzone is {literal(deadzone)}, expected 0 or more [rad/s]")
         values = {"rates": one, "gain": two, **own, "deadzone": np.array([zone])}
+        weight, width = as_number(composite), as_number(bandwidth)
+        if not 0.0 <= weight < math.inf:
+            raise SimulationError(f"composite is {literal(composite)}, expected 0 or more")
+        if not 0.0 < width < math.inf:
+            raise SimulationError(f"bandwidth is {literal(bandwidth)}, expected a finite number above 0 [1/s]")
+        self.predicts = weight > 0.0
+        if self.predicts:
+            values |= {"composite": np.array([weight]), "bandwidth": np.array([width])}
         if friction is not None:
             values |= _friction(model, friction, friction_gain)
         self.friction = friction is not None
-        core = adaptive_spec(natural, _is_matrix(one), _is_matrix(two), self.friction)
+        core = adaptive_spec(natural, _is_matrix(one), _is_matrix(two), self.friction, self.predicts)
         super().__init__(core, values, reference, held)
         self.checks = (*self.checks, self._check)
 
@@ -85,7 +94,7 @@ class Adaptive(Law):
         found: Array = self.values["friction"] + _state_of(run, "worn")
         return found
 
-    def excitation(self, q: ArrayLike, v: ArrayLike, a: ArrayLike) -> Excitation:
+    def excitation(self, q: ArrayLike, v: ArrayLike, a: ArrayLike) -> ExcitationRecord:
         """What a motion q (N, nq), v, a (N, nv) shows of the parameters that are learnt: tracking needs none of it, but
         only what is shown converges.
         """
@@ -98,7 +107,7 @@ class Adaptive(Law):
         w = np.sort(np.linalg.eigvalsh(W.T @ W))[::-1].clip(0.0)
         seen = w > EXCITED * max(w.max(initial=0.0), np.finfo(float).tiny)
         rank = int(seen.sum())
-        return Excitation(rank, int(chosen.sum()), float(w[0] / w[rank - 1]) if rank else math.inf, w)
+        return ExcitationRecord(rank, int(chosen.sum()), float(w[0] / w[rank - 1]) if rank else math.inf, w)
 
     def _learnt(self) -> Any:
         """Which of the parameters (njoints, 10) are learnt."""
@@ -115,6 +124,9 @@ class SlotineLi(Adaptive):
     Gamma          number or (njoints, 10), 0 or more: how fast each is learnt; 0 keeps it
     bounds         (least, most), each (njoints, 10): the estimates stay between
     deadzone       |s| up to which nothing is learnt [rad/s]: what noise and friction leave would be learnt as mass
+    composite      c, 0 or more: learns from the error of predicted torques too, by y = Yᵀ s + c Wᵀ e. Estimates then go
+                   on while tracking is already good. A step has to keep h c Γ |W|² below 2
+    bandwidth      of the filters that make W and e without accelerations [1/s]
     friction       Friction, first estimates of coulomb and viscous, with smoothing: the law learns and gives them
     friction_gain  number or (2, nv): how fast those are learnt
     held           as of ``Control``; estimates move from step to step
@@ -123,7 +135,8 @@ class SlotineLi(Adaptive):
     estimates; they converge to the true parameters only where the motion excites them: ``excitation``. They may
     leave what is physical, with a negative mass: ``NaturalAdaptation`` never does.
     Raises  SimulationError, ShapeError, ModelError
-    Source  Slotine and Li, On the adaptive control of robot manipulators (1987).
+    Source  Slotine and Li, On the adaptive control of robot manipulators (1987); Composite adaptive control of robot
+            manipulators (1989).
 
     >>> import numpy as np, spatialdyn as sd
     >>> model = sd.load_urdf("two_link")
@@ -137,7 +150,8 @@ class SlotineLi(Adaptive):
     def __init__(
         self, model: Model, rates: ArrayLike, gain: ArrayLike, path: Path | ArrayLike, parameters: ArrayLike,
         Gamma: ArrayLike, *, bounds: Sequence[ArrayLike] | None = None, deadzone: float = 0.0,
-        friction: Friction | None = None, friction_gain: ArrayLike = 1.0, held: bool | float = True,
+        composite: float = 0.0, bandwidth: float = 10.0, friction: Friction | None = None,
+        friction_gain: ArrayLike = 1.0, held: bool | float = True,
     ) -> None:  # fmt: skip
         """See the class."""
         check_model(model)
@@ -158,7 +172,9 @@ class SlotineLi(Adaptive):
                     f"{least[j, k]:.6g} and {most[j, k]:.6g}"
                 )
         own = {"first": first, "step": step, "least": least, "most": most}
-        super().__init__(False, model, rates, gain, path, own, deadzone, friction, friction_gain, held)
+        super().__init__(
+            False, model, rates, gain, path, own, deadzone, composite, bandwidth, friction, friction_gain, held
+        )
 
     def estimates(self, run: Any) -> Array:
         """See ``Adaptive``."""
@@ -178,9 +194,11 @@ class NaturalAdaptation(Adaptive):
     model          Model of the joints; its own masses do not count
     rates, gain    as of ``SlotineLi``
     path           Path, or positions to hold (nq,)
-    parameters     (njoints, 10)  first estimates, each of a body with volume: no point masses, rods or discs
-    gamma          number or (njoints,), above 0: small learns fast; inf keeps a body as it is
-    deadzone, friction, friction_gain, held  as of ``SlotineLi``
+    parameters     (njoints, 10)  first estimates, of what is learnt each of a body with volume: no point masses, rods
+                   or discs
+    gamma          number or (njoints,), above 0: small learns fast; inf keeps a body as it is, as it has to be of one
+                   without mass
+    deadzone, composite, bandwidth, friction, friction_gain, held  as of ``SlotineLi``
 
     A step whose h/γ GᵀLG is larger than 1 is taken as one of 1: with a γ so small P̂ would run to the edge at once.
     Raises  InertiaError naming the joint whose body has no volume; SimulationError, ShapeError, ModelError
@@ -197,8 +215,8 @@ class NaturalAdaptation(Adaptive):
 
     def __init__(
         self, model: Model, rates: ArrayLike, gain: ArrayLike, path: Path | ArrayLike, parameters: ArrayLike,
-        gamma: ArrayLike, *, deadzone: float = 0.0, friction: Friction | None = None, friction_gain: ArrayLike = 1.0,
-        held: bool | float = True,
+        gamma: ArrayLike, *, deadzone: float = 0.0, composite: float = 0.0, bandwidth: float = 10.0,
+        friction: Friction | None = None, friction_gain: ArrayLike = 1.0, held: bool | float = True,
     ) -> None:  # fmt: skip
         """See the class."""
         check_model(model)
@@ -211,8 +229,10 @@ class NaturalAdaptation(Adaptive):
             step = np.broadcast_to(1.0 / given, (model.njoints,)).copy()
         within_range("1 / gamma", step)
         step[0] = 0.0
-        own = {"first": _factors(model, _table(model, "parameters", parameters)), "step": step}
-        super().__init__(True, model, rates, gain, path, own, deadzone, friction, friction_gain, held)
+        own = {"first": _factors(model, _table(model, "parameters", parameters), step > 0.0), "step": step}
+        super().__init__(
+            True, model, rates, gain, path, own, deadzone, composite, bandwidth, friction, friction_gain, held
+        )
 
     def estimates(self, run: Any) -> Array:
         """See ``Adaptive``."""
@@ -290,13 +310,16 @@ def parameters_of(P: Array) -> Array:
     return np.stack([P[..., 3, 3], P[..., 0, 3], P[..., 1, 3], P[..., 2, 3], *rotational], -1)
 
 
-def _factors(model: Model, parameters: Array) -> Array:
-    """Cholesky factors (njoints, 4, 4), row 0 zero. Raises InertiaError naming the joint."""
+def _factors(model: Model, parameters: Array, learnt: NDArray[np.bool_]) -> Array:
+    """Factors (njoints, 4, 4) of pseudo-inertias, row 0 zero. Raises InertiaError naming the joint."""
     G = np.zeros((model.njoints, 4, 4))
     for j, P in enumerate(pseudo_inertia(parameters)):
         if j == 0:
             continue
-        w = np.linalg.eigvalsh(P)
+        w, U = np.linalg.eigh(P)
+        if not learnt[j] and w[0] >= -1e-12 * abs(w).max():  # of a rod or a body without mass, which stay as they are
+            G[j] = U * np.sqrt(w.clip(0.0))
+            continue
         if not w[0] > 1e-12 * w[-1] or not w[-1] > 0.0:
             raise InertiaError(
                 f'body of joint "{model.names[j]}" has a pseudo-inertia with the eigenvalue {w[0]:.3g}, largest '

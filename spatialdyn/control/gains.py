@@ -8,19 +8,23 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..calls.arguments import as_array, as_count, as_flag, as_number, broadcast, check_model, within_range
+from ..calls.arguments import as_array, as_count, as_finite, as_flag, as_number, broadcast, check_model, within_range
 from ..calls.dynamics import calls
 from ..calls.states import random_configuration
+from ..constraints.dynamics import constraint_jacobian
+from ..constraints.loops import project_configuration, project_velocity
 from ..errors import NonFiniteError, ShapeError, SimulationError, SpatialDynError, literal, pip_install
 from ..laws.control import Control
 from ..model.model import Model
+from ..recursions.control.paths import CLOCK
 from ..simulation.rollouts import rollout
 from ..simulation.scene import Scene, scene_of
-from ..simulation.stiff_laws import joint_of_mode
+from ..simulation.stiff_laws import MOST_STEPS, joint_of_mode, rough, steps_of_periods
 from ..waiting import watch
 from .laws import StateFeedback
 
 Array = NDArray[np.float64]
+MARGIN = 1e-12  # of the largest entry of A: a pole nearer to the border of stability is on it
 DELTA = 1e-6  # of central differences of a step, whose errors are some 1e-10
 
 
@@ -128,8 +132,9 @@ def lqr(A: ArrayLike, B: ArrayLike, Q: ArrayLike, R: ArrayLike, *, discrete: boo
     Q (n, n), R (m, m)  symmetric, Q positive semidefinite, R positive definite
     discrete            whether A and B are those of a step
 
-    SciPy solves Riccati's equation. Raises  SpatialDynError naming the eigenvalue of Q or R, or for a system that no
-    feedback stabilizes; ShapeError; ImportError without SciPy
+    SciPy solves Riccati's equation. Raises  SpatialDynError naming the eigenvalue of Q or R, for a system that no
+    feedback stabilizes, or for a Q that leaves a mode unweighted which does not decay by itself; ShapeError;
+    ImportError without SciPy
 
     >>> import numpy as np, spatialdyn as sd
     >>> found = sd.lqr([[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], np.eye(2), [[1.0]])
@@ -142,10 +147,10 @@ def lqr(A: ArrayLike, B: ArrayLike, Q: ArrayLike, R: ArrayLike, *, discrete: boo
         raise ImportError(f"lqr needs SciPy: {pip_install('simulation')}") from error
     discrete = as_flag("discrete", discrete)
     a, b = as_array("A", A), as_array("B", B)
-    if a.ndim != 2 or a.shape[0] != a.shape[1]:
-        raise ShapeError(f"A has shape {a.shape}, expected (n, n)")
-    if b.ndim != 2 or len(b) != len(a):
-        raise ShapeError(f"B has shape {b.shape}, expected ({len(a)}, m)")
+    if a.ndim != 2 or a.shape[0] != a.shape[1] or not a.size:
+        raise ShapeError(f"A has shape {a.shape}, expected (n, n), n of 1 or more")
+    if b.ndim != 2 or len(b) != len(a) or not b.size:
+        raise ShapeError(f"B has shape {b.shape}, expected ({len(a)}, m), m of 1 or more")
     weights = []
     for name, value, size, strict in (("Q", Q, len(a), False), ("R", R, b.shape[1], True)):
         x = as_array(name, value)
@@ -168,27 +173,38 @@ def lqr(A: ArrayLike, B: ArrayLike, Q: ArrayLike, R: ArrayLike, *, discrete: boo
     except (np.linalg.LinAlgError, ValueError) as error:
         raise SpatialDynError(f"no feedback stabilizes A, B ({error}), expected a stabilizable system") from error
     K = np.linalg.solve(r + b.T @ P @ b, b.T @ P @ a) if discrete else np.linalg.solve(r, b.T @ P)
-    return LQR(K, P, np.linalg.eigvals(a - b @ K), discrete)
+    poles = np.linalg.eigvals(a - b @ K)
+    most = float(abs(poles).max() - 1.0 if discrete else poles.real.max())
+    if most > -MARGIN * max(1.0, float(abs(a).max())):
+        raise SpatialDynError(
+            f"Q leaves a mode unweighted that does not decay: the closed loop has the pole "
+            f"{poles[(abs(poles) if discrete else poles.real).argmax()]:.6g}, expected a Q that sees it"
+        )
+    return LQR(K, P, poles, discrete)
 
 
 class ClosedStep(NamedTuple):
-    """A step of a robot under a law, near a state.
+    """A step of a robot under a law, near a state; of laws held for a period all steps until they are taken anew.
 
-    A       (2 nv, 2 nv)  δx⁺ = A δx, δx = (δq, δv)
-    radius  the largest |eigenvalue|: errors grow by it in each step if it is above 1
+    A       (2 nv + s, 2 nv + s)  δx⁺ = A δx, δx = (δq, δv, δz) with the s states of scene and law: bristles, integrals
+    radius  the largest |eigenvalue|: errors grow by it in these steps if it is above 1
     joint   the name of the joint that takes most part in that mode
+    steps   how many steps A is of
     """
 
     A: Array
     radius: float
     joint: str
+    steps: int = 1
 
     def check(self) -> None:
         """Raise SimulationError naming the joint if errors grow."""
         if self.radius > 1.0 + 1e-6:
+            several = "a step" if self.steps == 1 else f"{self.steps} steps"
+            shorter = "" if self.steps == 1 else ", or a shorter period"
             raise SimulationError(
-                f'errors grow by {self.radius:.6g} in a step, most in joint "{self.joint}", expected at most 1: '
-                "smaller gains there, or a smaller dt"
+                f'errors grow by {self.radius:.6g} in {several}, most in joint "{self.joint}", expected at most 1: '
+                f"smaller gains there, or a smaller dt{shorter}"
             )
 
 
@@ -198,11 +214,14 @@ def closed_step(
 ) -> ClosedStep:
     """How errors evolve in a step of a scene under a law, by central differences of the first step of a run.
 
-    scene, method  of smooth effects, as of ``rollout``; method left out: ``scene.method``
+    scene, method  of smooth effects and constraints, as of ``rollout``; method left out: ``scene.method``
     q (nq,), v (nv,)  the state; for a law that follows a path, that at its beginning
     dt  [s]
 
-    The law's own states start as they do in a run. Raises SimulationError, ShapeError as ``rollout``
+    Of laws held for periods it is the product of all steps until they are taken anew together. A law's own states start
+    as in a run, and their errors evolve too, but for its clock. Under constraints errors are those that these allow.
+    Raises SimulationError for contacts, limits, motors and dry friction, whose steps have no derivative, and as
+    ``rollout``; ShapeError
 
     >>> import spatialdyn as sd
     >>> model = sd.load_urdf("pendulum")
@@ -214,25 +233,48 @@ def closed_step(
     model, n = scene.model, scene.model.nv
     if not isinstance(law, Control):
         raise SimulationError(f"law is {literal(law)}, expected a Control")
-    for name, value in (("smooth", scene.solves),):
-        if value:
-            raise SimulationError(f"scene of {', '.join(scene.acts)} is not {name}, expected smooth effects")
+    if without := rough(scene):
+        raise SimulationError(f"scene of {', '.join(without)} has steps without a derivative, expected smooth effects")
     h = as_number(dt)
     if not 0.0 < h < math.inf:
         raise SimulationError(f"dt is {literal(dt)}, expected a finite number above 0")
-    at, speed = as_array("q", q), as_array("v", v)
+    at, speed = as_finite("q", q), as_finite("v", v)
     for name, x, size in (("q", at, model.nq), ("v", speed, n)):
         if x.shape != (size,):
             raise ShapeError(f"{name} has shape {x.shape}, expected ({size},)")
-    ways = DELTA * np.concatenate([np.eye(2 * n), -np.eye(2 * n)])
-    starts = np.asarray(calls["integrate"](model, at, ways[:, :n])), speed + ways[:, n:]
-    run = rollout(scene, *starts, dt=h, steps=1, method=method, control=law, check=False)  # which would warn of it
-    q1, v1 = np.asarray(run.q)[:, 0], np.asarray(run.v)[:, 0]
-    if not (np.isfinite(q1).all() and np.isfinite(v1).all()):
-        raise NonFiniteError(f"a step of {h:g} s ends in a state that is not finite, expected a finite one")
-    moved = np.concatenate([calls["difference"](model, q1[2 * n :], q1[: 2 * n]), v1[: 2 * n] - v1[2 * n :]], 1)
+    if not (steps := steps_of_periods(law, h)):
+        raise SimulationError(
+            f"periods of the law are taken anew together after more than {MOST_STEPS} steps of {h:g} s, expected fewer"
+        )
+    law_states = {x.name for x in law.spec.states}
+    counted = {CLOCK.name, *(x for period in law.periods for x in period[1:])}
+    begun = rollout(scene, at, speed, dt=h, steps=0, method=method, control=law, record="last", check=False)
+    own = {name: x for name, x in begun.states.items() if name not in counted or name not in law_states}
+    sizes = [x.size for x in own.values()]
+    total = 2 * n + sum(sizes)
+    ways = DELTA * np.concatenate([np.eye(total), -np.eye(total)])
+    parts = np.split(ways, np.cumsum([n, n, *sizes])[:-1], axis=1)
+    held = scene.constraints
+    if held is not None:
+        J = np.asarray(constraint_jacobian(model, held, at))
+        free = np.eye(n) - np.linalg.pinv(J, rcond=1e-9) @ J
+        parts[0], parts[1] = parts[0] @ free, parts[1] @ free
+    q0, v0 = np.asarray(calls["integrate"](model, at, parts[0])), speed + parts[1]
+    if held is not None:
+        q0 = project_configuration(model, held, q0)
+        v0 = project_velocity(model, held, q0, v0)
+    given = {name: x + way.reshape(-1, *x.shape) for (name, x), way in zip(own.items(), parts[2:], strict=True)}
+    run = rollout(
+        scene, q0, v0, dt=h, steps=steps, method=method, control=law, states=given or None, record="last", check=False
+    )  # which would warn of it
+    ends = [np.asarray(run.v), *(np.asarray(run.states[name]).reshape(2 * total, -1) for name in own)]
+    if not all(np.isfinite(x).all() for x in (np.asarray(run.q), *ends)):
+        many = "a step" if steps == 1 else f"{steps} steps"
+        raise NonFiniteError(f"{many} of {h:g} s ends in a state that is not finite, expected a finite one")
+    turned = np.asarray(calls["difference"](model, np.asarray(run.q)[total:], np.asarray(run.q)[:total]))
+    moved = np.concatenate([turned, *(x[:total] - x[total:] for x in ends)], 1)
     A = moved.T / (2.0 * DELTA)
     values, vectors = np.linalg.eig(A)
     worst = int(abs(values).argmax())
     joint = joint_of_mode(model, A, values[worst], vectors[:, worst])
-    return ClosedStep(A, float(abs(values[worst])), joint)
+    return ClosedStep(A, float(abs(values[worst])), joint, steps)

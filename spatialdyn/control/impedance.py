@@ -7,14 +7,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..calls.arguments import as_array, as_finite, as_number, check_model, frame_row_and_placement
+from ..calls.arguments import as_array, as_finite, check_model, frame_row_and_placement, pose_fault
 from ..errors import ModelError, NonFiniteError, ShapeError, SimulationError
 from ..model.model import Frame, Model
 from ..recursions.control.impedance import impedance_spec
 from .laws import Law, gain_of
 
 Array = NDArray[np.float64]
-RIGID = 1e-6  # of the rows of a target's rotation
 SAME = 1e-9  # relative, of entries that have to be equal
 
 
@@ -80,8 +79,16 @@ class Impedance(Law):
         self.checks = (self._check,)
 
     def _check(self, model: Model) -> None:
-        if model != self.model:
-            raise ModelError(f'robot "{model.name}" is not "{self.model.name}", whose frame the law holds')
+        """Raise ModelError for a robot without the frame, or with it elsewhere; masses and gravity do not matter."""
+        if model is self.model:
+            return
+        name = f"{self.frame.kind}:{self.frame.name}"
+        (row, placement), mine = (frame_row_and_placement(x, name) for x in (model, self.model))
+        if model.nq != self.model.nq or row != mine[0] or (placement != mine[1]).any():
+            raise ModelError(
+                f'frame "{self.frame.name}" of robot "{model.name}" is on another body, or elsewhere on it, than in '
+                f'"{self.model.name}", of which the law holds it'
+            )
 
 
 def cartesian_damping(Lambda: ArrayLike, K: ArrayLike, zeta: ArrayLike = 0.7) -> Array:
@@ -133,8 +140,6 @@ def _target(target: Any) -> Array:
         raise ShapeError(f"target has shape {X.shape}, expected (4, 4), (T, 4, 4) or (B, T, 4, 4)")
     if not np.isfinite(X).all():
         raise NonFiniteError("target has numbers that are not finite, expected poses")
-    R = X[..., :3, :3]
-    off = as_number(abs(R @ np.swapaxes(R, -1, -2) - np.eye(3)).max())
-    if off > RIGID:
-        raise SimulationError(f"target has no rotation: R Rᵀ is off 1 by {off:.2g}")
+    if fault := pose_fault(X):
+        raise SimulationError(f"target has {fault}")
     return X

@@ -13,9 +13,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..calls.arguments import as_array, as_word, within_range
+from ..calls.dynamics import calls
 from ..errors import NonFiniteError, ShapeError, SimulationError, literal
 from ..laws.control import Control
-from ..laws.law_specs import RATE, evaluated, with_values
+from ..laws.law_specs import RATE, evaluated, in_step, kept, with_values
 from ..model.model import Model
 from ..recursions.control.control_laws import GRAVITY, STATE_FEEDBACK, law_spec
 from ..recursions.control.paths import CLOCK
@@ -36,7 +37,8 @@ class Law(Control):
         """Of the Spec of a law, its gains by name, and a Path, or arrays q_ref, v_ref and a_ref by name."""
         if isinstance(reference, Path):
             self.path = reference
-            spec, values, self.static = following(core, reference.spec), {**gains, **reference.rows}, ()
+            own = {name: kept(x) for name, x in gains.items()}
+            spec, values, self.static = following(core, reference.spec), {**own, **reference.rows}, ()
             self.checks = (reference.check_model,)
         else:
             given = {**gains, **{name: x for name, x in reference.items() if x is not None}}
@@ -71,9 +73,10 @@ def following(core: Spec, path: Spec) -> Spec:
     )
 
 
-def gain_of(name: str, value: ArrayLike, size: int, least: float | None = 0.0) -> Array:
+def gain_of(name: str, value: ArrayLike, size: int | None, least: float | None = 0.0) -> Array:
     """Gains as (nv,), of a diagonal, (nv, nv), or with axes of steps and samples (B, T, nv).
 
+    size   nv; None if only a robot will tell, and a number stays one until then
     least  eigenvalues have to be above it; None for 0 or above
 
     Raises SimulationError naming the eigenvalue, ShapeError, NonFiniteError.
@@ -81,9 +84,9 @@ def gain_of(name: str, value: ArrayLike, size: int, least: float | None = 0.0) -
     K = as_array(name, value)
     if not np.isfinite(K).all():
         raise NonFiniteError(f"{name} is {K.tolist()}, expected finite numbers")
-    if K.ndim == 0 and size:
+    if K.ndim == 0 and size is not None:
         K = np.full(size, float(K))
-    if K.ndim == 0 or K.ndim > 3:
+    if K.ndim > 3:
         raise ShapeError(f"{name} has shape {K.shape}, expected (nv,) or (nv, nv)")
     found: Array = K
     if K.ndim == 2 and K.shape[0] == K.shape[1] and K.shape[0] > 1:
@@ -103,11 +106,10 @@ def _is_matrix(K: Array) -> bool:
     return K.ndim == 2 and K.shape[0] == K.shape[1] and K.shape[0] > 1
 
 
-def _reference(path: Any, name: str = "path") -> tuple[Any, int]:
-    """A Path, or arrays by name; and nv, 0 if it does not follow from them."""
+def _reference(path: Any, name: str = "path") -> tuple[Any, int | None]:
+    """A Path, or arrays by name; and nv, None if it does not follow from them."""
     if isinstance(path, Path):
-        table = path._table
-        return path, table.nv
+        return path, path._table.nv
     q = as_array(name, path)
     if not np.isfinite(q).all():
         raise NonFiniteError(f"{name} is {q.tolist()}, expected finite numbers")
@@ -115,11 +117,11 @@ def _reference(path: Any, name: str = "path") -> tuple[Any, int]:
         raise ShapeError(
             f"{name} has shape (), expected a Path, or positions (nq,), (steps, nq) or (samples, steps, nq)"
         )
-    return {"q_ref": q}, q.shape[-1]
+    return {"q_ref": q}, None
 
 
 def _two_gains(
-    law: str, first: tuple[str, ArrayLike], second: tuple[str, ArrayLike], size: int
+    law: str, first: tuple[str, ArrayLike], second: tuple[str, ArrayLike], size: int | None
 ) -> tuple[Spec, Array, Array]:
     """The Spec of a law of two gains, and those."""
     one, two = gain_of(*first, size), gain_of(*second, size)
@@ -129,7 +131,7 @@ def _two_gains(
 class PD(Law):
     """A law of the joints: tau = kp (q_ref ⊖ q) + kd (v_ref - v).
 
-    kp, kd  (nv,), (nv, nv), or (B, 1, nv) per sample  gains [N m/rad | N/m], [N m s/rad | N s/m], 0 or more
+    kp, kd  numbers, (nv,), (nv, nv), or (B, 1, nv) per sample  gains [N m/rad | N/m], [N m s/rad | N s/m], 0 or more
     q_ref   (nq,), (T, nq) or (B, T, nq)  positions to reach [rad | m], or a Path
     v_ref   (nv,), (T, nv) or (B, T, nv)  velocities to reach [rad/s | m/s]; zero, or the path's, if left out
     held    True: evaluated at the beginning of a step and held over it, as by a digital controller. False: wherever the
@@ -227,16 +229,16 @@ class EnergyShaping(Law):
         reference, n = _reference(as_array("q_d", q_d), "q_d")
         law = "pd_gravity" if potential == "quadratic" else "cosine_shaping"
         core, one, two = _two_gains(law, ("Kp", Kp), ("Kd", Kd), n)
-        if potential == "cosine" and one.ndim != 1:
+        if potential == "cosine" and one.ndim > 1:
             raise ShapeError(f"Kp has shape {one.shape}, expected (nv,) for cosines")
         super().__init__(core, {"kp": one, "kd": two}, reference, held)
 
     def energy(self, model: Model, q: ArrayLike, v: ArrayLike) -> Array:
-        """H_d (...) = ½ vᵀM v + V_d(q) [J]."""
-        from ..calls.dynamics import calls
-
-        e = np.asarray(calls["difference"](model, q, self.values["q_ref"]))
-        Kp = self.values["kp"]
+        """H_d (...) = ½ vᵀM v + V_d(q) [J]. Raises ShapeError for a robot of other joints."""
+        given = self.rows(model, 1, 1)
+        Kp, q_d = (given[in_step(name)][0, 0] for name in ("kp", "q_ref"))
+        Kp = Kp.reshape(self.values["kp"].shape) if _is_matrix(self.values["kp"]) else Kp
+        e = np.asarray(calls["difference"](model, q, q_d))
         kinetic = np.asarray(calls["kinetic_energy"](model, q, v))
         if self.potential == "cosine":
             return np.asarray(kinetic + (Kp * (1.0 - np.cos(e))).sum(-1))
@@ -350,6 +352,8 @@ class StateFeedback(Law):
             at = np.asarray(joints)
             if at.shape != (len(gain),) or at.dtype.kind not in "iu" or not ((at >= 0) & (at < n)).all():
                 raise ShapeError(f"joints are {literal(joints)}, expected {len(gain)} whole numbers from 0 to {n - 1}")
+            if len({*at.tolist()}) < len(at):
+                raise SimulationError(f"joints are {literal(joints)}, expected each once: one row of K each")
             whole = np.zeros((n, 2 * n))
             whole[at] = gain
             gain = whole

@@ -54,7 +54,12 @@ class PassivityRecord:
         return -self.excess
 
     def order(self, other: PassivityRecord) -> float:
-        """The order in dt of the largest excess, from the same motion with another dt; NaN if one has none."""
+        """The order in dt of the largest excess, from the same motion with another dt; NaN if one has none.
+
+        Raises SimulationError for something else than a record.
+        """
+        if not isinstance(other, PassivityRecord):
+            raise SimulationError(f"other is {literal(other)}, expected a PassivityRecord of it with another dt")
         if not (self.worst > 0.0 and other.worst > 0.0 and self.dt != other.dt):
             return math.nan
         return math.log(self.worst / other.worst) / math.log(self.dt / other.dt)

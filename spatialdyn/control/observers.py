@@ -29,10 +29,10 @@ class MomentumObserver:
     gain   K, above 0, a number or (nv,) [1/s]: the residual follows the torque like 1 - exp(-K t)
     dt     time between updates [s]
 
-    ``update(q, v, tau)`` returns the residual (..., nv) [N m | N], with axes of samples if its arguments have some. It
-    follows the external torque as a first-order filter, ṙ = K (τ_ext - r), to order 2 in dt, in every joint, floating
-    bases included. Everything that is neither in tau nor in the model appears in the residual: subtract friction and
-    motors' losses from tau.
+    ``update(q, v, tau)`` returns the residual (..., nv) [N m | N], with axes of samples if its arguments have some, in
+    all updates the same. It follows the external torque as a first-order filter, ṙ = K (τ_ext - r), to order 2 in dt,
+    in every joint, floating bases included. Everything that is neither in tau nor in the model appears in the residual:
+    subtract friction and motors' losses from tau.
     ``momentum_observer_step`` is one step as a function; ``kernel`` is for loops in ``@njit``, and
     ``sd.specialize(model, sd.momentum_observer_step).c_code()`` is C code.
 
@@ -74,8 +74,8 @@ class MomentumObserver:
     def update(self, q: ArrayLike, v: ArrayLike, tau: ArrayLike) -> Array:
         """The residual (..., nv) at a state q (..., nq), v (..., nv) whose motors give tau (..., nv).
 
-        The first update takes the robot as free of contact, with a residual of 0. Raises ShapeError, NonFiniteError,
-        which leave the observer as it was.
+        The first update takes the robot as free of contact, with a residual of 0. Raises ShapeError, also for other
+        axes of samples than before, and NonFiniteError, which leave the observer as it was.
         """
         n = self.model.nv
         given = as_finite("q", q), as_finite("v", v), as_finite("tau", tau)
@@ -85,6 +85,12 @@ class MomentumObserver:
             batch = np.broadcast_shapes(p.shape, rate.shape)
             self.memory = np.concatenate([np.broadcast_to(x, batch) for x in (p, rate, np.zeros(n))], -1)
         else:
+            batch = broadcast(["q", "v", "tau"], [x.shape[:-1] for x in given])
+            if batch != self.memory.shape[:-1]:
+                raise ShapeError(
+                    f"q, v and tau have axes of samples {batch}, expected those of the updates before, "
+                    f"{self.memory.shape[:-1]}: reset() begins anew"
+                )
             self.memory = momentum_observer_step(self.model, *given, self.gain, self.dt, self.memory)
         return self.memory[..., 2 * n :].copy()
 

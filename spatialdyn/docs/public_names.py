@@ -67,6 +67,11 @@ GROUPS = {
         "Scene simulate step rollout integrators Trajectory Rollout ContactRecord Control Cost energy_ledger "
         "EnergyLedger hamilton_simulation",
     ),
+    "chips": Group(
+        "Code for a chip",
+        "C of calls, laws and steps, without allocation.",
+        "export",
+    ),
     "studies": Group(
         "Studies",
         "A function of a scene on any number of random samples, in chunks, on any executor.",
@@ -91,7 +96,7 @@ GROUPS = {
         "Control",
         "Paths, laws, gains, observers, and checks of a run.",
         "Path PathPoint PathPeaks quintic trapezoid spline fourier PD PDGravity PDPlus ComputedTorque Passivity "
-        "EnergyShaping StateFeedback Gravity Impedance SlotineLi NaturalAdaptation Excitation cartesian_damping "
+        "EnergyShaping StateFeedback Gravity Impedance SlotineLi NaturalAdaptation ExcitationRecord cartesian_damping "
         "Gains critical_gains gravity_stiffness_bound lqr LQR closed_step "
         "ClosedStep largest_step MomentumObserver momentum_observer_step detection_thresholds ContactWrench "
         "contact_wrench base_velocity passivity PassivityRecord lyapunov LyapunovRecord",
@@ -150,6 +155,7 @@ BY_PACKAGE = {
     "linearization": "derivatives", "model": "robots",
     "pictures": "pictures", "recursions": "dynamics", "simulation": "simulation", "sources": "robots",
     "urdf": "robots", "identification": "identification", "studies": "studies", "operational": "control",
+    "embedded": "chips",
 }  # fmt: skip
 
 

@@ -21,7 +21,7 @@ from ..bodies.table import ANY_NORM
 from ..recursions.spec import Spec
 from ..waiting import watch
 from . import locks, threads
-from .compiled import numba_kernels
+from .compiled import numba_kernels, tiers
 from .failed import ALL_OK as ALL_OK
 from .failed import Arrays as Arrays
 from .failed import Failed as Failed
@@ -37,6 +37,7 @@ from .programs.run.tiered_program import TieredProgram
 SHARE = 10**9 if numba_kernels.PLAIN else 128  # least samples of a thread: some 100 µs
 FEW, FEW_NUMBERS = 512, 1 << 20  # most samples, and numbers of their results, that NumPy computes in some 10 ms to 1 s
 FEW_ALONE = 16  # of a recursion that branches on values, which takes them one by one, 1 to 20 ms each
+MANY_ALONE = 512  # samples of a recursion that branches on values, 20 ms each in plain Python, that compile it at once
 MOST_STEPS = 200_000  # rows of the table times numbers of a result, 2 us each at most, that NumPy is given
 MANY = 8192  # samples of a batch to prepare for
 _lock = locks.new()
@@ -178,11 +179,14 @@ def run_table_kernel(
     columns  the wanted entries of a result, flat, all if left out
     seen     as of ``batch``
 
-    A few samples with NaN or infinity are computed in NumPy: for the result NaN no kernel is compiled. So are all of a
-    model with mimic joints, whose reduced recursions have no table kernel, and of a Spec that is ``large``.
+    A recursion that branches on values, which has no program, runs in plain Python until compiling pays, with the same
+    bits. A few samples with NaN or infinity are computed in NumPy: for the result NaN no kernel is compiled. So are all
+    of a model with mimic joints, whose reduced recursions have no table kernel, of one without joints, and of a Spec
+    that is ``large``.
     """
     count = len(out) if at is None else len(at)
-    if table.bodies["leader"].any() or (spec.large and not numba_kernels.PLAIN):
+    in_numpy = len(table.bodies) == 1 or table.bodies["leader"].any()
+    if in_numpy or (spec.large and not numba_kernels.PLAIN):
         samples = np.arange(count) if at is None else at
         return run_in_numpy(spec, table, inputs, static, out, samples, columns, seen)
     odd = _few_not_finite(spec, table, inputs, static, count)
@@ -206,6 +210,7 @@ def preview(spec: Spec, table: Table, inputs: Arrays, static: tuple[Any, ...], c
     """
     if (
         numba_kernels.PLAIN
+        or not spec.traceable  # which compiles when it pays
         or table.bodies["leader"].any()  # which have no table kernel
         or numba_kernels.is_made(spec)
         or count > _few(spec, table, static)
@@ -247,13 +252,42 @@ def _run_table_kernel(
     seen: bool,
 ) -> Failed:
     """``run_table_kernel`` of any samples."""
-    core = _core(spec, table, hashable(static))
-    kernel, rows = numba_kernels.batch_kernel(spec), getattr(table, numba_kernels.TABLE)
+    core, rows = _core(spec, table, hashable(static)), getattr(table, numba_kernels.TABLE)
+    kernel = _kernel(spec, len(out) if at is None else len(at))
 
     def compute(here: slice, given: Arrays, flat: NDArray[np.float64], status: NDArray[np.int8]) -> None:
-        _share(kernel, rows, given, static, flat.reshape((len(flat), *core)), status)
+        results = flat.reshape((len(flat), *core))
+        if kernel is not None:
+            _share(kernel, rows, given, static, results, status)
+        else:
+            _one_by_one(spec, rows, given, static, results, status)
 
     return _in_slices(compute, len(table.bodies), math.prod(core), inputs, out, at, columns, seen)
+
+
+def compile_table_kernel(spec: Spec) -> None:
+    """Compile what computes batches of a call without a program."""
+    _kernel(spec, MANY_ALONE)
+
+
+def _kernel(spec: Spec, count: int) -> Callable[..., int] | None:
+    """The table kernel of batches; None for few samples of a recursion that runs in plain Python so far."""
+    if spec.traceable or numba_kernels.PLAIN:
+        return numba_kernels.batch_kernel(spec)
+    tier = tiers.table_kernel(spec)
+    return tier.batches if count >= MANY_ALONE or tier.code() is not None else None
+
+
+def _one_by_one(
+    spec: Spec, rows: Any, inputs: Arrays, static: tuple[Any, ...], out: NDArray[Any], status: NDArray[np.int8]
+) -> None:
+    """Samples by a kernel that is compiled when that pays, as ``_share``."""
+    kernel, varying = tiers.table_kernel(spec), [x for x in spec.present if not x.static]
+    known = dict(zip((x.name for x in spec.present if x.static), static, strict=True))
+    for k in range(len(out)):
+        given = (x[k] if len(x) == len(out) else x[0] for x in inputs)
+        values = known | {x.name: y if x.shape else float(y) for x, y in zip(varying, given, strict=True)}
+        status[k] = kernel(rows, *(values[x.name] for x in spec.present), out[k])
 
 
 def run_in_numpy(

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 import spatialdyn as sd
-from spatialdyn.examples.gallery import start
+from spatialdyn.examples.gallery import picture, start, write
 
 COULOMB, DAMPING, OFFSET, NOISE = 0.8, 0.15, 0.2, 0.1  # N m, N m s/rad, of the sensor, and its noise
 SPEEDS = {"slow": 0.2, "fast": 4.0}  # rad/s
@@ -25,7 +25,7 @@ def rod() -> sd.Model:
     return sd.ModelBuilder("rod").add_body("rod", None, "revolute", (0, 1, 0), inertia=inertia).build()
 
 
-def main() -> dict[str, Any]:
+def main(save: str | None = None) -> dict[str, Any]:
     """Print what each motion tells, and both; returns the results."""
     model, rng, logs = rod(), np.random.default_rng(0), {}
     for name, speed in SPEEDS.items():
@@ -43,6 +43,17 @@ def main() -> dict[str, Any]:
         print(f"{name:5} {', '.join(shown)}; noise {fit.noise[0]:.3f} N m")
     print(f"true  viscous {DAMPING}, coulomb {COULOMB}, offset {OFFSET}")
     scene = found["both"].scene()  # a Scene with this friction, to simulate in
+    if save:
+        figure, axes = picture(3, 10.0, 3.0)
+        for k, (one, truth) in enumerate(zip(axes, (DAMPING, COULOMB, OFFSET), strict=True)):
+            for y, fit in enumerate(found.values()):
+                one.errorbar(fit.beta[k], y, xerr=fit.half_width[k], fmt="o", capsize=4)
+            one.axvline(truth, color="k", linewidth=0.8)
+            one.set_yticks(range(3), [*found] if not k else [])
+            one.locator_params(axis="x", nbins=4)
+            one.set(title=found["both"].base.labels[k].partition(".")[2], ylim=(-0.6, 2.6))
+        axes[1].set_xlabel("value with its interval of 95 %; the line is the truth [N m s | N m]")
+        write(figure, save)
     return {**found, "scene": scene}
 
 

@@ -1,11 +1,11 @@
 """iLQR with limits of the torques: a cart-pole that swings up, and a Panda that reaches for a point.
 
 Learn    sd.step_derivatives gives all A and B of a horizon in one call, and sd.rollout the motion under a new law, a
-         recursion that joins the program of the steps. The rest is Riccati's recursion in compiled matrix products;
+         recursion that joins the program of the steps. The rest is Riccati's recursion in compiled loops;
          ``optimal_control`` has the problems.
 Look at  the cost of the swing-up, 3.5517082866 as other solvers have it, and the price of limits. With them the gains
          of a joint at its limit are 0: projected Newton steps find which joints that are.
-Needs    pip install scipy, and example-robot-data for the Panda
+Needs    pip install example-robot-data for the Panda
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ import numpy as np
 
 import spatialdyn as sd
 from spatialdyn.algebra.scalars import select
-from spatialdyn.examples.gallery import need, picture, start, write
+from spatialdyn.examples.gallery import picture, start, write
 from spatialdyn.examples.optimal_control import Problem, cost_of, reach, swing_up
 from spatialdyn.recursions.spec import TAU, Argument, Q, Spec, V
 
@@ -27,8 +27,18 @@ Array = np.ndarray
 
 
 @numba.njit(cache=True)
+def add_product(A, B, out):  # type: ignore[no-untyped-def]
+    """out + Aᵀ B, written in place. So small matrices are faster in loops than by BLAS, and compile in less time."""
+    for k in range(len(A)):
+        for i in range(len(out)):
+            for j in range(B.shape[1]):
+                out[i, j] += A[k, i] * B[k, j]
+    return out
+
+
+@numba.njit(cache=True)
 def add_by(A, x, out):  # type: ignore[no-untyped-def]
-    """out + Aᵀ x, written in place. So small matrices are faster in loops than by BLAS."""
+    """out + Aᵀ x, written in place."""
     for k in range(len(A)):
         for i in range(len(out)):
             out[i] += A[k, i] * x[k]
@@ -36,13 +46,12 @@ def add_by(A, x, out):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True)
-def add_product(A, B, out):  # type: ignore[no-untyped-def]
-    """out + Aᵀ B, written in place."""
-    for k in range(len(A)):
-        for i in range(len(out)):
-            for j in range(B.shape[1]):
-                out[i, j] += A[k, i] * B[k, j]
-    return out
+def dot(x, y):  # type: ignore[no-untyped-def]
+    """x · y."""
+    total = 0.0
+    for k in range(len(x)):
+        total += x[k] * y[k]
+    return total
 
 
 def law(bodies, q, v, push, gains, around, low, high, tau):  # type: ignore[no-untyped-def]
@@ -71,7 +80,11 @@ def forward(p: Problem, x: Array, push: Array, K: Array) -> tuple[Array, Array]:
 @numba.njit(cache=True)
 def free_inverse(H, free):  # type: ignore[no-untyped-def]
     """H⁻¹ of the free unknowns, 0 elsewhere, by Gauss and Jordan; and whether H is positive there."""
-    n, X = len(H), H * np.outer(1.0 * free, 1.0 * free)
+    n, X = len(H), H.copy()
+    for k in range(n):
+        for j in range(n):
+            if not (free[k] and free[j]):
+                X[k, j] = 0.0
     for k in range(n):
         pivot = X[k, k]
         if free[k] and not pivot > 0.0:
@@ -92,24 +105,30 @@ def free_inverse(H, free):  # type: ignore[no-untyped-def]
 @numba.njit(cache=True)
 def box_minimum(H, g, low, high):  # type: ignore[no-untyped-def]
     """x of the least ½ xᵀHx + gᵀx in a box, by projected Newton steps (Tassa 2014), and ``free_inverse`` of H there."""
-    x, was = np.minimum(np.maximum(0.0, low), high), np.zeros(len(g), np.bool_)
-    inverse, positive = H, True
+    n = len(g)
+    x, step, free, inverse, positive = np.zeros(n), np.zeros(n), np.zeros(n, np.bool_), H, True
+    for i in range(n):
+        x[i] = min(max(0.0, low[i]), high[i])
     for turn in range(50):
-        slope = add_by(H, x, g.copy())
-        free = ~(((x <= low) & (slope >= 0.0)) | ((x >= high) & (slope <= 0.0)))
-        if turn == 0 or (free != was).any():
-            (inverse, positive), was = free_inverse(H, free), free
-        move, size = add_by(inverse, slope, np.zeros(len(g))), 1.0
-        if not positive or slope @ move <= 1e-20 * abs(g @ x):
+        slope, changed = add_by(H, x, g.copy()), turn == 0
+        for i in range(n):
+            held = (x[i] <= low[i] and slope[i] >= 0.0) or (x[i] >= high[i] and slope[i] <= 0.0)
+            changed, free[i] = changed or free[i] == held, not held
+        if changed:
+            inverse, positive = free_inverse(H, free)
+        move, size = add_by(inverse, slope, np.zeros(n)), 1.0
+        if not positive or dot(slope, move) <= 1e-20 * abs(dot(g, x)):
             break
         while size > 1e-9:  # until the step, projected onto the box, goes down
-            step = np.minimum(np.maximum(x - size * move, low), high) - x
-            if step @ (slope + add_by(H, 0.5 * step, np.zeros(len(g)))) < 0.0:
+            for i in range(n):
+                step[i] = min(max(x[i] - size * move[i], low[i]), high[i]) - x[i]
+            if dot(step, slope) + 0.5 * dot(step, add_by(H, step, np.zeros(n))) < 0.0:
                 break
             size *= 0.5
         else:
             break
-        x += step
+        for i in range(n):
+            x[i] += step[i]
     return x, inverse, positive
 
 
@@ -120,28 +139,36 @@ def backward(C, slope, W, g, H, low, high, mu, k, K):  # type: ignore[no-untyped
     C (T, 2n, 3n)  derivatives of the steps by (x, u); slope (T, 3n) and W (3n, 3n) of the cost of each
     g, H           of the cost of the last state
     """
-    n, less, HC = 2 * k.shape[1], 0.0, np.empty_like(C[0])
+    n, m, less = k.shape[1], 2 * k.shape[1], 0.0
     k, K = np.zeros_like(k), np.zeros_like(K)
+    Hux, Huu, damped, minus = np.zeros((n, m)), np.zeros((n, n)), np.zeros((n, n)), np.zeros((n, n))
     for t in range(len(C) - 1, -1, -1):
-        Q = W + np.dot(C[t].T, np.dot(H, C[t], HC))
+        Q = add_product(C[t], add_product(H, C[t], np.zeros(C[t].shape)), W.copy())
         r = add_by(C[t], g, slope[t].copy())
-        Hux, Huu, gb = Q[n:, :n].copy(), Q[n:, n:].copy(), r[n:]
-        step, inverse, positive = box_minimum(Huu + mu * np.eye(len(gb)), gb, low[t], high[t])
+        for i in range(n):
+            for j in range(m):
+                Hux[i, j] = Q[m + i, j]
+            for j in range(n):
+                Huu[i, j] = Q[m + i, m + j]
+                damped[i, j] = Huu[i, j] + (mu if i == j else 0.0)
+        step, inverse, positive = box_minimum(damped, r[m:], low[t], high[t])
         if not positive:
             return np.nan, k, K
-        add_by(np.eye(len(gb)), step, k[t])
-        add_product(-inverse, Hux, K[t])
-        by_k = add_by(Huu, k[t], np.zeros(len(gb)))
-        less -= k[t] @ (gb + 0.5 * by_k)
-        g = add_by(Hux, k[t], add_by(K[t], gb + by_k, r[:n].copy()))
-        half = add_product(K[t], add_product(0.5 * Huu, K[t], Hux.copy()), 0.5 * Q[:n, :n])
+        for i in range(n):
+            k[t, i] = step[i]
+            for j in range(n):
+                minus[i, j] = -inverse[i, j]
+        add_product(minus, Hux, K[t])
+        by_k = add_by(Huu, step, np.zeros(n))
+        less -= dot(step, r[m:]) + 0.5 * dot(step, by_k)
+        g = add_by(Hux, step, add_by(K[t], r[m:] + by_k, r[:m].copy()))
+        half = add_product(K[t], add_product(0.5 * Huu, K[t], Hux.copy()), 0.5 * Q[:m, :m])
         H = half + half.T
     return less, k, K
 
 
 def ilqr(p: Problem, u: Array, tolerance: float = 1e-12, most: int = 300) -> tuple[Array, Array, list[float], Array]:
     """States (T + 1, 2 nv), torques (T, nv), costs and gains (T, nv, 2 nv) of a minimum near the torques u."""
-    need("scipy", "simulation")  # for Numba's matrix products
     T, n, mu, size, taken = len(u), p.model.nv, 0.0, 1.0, 1.0
     x, k, K = np.zeros((T + 1, 2 * n)), np.zeros((T, n)), np.zeros((T, n, 2 * n))
     x[0] = np.concatenate([p.q0, p.v0])

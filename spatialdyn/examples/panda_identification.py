@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 import spatialdyn as sd
-from spatialdyn.examples.gallery import need, start
+from spatialdyn.examples.gallery import need, picture, start, write
 
 FRICTION = sd.Friction(coulomb=[0.5, 0.5, 0.4, 0.4, 0.3, 0.3, 0.2], viscous=0.3)
 NOISE = np.array([0.2, 0.2, 0.2, 0.15, 0.1, 0.05, 0.05])  # N m, of the torque sensors
@@ -29,7 +29,23 @@ def measured(robot: sd.Model, path: sd.Path, rng: np.random.Generator) -> sd.Rec
     return sd.Recording(t, q, tau + NOISE * rng.normal(size=tau.shape), v, a)
 
 
-def main(quick: bool = False) -> dict[str, Any]:
+def draw(found: sd.Identified, true: np.ndarray, nominal: sd.Model, other: sd.Recording, save: str) -> None:
+    """Errors of base parameters beside their intervals, and a joint's torque on another motion."""
+    figure, (left, right) = picture(2, 10.0, 4.0)
+    size = found.half_width
+    left.errorbar(np.arange(len(true)), (found.beta - true) / size, yerr=1.0, fmt="o", markersize=3, linewidth=0.8)
+    left.axhline(0.0, color="k", linewidth=0.8)
+    left.set(xlabel="base parameter", ylabel="error, in half widths", title="95 % intervals and the truth, 0")
+    judged, state = found.validate(other), [other.q, other.v, other.a]
+    right.plot(judged.t, judged.tau[:, 4], linewidth=0.8, label="measured")
+    right.plot(judged.t, judged.predicted[:, 4], label="identified")
+    right.plot(other.t, sd.rnea(nominal, *map(np.asarray, state))[:, 4], "--", label="before, no friction")
+    right.set(xlabel="t [s]", ylabel="torque of joint 5 [N m]", title="another motion")
+    right.legend()
+    write(figure, save)
+
+
+def main(quick: bool = False, save: str | None = None) -> dict[str, Any]:
     """Print rank, bodies and torques of another motion; returns what was found."""
     panda, rng = sd.load_urdf("panda"), np.random.default_rng(0)
     robot = panda.reduced([name for name in panda.names if "finger" in name])
@@ -52,6 +68,10 @@ def main(quick: bool = False) -> dict[str, Any]:
     before, after = (float(abs(sd.rnea(x, *state) - true).max()) for x in (nominal, model))
     print(f"torques of inertia and gravity are off by {before:.3g} N m before, {after:.3g} N m after")
 
+    if save:
+        friction = np.concatenate([FRICTION.viscous * np.ones(7), FRICTION.coulomb])
+        pi = np.append(sd.inertial_parameters(robot)[1:], friction)
+        draw(found["log_cholesky"], found["wls"].base.K @ pi, nominal, other, save)
     need("matplotlib", "plot")
     page = io.StringIO()
     found["log_cholesky"].report(page, other)  # or a name: report("panda.html", other)

@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 import spatialdyn as sd
-from spatialdyn.examples.gallery import start
+from spatialdyn.examples.gallery import picture, start, write
 
 Array = np.ndarray
 LOAD = (1.7, np.array([0.03, -0.02, 0.08]), np.diag([4e-3, 3e-3, 2e-3]))  # kg, m, kg m² about the centre of mass
@@ -26,7 +26,7 @@ def parameters(load: tuple[float, Array, Array]) -> Array:
     return np.array([m, *(m * c), I[0, 0], I[0, 1], I[1, 1], I[0, 2], I[1, 2], I[2, 2]])
 
 
-def main(quick: bool = False) -> dict[str, Array]:
+def main(quick: bool = False, save: str | None = None) -> dict[str, Array]:
     """Print what the data of rest and of motion give; returns ranks, the parameters found and those that are true."""
     model, frame, noise = sd.load_urdf("ur5"), "tool0", 0.02  # N m, of the torque sensors
     loaded, rng = model.with_(payload={frame: LOAD}), np.random.default_rng(1)
@@ -51,6 +51,19 @@ def main(quick: bool = False) -> dict[str, Array]:
     tau = sd.rnea(loaded, q, v, a) + noise * rng.normal(size=q.shape)
     fit = sd.identify(sd.Recording(t, q, tau, v, a), model, "log_cholesky", "inertial", payload=frame)
     print(f"on a path, as a load that can exist: {fit.parameters[0]:.3f} kg, the rest in fit.model()")
+    if save:
+        figure, axes = picture(1, 8.0, 4.0)
+        for shift, name in enumerate(("at rest", "moving")):
+            off, deviation = found[name] - found["true"], found[f"deviation {name}"]
+            seen = np.flatnonzero(deviation > 0.0)[: int(found[f"rank {name}"])]
+            axes.errorbar(seen + 0.2 * shift, off[seen], 2.0 * deviation[seen], fmt="o", capsize=3, label=name)
+        axes.axhline(0.0, color="k", linewidth=0.8)
+        axes.set_xticks(range(10), NAMES)
+        axes.set(
+            ylabel="error, ± 2 deviations [kg | kg m | kg m²]", title="Of a load: at rest four numbers, moving ten"
+        )
+        axes.legend()
+        write(figure, save)
     return found | {"load": fit.parameters, "carried": np.array(fit.model().total_mass)}
 
 

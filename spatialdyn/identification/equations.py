@@ -2,7 +2,8 @@
 
 torque    Y(q, v, a) π = τ at each sample, with accelerations
 momentum  (p(k+1) - p(k)) / h - mean of (Cᵀ v - g) = mean torque of a step, both sides linear in π and without
-          accelerations; the mean by Simpson's rule on a cubic. A torque that is held over a step is its mean exactly
+          accelerations; the mean by Simpson's rule on a cubic. A torque that is held over a step is its mean exactly,
+          the mean of one that is not is that of a cubic through four samples
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from numpy.typing import NDArray
 from ..actuation.friction import Friction
 from ..calls.dynamics import calls
 from ..errors import IdentificationError
-from .motions import States, motion_of
+from .motions import States, cubic_at, means_of_steps, motion_of, shared_by_means
 from .recording import Recording
 from .unknowns import Unknowns
 
@@ -26,7 +27,7 @@ Array = NDArray[np.float64]
 FORMS = ("torque", "momentum")
 HOLDS = ("after", "before")  # a torque acts from its sample to the next, or from the one before to it
 CHUNK = 2048  # rows of each joint at a time
-KEPT = 1 << 25  # numbers of all rows up to which they are kept
+KEPT = 1 << 25  # numbers of all rows up to which they are kept, of all recordings together
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,6 +48,11 @@ class Settings:
         """How many rows a time has: those of the floating base alone if so."""
         return 6 if self.base_rows else self.unknowns.model.nv
 
+    @property
+    def shared(self) -> tuple[int, float]:
+        """``shared_by_means`` of rows that are means of samples, (1, 1) of those that share none."""
+        return shared_by_means(self.window) if self.form == "momentum" and self.hold is None else (1, 1.0)
+
 
 class Rows(NamedTuple):
     """Rows of some times: W (n, nv, count), y (n, nv), which count (n, nv), t (n,) [s], and τ (n, nv) measured."""
@@ -61,8 +67,11 @@ class Rows(NamedTuple):
 class Equations:
     """The equations of one recording, with a delay: the torque of time t acts at t + delay."""
 
-    def __init__(self, recording: Recording, settings: Settings) -> None:
-        """Filter the motion; no row is made yet. Raises IdentificationError for commanded torques."""
+    def __init__(self, recording: Recording, settings: Settings, kept: int = KEPT) -> None:
+        """Filter the motion; no row is made yet, and up to ``kept`` numbers of them are kept.
+
+        Raises IdentificationError for commanded torques.
+        """
         if recording._commanded:
             raise IdentificationError(
                 "recording is of a run with motors, whose tau is the commanded torque, expected the torque that acted: "
@@ -72,6 +81,7 @@ class Equations:
         model = settings.unknowns.model
         self.model = model
         self.motion = motion_of(recording, model, settings.cutoff, settings.form == "torque")
+        self._kept = kept
         self._made: dict[float, list[tuple[Array, Array, NDArray[np.bool_]]]] = {}
 
     @cached_property
@@ -80,7 +90,9 @@ class Equations:
         tau = self.recording.torques(self.model)
         if self.settings.form == "torque":
             return tau
-        return {None: 0.5 * (tau[1:] + tau[:-1]), "after": tau[:-1], "before": tau[1:]}[self.settings.hold]
+        if self.settings.hold is None:
+            return means_of_steps(tau)
+        return tau[:-1] if self.settings.hold == "after" else tau[1:]
 
     def rows(self, delay: float = 0.0) -> Iterator[Rows]:
         """All rows, in chunks; windows of several rows are means of both sides."""
@@ -121,7 +133,7 @@ class Equations:
             yield from self._made[part]
             return
         count = len(self.settings.unknowns.names)
-        keep = len(self.motion) * self.model.nv * count <= KEPT
+        keep = len(self.motion) * self.model.nv * count <= self._kept
         made = []
         end = len(self.motion) - (1 if part else 0) - (1 if self.settings.form == "momentum" else 0)
         for start in range(0, end, CHUNK):
@@ -160,8 +172,23 @@ class Equations:
         rates = [np.asarray(calls["momentum_rate"](model, x.q, x.v, none)) for x in (ends, middle)]
         whole = (p[1:] - p[:-1]) / h - (rates[0][1:] + 4.0 * rates[1] + rates[0][:-1]) / 6.0
         still = (np.minimum(abs(v0), abs(v1)) < self.settings.v_min) | ((v0 == 0.0) & (v1 == 0.0))
-        forces = self._wrenches(ends.q, start, part)
-        return self._known(W, whole, v, sign, still, None if forces is None else 0.5 * (forces[1:] + forces[:-1]))
+        if self.settings.hold is None:
+            still |= self._turning(start, stop, part)
+        if not self.recording.wrenches:
+            return self._known(W, whole, v, sign, still, None)
+        last = len(self.motion) - (1 if part else 0)
+        first, end = max(0, start - 1), min(stop + 2, last)  # a neighbour more on both sides, for means by four
+        forces = self._wrenches(self.motion.between(first, end, part).q, first, part)
+        assert forces is not None
+        means = means_of_steps(forces)[start - first :][: stop - start]
+        return self._known(W, whole, v, sign, still, means)
+
+    def _turning(self, start: int, stop: int, part: float) -> NDArray[np.bool_]:
+        """Steps (n, nv) whose mean is of samples before and after a joint turns: there dry friction jumps."""
+        v = self.motion.states.v
+        k = np.arange(start, stop)
+        near = np.sign([v[np.clip(k + i, 0, len(v) - 1)] for i in range(-1, 4 if part else 3)])
+        return np.asarray(near.min(0) != near.max(0))
 
     def _rates(self, x: States) -> Array:
         """Regressor of Cᵀ v - g."""
@@ -198,9 +225,7 @@ class Equations:
         total = np.zeros((len(q), self.model.nv))
         for frame, given in self.recording.wrenches.items():
             first = self.motion.first + start
-            force = given[first : first + len(q)]
-            if part:
-                force = (1.0 - part) * force + part * given[first + 1 : first + 1 + len(q)]
+            force = cubic_at(given, first, first + len(q), part) if part else given[first : first + len(q)]
             J = np.asarray(calls["frame_jacobian"](self.model, q, frame))
             total += np.einsum("nij,ni->nj", J, force)
         return total

@@ -12,12 +12,13 @@ from numpy.typing import ArrayLike, NDArray
 from ..bodies.kinds import R1
 from ..calls.arguments import as_array, as_finite, as_flag, as_number, as_word
 from ..calls.dynamics import calls
-from ..control.paths import Path, fourier
+from ..control.motions import fourier
+from ..control.paths import Path
 from ..errors import IdentificationError, ShapeError, SpatialDynError, literal
 from ..model.model import Model
 from ..waiting import watch
 from .base import structural_base
-from .unknowns import DEFAULT, Unknowns, unknowns_of, whole_number, words_of
+from .unknowns import DEFAULT, Unknowns, own_joints, unknowns_of, whole_number, words_of
 
 Array = NDArray[np.float64]
 CRITERIA = ("logdet", "cond")
@@ -165,7 +166,7 @@ class _Search:
         self.down = np.where(np.isfinite(low) & self.limits, self.centre - low, FREE[0])
         if (self.up <= 0.0).any() or (self.down <= 0.0).any():
             k = int(np.argmax((self.up <= 0.0) | (self.down <= 0.0)))
-            name = next(x.name for x in model.joints[1:] if x.idx_q == k)
+            name = next(x.name for x in own_joints(model) if x.idx_q == k)
             raise IdentificationError(
                 f'centre of joint "{name}" is {self.centre[k]:.6g}, expected it within its limits'
             )

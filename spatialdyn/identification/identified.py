@@ -22,6 +22,7 @@ from .equations import Equations, Settings
 from .least_squares import whiteness
 from .pseudo_inertia import pseudo_inertia
 from .recording import Recording
+from .unknowns import own_joints
 
 Array = NDArray[np.float64]
 COLUMNS = ("base parameter", "value", "±95 %", "σ %", "model")
@@ -161,7 +162,7 @@ class Identified:
         for kind, k in unknowns.joints:
             x = unknowns.values(kind, self.parameters)[k]
             if kind != "offset" and x < 0.0:
-                name = next(j.name for j in self.start.joints[1:] if j.idx_v == k)
+                name = next(j.name for j in own_joints(self.start) if j.idx_v == k)
                 raise IdentificationError(
                     f'joint "{name}" has {kind} {x:.6g}, expected 0 or more: method="log_cholesky" keeps it'
                 )
@@ -178,7 +179,7 @@ class Identified:
                 table[body.joint] = self.parameters[10 * k : 10 * k + 10]
             made = made.with_(inertial_parameters=table)
         kinds = {kind for kind, _ in unknowns.joints}
-        at = {joint.name: joint.idx_v for joint in made.joints[1:] if joint.nv == 1}
+        at = {joint.name: joint.idx_v for joint in own_joints(made) if joint.nv == 1}
         if "armature" in kinds:
             new = unknowns.values("armature", self.parameters)
             own = {k for kind, k in unknowns.joints if kind == "armature"}
@@ -216,7 +217,7 @@ class Identified:
         t, tau, predicted = predictions(self, [Equations(recording, self.settings)])
         off = tau - predicted
         rms = np.sqrt(np.nanmean(off**2, axis=0))
-        white = np.array([whiteness(x[np.isfinite(x)])[0] for x in off.T])
+        white = np.array([whiteness(x[np.isfinite(x)], *self.settings.shared)[0] for x in off.T])
         spread = np.maximum(np.nanstd(tau, axis=0), np.finfo(float).tiny)
         return Validation(t, tau, predicted, rms, self.noise, rms / self.noise, rms / spread, white)
 

@@ -15,18 +15,18 @@ from ..model.model import Model
 from ..simulation.scene import Scene, scene_of
 from ..waiting import watch
 from . import log_cholesky, semidefinite
-from .base import ROWS, Base, pivoted, structural_base
+from .base import ROWS, Base, structural_base
+from .base_fit import BaseFit, fit_base
 from .delays import fitted_delay, whole_delay
-from .equations import FORMS, HOLDS, Equations, Settings, refuse_flight
+from .equations import FORMS, HOLDS, KEPT, Equations, Settings, refuse_flight
 from .identified import Identified
-from .least_squares import Factors, Solution, added, factors_of, quantile, solve, whiteness
+from .least_squares import WHITE, Factors, added, factors_of, quantile, whiteness
 from .pseudo_inertia import consistent, positive, pseudo_inertia
 from .recording import Recording
-from .unknowns import DEFAULT, floats, names_of, unknowns_of, words_of
+from .unknowns import DEFAULT, floats, freedoms_of, names_of, unknowns_of, words_of
 
 Array = NDArray[np.float64]
 METHODS = ("ols", "wls", "log_cholesky", "sdp")
-UNSEEN = 1e-7  # of the largest pivot of columns of norm 1: a smaller one is no excitation
 TIMES_RANK = 10  # rows that a recording needs at least for each base parameter
 PRIOR = 1.0  # as much as each body's inertia seen once with a deviation of its own size
 FLOOR = 1e-4  # eigenvalues of P₀ by its largest: what a model has below, bodies of no mass say, is raised
@@ -56,7 +56,8 @@ def identify(
     """Parameters of a robot from recorded motions: their base parameters, intervals, and a model that has them.
 
     recording   Recording, several of one robot, or a generator of them: each is reduced to small factors and let go
-    model       Model, or a Scene, whose Coulomb's and viscous friction are known where they are not looked for
+    model       Model, or a Scene, whose Coulomb's and viscous friction are known where they are not looked for; one
+                with contacts, constraints or fext is refused. A mimic joint's friction is its leader's
     method      "ols", "wls": least squares, weighted by each freedom's own noise, of base parameters; "log_cholesky":
                 of inertias that bodies can have, and friction of 0 or more, by Gauss-Newton; "sdp": the same by a
                 semidefinite program (needs cvxpy)
@@ -67,7 +68,7 @@ def identify(
                 first where accelerations were measured and torques are not held
     hold        "after": a torque acts from its sample to the next one, as a controller's does; "before": up to its
                 sample; None: it is that of its time
-    delay       the torque of time t acts at t + delay [s]; True fits it
+    delay       the torque of time t acts at t + delay [s]; True fits it. Wrenches have none
     window      rows that are averaged, of motion and torque alike: less noise of velocities, fewer equations
     cutoff      [Hz] of a filter without phase for positions whose derivatives were not measured; None for none
     v_min       a row in which a joint is slower has no part in what its dry friction is in [rad/s | m/s]
@@ -75,6 +76,9 @@ def identify(
     bodies      names of joints whose bodies are unknown; all by default. With inertial parameters, without payload
     rows        "all", or "base": the six of a floating base, for measured ``wrenches``
     remove      take away base parameters with a deviation above this share of them, the worst first; None for none
+
+    Noise of a freedom counts as 1e-6 of its torque at least: every method fits exact torques, as computed ones, with
+    intervals of that size.
 
     Returns Identified: ``print`` shows it; ``model()``, ``scene()``, ``validate(recording)``, ``report(path)``.
     Raises  IdentificationError with a table of what the recording does not tell, for too few samples, a torque that
@@ -94,6 +98,11 @@ def identify(
     as_word("method", method, METHODS)
     if method == "sdp":
         semidefinite.need_cvxpy()
+    for name, known in (("contacts", scene.contacts), ("constraints", scene.constraints), ("fext", scene.fext)):
+        if known is not None:
+            raise IdentificationError(
+                f"scene has {name}, expected none: no equation has their forces, which are measured as wrenches"
+            )
     robot, weight = scene.model, _prior(method, prior)
     words = words_of(parameters)
     names = None if bodies is None else tuple(names_of("bodies", bodies))
@@ -101,8 +110,8 @@ def identify(
     as_word("rows", rows, ROWS)
     if rows == "base" and not floats(robot):
         raise IdentificationError(f'rows is "base", expected "all": robot "{robot.name}" has no floating base')
-    logs, once = _recordings(recording)
-    first, logs = _peeked(logs)
+    given, once = _recordings(recording)
+    first, logs = _peeked(given)
     settings = Settings(
         unknowns, _form(form, hold, first), hold if hold is None else as_word("hold", hold, HOLDS),
         as_count(window, MOST_WINDOW) or _refuse("window", window, "a number of rows of 1 or more"),
@@ -123,13 +132,16 @@ def identify(
     for log in logs:
         notes += [x for x in log.check(robot) if x not in notes]
         refuse_flight(log, settings)
-        one = Equations(log, settings)
+        one = Equations(log, settings, 0 if once else KEPT // len(given))
         if fixed and once:
             _refuse("recording", "a generator", "a list of Recordings: a delay that is fitted takes several passes")
         kept += [one] * (not once)
         if not fixed:
             factors = added(factors, factors_of(one.rows(late), base.columns))
     extra = 0
+    shows = any(bool(one.torques[:, : settings.freedoms].any()) for one in kept)
+    if fixed and not shows:
+        _refuse("delay", delay, "a number of seconds: the torques of these rows are all 0, wrenches have no delay")
     if fixed:
         late, factors = fitted_delay(kept, base.columns, weighted)
         extra = 1
@@ -139,27 +151,26 @@ def identify(
             f"recording has {int(factors.n.sum())} equations, expected {TIMES_RANK * base.rank} or more, "
             f"{TIMES_RANK} for each of {base.rank} base parameters"
         )
-    if not fixed and kept and len(kept[0].motion) > 8 * settings.window:
-        best = whole_delay(kept[:1], base.columns, 3, LOOK) if late == 0.0 else 0
+    if not fixed and shows and late == 0.0 and len(kept[0].motion) > 8 * settings.window:
+        best = whole_delay(kept[:1], base.columns, 3, LOOK)
         if best:
             notes.append(
                 f"torques fit best {best} samples, {best * kept[0].recording.dt:g} s, away from the motion: delay=True"
             )
-    fit = _least_squares(factors, base, extra, weighted, share, method)
+    fit = fit_base(factors, base, extra, weighted, share, method)
     inflation, white = np.ones(len(factors.R)), np.full(len(factors.R), np.nan)
     residuals, t = np.zeros((0, len(factors.R))), np.zeros(0)
     if kept:
         t, residuals = _residuals(kept, base, fit.beta, late)
-        tested = [whiteness(x[np.isfinite(x)]) for x in residuals.T]
-        white, inflation = (np.array(x) for x in zip(*tested, strict=True))
-        freedoms = _freedoms(robot)
-        uneven = [freedoms[k] for k in np.flatnonzero(inflation > 1.0)]
+        white, inflation = _white(residuals, factors.floor, settings.shared)
+        freedoms = freedoms_of(robot)
+        uneven = [freedoms[k] for k in np.flatnonzero(white < WHITE)]
         if uneven:
             notes.append(
                 f"residuals are not white, intervals are widened for it: {', '.join(uneven[:8])}"
                 f"{' and others' if len(uneven) > 8 else ''}"
             )
-    fit = _least_squares(factors, base, extra, weighted, share, method, inflation, fit)
+    fit = fit_base(factors, base, extra, weighted, share, method, inflation, fit)
     present = unknowns.present
     bounds: tuple[str, ...] = ()
     if method in ("ols", "wls"):
@@ -182,68 +193,7 @@ def identify(
     )  # fmt: skip
 
 
-# --- least squares of the base ------------------------------------------------------------------------------
-
-
-class _Fit:
-    """β (rank,) and what goes with it, 0 for columns that were removed or are not seen."""
-
-    def __init__(self, factors: Factors, rank: int, kept: NDArray[np.intp], extra: int, solution: Solution) -> None:
-        own = len(kept)
-        self.solution, self.kept = solution, kept
-        self.beta, self.deviation = np.zeros(rank), np.zeros(rank)
-        self.covariance = np.zeros((rank, rank))
-        self.beta[kept] = solution.beta[:own]
-        self.covariance[np.ix_(kept, kept)] = solution.covariance[:own, :own]
-        self.deviation = np.sqrt(self.covariance.diagonal())
-        self.late = float(np.sqrt(solution.covariance[-1, -1])) if extra else 0.0
-        T = solution.R[:own, :own]
-        self.values = np.linalg.svd(T / np.sqrt((T * T).sum(0)), compute_uv=False)
-        self.removed: list[int] = []
-        self.seen = np.ones(rank, bool)
-
-
-def _least_squares(
-    factors: Factors, base: Base, extra: int, weighted: bool, share: float | None, method: str,
-    inflation: Array | None = None, before: _Fit | None = None,
-) -> _Fit:  # fmt: skip
-    """β of the columns that are seen, less those that are removed. Raises IdentificationError."""
-    tail = np.arange(base.rank, base.rank + extra)
-    if before is not None:
-        columns = np.concatenate([before.kept, tail]).astype(np.intp)
-        made = _Fit(factors, base.rank, before.kept, extra, solve(factors.part(columns), weighted, inflation))
-        made.removed, made.seen = before.removed, before.seen
-        made.deviation = np.where(made.seen, made.deviation, np.inf)
-        return made
-    R = factors.joined(np.ones(len(factors.R)))[: base.rank, : base.rank]
-    size = np.sqrt((R * R).sum(0))
-    used = np.flatnonzero(size > UNSEEN * size.max(initial=0.0))
-    order, T = pivoted(R[:, used] / size[used])
-    pivots = abs(T.diagonal())
-    seen = np.zeros(base.rank, bool)
-    seen[used[order[: int((pivots > UNSEEN * pivots[0]).sum())]]] = True
-    if not seen.all() and method in ("ols", "wls") and share is None:
-        lost = [base.text(int(k)) for k in np.flatnonzero(~seen)]
-        table = "\n".join(f"  {x}" for x in lost[:20])
-        raise IdentificationError(
-            f"recording tells {int(seen.sum())} of {base.rank} base parameters, expected all: a motion that moves "
-            f'these too, method="log_cholesky", whose prior has them, or remove= to leave them out\n{table}'
-        )
-    kept, removed = np.flatnonzero(seen), []
-    while True:
-        columns = np.concatenate([kept, tail]).astype(np.intp)
-        made = _Fit(factors, base.rank, kept, extra, solve(factors.part(columns), weighted))
-        if share is None or not len(kept):
-            break
-        with np.errstate(divide="ignore"):
-            worst = made.deviation[kept] / abs(made.beta[kept])
-        if worst.max() <= share:
-            break
-        removed.append(int(kept[worst.argmax()]))
-        kept = np.delete(kept, worst.argmax())
-    made.removed = [*np.flatnonzero(~seen).tolist(), *removed] if share is not None else removed
-    made.seen = seen
-    return made
+# --- from the base to bodies ----------------------------------------------------------------------------------
 
 
 def _residuals(equations: list[Equations], base: Base, beta: Array, delay: float) -> tuple[Array, Array]:
@@ -255,6 +205,16 @@ def _residuals(equations: list[Equations], base: Base, beta: Array, delay: float
     return np.concatenate(t), np.concatenate(off)
 
 
+def _white(residuals: Array, floor: Array, shared: tuple[int, float]) -> tuple[Array, Array]:
+    """``whiteness`` of each freedom; residuals below the floor of noise, of torques that are exact, count as white."""
+    found = np.array([np.ones(len(floor)), np.full(len(floor), shared[1])])
+    for k, x in enumerate(residuals.T):
+        x = x[np.isfinite(x)]
+        if len(x) and np.sqrt(np.mean(x**2)) > floor[k]:
+            found[:, k] = whiteness(x, *shared)
+    return found[0], found[1]
+
+
 def _nearest(base: Base, beta: Array, present: Array) -> Array:
     """π with K π = β, nearest to the model's own, each measured by its size."""
     size = np.maximum(abs(present), 1e-3 * max(1e-9, abs(present).max(initial=0.0)))
@@ -263,7 +223,7 @@ def _nearest(base: Base, beta: Array, present: Array) -> Array:
     return np.asarray(present + size * change)
 
 
-def _consistent(method: str, fit: _Fit, base: Base, unknowns: Any, weight: float) -> log_cholesky.Consistent:
+def _consistent(method: str, fit: BaseFit, base: Base, unknowns: Any, weight: float) -> log_cholesky.Consistent:
     """The consistent parameters of the weighted least squares of a fit, from the model's own."""
     p = len(fit.kept)
     R = fit.solution.R[:p, :p]
@@ -342,8 +302,3 @@ def _not_negative(name: str, value: Any) -> float:
 
 def _refuse(name: str, value: Any, expected: str) -> Any:
     raise IdentificationError(f"{name} is {literal(value)}, expected {expected}")
-
-
-def _freedoms(model: Model) -> list[str]:
-    """A name of each freedom: its joint's, with an index where that has several."""
-    return [j.name if j.nv == 1 else f"{j.name}[{k}]" for j in model.joints[1:] for k in range(j.nv)]

@@ -21,6 +21,8 @@ ITERATIONS = 30
 SETTLED = 1e-8  # relative change of deviations at which reweighting ends
 LAGS = 10  # of the test for whiteness
 WHITE = 0.01  # probability below which a residual is not white
+FLOOR = 1e-6  # of a freedom's torque: noise of torques that are exact, so that their weights are no rounding errors
+SMALL = 1e-3  # of the largest torque: one that is smaller, 0 say, has the floor of this
 
 
 def triangle(A: Array) -> Array:
@@ -30,10 +32,11 @@ def triangle(A: Array) -> Array:
 
 @dataclass(frozen=True)
 class Factors:
-    """A triangular factor (columns + 1, columns + 1) of each freedom, and how many rows it is of."""
+    """A triangular factor (columns + 1, columns + 1) of each freedom, how many rows it is of, and Σ τ² of those."""
 
     R: tuple[Array, ...]
     n: NDArray[np.int64]
+    power: Array
 
     @property
     def size(self) -> int:
@@ -43,11 +46,19 @@ class Factors:
     def part(self, columns: NDArray[np.intp]) -> Factors:
         """The factors of some columns, and y."""
         at = [*columns.tolist(), self.size]
-        return Factors(tuple(triangle(R[:, at]) for R in self.R), self.n)
+        return Factors(tuple(triangle(R[:, at]) for R in self.R), self.n, self.power)
 
     def joined(self, sigma: Array) -> Array:
         """R (columns + 1, columns + 1) of all rows, those of each freedom divided by its deviation."""
         return triangle(np.concatenate([R / s for R, s in zip(self.R, sigma, strict=True)]))
+
+    @property
+    def floor(self) -> Array:
+        """Least deviation (nv,) of each freedom's noise: a share of its torque or, if larger, of that of forces."""
+        y = np.array([float(np.sum(R[:, -1] ** 2)) for R in self.R])
+        rms = np.sqrt(np.maximum(self.power, y) / np.maximum(self.n, 1))
+        least = FLOOR * np.maximum(rms, SMALL * rms.max(initial=0.0))
+        return np.asarray(np.maximum(least, np.finfo(float).tiny))
 
     def squares(self, beta: Array) -> Array:
         """Sum of squares (nv,) of each freedom's residuals."""
@@ -58,19 +69,20 @@ class Factors:
 def factors_of(rows: Iterable[Rows], columns: NDArray[np.intp], more: Callable[[Rows], Array] | None = None) -> Factors:
     """Factors of chunks of rows; ``more`` gives another column (n, nv), put before y."""
     kept: list[Array] = []
-    n = np.zeros(0, np.int64)
+    n, power = np.zeros(0, np.int64), np.zeros(0)
     for chunk in rows:
         nv = chunk.y.shape[1]
         if not kept:
             width = len(columns) + 1 + (more is not None)
-            kept, n = [np.zeros((0, width)) for _ in range(nv)], np.zeros(nv, np.int64)
+            kept, n, power = [np.zeros((0, width)) for _ in range(nv)], np.zeros(nv, np.int64), np.zeros(nv)
         W, extra = chunk.W[:, :, columns], None if more is None else more(chunk)
         for i in range(nv):
             use = chunk.keep[:, i]
             parts = [W[use, i], *([] if extra is None else [extra[use, i, None]]), chunk.y[use, i, None]]
             kept[i] = _factor(np.concatenate([kept[i], np.concatenate(parts, 1)]))
             n[i] += int(use.sum())
-    return Factors(tuple(kept), n)
+            power[i] += float(np.sum(chunk.tau[use, i] ** 2))
+    return Factors(tuple(kept), n, power)
 
 
 def _factor(A: Array) -> Array:
@@ -86,7 +98,8 @@ def added(one: Factors | None, other: Factors) -> Factors:
     """Factors of the rows of both."""
     if one is None:
         return other
-    return Factors(tuple(_factor(np.concatenate(pair)) for pair in zip(one.R, other.R, strict=True)), one.n + other.n)
+    R = tuple(_factor(np.concatenate(pair)) for pair in zip(one.R, other.R, strict=True))
+    return Factors(R, one.n + other.n, one.power + other.power)
 
 
 @dataclass(frozen=True)
@@ -104,9 +117,9 @@ def solve(factors: Factors, weighted: bool, inflation: Array | None = None) -> S
 
     inflation  (nv,) of the variance of a mean of the residuals, where they are not white
 
-    The covariance holds for noise of another size at each freedom in both cases.
+    The covariance holds for noise of another size at each freedom in both cases. A deviation is no less than the floor.
     """
-    nv, p = len(factors.R), factors.size
+    nv, p, floor = len(factors.R), factors.size, factors.floor
     sigma, more = np.ones(nv), np.ones(nv) if inflation is None else inflation
     found: tuple[Array, Array, Array] | None = None
     for _ in range(ITERATIONS):
@@ -116,7 +129,7 @@ def solve(factors: Factors, weighted: bool, inflation: Array | None = None) -> S
         beta = inverse @ z
         shares = np.array([np.sum((F[:, :p] @ inverse) ** 2) for F in factors.R]) / sigma**2
         left = np.maximum(factors.n - shares, 1.0)
-        noise: Array = np.sqrt(np.maximum(factors.squares(beta) / left, np.finfo(float).tiny))
+        noise: Array = np.maximum(np.sqrt(factors.squares(beta) / left), floor)
         found = beta, inverse, noise
         if not weighted or abs(noise / sigma - 1.0).max() < SETTLED:
             break
@@ -137,12 +150,22 @@ def quantile(freedoms: float) -> float:
     return z + first / n + second / n**2
 
 
-def whiteness(residuals: Array) -> tuple[float, float]:
+def whiteness(residuals: Array, apart: int = 1, least: float = 1.0) -> tuple[float, float]:
     """Probability of residuals (n,) as uneven as these if they were white (Ljung and Box), and their inflation.
 
+    apart  from one residual to the next that shares no sample with it: those are tested
+    least  inflation of residuals of white noise
+
     The inflation is 1 + 2 Σ ρ_k over the first lags whose correlation is significant: the variance of a mean of
-    neighbours over that of white residuals, 1 at least.
+    neighbours over that of white residuals.
     """
+    chance, inflation = _whiteness(residuals[::apart])
+    if apart > 1 and chance < WHITE:
+        inflation = _whiteness(residuals)[1]
+    return chance, max(least, inflation)
+
+
+def _whiteness(residuals: Array) -> tuple[float, float]:
     x = residuals - residuals.mean() if len(residuals) else residuals
     n, power = len(x), float(x @ x)
     if n < 4 * LAGS or power == 0.0:

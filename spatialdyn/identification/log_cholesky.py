@@ -1,10 +1,14 @@
-"""Inertias that bodies can have, by Gauss-Newton steps in log-Cholesky coordinates.
+"""Inertias that bodies can have, by Gauss-Newton steps on Cholesky factors of pseudo-inertias.
 
-Each pseudo-inertia is P = U Uᵀ with U upper triangular of positive diagonal. A step takes U to U T, T upper triangular
-with exp of four coordinates on its diagonal and six beside it, so P stays positive definite whatever the step is. The
-derivative at T = 1 is dP = U (E + Eᵀ) Uᵀ; of the second one, the part that is positive is added to Gauss and Newton's
-matrix. Source: Rucker and Wensing, Smooth parameterization of rigid-body inertia
-(2022). The prior of a body is D = ½ (tr(P₀⁻¹ P) - log det(P₀⁻¹ P) - 4), the divergence of two normal distributions.
+Each pseudo-inertia is P = U Uᵀ with U upper triangular of positive diagonal, and pays - log det P: it stays positive
+definite. A step is P + U (Θ + Θᵀ) Uᵀ of ten coordinates Θ, those of log-Cholesky at U. It is straight in parameters, as
+the valley is that torques leave; along the curves of log-Cholesky coordinates a steep one takes hundreds of steps.
+The cost is then ½ |A π - z|² + ¼ weight |Θ + Θᵀ + C|² to order 2, C of the prior: one linear least squares each step.
+The torques' part is scaled up from nothing to 1 on the way, so that no step meets the border of what exists.
+
+Source: Rucker and Wensing, Smooth parameterization of rigid-body inertia (2022); the scaling: Nesterov and Nemirovski,
+Interior-point polynomial algorithms in convex programming (1994). The prior of a body is
+D = ½ (tr(P₀⁻¹ P) - log det(P₀⁻¹ P) - 4), the divergence of two normal distributions.
 """
 
 from __future__ import annotations
@@ -17,26 +21,19 @@ from numpy.typing import NDArray
 from .pseudo_inertia import parameters_of, pseudo_inertia
 
 Array = NDArray[np.float64]
-STEPS = 500
-SETTLED = 1e-9  # relative decrease of the cost, of three steps one after another
-UPPER = [(i, j) for i in range(4) for j in range(i, 4)]
-_E = np.zeros((10, 4, 4))
-for _k, (_i, _j) in enumerate(UPPER):
-    _E[_k, _i, _j] = 1.0
-_E.flags.writeable = False
-DIAGONAL = np.array([i == j for i, j in UPPER])
-FARTHEST = 1.5  # a coordinate of the diagonal in one step: a factor of 4.5
-_ROWS, _COLUMNS = np.array(UPPER).T
-_OF_P = np.zeros((10, 4, 4))  # π_k = tr(_OF_P[k] P)
-_OF_P[0, 3, 3] = 1.0
-for _i in range(3):
-    _OF_P[1 + _i, _i, 3] = _OF_P[1 + _i, 3, _i] = 0.5
-for _k, (_i, _j) in enumerate([(0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2)], start=4):
-    _OF_P[_k, _i, _j] -= 0.5
-    _OF_P[_k, _j, _i] -= 0.5
-    if _i == _j:
-        _OF_P[_k, (0, 1, 2), (0, 1, 2)] += 1.0
-_OF_P.flags.writeable = False
+STEPS = 200  # most; some ten are usual
+SETTLED = 1e-10  # of the prior's weight: a step that lowers the cost by less ends the search
+NEAR = 1.0  # of weight for each body: a step that lowers the cost by less lets the torques' part grow
+GROWTH = 1e3  # of the torques' part at a time
+INSIDE = 0.9  # of the way to the border in one step
+HALVINGS = 40
+PLACES = [(i, j) for i in range(4) for j in range(i, 4)]
+_ROWS, _COLUMNS = np.array(PLACES).T
+_SYMMETRIC = np.zeros((10, 4, 4))  # Θ + Θᵀ of each coordinate
+for _k, (_i, _j) in enumerate(PLACES):
+    _SYMMETRIC[_k, _i, _j] += 1.0
+    _SYMMETRIC[_k, _j, _i] += 1.0
+_SYMMETRIC.flags.writeable = False
 
 
 @dataclass(frozen=True)
@@ -64,72 +61,65 @@ def fit(A: Array, z: Array, start: Array, bodies: int, bounded: NDArray[np.bool_
     start    (count,)  of consistent bodies: where the search begins, and P₀ of the prior
     bounded  which of the other parameters are 0 or more
     """
-    G, b = A.T @ A, A.T @ z
-    half, ten = 0.5 * float(z @ z), 10 * bodies
+    ten, tall, root = 10 * bodies, len(A), np.sqrt(0.5 * weight)
     U = upper_factor(pseudo_inertia(start[:ten].reshape(bodies, 10)))
-    P0 = np.linalg.inv(U @ np.swapaxes(U, 1, 2))
+    inverse = np.linalg.inv(U)  # of P₀ = U Uᵀ
     x = np.where(bounded, np.maximum(start[ten:], 0.0), start[ten:])
-    pi, cost = start.copy(), np.inf
-    pi[ten:] = x
 
-    def cost_of(pi: Array, U: Array) -> float:
-        value = 0.5 * float(pi @ (G @ pi)) - float(b @ pi) + half
-        spread = np.einsum("bij,bik,bjk->", P0, U, U)
-        logs = 2.0 * float(np.log(np.einsum("bii->bi", U)).sum()) + float(np.linalg.slogdet(P0)[1].sum())
-        return value + 0.5 * weight * float(spread - logs - 4.0 * bodies)
+    def pi_of(U: Array, x: Array) -> Array:
+        return np.concatenate([parameters_of(U @ np.swapaxes(U, 1, 2)).ravel(), x])
 
-    cost, damping, calm, steps = cost_of(pi, U), 1e-3, 0, 0
-    held = np.zeros(len(x), bool)
-    while steps < STEPS and calm < 3:
+    def cost_of(off: Array, F: Array, share: float) -> float:
+        logs = 2.0 * float(np.log(np.einsum("bii->bi", F)).sum())
+        return 0.5 * share * float(off @ off) + 0.5 * weight * (float((F * F).sum()) - logs - 4.0 * bodies)
+
+    pi, F = pi_of(U, x), inverse @ U
+    off = A @ pi - z
+    share = min(1.0, 2.0 * weight * max(bodies, 1) / max(float(off @ off), np.finfo(float).tiny))
+    M = np.zeros((tall + ten, len(pi)))
+    M[tall:, :ten] = root * np.kron(np.eye(bodies), _flat(_SYMMETRIC).T)
+    held, steps, settled = np.zeros(len(x), bool), 0, False
+    while steps < STEPS and not settled:
         steps += 1
-        pull = G @ pi - b
-        held = bounded & (x <= 0.0) & (pull[ten:] > 0.0)
-        B = np.zeros((len(pi), len(pi)))
-        B[np.arange(ten, len(pi)), np.arange(ten, len(pi))] = ~held
-        D = U[:, None] @ _E @ np.swapaxes(U, 1, 2)[:, None]
-        J = parameters_of(D + np.swapaxes(D, -1, -2))  # (bodies, 10 coordinates, 10 parameters)
+        J = parameters_of(U[:, None] @ _SYMMETRIC @ np.swapaxes(U, 1, 2)[:, None])  # (bodies, coordinates, parameters)
+        M[:tall, ten:] = np.sqrt(share) * A[:, ten:]
         for k in range(bodies):
-            B[10 * k : 10 * k + 10, 10 * k : 10 * k + 10] = J[k].T
-        H, slope = B.T @ G @ B, B.T @ pull
-        S = np.swapaxes(U, 1, 2) @ (np.einsum("bk,kij->bij", pull[:ten].reshape(bodies, 10), _OF_P)) @ U
-        Q = 0.5 * weight * np.swapaxes(U, 1, 2) @ P0 @ U
-        slope[:ten] += (2.0 * np.einsum("bij,kji->bk", Q, _E) - weight * DIAGONAL).ravel()
-        bend = _positive(S) + Q
-        own = 2.0 * np.einsum("kji,bjl,mli->bkm", _E, bend, _E)
-        own[:, DIAGONAL, DIAGONAL] += 2.0 * np.einsum("bii->bi", bend)
-        for k in range(bodies):
-            H[10 * k : 10 * k + 10, 10 * k : 10 * k + 10] += own[k]
+            at = slice(10 * k, 10 * k + 10)
+            M[:tall, at] = np.sqrt(share) * (A[:, at] @ J[k].T)
+        held = bounded & (x <= 0.0) & (off @ A[:, ten:] >= 0.0)
         free = np.concatenate([np.ones(ten, bool), ~held])
-        scale = np.sqrt(np.maximum(H.diagonal(), 1e-30))
-        Hs = H / scale / scale[:, None]
-        for _ in range(30):
-            step = np.zeros(len(pi))
-            damped = Hs + damping * np.eye(len(pi))
-            step[free] = -np.linalg.solve(damped[np.ix_(free, free)], (slope / scale)[free]) / scale[free]
-            theta = step[:ten].reshape(bodies, 10)
-            theta = theta / np.maximum(1.0, abs(theta[:, DIAGONAL]).max(1, initial=0.0) / FARTHEST)[:, None]
-            T = np.zeros((bodies, 4, 4))
-            T[:, _ROWS, _COLUMNS] = np.where(DIAGONAL, np.exp(np.where(DIAGONAL, theta, 0.0)), theta)
-            tried = U @ T
-            y = np.where(bounded, np.maximum(x + step[ten:], 0.0), x + step[ten:])
-            moved = np.concatenate([parameters_of(tried @ np.swapaxes(tried, 1, 2)).ravel(), y])
-            new = cost_of(moved, tried) if np.isfinite(moved).all() else np.inf
-            if new <= cost:
+        C = np.swapaxes(F, 1, 2) @ F - np.eye(4)
+        size = np.sqrt((M * M).sum(0)) + (M == 0.0).all(0)
+        goal = -np.concatenate([np.sqrt(share) * off, root * _flat(C).ravel()])
+        step = np.zeros(len(pi))
+        step[free] = np.linalg.lstsq((M / size)[:, free], goal, rcond=1e-14)[0] / size[free]
+        gain = 0.5 * float(np.sum((M @ step) ** 2))
+        S = np.einsum("bk,kij->bij", step[:ten].reshape(bodies, 10), _SYMMETRIC)
+        least = float(np.linalg.eigvalsh(S).min(initial=0.0))
+        length = min(1.0, INSIDE / -least) if least < 0.0 else 1.0
+        cost = cost_of(off, F, share)
+        for _ in range(HALVINGS):
+            y = x + length * step[ten:]
+            y = np.where(bounded, np.maximum(y, 0.0), y)
+            tried = U @ upper_factor(np.eye(4) + length * S)
+            moved, G = pi_of(tried, y), inverse @ tried
+            left = A @ moved - z
+            if cost_of(left, G, share) <= cost:
+                U, x, pi, F, off = tried, y, moved, G, left
                 break
-            damping *= 4.0
+            length *= 0.5
         else:
-            break
-        calm = calm + 1 if cost - new <= SETTLED * (1.0 + cost) else 0
-        U, x, pi, cost, damping = tried, y, moved, new, max(0.2 * damping, 1e-12)
-    capped = calm < 3 and steps == STEPS
+            gain = 0.0  # rounding is all that is left
+        settled = share == 1.0 and gain <= SETTLED * weight
+        if gain <= NEAR * weight * max(bodies, 1):
+            share = min(1.0, GROWTH * share)
     note = (
         f"the search for consistent inertias stopped after {STEPS} steps, not settled: what the recording does not "
-        "tell may be far off; torques without noise, as computed ones, do this: noise of a sensor's size settles it"
+        "tell may be far off"
     )
-    return Consistent(pi, cost, steps, held, (note,) * capped)
+    return Consistent(pi, cost_of(off, F, 1.0), steps, held, () if settled else (note,))
 
 
-def _positive(S: Array) -> Array:
-    """The positive semidefinite part of symmetric matrices (..., 4, 4): a Hessian of it alone leads downhill."""
-    values, axes = np.linalg.eigh(0.5 * (S + np.swapaxes(S, -1, -2)))
-    return np.asarray((axes * np.maximum(values, 0.0)[..., None, :]) @ np.swapaxes(axes, -1, -2))
+def _flat(S: Array) -> Array:
+    """Numbers (..., 10) of symmetric matrices (..., 4, 4), of the same norm."""
+    return np.asarray(S[..., _ROWS, _COLUMNS] * np.where(_ROWS == _COLUMNS, 1.0, np.sqrt(2.0)))

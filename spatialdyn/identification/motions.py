@@ -17,6 +17,7 @@ from .recording import Recording
 
 Array = NDArray[np.float64]
 ORDER = 4  # of the Butterworth filter, whose gain is used twice: no phase is left
+ALONE = 0.01  # a smaller correlation is none
 EDGE = 1.0  # of 1/cutoff, left out at both ends, where the filter continues the motion by reflection
 
 
@@ -60,18 +61,44 @@ class Motion:
         way = (3.0 - 2.0 * s) * s * s * u + h * s * (1.0 - s) * ((1.0 - s) * v0 - s * v1)
         rate = 6.0 * s * (1.0 - s) * u / h + (1.0 - s) * (1.0 - 3.0 * s) * v0 - s * (2.0 - 3.0 * s) * v1
         at = np.asarray(calls["integrate"](self.model, q0, way))
-        return States(at, rate, None if a is None else _cubic(a, start, stop, s))
+        return States(at, rate, None if a is None else cubic_at(a, start, stop, s))
 
 
-def _cubic(a: Array, start: int, stop: int, s: float) -> Array:
-    """Through four neighbours (Catmull and Rom); at the ends the outer ones are the nearest."""
+def cubic_at(x: Array, start: int, stop: int, s: float) -> Array:
+    """x at ``s`` in [0, 1) of the steps start .. stop - 1, through four neighbours (Catmull and Rom); at the ends the
+    outer ones are the nearest.
+    """
     k = np.arange(start, stop)
-    before, one, two, after = (a[np.clip(k + i, 0, len(a) - 1)] for i in (-1, 0, 1, 2))
+    before, one, two, after = (x[np.clip(k + i, 0, len(x) - 1)] for i in (-1, 0, 1, 2))
     slope, end = 0.5 * (two - before), 0.5 * (after - one)
     return np.asarray(
         one * (1.0 + 2.0 * s) * (1.0 - s) ** 2 + two * s * s * (3.0 - 2.0 * s)
         + slope * s * (1.0 - s) ** 2 - end * s * s * (1.0 - s)
     )  # fmt: skip
+
+
+def shared_by_means(window: int) -> tuple[int, float]:
+    """What means of ``window`` neighbouring ``means_of_steps`` of white noise have in common.
+
+    Returns how many means apart those are that share next to no sample, and the variance of a mean of many of them over
+    that of as many white ones.
+    """
+    weights = np.convolve(np.array([-1.0, 13.0, 13.0, -1.0]) / 24.0, np.full(window, 1.0 / window))
+    rho = np.correlate(weights, weights, "full")[len(weights) - 1 :: window]
+    rho /= rho[0]
+    return int(np.flatnonzero(abs(rho) > ALONE)[-1]) + 1, float(2.0 * rho.sum() - 1.0)
+
+
+def means_of_steps(x: Array) -> Array:
+    """Means (n - 1, ...) of x (n, ...) between neighbours, of the cubic through the four nearest samples: off by h⁴.
+
+    Of fewer than four samples by two: off by h².
+    """
+    if len(x) < 4:
+        return np.asarray(0.5 * (x[1:] + x[:-1]))
+    inner = (13.0 * (x[1:-2] + x[2:-1]) - x[:-3] - x[3:]) / 24.0
+    first, last = (9.0 * y[0] + 19.0 * y[1] - 5.0 * y[2] + y[3] for y in (x, x[::-1]))
+    return np.asarray(np.concatenate([first[None] / 24.0, inner, last[None] / 24.0]))
 
 
 def motion_of(recording: Recording, model: Model, cutoff: float | None, accelerations: bool) -> Motion:

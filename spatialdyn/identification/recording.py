@@ -15,7 +15,8 @@ from ..errors import IdentificationError, ShapeError, SpatialDynError, literal
 from ..model.model import Model
 from ..simulation.trajectory import Trajectory
 from ..waiting import watch
-from .unknowns import floats
+from .tables import KINDS, arrays_of, from_csv, from_parquet
+from .unknowns import floats, own_joints
 
 Array = NDArray[np.float64]
 TABLES = (".csv", ".parquet")
@@ -134,13 +135,17 @@ class Recording:
     def load(cls, path: Any, model: Model | None = None, *, resample: bool = False) -> Recording:
         """The Recording in a table, CSV by NumPy or parquet by pandas.
 
-        path   a name that ends in .csv or .parquet: columns t, q0 ..., tau0 ... and perhaps v0 ..., a0 ...
+        path   a name that ends in .csv or .parquet: columns t, q0 ..., tau0 ... and perhaps v0 ..., a0 ..., and of a
+               force on a frame wrench_FRAME_0 ... wrench_FRAME_5. Other columns are left alone
         model  with it columns may be named by joints of one freedom: q_NAME, tau_NAME, ...
 
-        Raises  SpatialDynError for a file that cannot be read, IdentificationError naming the column that is missing.
+        In a CSV file commas, semicolons or tabs stand between names, and the names on the first line.
+
+        Raises  SpatialDynError for a file that cannot be read, naming line and column; IdentificationError naming the
+                column that is missing
         """
         check_ending("path", path, TABLES)
-        columns = _csv(path) if str(path).lower().endswith(".csv") else _parquet(path)
+        columns = from_csv(path) if str(path).lower().endswith(".csv") else from_parquet(path)
         return cls.from_columns(columns, model, resample=resample)
 
     @classmethod
@@ -150,25 +155,14 @@ class Recording:
         """The Recording of named columns, as of a pandas DataFrame: see ``load``."""
         if not isinstance(columns, Mapping) and not hasattr(columns, "columns"):
             raise IdentificationError(f"columns is a {type(columns).__name__}, expected a mapping, or a DataFrame")
-        _refuse_twice([str(name) for name in columns])
-        try:
-            table = {str(name): np.asarray(columns[name], float) for name in columns}
-        except (TypeError, ValueError, KeyError) as error:
-            raise IdentificationError(f"columns cannot be read as numbers: {error}") from None
-        if "t" not in table:
-            raise IdentificationError(f"columns are {', '.join([*table][:8])}, expected t among them")
-        names = [] if model is None else [x.name for x in check_model(model).joints[1:]]
-        found = {kind: _of_kind(kind, table, names) for kind in ("q", "v", "a", "tau")}
-        for kind in ("q", "tau"):
-            if found[kind] is None:
-                raise IdentificationError(f"columns have no {kind}0, expected {kind}0, {kind}1, ... or {kind}_JOINT")
-        return cls(table["t"], found["q"], found["tau"], found["v"], found["a"], resample=resample)  # type: ignore[arg-type]
+        return cls(**arrays_of(columns, None if model is None else check_model(model)), resample=resample)
 
     @watch.call("Recording.save")
     def save(self, path: Any) -> None:
-        """Write the samples to a CSV file that ``load`` reads, all digits of them; wrenches are left out."""
+        """Write the samples to a CSV file that ``load`` reads, all digits of them."""
         check_ending("path", path, (".csv",))
-        kinds = {kind: getattr(self, kind) for kind in ("q", "v", "a", "tau") if getattr(self, kind) is not None}
+        kinds = {kind: getattr(self, kind) for kind in KINDS if getattr(self, kind) is not None}
+        kinds |= {f"wrench_{frame}_": x for frame, x in self.wrenches.items()}
         names = ["t", *(f"{kind}{k}" for kind, x in kinds.items() for k in range(x.shape[1]))]
         rows = np.column_stack([self.t, *kinds.values()])
         try:
@@ -196,7 +190,7 @@ class Recording:
         for name in self.wrenches:
             model.frame(name)
         tau, notes = self.torques(model), [*self._filled]
-        for joint in model.joints[1:]:
+        for joint in own_joints(model):
             if joint.nv != 1:
                 continue
             x, q = tau[:, joint.idx_v], self.q[:, joint.idx_q]
@@ -251,54 +245,3 @@ def _gaps(t: Array) -> tuple[str, ...]:
 
 def _on_grid(t: Array, x: Array, grid: Array) -> Array:
     return np.stack([np.interp(grid, t, y) for y in x.T], 1)
-
-
-def _of_kind(kind: str, table: Mapping[str, Array], names: list[str]) -> Array | None:
-    """Columns kind0, kind1, ... or kind_JOINT of a table, None without any. Raises IdentificationError for a gap."""
-    numbered = [f"{kind}{k}" for k in range(len(table))]
-    count = sum(name in table for name in numbered)
-    if not count:
-        numbered = [f"{kind}_{name}" for name in names]
-        count = len(numbered) if any(name in table for name in numbered) else 0
-    for name in numbered[:count]:
-        if name not in table:
-            raise IdentificationError(f"columns have no {name}, expected it among {', '.join(numbered[:count])}")
-    return np.stack([table[name] for name in numbered[:count]], 1) if count else None
-
-
-def _refuse_twice(names: list[str]) -> None:
-    """Raise IdentificationError for a name that two columns have."""
-    for k, name in enumerate(names):
-        if name in names[:k]:
-            raise IdentificationError(f"columns have {name} {names.count(name)} times, expected each name once")
-
-
-def _csv(path: Any) -> dict[str, Array]:
-    """Columns of a CSV file by the names in its first line. Raises SpatialDynError."""
-    try:
-        with open(path, encoding="utf-8-sig") as file:  # a spreadsheet begins with a byte order mark
-            names = [x.strip().strip('"') for x in file.readline().split(",")]
-            lines = [line for line in file if line.strip()]
-            rows = np.loadtxt(lines, delimiter=",", ndmin=2) if lines else np.zeros((0, len(names)))
-    except (OSError, ValueError, UnicodeDecodeError) as error:
-        raise SpatialDynError(f"{literal(path)} cannot be read: {error}") from error
-    if names == [""] or not lines:
-        raise SpatialDynError(f"{literal(path)} is empty, expected a line of names and rows of numbers")
-    _refuse_twice(names)
-    if rows.shape[1:] != (len(names),):
-        raise SpatialDynError(f"{literal(path)} has {rows.shape[1]} columns under {len(names)} names, expected as many")
-    return dict(zip(names, rows.T, strict=True))
-
-
-def _parquet(path: Any) -> dict[str, Array]:
-    """Columns of a parquet file. Raises SpatialDynError."""
-    try:
-        import pandas
-    except ImportError as error:
-        raise SpatialDynError("pandas is not installed, expected it for parquet; pip install pandas pyarrow") from error
-    try:
-        frame = pandas.read_parquet(path)
-    except Exception as error:  # of the engine that pandas finds, which has its own errors
-        raise SpatialDynError(f"{literal(path)} cannot be read: {error}") from error
-    _refuse_twice([str(name) for name in frame.columns])
-    return {str(name): frame[name].to_numpy() for name in frame.columns}

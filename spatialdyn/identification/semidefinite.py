@@ -18,10 +18,7 @@ from .pseudo_inertia import pseudo_inertia
 Array = NDArray[np.float64]
 AT_BOUND = 1e-7  # of the largest linear parameter
 OPTIMAL, NEARLY = "optimal", "optimal_inaccurate"  # of cvxpy: what is accepted, the second with a note
-INSTEAD = (
-    'method="log_cholesky" minimises the same cost without this solver; torques without noise, as computed ones, weigh '
-    "too much for it: noise of a sensor's size in them makes it solvable"
-)
+INSTEAD = 'method="log_cholesky" minimises the same cost without this solver'
 
 
 def fit(A: Array, z: Array, start: Array, bodies: int, bounded: NDArray[np.bool_], weight: float) -> Consistent:

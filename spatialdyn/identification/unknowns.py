@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ..calls.arguments import as_words, check_model
 from ..calls.dynamics import calls
 from ..errors import IdentificationError, literal
+from ..model.joint_rows import Joint
 from ..model.model import Model
 from .pseudo_inertia import NAMES, in_body
 
@@ -56,7 +57,7 @@ class Unknowns:
     def names(self) -> tuple[str, ...]:
         """A name for each column: "joint.m", "joint.coulomb"."""
         names = [f"{body.name}.{name}" for body in self.bodies for name in NAMES]
-        of = {x.idx_v: x.name for x in self.model.joints[1:]}
+        of = {x.idx_v: x.name for x in own_joints(self.model)}
         return (*names, *(f"{of[k]}.{kind}" for kind, k in self.joints))
 
     @cached_property
@@ -96,8 +97,10 @@ class Unknowns:
 def unknowns_of(model: Model, parameters: Any, payload: Any = None, bodies: Any = None) -> Unknowns:
     """The Unknowns of arguments. Raises IdentificationError, ModelError."""
     check_model(model)
-    if model.mimic_matrix is not None:
-        raise IdentificationError(f'model "{model.name}" has mimic joints, expected one without (mimic=False)')
+    if springs := [x.name for x in model.robot.joints if x.spring is not None]:
+        raise IdentificationError(
+            f'joint "{springs[0]}" has a spring, expected joints without: no equation has its torque; Model.rigid()'
+        )
     if not model.nv:
         raise IdentificationError(f'model "{model.name}" has no joint that moves, expected one that does')
     words = words_of(parameters)
@@ -120,7 +123,7 @@ def unknowns_of(model: Model, parameters: Any, payload: Any = None, bodies: Any 
         wanted = None if bodies is None else {model.joint(x).name for x in names_of("bodies", bodies)}
         made = [Body(x.name, k, None) for k, x in enumerate(model.joints) if k and (wanted is None or x.name in wanted)]
     joints = [
-        (kind, x.idx_v) for kind in KINDS if kind in kinds for x in model.joints[1:]
+        (kind, x.idx_v) for kind in KINDS if kind in kinds for x in own_joints(model)
         if x.nv == 1 and (kind != "armature" or _bare(model, x.name))
     ]  # fmt: skip
     if not made and not joints:
@@ -131,6 +134,17 @@ def unknowns_of(model: Model, parameters: Any, payload: Any = None, bodies: Any 
 def words_of(parameters: Any) -> tuple[str, ...]:
     """Some of WORDS, of words or of one text that joins them by +. Raises SpatialDynError."""
     return as_words("parameters", parameters.split("+") if isinstance(parameters, str) else parameters, WORDS)
+
+
+def own_joints(model: Model) -> list[Joint]:
+    """The joints that have freedoms of their own, no mimic joints: those have their leaders'."""
+    followers = {x.name for x in model.robot.joints if x.mimic is not None} if model.mimic_matrix is not None else set()
+    return [x for x in model.joints[1:] if x.name not in followers]
+
+
+def freedoms_of(model: Model) -> list[str]:
+    """A name of each freedom: its joint's, with an index where that has several."""
+    return [j.name if j.nv == 1 else f"{j.name}[{k}]" for j in own_joints(model) for k in range(j.nv)]
 
 
 def floats(model: Model) -> bool:

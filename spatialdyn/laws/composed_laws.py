@@ -143,25 +143,30 @@ def limited(spec: Spec) -> Spec:
 
 @lru_cache(maxsize=64)
 def sampled(spec: Spec) -> Spec:
-    """A law that is taken anew once in a period and held in between; its states that change at ends do so then."""
+    """A law that is taken anew once in a period and held in between; its states that change at ends do so then.
+
+    Its period, the time that is left and the torque that is held are of the names ``unused``.
+    """
     names = {x.name: x.name for x in own_of(spec)}
+    period, time_left, held = (replace(x, name=unused(x.name, spec)) for x in (PERIOD, LEFT, HELD))
     moved = [end.name.endswith(AFTER) for end in ends_of(spec)]
 
     def recursion(rows: Any, given: dict[str, Any], tau: Any, *parts: Any) -> None:
-        left, h = given[LEFT.name][0], given[DT.name]
+        left, h = given[time_left.name][0], given[DT.name]
         h = h[0] if np.ndim(h) else h
         due = 0.5 * h - left
         torque, early = called(spec, rows, given, names, True)
         now = called(spec, rows, given, names, False)[1] if early else {}
         for i, x in enumerate(torque):
-            tau[i] = select(due, x, given[HELD.name][i])
+            tau[i] = select(due, x, given[held.name][i])
         *own, left_after, held_after = parts
         for part, at_end, (name, x), y in zip(own, moved, early.items(), now.values(), strict=True):
+            before = np.reshape(given[name], -1)
             for i in range(len(part)):
-                part[i] = select(due, x[i], given[name][i]) if at_end else y[i]
-        left_after[0] = select(due, left + given[PERIOD.name][0], left) - h
+                part[i] = select(due, x[i], before[i]) if at_end else y[i]
+        left_after[0] = select(due, left + given[period.name][0], left) - h
         held_after[:] = tau
 
-    own = (*own_of(spec), PERIOD, LEFT, HELD)
-    ends = (*ends_of(spec), *(replace(x, name=x.name + AFTER, start=None) for x in (LEFT, HELD)))
+    own = (*own_of(spec), period, time_left, held)
+    ends = (*ends_of(spec), *(replace(x, name=x.name + AFTER, start=None) for x in (time_left, held)))
     return _composed(f"sampled_{spec.name}", recursion, own, ends, (spec,), early=True)

@@ -8,10 +8,11 @@ by its name, so that another law of the same name does not meet an old kernel.
 from __future__ import annotations
 
 import math
+import operator
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -25,10 +26,11 @@ from ..errors import NonFiniteError, ShapeError, SimulationError, literal
 from ..model.model import Model
 from ..recursions.joints.friction import DT
 from ..recursions.spec import TAU, Q, Spec, V
-from .composed_laws import CLOCK, LIMITS, PERIOD, limited, sampled, total, unused
-from .law_specs import OF_STEP, begun_of, check_parts, check_recordable, in_step, law_on, own_name, with_values
+from .composed_laws import CLOCK, HELD, LEFT, LIMITS, PERIOD, limited, sampled, total, unused
+from .law_specs import OF_STEP, begun_of, check_parts, check_recordable, in_step, kept, law_on, own_name, with_values
 
 Array = NDArray[Any]
+ONE = np.ones(1)
 MOST = 1e30  # N m, N: a limit of none, in float32 too
 
 
@@ -41,7 +43,7 @@ class Control:
             without the law's), dt (the step), its states, and others. A law that depends on time has a clock, a state
             whose rate is 1
     values  {name: array} of the others: of the input's shape, with an axis of steps before it, or in a rollout with
-            axes of samples and steps
+            axes of samples and steps; a number where the input is (nv,) stands for each freedom
     held    False: the law is evaluated wherever the method evaluates forces. True: it is evaluated at the beginning of
             a step and held over it, as by a digital controller. A period [s]: it is evaluated once in a period, at the
             nearest step, and held in between, as by a controller slower than the steps
@@ -67,6 +69,8 @@ class Control:
     """
 
     checks: tuple[Callable[[Model], None], ...] = ()  # of a model that the law meets
+    # of each torque that is held for a period: the names of that value, of the time that is left, and of the torque
+    periods: tuple[tuple[str, ...], ...] = ()
     smooth = False  # whether its torque is known to have derivatives, so that a closed step may be judged by them
 
     def __init__(self, spec: Spec, values: Mapping[str, Any] | None = None, held: bool | float = False) -> None:
@@ -95,8 +99,9 @@ class Control:
         """Keep how the torque is held: with a period, by a Spec that keeps it from step to step."""
         period = as_number(held)
         if not isinstance(held, (bool, np.bool_)) and 0.0 < period < math.inf:
-            self.spec, self.values = sampled(self.spec), {**self.values, PERIOD.name: np.array([period])}
-            held = False
+            names = tuple(unused(x.name, self.spec) for x in (PERIOD, LEFT, HELD))
+            self.spec, self.values = sampled(self.spec), {**self.values, names[0]: kept(np.array([period]))}
+            self.periods, held = (*self.periods, names), False
         elif not isinstance(held, (bool, np.bool_)):
             raise SimulationError(f"held is {literal(held)}, expected True, False or a period above 0 [s]")
         self.held = bool(held)
@@ -113,6 +118,8 @@ class Control:
         values = {named[x]: y for law, named in zip(laws, names, strict=True) for x, y in law.values.items()}
         made = Control.of(spec, values, self.static + other.static, False, self.checks + other.checks)
         made.smooth = self.smooth and other.smooth
+        both = zip(laws, names, strict=True)
+        made.periods = tuple(tuple(named[x] for x in period) for law, named in both for period in law.periods)
         return made
 
     def limited_by(self, limits: ArrayLike) -> Control:
@@ -124,9 +131,9 @@ class Control:
         most = as_array("limits", limits)
         if most.ndim != 1 or not (most > 0.0).all():
             raise SimulationError(f"limits is {most.tolist()}, expected (nv,) numbers above 0")
-        values = {**self.values, unused(LIMITS.name, self.spec): np.minimum(most, MOST)}
+        values = {**self.values, unused(LIMITS.name, self.spec): kept(np.minimum(most, MOST))}
         made = Control.of(limited(self.spec), values, self.static, self.held, self.checks)
-        made.smooth = self.smooth
+        made.smooth, made.periods = self.smooth, self.periods
         return made
 
     def __call__(
@@ -141,44 +148,60 @@ class Control:
         Of a law whose values have an axis of samples (B,) they are of those samples. Raises ShapeError, NonFiniteError;
         SimulationError for a law whose values have an axis of steps.
         """
-        n, axes = check_model(model).nv, self.axes(model) if self._deepest else {}
+        shapes, known = _shapes(self.spec, check_model(model), self.static), self._known(model)
+        axes = {} if known is not None else self.axes(model)
         if stepped := [name for name, lead in axes.items() if lead[-1] != 1]:
             raise SimulationError(f"values of {', '.join(stepped)} have axes of steps, expected none in a call")
-        when, zero = as_array("t", t), np.zeros(n)
+        when, n = as_array("t", t), model.nv
         given = {
-            Q.name: as_array("q", q),
-            V.name: as_array("v", v),
-            TAU.name: as_array("tau", zero if tau is None else tau),
-        }
-        given[DT.name] = np.ones(1)
-        for x in self.spec.states:
-            start = (
-                when[..., None]
-                if x.name == CLOCK.name
-                else np.full(core_shape(model, x, self.static), float(x.start or 0))
-            )
-            given[x.name] = as_array(x.name, (states or {}).get(x.name, start))
-        cores = {x.name: core_shape(model, x, self.static) for x in self.spec.present if x.name in given}
-        cores |= {Q.name: (model.nq,), V.name: (n,), TAU.name: (n,), DT.name: (1,)}
+            Q.name: as_array("q", q), V.name: as_array("v", v),
+            TAU.name: shapes.zero if tau is None else as_array("tau", tau), DT.name: ONE,
+        }  # fmt: skip
+        for name, start in shapes.starts:
+            own = when[..., None] if start is None else start
+            given[name] = own if states is None else as_array(name, states.get(name, own))
+        leads: dict[str, tuple[int, ...]] = {}
         for name, y in given.items():
-            if y.shape[y.ndim - len(cores[name]) :] != cores[name]:
-                raise ShapeError(f"{name} has shape {y.shape}, expected (..., {', '.join(map(str, cores[name]))})")
-        leads = {name: y.shape[: y.ndim - len(cores[name])] for name, y in given.items()}
-        leads |= {name: lead[:-1] for name, lead in axes.items()}
-        batch = broadcast(["t", *leads], [when.shape, *leads.values()])
+            core = shapes.cores[name]
+            leads[name] = y.shape[: y.ndim - len(core)]
+            if y.shape[len(leads[name]) :] != core:
+                raise ShapeError(f"{name} has shape {y.shape}, expected (..., {', '.join(map(str, core))})")
+        several = {when.shape, *leads.values(), *(lead[:-1] for lead in axes.values())} - {()}
+        batch = next(iter(several), ())
+        if len(several) > 1:
+            leads |= {name: lead[:-1] for name, lead in axes.items()}
+            batch = broadcast(["t", *leads], [when.shape, *leads.values()])
         size, rows = math.prod(batch), {}
         for name, y in given.items():
-            one, columns = math.prod(leads[name]) == 1, math.prod(cores[name])  # a row for all samples, or one for each
-            whole = y if one else np.broadcast_to(y, batch + cores[name])
-            rows[name] = whole.reshape(1 if one else size, columns)
-        for name, y in self.rows(model, size, 1).items():
-            rows[own_name(name)] = np.ascontiguousarray(y[:, 0])
+            lead, core = leads[name], shapes.cores[name]
+            one = math.prod(lead) == 1  # a row for all samples, or one for each
+            whole = y if one or lead == batch else np.broadcast_to(y, batch + core)
+            rows[name] = whole.reshape(1 if one else size, math.prod(core))
+        if known is None:
+            known = {own_name(name): np.ascontiguousarray(y[:, 0]) for name, y in self.rows(model, size, 1).items()}
+        rows |= known
         made, left = _torques_of(self, model, rows, size)
-        read = {x.name for x in self.spec.present}
         for name, y in given.items():  # what the law reads has been looked at, unless samples are left
-            if (len(left) or name not in read) and not np.isfinite(y).all():
+            if (len(left) or name not in shapes.read) and not np.isfinite(y).all():
                 raise NonFiniteError(f"{name} has numbers that are not finite, expected finite ones")
         return made.reshape(*batch, n)
+
+    def _known(self, model: Model) -> dict[str, Array] | None:
+        """Rows (1, columns) of the values by name, those of the last call while they are the same; None if one has an
+        axis of samples or steps, or could be written to.
+        """
+        arrays, last = tuple(self.values.values()), self.__dict__.get("_kept")
+        if last is not None and last[0] is model and all(map(operator.is_, last[1], arrays)):
+            return last[2]  # type: ignore[no-any-return]
+        if any(x.flags.writeable for x in arrays) or self.axes(model):
+            return None
+        rows = {own_name(name): np.ascontiguousarray(y[:, 0]) for name, y in self.rows(model, 1, 1).items()}
+        self.__dict__["_kept"] = model, arrays, rows
+        return rows
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Without what is kept of calls."""
+        return {name: x for name, x in self.__dict__.items() if name != "_kept"}
 
     def axes(self, model: Model) -> dict[str, tuple[int, ...]]:
         """For each value that has any, by name, its axes before those of the input: steps, or samples and steps."""
@@ -203,7 +226,7 @@ class Control:
     def _deepest(self) -> int:
         """The most axes that a value has before those of its input."""
         sizes = {x.name: len(x.shape) for x in self.spec.present}
-        return max((x.ndim - sizes[name] for name, x in self.values.items()), default=0)
+        return max((x.ndim - sizes[name] for name, x in self.values.items() if x.ndim), default=0)
 
     @property
     def _given(self) -> list[str]:
@@ -212,8 +235,12 @@ class Control:
 
     def _cores(self, model: Model) -> list[tuple[Array, tuple[int, ...]]]:
         """The values, and the shapes of their inputs."""
-        spec = self.spec
-        return [(self.values[x.name], core_shape(model, x, self.static)) for x in spec.present if x.name in self.values]
+        found, cores = [], _shapes(self.spec, model, self.static).cores
+        for x in self.spec.present:
+            if x.name in self.values:
+                value, core = self.values[x.name], cores[x.name]
+                found.append((np.broadcast_to(value, core) if value.ndim == 0 and x.shape == ("nv",) else value, core))
+        return found
 
     def rows(self, model: Model, samples: int, steps: int) -> dict[str, Array]:
         """Values (samples or 1, steps or 1, columns) by the names of a step's inputs. Raises ShapeError, and
@@ -280,14 +307,14 @@ def _torques_of(
 
     Also the samples that the program rejects, for what is not finite or an angle out of range: NumPy computes those.
     """
-    spec = _torque(control.spec)
-    names = [x.name for x in spec.present if not x.static]
+    spec, names = _torque(control.spec), _names(control.spec)
     rows = [given[name] for name in names]
-    inputs = [np.ascontiguousarray(x.reshape(len(x), math.prod(x.shape[1:]))) for x in rows]
+    flat = (x if x.ndim == 2 else x.reshape(len(x), math.prod(x.shape[1:])) for x in rows)
+    inputs = [np.ascontiguousarray(x) for x in flat]
     common = tuple(k for k, x in enumerate(inputs) if len(x) == 1 and names[k] in control.values)
     made, left = _program(spec, model, control.static, common), np.arange(samples)
     out = np.empty((samples, model.nv))
-    if samples and not numba_kernels.PLAIN and all(np.isfinite(inputs[k]).all() for k in common):
+    if samples and not numba_kernels.PLAIN:  # those of all samples are finite: ``Control.rows``
         rejected = made.batch(samples)(inputs, (out,))
         left = left if rejected is None else rejected
     if len(left):
@@ -305,6 +332,38 @@ def _program(spec: Spec, model: Model, static: tuple[Any, ...], common: tuple[in
         raise SimulationError(f'law "{spec.name}" divides by an inertia that is 0')
     made = Recording(made.program, replace(made.layout, common=common))
     return TieredProgram((spec,), model.bodies, model.key, static, recorded=made)
+
+
+class _Shapes(NamedTuple):
+    """What a call of a law on a model looks up.
+
+    cores   shapes of one sample of all inputs but static ones, by name
+    starts  of its states: names, and what they begin with, None of the clock
+    read    names of the inputs
+    zero    (nv,) zeros
+    """
+
+    cores: dict[str, tuple[int, ...]]
+    starts: tuple[tuple[str, Array | None], ...]
+    read: frozenset[str]
+    zero: Array
+
+
+@lru_cache(maxsize=64)
+def _shapes(spec: Spec, model: Model, static: tuple[Any, ...]) -> _Shapes:
+    n = model.nv
+    cores = {x.name: core_shape(model, x, static) for x in spec.present if not x.static}
+    starts = tuple(
+        (x.name, None if x.name == CLOCK.name else np.full(cores[x.name], float(x.start or 0))) for x in spec.states
+    )
+    cores |= {Q.name: (model.nq,), V.name: (n,), TAU.name: (n,), DT.name: (1,)}
+    return _Shapes(cores, starts, frozenset(x.name for x in spec.present), np.zeros(n))
+
+
+@lru_cache(maxsize=64)
+def _names(spec: Spec) -> tuple[str, ...]:
+    """Names of the inputs of a law's torque."""
+    return tuple(x.name for x in _torque(spec).present if not x.static)
 
 
 @lru_cache(maxsize=64)

@@ -92,6 +92,7 @@ def with_cost(control: Control | None, cost: Cost) -> Control:
     made.values = {**({} if control is None else control.values), **{OWN + x: y for x, y in cost.values.items()}}
     made.static = (*(() if control is None else control.static), *cost.static)
     made.checks = () if control is None else control.checks
+    made.smooth, made.periods = (False, ()) if control is None else (control.smooth, control.periods)
     return made
 
 

@@ -168,7 +168,15 @@ def with_values(spec: Spec, given: Mapping[str, Any] | None) -> tuple[Spec, dict
     spec = variant(spec, given) if any(x.optional for x in spec.present) else spec
     known = [x for x in spec.present if x.name in given]
     static = tuple(_static(x.name, given[x.name]) for x in known if x.static)
-    return spec, {x.name: as_array(x.name, given[x.name]) for x in known if not x.static}, static
+    return spec, {x.name: kept(as_array(x.name, given[x.name])) for x in known if not x.static}, static
+
+
+def kept(x: Array) -> Array:
+    """A copy that cannot be written to, or the array itself if it is one."""
+    if x.flags.writeable or x.base is not None:
+        x = x.copy()
+        x.flags.writeable = False
+    return x
 
 
 def _static(name: str, value: Any) -> Any:

@@ -30,7 +30,7 @@ from ..constraints.dynamics import constraint_error, constraint_jacobian, rows_t
 from ..errors import SimulationError
 from ..model.model import Model
 from ..recursions.constraints.constraint_rows import JACOBIAN
-from ..recursions.contact.contact_rows import BOUNCING
+from ..recursions.contact.contact_rows import BOUNCING, PRESSED, REST
 from ..recursions.contact.impulse_balance import Balance, impulse_balance_spec
 from ..recursions.contact.impulse_step import impulse_step_spec
 from ..recursions.joints.friction import FRICTION_STEP
@@ -232,7 +232,7 @@ class _Steps:
         x, impulse, reaction = self.begin()
         by_x = self.slopes(x, impulse, reaction, ("x",))
         at = self.values(x, impulse, reaction)
-        self._check_bounces(at, by_x)
+        self._check_bounces(at, by_x, x, impulse, reaction)
         kept = self._kept()
         first = [self._solved(k, at, by_x, (x[k], impulse[k], reaction[k]), kept[k]) for k in range(self.n)]
         moved = self._along_solutions(first)
@@ -270,13 +270,19 @@ class _Steps:
             made.append(s.derivative(by))
         return np.array(made)
 
-    def _check_bounces(self, at: Balance, by_x: Balance) -> None:
-        """Raise SimulationError for points that bounce."""
+    def _check_bounces(self, at: Balance, by_x: Balance, x: Array, impulse: Array, reaction: Array) -> None:
+        """Raise SimulationError for points that bounce, by what ``target`` asks of them."""
         points = self.laws.sizes[0]
         if not points or not self.laws.bounces.any():
             return
-        before = np.einsum("nij,nj->ni", by_x.velocity[:, self.first], self.v)
-        hits = (before < -BOUNCING) & (at.gap + self.h[:, None] * before < 0.0) & (self.laws.bounces > 0.0)
+        J, C = by_x.velocity, by_x.closing
+        push = np.einsum("nki,nk->ni", J, impulse) + np.einsum("nki,nk->ni", C, reaction)
+        free = x - np.linalg.solve(by_x.momentum, push[..., None])[..., 0]
+        before, ahead = (np.einsum("nij,nj->ni", J[:, self.first], y) for y in (self.v, free))
+        fast = np.clip(PRESSED * (before - ahead), REST, BOUNCING)
+        down = (before < -fast) & (at.gap + self.h[:, None] * ahead < 0.0)
+        thrown = (before > fast) & (impulse[:, self.first] > 0.0)
+        hits = (down | thrown) & (self.laws.bounces > 0.0)
         bad = np.argwhere(hits)
         if len(bad):
             raise SimulationError(

@@ -15,7 +15,7 @@ from ..model.model import Model
 from ..waiting import watch
 from .space import times
 from .spectral import DAMPING, LENGTH, axes_of, lengths_of, share_of, spectral_inverse
-from .tasks import FrameTask, PostureTask, Rows, Task, rows_of
+from .tasks import ComTask, FrameTask, PostureTask, Rows, Task, rows_of
 
 Array = NDArray[np.float64]
 
@@ -57,7 +57,7 @@ def task_torque(
 
     Returns TaskTorque (tau, a, missed, rank, weak): bounded in every configuration.
     Raises  ModelError for frames or joints that are not there, and for a robot that floats; SpatialDynError for two
-            tasks of one axis of a frame; ShapeError, NonFiniteError
+            tasks of one axis of a frame or of the centre of mass; ShapeError, NonFiniteError
     Source  Khatib, A unified approach for motion and force control of robot manipulators (1987); Sentis and Khatib,
             Synthesis of whole-body behaviors through hierarchical control of behavioral primitives (2005). Of their
             projections one is taken, (I - Jᵀ J̄ᵀ): a second one on top of it would change the lower tasks.
@@ -133,14 +133,18 @@ def check_tasks(model: Model, tasks: Any) -> list[Any]:
         raise SpatialDynError(f"tasks is {literal(tasks)}, expected {expected}")
     seen: dict[Any, str] = {}
     for task in given:
+        if not isinstance(task, (FrameTask, ComTask)):
+            continue
+        key: tuple[Any, ...] = ("centre of mass",)
+        what = "the centre of mass"
         if isinstance(task, FrameTask):
             frame = model.frame(task.frame)
-            for axis in axes_of(task.axes):
-                key = (frame.kind, frame.name, task.reference, axis)
-                if key in seen:
-                    word = ("x", "y", "z", "rx", "ry", "rz")[axis]
-                    raise SpatialDynError(
-                        f'tasks "{seen[key]}" and "{task.name}" both move {word} of frame "{frame.name}", expected one'
-                    )
-                seen[key] = str(task.name)
+            key, what = (frame.kind, frame.name, task.reference), f'frame "{frame.name}"'
+        for axis in axes_of(task.axes):
+            if (*key, axis) in seen:
+                word = ("x", "y", "z", "rx", "ry", "rz")[axis]
+                raise SpatialDynError(
+                    f'tasks "{seen[(*key, axis)]}" and "{task.name}" both move {word} of {what}, expected one'
+                )
+            seen[(*key, axis)] = str(task.name)
     return given

@@ -1,4 +1,8 @@
-"""Quadratic programs, min ½ xᵀP x + gᵀx with A x = b, G x <= h, least <= x <= most: qpsolvers solves, we verify."""
+"""Quadratic programs, min ½ xᵀP x + gᵀx with low <= (x, rows x) <= high: a solver solves them, we verify.
+
+DAQP, the default, is called by its own interface, which has the program in this form; qpsolvers, which has others, is
+asked for any other solver.
+"""
 
 from __future__ import annotations
 
@@ -13,6 +17,8 @@ Array = NDArray[np.float64]
 VIOLATED = 1e-5  # of the robot's weight, a limit or an acceleration to brake with: what a solution may miss
 RELAXED = 1e-6  # of the same: a relaxation below it is none, and the program feasible
 STEEP = 1e6  # weight of relaxation over a program that only has to have one answer
+NONE = 1e29  # bounds from there on are none
+EQUAL = 5  # DAQP's word for an equation
 
 
 class Program(NamedTuple):
@@ -20,22 +26,21 @@ class Program(NamedTuple):
 
     Rows are scaled so that what matters of them is about 1, forces so that the robot's weight is.
 
-    groups, size   of each row of G: its name with a unit, and the number of those units that is 1
-    bounds, scale  of each variable: the same of its bounds
+    P, g       of what is least
+    rows       (m, n)
+    low, high  (n + m,) bounds of x, then of the rows, 1e30 for none; equal where ``sense`` is EQUAL
+    names      of each bound: its name and a unit
+    size       of each bound: the number of those units that is 1
     """
 
     P: Array
     g: Array
-    A: Array
-    b: Array
-    G: Array
-    h: Array
-    least: Array
-    most: Array
-    groups: tuple[tuple[str, str], ...]
+    rows: Array
+    low: Array
+    high: Array
+    sense: NDArray[np.int32]
+    names: tuple[tuple[str, str], ...]
     size: Array
-    bounds: tuple[tuple[str, str], ...]
-    scale: Array
 
 
 class Relaxation(NamedTuple):
@@ -60,13 +65,29 @@ def available() -> list[str]:
 
 def raw(solver: str, p: Program) -> Array | None:
     """The solver's answer; None if it has none."""
+    if solver == "daqp":
+        import daqp
+
+        x, _, flag, _ = daqp.solve(p.P, p.g, p.rows, p.high, p.low, p.sense.copy())  # which it writes to
+        return x if flag > 0 and np.isfinite(x).all() else None
+    return by_qpsolvers(solver, p)
+
+
+def by_qpsolvers(solver: str, p: Program) -> Array | None:
+    """As ``raw``, through qpsolvers."""
     import qpsolvers
 
-    empty = not len(p.b)
+    n = len(p.g)
+    low, high, equal = p.low[n:], p.high[n:], p.sense[n:] == EQUAL
+    above, below = ~equal & (high < NONE), ~equal & (low > -NONE)
+    G, h = np.concatenate([p.rows[above], -p.rows[below]]), np.concatenate([high[above], -low[below]])
+    least = np.where(p.low[:n] > -NONE, p.low[:n], -np.inf)
+    most = np.where(p.high[:n] < NONE, p.high[:n], np.inf)
+    A, b = p.rows[equal], high[equal]
     try:
         found = qpsolvers.solve_qp(
-            p.P, p.g, p.G if len(p.h) else None, p.h if len(p.h) else None, None if empty else p.A,
-            None if empty else p.b, p.least, p.most, solver=solver,
+            p.P, p.g, G if len(h) else None, h if len(h) else None, A if len(b) else None, b if len(b) else None, least,
+            most, solver=solver,
         )  # fmt: skip
     except (ValueError, ArithmeticError, qpsolvers.exceptions.QPError):
         return None
@@ -75,10 +96,8 @@ def raw(solver: str, p: Program) -> Array | None:
 
 def residual(p: Program, x: Array) -> float:
     """By how much x misses the rows and bounds."""
-    worst = float(abs(p.A @ x - p.b).max(initial=0.0))
-    if len(p.h):
-        worst = max(worst, float((p.G @ x - p.h).max()))
-    return max(worst, float(np.maximum(p.least - x, x - p.most).max(initial=0.0)))
+    y = np.concatenate([x, p.rows @ x])
+    return max(float((p.low - y).max(initial=0.0)), float((y - p.high).max(initial=0.0)))
 
 
 def solve(solver: str, p: Program) -> tuple[Array | None, float]:
@@ -96,18 +115,18 @@ def relax(solver: str, p: Program) -> tuple[Program, list[Relaxation]]:
 
     Raises ConstraintError if not even then there is an answer: equations hold.
     """
-    n, m = len(p.g), len(p.h)
-    high, low = np.flatnonzero(np.isfinite(p.most)), np.flatnonzero(np.isfinite(p.least))
-    unit = np.eye(n)
-    G = np.concatenate([p.G, unit[high], -unit[low]])
-    h = np.concatenate([p.h, p.most[high], -p.least[low]])
-    size = np.concatenate([p.size, p.scale[high], p.scale[low]])
-    groups = [*p.groups, *(p.bounds[k] for k in high), *(p.bounds[k] for k in low)]
-    k, free = len(h), np.full(n, np.inf)
+    n = len(p.g)
+    equal = p.sense == EQUAL
+    high, low = np.flatnonzero(~equal & (p.high < NONE)), np.flatnonzero(~equal & (p.low > -NONE))
+    all_rows = np.concatenate([np.eye(n), p.rows])
+    k, m = len(high) + len(low), int(equal.sum())
+    G = np.concatenate([all_rows[high], -all_rows[low]])
+    rows = np.block([[all_rows[equal], np.zeros((m, k))], [G, -np.eye(k)]])
+    least, most = np.concatenate([p.low[equal], np.full(k, -1e30)]), np.concatenate([p.high[high], -p.low[low]])
     slack = Program(
-        np.diag(np.r_[np.full(n, 1.0 / STEEP), np.ones(k)]), np.zeros(n + k), np.hstack([p.A, np.zeros((len(p.b), k))]),
-        p.b, np.hstack([G, -np.eye(k)]), h, np.r_[-free, np.zeros(k)], np.r_[free, np.full(k, np.inf)], (), size,
-        (), np.ones(n + k),
+        np.diag(np.r_[np.full(n, 1.0 / STEEP), np.ones(k)]), np.zeros(n + k), rows,
+        np.r_[np.full(n, -1e30), np.zeros(k), least], np.r_[np.full(n + k, 1e30), p.high[equal], most],
+        np.r_[np.zeros(n + k), np.full(m, EQUAL), np.zeros(k)].astype(np.int32), (), np.ones(0),
     )  # fmt: skip
     found, off = solve(solver, slack)
     if found is None:
@@ -117,12 +136,12 @@ def relax(solver: str, p: Program) -> tuple[Program, list[Relaxation]]:
         )
     s = np.where(found[n:] > RELAXED, found[n:], 0.0)
     amounts: dict[tuple[str, str], float] = {}
-    for label, x in zip(groups, s * size, strict=True):
+    for at, x in zip([*high.tolist(), *low.tolist()], s.tolist(), strict=True):
         if x > 0.0:
-            amounts[label] = max(amounts.get(label, 0.0), float(x))
+            amounts[p.names[at]] = max(amounts.get(p.names[at], 0.0), x * float(p.size[at]))
     listed = [Relaxation(name, x, what) for (name, what), x in amounts.items()]
     s = s * (1.0 + 1e-3)
-    most, least = p.most.copy(), p.least.copy()
-    most[high] += s[m : m + len(high)]
-    least[low] -= s[m + len(high) :]
-    return p._replace(h=p.h + s[:m], least=least, most=most), sorted(listed, key=lambda r: -r.amount)
+    below, above = p.low.copy(), p.high.copy()
+    above[high] += s[: len(high)]
+    below[low] -= s[len(high) :]
+    return p._replace(low=below, high=above), sorted(listed, key=lambda r: -r.amount)

@@ -1,71 +1,82 @@
-"""What is constant of the program of some feet: rows of their pyramids, limits, and the names of all of it."""
+"""What is constant of the program of the points that stand: which rows and variables it has, and their names."""
 
 from __future__ import annotations
 
-import math
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .feet import Foot
+from .feet import Foot, part_of
+from .quadratic import EQUAL, NONE
+from .terms import State
 
 Array = NDArray[np.float64]
 
 
 class Standing(NamedTuple):
-    """What is constant of some points: rows of the pyramids, limits, names and sizes."""
+    """What is constant of some points.
 
-    feet: list[Foot]
-    order: list[int]
-    G: Array
-    h: Array
-    torque_rows: tuple[tuple[slice, float], ...]
-    driven: NDArray[np.intp]
-    effort: Array
-    least: Array
-    most: Array
-    bounded: bool
-    fastest: Array
-    groups: tuple[tuple[str, str], ...]
+    at       indices of the points
+    whole    whether the program is that of all rows and points, as the call writes it
+    bodies   rows of torques that it has: of the base and of joints with a limit
+    feet     (ns, all ns) what makes its equations of feet from those of all
+    pyramids rows of the pyramids that it has
+    columns  variables that it has
+    sense, names, size  as of ``Program``
+    """
+
+    at: tuple[int, ...]
+    whole: bool
+    bodies: NDArray[np.intp]
+    feet: Array
+    pyramids: NDArray[np.intp]
+    columns: NDArray[np.intp]
+    sense: NDArray[np.int32]
+    names: tuple[tuple[str, str], ...]
     size: Array
-    bounds: tuple[tuple[str, str], ...]
-    scale: Array
 
     @classmethod
-    def of(cls, body: Any, feet: list[Foot], order: list[int]) -> Standing:
-        """Of the points in that order."""
-        model, n, k = body.model, body.model.nv, len(order)
-        effort, fastest = np.array(model.effort_limit), np.array(model.velocity_limit)
-        driven = np.flatnonzero((effort > 0.0) & np.isfinite(effort) & (np.arange(n) >= body.base))
-        if "torque" not in body.limits:
-            driven = driven[:0]
-        if "velocity" not in body.limits:
-            fastest = np.full(n, np.inf)
-        fastest = np.where(fastest > 0.0, fastest, np.inf)
-        m = len(driven)
-        G, h = np.zeros((4 * k + 2 * m, n + 3 * k)), np.zeros(4 * k + 2 * m)
-        groups: list[tuple[str, str]] = []
-        contacts = body.scene.contacts
-        for i, point in enumerate(order):
-            assert contacts is not None
-            for j, (axis, sign) in enumerate(((1, 1.0), (1, -1.0), (2, 1.0), (2, -1.0))):
-                G[4 * i + j, n + 3 * i + axis] = sign
-                G[4 * i + j, n + 3 * i] = -contacts.friction[point] / math.sqrt(2.0)
-            groups += [(f'friction at point "{contacts.names[point]}"', "N")] * 4
-        torque_rows = (slice(4 * k, 4 * k + m), 1.0), (slice(4 * k + m, 4 * k + 2 * m), -1.0)
-        h[4 * k :] = 1.0
-        groups += [(f'torque limit of joint "{body._names[i]}"', "N m | N") for i in driven] * 2
-        least, most = np.full(n + 3 * k, -np.inf), np.full(n + 3 * k, np.inf)
-        least[n::3], most[n::3] = 0.0, body.largest / body.weight
-        size = np.r_[np.full(4 * k, body.weight), np.tile(effort[driven], 2)]
-        bounds = [(f'position or velocity limit of joint "{name}"', "rad/s² | m/s²") for name in body._names]
-        for point in order:
-            assert contacts is not None
-            bounds += [(f'push of the ground at point "{contacts.names[point]}"', "N")] * 3
-        scale = np.r_[np.ones(n), np.full(3 * k, body.weight)]
-        bounded = "position" in body.limits or bool(np.isfinite(fastest).any())
-        return cls(
-            feet, order, G, h, torque_rows if m else (), driven, effort[driven], least, most, bounded, fastest,
-            tuple(groups), size, tuple(bounds), scale,
-        )  # fmt: skip
+    def of(cls, body: Any, feet: Sequence[Foot], at: tuple[int, ...]) -> Standing:
+        """Of these points of a WholeBody."""
+        n, contacts, parts, k = body.model.nv, body.contacts, [], len(at)
+        for foot in feet:
+            standing = tuple(p for p in foot.at if p in at)
+            parts.append(part_of(contacts, foot, standing) if standing else np.zeros((0, len(foot.B))))
+        ns = sum(x.shape[1] for x in parts)
+        blocks, i, j = np.zeros((sum(len(x) for x in parts), ns)), 0, 0
+        for x in parts:
+            blocks[i : i + len(x), j : j + x.shape[1]] = x
+            i, j = i + len(x), j + x.shape[1]
+        bodies = np.flatnonzero(body.limit < NONE)
+        points = np.array(at, np.intp)
+        pyramids = (n + ns + 4 * points[:, None] + np.arange(4)).ravel()
+        columns = np.r_[np.arange(n), (n + 3 * points[:, None] + np.arange(3)).ravel()].astype(np.intp)
+        whole = len(bodies) == n and at == tuple(range(len(contacts)))
+        joints = [joint.name for joint in body.model.joints[1:] for _ in range(joint.nv)]
+        names = [(f'position or velocity limit of joint "{x}"', "rad/s² | m/s²") for x in joints]
+        names += [(f'push of the ground at point "{contacts.names[p]}"', "N") for p in at for _ in range(3)]
+        names += [(f'torque limit of joint "{joints[i]}"', "N m | N") for i in bodies]
+        names += [("feet", "")] * len(blocks)
+        names += [(f'friction at point "{contacts.names[p]}"', "N") for p in at for _ in range(4)]
+        size = np.concatenate([
+            np.ones(n), np.full(3 * k, body.weight), 1.0 / body.unit[bodies], np.ones(len(blocks)),
+            np.full(4 * k, body.weight),
+        ])  # fmt: skip
+        rows = np.r_[np.where(body.limit[bodies] == 0.0, EQUAL, 0), np.full(len(blocks), EQUAL), np.zeros(4 * k)]
+        sense = np.r_[np.zeros(n + 3 * k), rows].astype(np.int32)
+        return cls(at, whole, bodies, blocks, pyramids, columns, sense, tuple(names), size)
+
+    def program(self, x: State) -> tuple[Array, Array, Array]:
+        """The rows and bounds of its program."""
+        if self.whole:
+            return x.rows, x.low, x.high
+        n, width = len(x.bias), x.rows.shape[1]
+        feet = slice(n, n + self.feet.shape[1])
+        rows = np.concatenate([x.rows[self.bodies], self.feet @ x.rows[feet], x.rows[self.pyramids]])
+        bounds = []
+        for whole in (x.low, x.high):
+            of_rows = whole[width:]
+            bounds += [whole[self.columns], of_rows[self.bodies], self.feet @ of_rows[feet], of_rows[self.pyramids]]
+        return np.ascontiguousarray(rows[:, self.columns]), np.concatenate(bounds[:4]), np.concatenate(bounds[4:])

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..calls.arguments import as_array, as_finite, as_items, as_number, as_word, broadcast, check_model
+from ..calls.arguments import as_array, as_finite, as_items, as_number, as_word, broadcast, check_model, pose_fault
 from ..calls.dynamics import calls
 from ..errors import ModelError, NonFiniteError, ShapeError, SpatialDynError, literal
 from ..model.model import Frame, Model
@@ -22,7 +22,14 @@ from .spectral import ALL_AXES, axes_of
 
 Array = NDArray[np.float64]
 REFERENCES = ("local", "world", "local_world_aligned")
-RIGID = 1e-6  # of the rows of a target's rotation
+
+
+class Asked(NamedTuple):
+    """What the equations of a task belong to: rows of a frame in a reference, or of the centre of mass for None."""
+
+    frame: str | Frame | None
+    reference: str
+    rows: tuple[int, ...]
 
 
 class Rows(NamedTuple):
@@ -59,6 +66,10 @@ class Task:
     def _of_state(self, model: Model, q: Array, v: Array) -> Rows:
         """The same, of arrays that fit."""
         raise NotImplementedError
+
+    def _asked(self) -> Asked | None:
+        """What J and J̇ v belong to, where a program has them among others. Returns None if not applicable."""
+        return None
 
     def check(self, model: Model) -> None:
         """Raise ModelError or ShapeError if the task is none of this model's."""
@@ -168,11 +179,8 @@ class FrameTask(Task):
             raise ShapeError(f'target of task "{self.name}" has shape {x.shape}, expected {wanted}')
         if self.reference == "world":
             raise SpatialDynError(f'task "{self.name}" has a target and reference "world", expected an acceleration')
-        if pose:
-            R = x[..., :3, :3]
-            off = abs(R @ np.swapaxes(R, -1, -2) - np.eye(3)).max()
-            if off > RIGID:
-                raise SpatialDynError(f'target of task "{self.name}" has no rotation: R Rᵀ is off 1 by {off:.2g}')
+        if pose and (fault := pose_fault(x)):
+            raise SpatialDynError(f'target of task "{self.name}" has {fault}')
 
     def check(self, model: Model) -> None:
         """Raise ModelError if there is no such frame."""
@@ -185,6 +193,10 @@ class FrameTask(Task):
         drift = np.asarray(calls["jacobian_dot_times_v"](model, q, v, self.frame, self.reference))[..., rows]
         wanted = feedback(self, (J @ v[..., None])[..., 0], self._error(model, q, rows))
         return Rows(J, drift, wanted, np.array(rows) >= 3)
+
+    def _asked(self) -> Asked:
+        """See ``Task``."""
+        return Asked(self.frame, self.reference, tuple(axes_of(self.axes)))
 
     def _error(self, model: Model, q: Array, rows: list[int]) -> Array | None:
         """The displacement that is left, along the axes."""
@@ -242,6 +254,10 @@ class ComTask(Task):
         if self.target is not None:
             e = (np.asarray(self.target) - np.asarray(calls["center_of_mass"](model, q)))[..., rows]
         return Rows(J, drift, feedback(self, (J @ v[..., None])[..., 0], e), np.zeros(len(rows), bool))
+
+    def _asked(self) -> Asked:
+        """See ``Task``."""
+        return Asked(None, "world", tuple(axes_of(self.axes)))
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,11 +1,11 @@
 """``WholeBody``: joint torques of a robot on its feet, by a quadratic program of accelerations and contact forces.
 
     min  Σ w_k |J_k a + J̇_k v - a_k*|² + w_f |f|² + ε |a|²
-    s.t. M_b a + h_b = J_bᵀ f                       the base, which has no motor
+    s.t. M_b a + h_b = J_bᵀ f                       the base and what else has no motor
          J_c a + J̇_c v = -D J_c v                   feet that stand
          |f_t| <= μ/√2 f_n,  0 <= f_n               pyramids within the cones
          -τ_max <= M_a a + h_a - J_aᵀ f <= τ_max
-         least(q, v) <= a <= most(q, v)             position and velocity limits (``viable``)
+         least(q, v) <= a <= most(q, v)             position and velocity limits
 
 τ is what the third line has: it is no variable. Source: after Del Prete, Mansard, Ramos, Stasse and Nori, Implementing
 torque control with high-ratio gear boxes and without joint-torque sensors (2016), the form that TSID has.
@@ -14,7 +14,7 @@ torque control with high-ratio gear boxes and without joint-torque sensors (2016
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -22,20 +22,24 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..calls.arguments import as_finite, as_number, as_word, as_words, check_model
 from ..calls.dynamics import calls
-from ..constraints.contact_dynamics import contact_gaps
+from ..constraints.contact_points import Contacts
 from ..errors import ConstraintError, ModelError, ShapeError, SpatialDynError, literal
+from ..recursions.control.whole_body import FAR
+from ..simulation.effects.motor import CURRENT
 from ..simulation.scene import Scene
-from .feet import Stance, feet_of, ground_axes, stance
+from .feet import feet_of
+from .goals import Goals, Joints, goals_of, terms_of
 from .hierarchy import check_tasks
-from .quadratic import Program, Relaxation, available, relax, residual, solve
+from .quadratic import EQUAL, NONE, Program, Relaxation, available, relax, residual, solve
 from .standing import Standing
-from .tasks import Rows, Task, rows_of
-from .viable import upper
+from .tasks import Rows, Task
+from .terms import State, Terms
 
 Array = NDArray[np.float64]
 LIMITS = ("torque", "velocity", "position")
 FORCES, MOTION = 1e-4, 1e-6  # weights of (f/weight)² and of a²
 KEPT = 1e-8  # of the largest singular value: directions that higher tasks have
+MOST_TERMS = 64  # sets of frames that a WholeBody remembers the programs of
 
 
 class WholeBodyMotion(NamedTuple):
@@ -62,7 +66,7 @@ class WholeBodyMotion(NamedTuple):
 class WholeBody:
     """Whole-body control: tasks of a robot that stands on the contacts of its scene.
 
-    scene       Scene with Contacts on a Plane, whose points are the feet; or a Model, of a robot without feet
+    scene       Scene with Contacts, whose points are the feet; or a Model, of a robot without feet
     tasks       FrameTask, ComTask, PostureTask, or any object with their methods: weighted within one ``priority``, and
                 in strict order of priorities, 0 first
     limits      which of torque, velocity and position limits of the model hold; () for none
@@ -78,7 +82,9 @@ class WholeBody:
 
     ``solve(q, v)`` is a WholeBodyMotion; the object itself is a torque function of ``simulate``, held over a step:
     ``sd.simulate(scene, q, v, 5.0, 2e-3, torque=whole_body)``. Whatever the solver says, its answer is checked.
-    Friction and motors of the scene's joints are not compensated.
+    Freedoms without a motor have no torque, those of the scene's Motor no more than it gives at rest. Losses of motors
+    and friction of joints are not compensated. Over a Heightfield each point has the axes of the ground
+    below it.
     Raises  ModelError, ConstraintError and SpatialDynError naming what does not fit; ``solve`` ConstraintError with the
             smallest relaxation, by name, where the limits leave nothing
 
@@ -108,6 +114,8 @@ class WholeBody:
             raise ModelError(f'robot "{model.name}" has joints that mimic others, expected none for WholeBody')
         if self.scene.constraints is not None:
             raise ConstraintError("the scene has constraints, expected none beside contacts for WholeBody")
+        if self.scene.motor is not None and self.scene.drive != CURRENT:
+            raise ModelError(f"the scene's motors are driven by {self.scene.drive}, expected {CURRENT}: torques")
         self.tasks = check_tasks(model, tasks)
         self.limits = as_words("limits", [] if limits is None or limits is False else limits, LIMITS)
         self.dt, self.brake, self.damping = (
@@ -124,17 +132,41 @@ class WholeBody:
         floats = [x for x in model.joints[1:] if x.kind == "floating" and x.parent == 0]
         self.base = 6 if floats else 0
         self.weight = max(float(np.linalg.norm(model.gravity)) * model.total_mass, 1e-300)
-        self._names = [joint.name for joint in model.joints[1:] for _ in range(joint.nv)]
-        self._far = np.full(model.nv, np.inf)
+        given = self.scene.contacts
+        self.contacts = Contacts(model, {}) if given is None else given
+        for name in self.contacts.names:
+            _carries(model, name)
+        self._feet = feet_of(model, self.contacts)
+        self._settings, self._friction = self._constants(), np.array(self.contacts.friction, np.float64)
+        axes = self.contacts.table.rows[0]["axes"]
+        self._axes = np.array([[axes[letter + column] for column in "xyz"] for letter in "xyz"])
+        self._standing: dict[tuple[int, ...], Standing] = {}
+        self._terms: dict[Any, Terms] = {}
+        self._postures: dict[Any, Joints] = {}
+        self._whole = self._at(tuple(range(len(self.contacts))))
+        self._goals = self._asked(self.tasks)
+
+    def _constants(self) -> tuple[Array, Array]:
+        """The settings of the program, which are the same at every state."""
+        model, n = self.model, self.model.nv
         stops = [(x.idx_v, x.idx_q) for x in model.joints[1:] if x.nq == x.nv == 1 and "position" in self.limits]
-        self._stops = tuple(np.array(stops, np.intp).reshape(-1, 2).T)
-        self._feet: dict[tuple[int, ...], Standing] = {}
-        contacts = self.scene.contacts
-        if contacts is not None and len(contacts):
-            self._axes = ground_axes(contacts)
-            for name in contacts.names:
-                _carries(model, name)
-            self._at(tuple(range(len(contacts))))
+        lower, upper = np.full(n, -FAR), np.full(n, FAR)
+        at_v, at_q = np.array(stops, np.intp).reshape(-1, 2).T
+        lower[at_v], upper[at_v] = np.maximum(model.lower[at_q], -FAR), np.minimum(model.upper[at_q], FAR)
+        fastest, effort = np.array(model.velocity_limit), np.array(model.effort_limit)
+        fastest = np.where((fastest > 0.0) & ("velocity" in self.limits), np.minimum(fastest, FAR), FAR)
+        effort = np.where(effort > 0.0, effort, np.inf)
+        passive = np.arange(n) < self.base
+        if self.scene.motor is not None:
+            stall = self.scene.motor.stall_torque
+            passive = passive | (stall == 0.0)
+            effort = np.minimum(np.minimum(effort, self.scene.motor.torque), np.where(stall > 0.0, stall, np.inf))
+        driven = np.isfinite(effort) & ~passive & ("torque" in self.limits)
+        self.unit = 1.0 / np.where(driven, effort, self.weight)
+        self.limit = np.where(driven, 1.0, np.where(passive, 0.0, FAR))
+        largest = min(self.largest / self.weight, FAR)
+        numbers = self.weight, self.brake, self.damping, self.dt, largest, self.motion_weight, self.force_weight
+        return np.array([lower, upper, fastest, self.unit, self.limit]), np.array(numbers)
 
     def __call__(self, t: float, q: ArrayLike, v: ArrayLike) -> Array:
         """The torque (nv,) at a state: a torque function of ``simulate``."""
@@ -146,82 +178,67 @@ class WholeBody:
 
     def solve(self, q: ArrayLike, v: ArrayLike, tasks: Task | Iterable[Task] | None = None) -> WholeBodyMotion:
         """The motion at q (nq,), v (nv,); ``tasks`` in place of those that it was made with. Raises as the class."""
+        q, v = self._one(q, v)
+        goals = self._goals if tasks is None else self._asked(check_tasks(self.model, tasks))
+        state, fixed = self._state(goals, q, v)
+        rows = goals.rows(state, q, v)
+        program = self._program(goals, fixed, state, rows)
+        levels = sorted({int(task.priority) for task in goals.tasks})
+        x, relaxed = self._settled(program) if len(levels) == 1 else self._in_order(program, goals.tasks, rows, levels)
+        return self._motion(x, state, fixed, rows, relaxed)
+
+    def program(self, q: ArrayLike, v: ArrayLike) -> Program:
+        """The quadratic program at q (nq,), v (nv,), of all tasks at once. Raises ShapeError, NonFiniteError."""
+        q, v = self._one(q, v)
+        state, fixed = self._state(self._goals, q, v)
+        return self._program(self._goals, fixed, state, self._goals.rows(state, q, v) if self._goals.others else [])
+
+    # --- the program ----------------------------------------------------------------------------------------
+
+    def _one(self, q: ArrayLike, v: ArrayLike) -> tuple[Array, Array]:
+        """One state. Raises ShapeError, NonFiniteError."""
         q, v = as_finite("q", q), as_finite("v", v)
         for name, x, size in (("q", q, self.model.nq), ("v", v, self.model.nv)):
             if x.shape != (size,):
                 raise ShapeError(f"{name} has shape {x.shape}, expected ({size},): one state")
-        given = self.tasks if tasks is None else check_tasks(self.model, tasks)
-        rows = [rows_of(task, self.model, q, v) for task in given]
-        program, made = self._program(q, v)
-        levels = sorted({int(task.priority) for task in given})
-        if len(levels) == 1:
-            x, relaxed = self._settled(_with(program, list(zip(given, rows, strict=True)), self._weights(made)))
-        else:
-            x, relaxed = self._in_order(program, given, rows, levels, self._weights(made))
-        return self._motion(x, made, rows, relaxed, residual(relaxed[0], x))
+        return q, v
 
-    # --- the program ----------------------------------------------------------------------------------------
+    def _asked(self, tasks: Sequence[Any]) -> Goals:
+        """What tasks want, and the call that has their terms."""
+        if len(self._terms) >= MOST_TERMS:
+            self._terms.clear()
+        terms = terms_of(self.model, self.contacts, self._feet, tasks, self._terms)
+        return goals_of(tasks, terms, self._postures)
+
+    def _state(self, goals: Goals, q: Array, v: Array) -> tuple[State, Standing]:
+        """The program of all points at a state, and what stands."""
+        state = goals.terms(q, v, *self._settings, *goals.inputs, self._friction)
+        if isinstance(self.standing, str):
+            return state, self._whole
+        return state, self._at(tuple(np.flatnonzero(state.gap <= self.standing).tolist()))
 
     def _at(self, at: tuple[int, ...]) -> Standing:
         """What is constant of these points."""
-        if at not in self._feet:
-            contacts = self.scene.contacts
-            feet = feet_of(self.model, contacts, at) if contacts is not None and at else []
-            order = [k for foot in feet for k in foot.at]
-            self._feet[at] = Standing.of(self, feet, order)
-        return self._feet[at]
+        if at not in self._standing:
+            self._standing[at] = Standing.of(self, self._feet, at)
+        return self._standing[at]
 
-    def _standing(self, q: Array) -> tuple[int, ...]:
-        contacts = self.scene.contacts
-        if contacts is None:
-            return ()
-        if isinstance(self.standing, str):
-            return tuple(range(len(contacts)))
-        gaps = np.asarray(contact_gaps(self.model, contacts, q))
-        return tuple(np.flatnonzero(gaps <= self.standing).tolist())
+    def _program(self, goals: Goals, fixed: Standing, x: State, rows: Sequence[Rows]) -> Program:
+        """The program with all tasks."""
+        P, g = x.P, x.g
+        for k in goals.others:
+            _add(P, g, goals.tasks[k], rows[k])
+        if not fixed.whole:
+            P, g = P[np.ix_(fixed.columns, fixed.columns)], g[fixed.columns]
+        return Program(P, g, *fixed.program(x), fixed.sense, fixed.names, fixed.size)
 
-    def _program(self, q: Array, v: Array) -> tuple[Program, _State]:
-        """The program without tasks, and what torques follow from."""
-        model, n, nb = self.model, self.model.nv, self.base
-        fixed = self._at(self._standing(q))
-        k = 3 * len(fixed.order)
-        M, h = np.asarray(calls["crba"](model, q)), np.asarray(calls["nonlinear_effects"](model, q, v))
-        if k:
-            feet = stance(model, fixed.feet, self._axes, q, v)
-        else:
-            feet = Stance(np.zeros((0, n)), np.zeros(0), np.zeros(0), np.zeros((n, 0)))
-        r = len(feet.drift)
-        A, b = np.zeros((nb + r, n + k)), np.empty(nb + r)
-        A[:nb, :n], A[:nb, n:], b[:nb] = M[:nb] / self.weight, -feet.pull[:nb], -h[:nb] / self.weight
-        A[nb:, :n], b[nb:] = feet.J / self.brake, -(feet.drift + self.damping * feet.rate) / self.brake
-        G, limit = fixed.G.copy(), fixed.h.copy()
-        for rows, sign in fixed.torque_rows:
-            scale = sign / fixed.effort
-            G[rows, :n] = scale[:, None] * M[fixed.driven]
-            G[rows, n:] = (-self.weight * scale[:, None]) * feet.pull[fixed.driven]
-            limit[rows] -= scale * h[fixed.driven]
-        least, most = fixed.least.copy(), fixed.most.copy()
-        if fixed.bounded:
-            gap_up, gap_down = self._gaps(q)
-            most[:n] = upper(gap_up, v, fixed.fastest, self.brake, self.dt)
-            least[:n] = -upper(gap_down, -v, fixed.fastest, self.brake, self.dt)
-        program = Program(
-            np.zeros((0, 0)), np.zeros(0), A, b, G, limit, least, most, fixed.groups, fixed.size, fixed.bounds,
-            fixed.scale,
-        )  # fmt: skip
-        return program, _State(M, h, feet, fixed)
-
-    def _gaps(self, q: Array) -> tuple[Array, Array]:
-        """What each freedom has left to its upper and its lower limit; infinite where there is none."""
-        up, down, (at_v, at_q) = self._far.copy(), self._far.copy(), self._stops
-        up[at_v], down[at_v] = self.model.upper[at_q] - q[at_q], q[at_q] - self.model.lower[at_q]
-        return up, down
-
-    def _weights(self, made: _State) -> Array:
-        """The diagonal of what is small."""
-        n, k = self.model.nv, made.feet.pull.shape[1]
-        small: Array = np.r_[np.full(n, self.motion_weight), np.full(k, self.force_weight)]
-        return small
+    def _alone(self, p: Program, tasks: Sequence[Any], rows: Sequence[Rows]) -> Program:
+        """The program with these tasks in place of those that it has."""
+        n, size = self.model.nv, len(p.g)
+        P, g = np.diag(np.r_[np.full(n, self.motion_weight), np.full(size - n, self.force_weight)]), np.zeros(size)
+        for task, row in zip(tasks, rows, strict=True):
+            _add(P, g, task, row)
+        return p._replace(P=P, g=g)
 
     def _settled(self, program: Program) -> tuple[Array, tuple[Program, list[Relaxation]]]:
         """The answer, with limits relaxed if need be."""
@@ -243,72 +260,62 @@ class WholeBody:
         return x, (softer, listed)
 
     def _in_order(
-        self, program: Program, tasks: list[Any], rows: list[Rows], levels: list[int], small: Array
+        self, program: Program, tasks: Sequence[Any], rows: list[Rows], levels: list[int]
     ) -> tuple[Array, tuple[Program, list[Relaxation]]]:
         """A program for each priority, in what those before it leave: x + Z y."""
         softer: tuple[Program, list[Relaxation]] | None = None
         for level in levels:
-            chosen = [(task, row) for task, row in zip(tasks, rows, strict=True) if task.priority == level]
+            chosen = [k for k, task in enumerate(tasks) if task.priority == level]
+            whole = self._alone(program, [tasks[k] for k in chosen], [rows[k] for k in chosen])
             if softer is None:
-                x, softer = self._settled(_with(program, chosen, small))
-                program, Z = softer[0], _null(program.A)
+                x, softer = self._settled(whole)
+                program, size = softer[0], program.rows.shape[1]
+                Z = _null(program.rows[program.sense[size:] == EQUAL])
             else:
-                x = x + Z @ self._within(program, chosen, small, x, Z)
-            higher = np.concatenate([row.J for _, row in chosen])
+                x = x + Z @ self._within(whole, x, Z)
+            higher = np.concatenate([rows[k].J for k in chosen])
             Z = Z @ _null(higher @ Z[: self.model.nv])
             if not Z.shape[1]:
                 break
         assert softer is not None
         return x, softer
 
-    def _within(self, program: Program, chosen: list[Any], small: Array, x: Array, Z: Array) -> Array:
+    def _within(self, p: Program, x: Array, Z: Array) -> Array:
         """The best y of x + Z y; 0 where the solver has none, which is feasible."""
-        whole = _with(program, chosen, small)
-        high, low = np.isfinite(program.most), np.isfinite(program.least)
-        G = np.concatenate([program.G @ Z, Z[high], -Z[low]])
-        h = np.concatenate([program.h - program.G @ x, (program.most - x)[high], (x - program.least)[low]])
-        size = np.concatenate([program.size, program.scale[high], program.scale[low]])
-        free = np.full(Z.shape[1], np.inf)
+        bounded = (p.sense != EQUAL) & ((p.high < NONE) | (p.low > -NONE))
+        y = np.concatenate([x, p.rows @ x])
+        rows = np.concatenate([Z, p.rows @ Z])[bounded]
+        free = np.full(Z.shape[1], FAR)
         inner = Program(
-            Z.T @ whole.P @ Z, Z.T @ (whole.P @ x + whole.g), np.zeros((0, len(free))), np.zeros(0), G,
-            np.maximum(h, 0.0), -free, free, (), size, (), np.ones(len(free)),
+            Z.T @ p.P @ Z, Z.T @ (p.P @ x + p.g), rows, np.r_[-free, np.minimum((p.low - y)[bounded], 0.0)],
+            np.r_[free, np.maximum((p.high - y)[bounded], 0.0)], np.zeros(len(free) + len(rows), np.int32), (), free,
         )  # fmt: skip
-        y, _ = solve(self.solver, inner)
-        return np.zeros(len(free)) if y is None else y
+        found, _ = solve(self.solver, inner)
+        return np.zeros(len(free)) if found is None else found
 
     def _motion(
-        self, x: Array, made: _State, rows: list[Rows], relaxed: tuple[Program, list[Relaxation]], off: float
+        self, x: Array, state: State, fixed: Standing, rows: list[Rows], relaxed: tuple[Program, list[Relaxation]]
     ) -> WholeBodyMotion:
-        n, nb = self.model.nv, self.base
+        n = self.model.nv
         a, f = x[:n], self.weight * x[n:]
-        tau = made.M @ a + made.h - made.feet.pull @ f
-        tau[:nb] = 0.0
-        forces = f.reshape(-1, 3) @ self._axes.T if len(f) else np.zeros((0, 3))
-        missed = tuple(row.J @ a + row.drift - row.wanted for row in rows)
-        names = () if self.scene.contacts is None else tuple(self.scene.contacts.names[k] for k in made.fixed.order)
-        return WholeBodyMotion(tau, a, forces, names, missed, tuple(relaxed[1]), off)
+        bodies = state.rows[:n] if fixed.whole else state.rows[:n][:, fixed.columns]
+        tau = (bodies @ x) / self.unit + state.bias
+        tau[self.limit == 0.0] = 0.0
+        at = list(fixed.at)
+        names = tuple([self.contacts.names[k] for k in at])
+        forces = f.reshape(-1, 3)
+        if self.contacts.ground is not None:
+            forces = np.einsum("kji,kj->ki", state.tilt[at], forces)
+        forces = forces @ self._axes
+        missed = tuple([row.J @ a + row.drift - row.wanted for row in rows])
+        return WholeBodyMotion(tau, a, forces, names, missed, tuple(relaxed[1]), residual(relaxed[0], x))
 
 
-class _State(NamedTuple):
-    """M, h and the feet at a state."""
-
-    M: Array
-    h: Array
-    feet: Stance
-    fixed: Standing
-
-
-def _with(program: Program, tasks: list[tuple[Any, Rows]], small: Array) -> Program:
-    """The program with these tasks as its cost."""
-    n = program.A.shape[1]
-    P, g = np.zeros((n, n)), np.zeros(n)
-    nv = tasks[0][1].J.shape[1]
-    J = np.concatenate([math.sqrt(task.weight) * row.J for task, row in tasks])
-    aim = np.concatenate([math.sqrt(task.weight) * (row.wanted - row.drift) for task, row in tasks])
-    P[:nv, :nv] = J.T @ J
-    P[np.arange(n), np.arange(n)] += small
-    g[:nv] = -(J.T @ aim)
-    return program._replace(P=P, g=g)
+def _add(P: Array, g: Array, task: Any, row: Rows) -> None:
+    """Add a task to P and g."""
+    n = row.J.shape[1]
+    P[:n, :n] += (task.weight * row.J.T) @ row.J
+    g[:n] -= task.weight * ((row.wanted - row.drift) @ row.J)
 
 
 def _null(A: Array) -> Array:

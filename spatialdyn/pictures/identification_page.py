@@ -9,8 +9,9 @@ import numpy as np
 
 from ..identification.identified import COLUMNS, Identified, Validation
 from ..identification.recording import Recording
+from ..identification.unknowns import freedoms_of
 from .figures import FAINT, dash, need_matplotlib, new_figure, tidy
-from .markup import bullets, facts, heading, line, table
+from .markup import bullets, facts, folded, heading, line, table
 from .page import LINKS, _ready, made_by, picture, write
 
 if TYPE_CHECKING:
@@ -33,8 +34,8 @@ def report_identified(found: Identified, path: Any, validation: Recording | None
         *([] if not found.eigenvalues else [("Inertias", _inertias(found))]),
         *([] if judged is None else [("Another motion", _validation(found, judged))]),
     ]
-    consistent = "inertias that bodies can have" if _all_positive(found) else "some inertias that no body has"
-    write(path, f"{found.start.name}: identification", f"{found.method}, {consistent}", sections)
+    kind = ", inertias that bodies can have" if _all_positive(found) else ", some inertias that no body has"
+    write(path, f"{found.start.name}: identification", found.method + kind * bool(found.eigenvalues), sections)
 
 
 def _facts(found: Identified) -> dict[str, str]:
@@ -61,10 +62,13 @@ def _notes(found: Identified) -> str:
 
 def _table(found: Identified) -> str:
     rows = found.table()
-    return table(COLUMNS, rows, numbers=(1, 2, 3, 4), most=LINKS) + line(
-        "A name stands for the sum that torques depend on: what else is in it is in print(found.base). σ % is the "
-        "deviation's share of the value, model the value that the identification began from."
+    text = line(
+        "A name with + n stands for a sum, as torques depend on that alone. Units are kg, kg m and kg m² of bodies, "
+        "N m and N m s of turning joints. σ % is the deviation's share of the value, model the value that the "
+        "identification began from."
     )
+    sums = bullets((found.base.text(k) for k in range(found.base.rank)), most=LINKS)
+    return table(COLUMNS, rows, numbers=(1, 2, 3, 4), most=LINKS) + text + folded("The sums", sums)
 
 
 def _residuals(found: Identified) -> str:
@@ -79,7 +83,8 @@ def _residuals(found: Identified) -> str:
         ]
         for name, n, s, p in zip(names, found.rows.tolist(), found.noise.tolist(), found.white.tolist(), strict=True)
     ]
-    drawn = picture(("residuals over time", plot_residuals(found))) if len(found.t) else ""
+    drawn = line("Residuals over time [N m | N]") if len(found.t) else ""
+    drawn += picture(("residuals over time", plot_residuals(found))) if len(found.t) else ""
     return table(("freedom", "equations", "deviation", "white", "probability"), rows, numbers=(1, 2, 4)) + drawn
 
 
@@ -113,9 +118,8 @@ def _validation(found: Identified, judged: Validation) -> str:
     rows = [[name, f"{r:.4g}", f"{n:.4g}", f"{q:.3g}", f"{100.0 * s:.2g} %"] for name, r, n, q, s in zip(
         names, judged.rms, judged.noise, judged.ratio, judged.share, strict=True)]  # fmt: skip
     head = ("freedom", "rms of the difference", "noise of the fit", "ratio", "of the torque's deviation")
-    return table(head, rows, numbers=(1, 2, 3, 4)) + picture(
-        ("torques measured and predicted", plot_torques(found, judged))
-    )
+    drawn = picture(("torques measured and predicted", plot_torques(found, judged)))
+    return table(head, rows, numbers=(1, 2, 3, 4)) + line("Torques measured and predicted [N m | N]") + drawn
 
 
 # --- figures --------------------------------------------------------------------------------------------------
@@ -170,7 +174,8 @@ def plot_information(found: Identified) -> Figure:
     )
     left.set(xlabel="number", ylabel="singular value")
     tidy(left)
-    drawn = right.imshow(found.correlation, cmap="RdBu", vmin=-1.0, vmax=1.0)
+    n = len(found.correlation) + 0.5
+    drawn = right.imshow(found.correlation, cmap="RdBu", vmin=-1.0, vmax=1.0, extent=(0.5, n, n, 0.5))
     right.set(xlabel="base parameter", ylabel="base parameter", title="correlation")
     figure.colorbar(drawn, ax=right, shrink=0.8)
     return figure
@@ -197,8 +202,7 @@ def plot_torques(found: Identified, judged: Validation) -> Figure:
 
 def _freedoms(found: Identified) -> list[str]:
     """A name of each freedom that has rows."""
-    names = [j.name if j.nv == 1 else f"{j.name}[{k}]" for j in found.start.joints[1:] for k in range(j.nv)]
-    return names[: len(found.noise)]
+    return freedoms_of(found.start)[: len(found.noise)]
 
 
 def _all_positive(found: Identified) -> bool:

@@ -45,6 +45,7 @@ def accelerations_and_derivatives(
 
 
 REDUCTION = Reduction(
-    "crba", ("crba", "rnea", "modified_rnea", "momentum_rate"), ("aba", "hamilton_field"), factor_tree, solve_tree,
-    aba_derivatives_by_factor, accelerations_and_derivatives,
+    "crba",
+    ("crba", "rnea", "modified_rnea", "momentum_rate", "frame_placement", "frame_jacobian", "frame_jacobian_dot"),
+    ("aba", "hamilton_field"), factor_tree, solve_tree, aba_derivatives_by_factor, accelerations_and_derivatives,
 )  # fmt: skip

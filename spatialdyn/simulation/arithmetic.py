@@ -1,25 +1,26 @@
-"""What a step is computed with: recorded numbers, which become a program, or floats, by kernels.
+"""What a step is computed with: recorded numbers, which become a program, or floats, by calls.
 
 An effect is written once, for both: it takes the outputs of a Spec by name, of inputs by name. ``Recorded`` runs
-the recursion on recorded numbers; ``Computed`` calls the Spec's kernel.
+the recursion on recorded numbers; ``Computed`` calls the Spec as public calls are answered. Nothing compiles first.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..bodies.static_table import StaticTable
-from ..engines import run
-from ..engines.compiled import numba_kernels
+from ..calls.one_sample import of_model
 from ..engines.programs.record import tracer
 from ..engines.programs.record.mimic_rows import evaluate, rows_of
+from ..errors import ConfigurationError, InertiaError, NonFiniteError
 from ..model.model import Model
 from ..recursions.spec import Spec, shape_in, sizes_of
-from .system import System, set_status
+from .system import NONFINITE, OK, PIVOT, UNIT, System, set_status
 
 Array = NDArray[Any]
 
@@ -66,22 +67,28 @@ class Recorded:
         return _evaluated(spec, self.rows, {**self.given, **more})
 
 
-class Computed:
-    """Floats of one sample.
+class Answer(NamedTuple):
+    """What answers a Spec on one sample, the shape of its output, and where each part of it is."""
 
-    once  whether it is for one step, which recursions take in plain Python rather than compile their kernels
+    call: Callable[..., Any]
+    shape: tuple[int, ...]
+    parts: dict[str, Any]
+
+
+class Computed:
+    """Floats of one sample, by calls: a program, interpreted until compiling pays.
 
     Before a step, ``begin`` says when and with which System it is: failures become its status.
     """
 
     recorded = False
 
-    def __init__(self, model: Model, given: dict[str, Any], once: bool = False) -> None:
-        self.model, self.given, self.once = model, given, once
+    def __init__(self, model: Model, given: dict[str, Any]) -> None:
+        self.model, self.given = model, given
         self.rows = rows_of(tracer.table(model.bodies))
         self.system: Any = None
         self.t = 0.0
-        self._kernels: dict[Any, tuple[Spec, Callable[..., int]]] = {}
+        self._calls: dict[Any, Answer] = {}
 
     def begin(self, system: System, t: float) -> None:
         """The System whose status failures are written to, and the time of the step."""
@@ -90,60 +97,48 @@ class Computed:
     def evaluate(self, spec: Spec, **more: Any) -> dict[str, Any]:
         """See ``Arithmetic``."""
         known = {**self.given, **more}
-        walks = spec.work is not None or not spec.composed  # the tree: kernels have rows of independent joints alone
-        if self.once or (self.model.mimic_matrix is not None and walks):
-            plain = {name: x.rows if isinstance(x, StaticTable) else x for name, x in known.items()}
-            with np.errstate(all="ignore"):
-                made = _evaluated(spec, self.rows, plain)
-            found = {name: x.astype(np.float64) for name, x in made.items()}
-            finite = all(np.isfinite(x).all() for x in found.values())
-            set_status(self.system, numba_kernels.OK if finite else numba_kernels.NONFINITE, self.t)
-            return found
-        if spec.large:
-            static = tuple(known[x.name] for x in spec.present if x.static)
-            if run.program(numba_kernels.variant(spec, self._optional(spec, known)), self.model, static) is not None:
-                return self._by_program(spec, known)
-        own, kernel = self._kernel(spec, known)
-        sizes, out = self._sized(own, known)
-        given = (self._passed(known[x.name]) for x in own.present)
-        set_status(self.system, kernel(self.system.table, *given, out), self.t)
-        return dict(zip(_names(own), own.split(out, sizes), strict=True))
+        named = [known.get(x.name) if x.optional else known[x.name] for x in spec.present]
+        static = tuple(y for x, y in zip(spec.present, named, strict=True) if x.static)
+        values = [y for x, y in zip(spec.present, named, strict=True) if not x.static]
+        key = spec, static, *(x is None for x in values)
+        made = self._calls.get(key)
+        if made is None:
+            made = self._calls.setdefault(key, self._made(spec, static, tuple(x is not None for x in values)))
+        call, shape, parts = made
+        out = np.empty(shape)
+        code = answered(call, out, *(x for x in values if x is not None))
+        set_status(self.system, finite(code, out), self.t)
+        return {name: out[at] for name, at in parts.items()}
 
-    def _by_program(self, spec: Spec, known: Mapping[str, Any]) -> dict[str, Any]:
-        """The same as calls answer."""
-        own = numba_kernels.variant(spec, self._optional(spec, known))
-        sizes, out = self._sized(own, known)
-        given = [x for x in own.present if not x.static]
-        inputs = [np.asarray(known[x.name], np.float64)[None] for x in given]
-        static = tuple(known[x.name] for x in own.present if x.static)
-        failed = run.batch(own, self.model, inputs, static, out.reshape((1, -1)), seen=False)
-        set_status(self.system, int(failed.status[0]) if len(failed.samples) else numba_kernels.OK, self.t)
-        return dict(zip(_names(own), own.split(out, sizes), strict=True))
+    def _made(self, spec: Spec, static: tuple[Any, ...], there: tuple[bool, ...]) -> Answer:
+        """What answers a Spec with the inputs that are there."""
+        model = self.model
+        sizes = {"nv": model.nv, "nq": model.nq, "njoints": model.njoints}
+        for x in static:
+            sizes |= x.sizes if isinstance(x, StaticTable) else {}
+        shape, at = shape_in(spec.output.shape, sizes), 0
+        parts: dict[str, Any] = {} if spec.parts else {spec.output.name: ...}
+        for x in spec.parts:
+            parts[x.name] = slice(at, at + math.prod(shape_in(x.shape, sizes)))
+            at = parts[x.name].stop
+        return Answer(of_model(spec, model, static, there), shape, parts)
 
-    def _sized(self, own: Spec, known: Mapping[str, Any]) -> tuple[dict[str, int], Array]:
-        """The sizes of a call, and space for what it gives."""
-        sizes = {"nv": self.model.nv, "nq": self.model.nq, "njoints": self.model.njoints}
-        for x in own.present:
-            if x.table is not None:
-                sizes |= {name: int(known[x.name].rows[0][name]) for name in x.sizes}
-        return sizes, np.empty(shape_in(own.output.shape, sizes))
 
-    @staticmethod
-    def _optional(spec: Spec, known: Mapping[str, Any]) -> frozenset[str]:
-        """The optional inputs that are there."""
-        return frozenset(x.name for x in spec.present if x.optional and known.get(x.name) is not None)
+def answered(call: Callable[..., Any], out: Any, *inputs: Any) -> int:
+    """Write the result of a call on one sample; returns the status of its error, and OK for NaN of an input's NaN."""
+    try:
+        out[...] = call(*inputs)
+        return OK
+    except InertiaError:
+        code = PIVOT
+    except ConfigurationError:
+        code = UNIT
+    except NonFiniteError:
+        code = NONFINITE
+    out[...] = np.nan
+    return code
 
-    def _kernel(self, spec: Spec, known: Mapping[str, Any]) -> tuple[Spec, Callable[..., int]]:
-        """The Spec with the optional inputs that are there, and its kernel."""
-        present = self._optional(spec, known)
-        if (spec, present) not in self._kernels:
-            own = numba_kernels.variant(spec, present)
-            self._kernels[spec, present] = own, numba_kernels.sample_kernel(own)
-        return self._kernels[spec, present]
 
-    @staticmethod
-    def _passed(x: Any) -> Any:
-        """An input as a kernel takes it."""
-        if isinstance(x, StaticTable):
-            return getattr(x, run.STATIC)
-        return np.ascontiguousarray(x) if isinstance(x, np.ndarray) else x
+def finite(code: int, out: Any) -> int:
+    """The status of a result that has to be finite."""
+    return NONFINITE if code == OK and not np.isfinite(out).all() else code

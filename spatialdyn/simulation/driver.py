@@ -44,13 +44,24 @@ def run_samples(
     for b in left:
         start, rows = [x[b].astype(float) for x in states], [x[b] for x in records]
         held = np.zeros((1, plan.model.nv)) if tau is None else tau[min(b, len(tau) - 1)].astype(float)
-        reason = _not_finite(plan, start, held, dt) or _value_not_finite(plan, b)
-        if not (reason and check):
-            reason = _alone(plan, initial, start, held, rows, steps, b)
+        reason = run_alone(plan, initial, start, held, rows, steps, b, check)
         if reason and check:
             raise SimulationError(f"sample {b}: {reason}{several}")
     if check and plan.judged and records[0].shape[1]:
-        _check_solved(plan, records, dt, every)
+        check_solved(plan, records, dt, every)
+
+
+def run_alone(
+    plan: Plan, initial: RunStates, start: list[Array], held: Array, rows: Sequence[Array],
+    steps: tuple[float, int, int], sample: int, check: bool,
+) -> str:  # fmt: skip
+    """Run a sample as ``simulate`` does, from its start and torques (steps or 1, nv), and write its records; returns
+    why it fails, "" if it does not. A check leaves out the run of what is not finite.
+    """
+    reason = _not_finite(plan, start, held, steps[0]) or _value_not_finite(plan, sample)
+    if reason and check:
+        return reason
+    return _alone(plan, initial, start, held, rows, steps, sample)
 
 
 def _not_finite(plan: Plan, state: Sequence[Array], held: Array, dt: float) -> str:
@@ -75,7 +86,7 @@ def _value_not_finite(plan: Plan, b: int) -> str:
 
 
 def _alone(
-    plan: Plan, initial: RunStates, state: list[Array], held: Array, records: list[Array],
+    plan: Plan, initial: RunStates, state: list[Array], held: Array, records: Sequence[Array],
     steps: tuple[float, int, int], sample: int,
 ) -> str:  # fmt: skip
     """Run a sample as ``simulate`` does and write its records, NaN from where it fails; returns why, "" otherwise."""
@@ -101,7 +112,7 @@ def _alone(
     return lost
 
 
-def _check_solved(plan: Plan, records: Sequence[Array], dt: float, every: int) -> None:
+def check_solved(plan: Plan, records: Sequence[Array], dt: float, every: int) -> None:
     """Raise SimulationError for samples whose friction or contacts are not solved."""
 
     def failure(b: int, k: int) -> str:

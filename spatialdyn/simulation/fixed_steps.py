@@ -24,7 +24,6 @@ from ..model.model import Model
 from ..recursions.spec import FEXT
 from .compiled_loop import compile_loop, drive
 from .kernel_steps import KernelSteps, rates_of
-from .methods import explicit
 from .methods.call_kernels import call_kernels
 from .methods.iteration import SETTLED, SWEEPS
 from .methods.methods import EXPLICIT, EXPLICIT_METHODS, Family, Method
@@ -37,9 +36,8 @@ from .torques import Torque, with_force
 Array = NDArray[np.float64]
 Slice = Callable[[int, int, float], bool]
 SLICE = 0.05  # [s] between checks for Ctrl-C and progress reports
-PLAIN_STEPS = (
-    16  # in plain Python, beyond a program's range, where a motion may diverge, and before kernels that compile long
-)
+PLAIN_ROWS = 8000  # of recursions in plain Python, .3 ms each, before a loop is compiled, which takes 10 to 20 s
+LEAST_PLAIN = 16  # steps
 TOLERANCES = 1e-9, 1e-12  # relative and absolute, of SciPy's methods
 STEPS = 100  # in a program's first slice: 40 µs for an arm, 3 ms for a humanoid
 
@@ -90,31 +88,31 @@ class FixedSteps:
 
     @functools.cached_property
     def _by_kernels(self) -> tuple[System, Callable[..., None]]:
-        """A System, and a step, by the kernels of the family, which take seconds to compile, or by calls."""
-        if self.simple and (self.family is EXPLICIT or self.torque.compiled or numba_kernels.PLAIN):
-            made, step = self.family.kernels(len(self.forces) > 0), self.recorder.method.advance
-            assert step is not None
-            return self.bare._replace(kernels=made), step
+        """A System, and a step, by the kernels of the family, which take seconds to compile."""
+        step = self.recorder.method.advance
+        assert step is not None
+        return self.bare._replace(kernels=self.family.kernels(len(self.forces) > 0)), step
+
+    @functools.cached_property
+    def _by_calls(self) -> tuple[System, Callable[..., None]]:
+        """The same by calls, which compile nothing first."""
+        step = self.recorder.method.advance
         if self.simple:
-            return self._in_python
+            assert step is not None
+            kernels = call_kernels(self.recorder.model, self.family, self.forces if len(self.forces) else None)
+            return self.bare._replace(kernels=kernels), step
         steps = KernelSteps(self.plan, self.recorder, self.forces, self.sample)
         return self.bare._replace(kernels=steps.kernels), steps.step
 
-    @functools.cached_property
-    def _in_python(self) -> tuple[System, Callable[..., None]]:
-        """The same without compiling."""
-        model, step = self.recorder.model, self.recorder.method.advance
-        loaded = len(self.forces) > 0
-        if self.family is EXPLICIT:
-            made = self.bare._replace(kernels=explicit.plain_kernels(loaded), table=model.bodies)
-        else:
-            kernels = call_kernels(model, self.family, self.forces if loaded else None)
-            made = self.bare._replace(kernels=kernels)
-        if self.simple:
-            assert step is not None
-            return made, step
-        steps = KernelSteps(self.plan, self.recorder, self.forces, self.sample, once=True)
-        return (made if steps.kernels is None else self.bare._replace(kernels=steps.kernels)), steps.step
+    def _plain_steps(self, rejected: bool) -> int:
+        """How many steps are taken by calls: all where no loop may be compiled.
+
+        rejected  whether a program rejects some, beyond the range of its sines, or where a motion may diverge
+        """
+        if not (self.simple and (self.torque.compiled or numba_kernels.PLAIN)):
+            return self.recorder.steps.total + 1
+        each = len(self.recorder.model.bodies) * self.recorder.method.evaluations
+        return max(LEAST_PLAIN, PLAIN_ROWS // each) if rejected else 0  # a number: no bits depend on a clock
 
     def _mark(self) -> None:
         """Save the state: Ctrl-C may come while a step changes it."""
@@ -122,14 +120,14 @@ class FixedSteps:
             kept[...] = x
 
     def _take(self, first: int, count: int, h: float, plain: bool) -> None:
-        """Take steps of h and record them, in Python or by kernels. Raises SimulationError."""
+        """Take steps of h and record them, by calls or by kernels. Raises SimulationError."""
         recorder, steps = self.recorder, self.recorder.steps
         times: tuple[Any, ...] = (first, count, steps.total, recorder.every, steps.dt, h, recorder.at, *recorder.rows)
-        if not plain and self.torque.compiled and self.simple:
+        if not plain and self.torque.compiled:
             loop = compile_loop(recorder.method, len(self.forces) > 0, self.torque.user)
             loop(*self.data, *self.state, *times)
         else:
-            system, step = self._in_python if plain else self._by_kernels
+            system, step = self._by_calls if plain else self._by_kernels
 
             def marking(system: System, t: float, h: float, state: State) -> None:
                 self._mark()
@@ -155,9 +153,9 @@ class FixedSteps:
     def _run(self, report: Report | None, told: ExitStack) -> None:
         plan, recorder, steps, start = self.plan, self.recorder, self.recorder.steps, time.perf_counter()
         at_once = program(plan, recorder, self.torque, self.state, self.sample)
-        plain = PLAIN_STEPS if at_once is not None or plan.is_large else 0  # a number: no bits depend on a clock
-        if at_once is None and not plain:
-            self.family.start(self._by_kernels[0], self.state)
+        plain = self._plain_steps(at_once is not None)
+        if at_once is None:
+            self.family.start((self._by_calls if plain else self._by_kernels)[0], self.state)
         try:
             count, odd = 1 if at_once is None else STEPS, 0
             while (first := int(recorder.at[0])) < steps.total:
@@ -187,9 +185,8 @@ class FixedSteps:
                 x[...] = kept
             done = int(recorder.at[0])
             if at_once is None:  # a program's states are q, and v or p
-                system = self._in_python[0] if plain else self._by_kernels[0]
                 with np.errstate(all="ignore"):
-                    self.family.observe(system, steps.time(done), self.state)
+                    self.family.observe(self._by_calls[0], steps.time(done), self.state)
             recorder.end(steps.time(done), self.state.q, self.state.w, self.torque.unasked(done))
             raise
 

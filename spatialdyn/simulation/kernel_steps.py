@@ -1,4 +1,4 @@
-"""Steps that run in Python, by kernels: those with effects that no program takes, and of methods that solve equations.
+"""Steps that run in Python, by calls: those with effects that no program takes, and of methods that solve equations.
 
 Explicit methods take ``steps.advance``. Methods in momenta evaluate torques where they evaluate forces; states of a
 control law move in half a step before and half a step after theirs (Strang), each by the midpoint rule, so that both
@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..calls.dynamics import calls
-from ..engines.compiled import numba_kernels
 from ..errors import SimulationError
 from ..laws.law_specs import own_name
 from ..recursions.joints.friction import DT
@@ -23,14 +22,14 @@ from .arithmetic import Computed
 from .effects import work
 from .effects.effect import Effect
 from .effects.external import external_torque
-from .methods import constrained_variational, explicit, rattle
+from .methods import constrained_variational, rattle
 from .methods.call_kernels import call_kernels
 from .methods.methods import DISCRETE, EXPLICIT, Family
 from .methods.symplectic import GAUSS2, GAUSS4, GAUSS6
 from .plan import Plan
 from .recorder import Recorder
 from .steps import advance
-from .system import OK, State, System, joint_table
+from .system import OK, State, System
 from .torques import forces_at
 
 Array = NDArray[np.float64]
@@ -40,29 +39,20 @@ WEIGHTS = {"implicit_midpoint": GAUSS2.b, "gauss4": GAUSS4.b, "gauss6": GAUSS6.b
 
 
 class KernelSteps:
-    """The kernels and the step of a run of one sample.
+    """The kernels of a run of one sample, which are calls, and its step.
 
     forces  (njoints, 6) external forces, written before each step; (0, 6) without any
-    once    whether a few steps are taken, by recursions in plain Python rather than compiled kernels
     """
 
-    def __init__(self, plan: Plan, recorder: Recorder, forces: Array, sample: int, once: bool = False) -> None:
+    def __init__(self, plan: Plan, recorder: Recorder, forces: Array, sample: int) -> None:
         self.plan, self.recorder, self.forces, self.sample = plan, recorder, forces, sample
         model, family = plan.model, recorder.method.family
         assert family is not None
         self.family: Family = family
-        self.at = Computed(model, {}, once)
+        self.at = Computed(model, {})
         self.held = [x for x in plan.effects if type(x).held_torque is not Effect.held_torque]
         self.names = [x.name for x in recorder.states.arguments]
-        loaded = forces if len(forces) else None
-        if family is EXPLICIT and (plan.constrained is not None or any(x.solves for x in plan.effects)):  # no aba
-            self.kernels: Any = explicit.kernels_of(None)
-        elif model.mimic_matrix is not None or family is not EXPLICIT:
-            self.kernels = call_kernels(model, family, loaded)
-        elif once:
-            self.kernels = None
-        else:
-            self.kernels = family.kernels(len(forces) > 0)
+        self.kernels: Any = call_kernels(model, family, forces if len(forces) else None)
         if family is EXPLICIT:
             self.step: Step = self._explicit
             return
@@ -210,11 +200,9 @@ def rates_of(
     """``(step, t, q, v, states, tau) -> a, rates of the states``, flat, for SciPy's methods. It may raise."""
     model, constrained = plan.model, plan.constrained
     at, names, works = Computed(model, {}), [x.name for x in recorder.states.arguments], plan.work
-    feedback, table = plan.feedback, joint_table(model)
-    system = System(None, None, None, getattr(table, numba_kernels.TABLE), *(None,) * 5, np.zeros(3))
+    feedback, system = plan.feedback, System(*(None,) * 9, np.zeros(3))
 
     def rates(step: int, t: float, q: Array, v: Array, x: Array, tau: Array) -> tuple[Array, Array]:
-        assert len(table.bodies)  # kept as long as kernels read its memory
         at.begin(system, t)
         at.given.update(plan.given(sample, step), **{DT.name: recorder.steps.dt})
         if plan.force is not None:

@@ -17,7 +17,6 @@ from ..calls.arguments import core_shape
 from ..calls.dynamics import python_calls
 from ..calls.specialize import specialize
 from ..calls.specialized import Specialized
-from ..engines.compiled import numba_kernels
 from ..engines.programs.record import recording
 from ..engines.programs.run import batch_kernels
 from ..laws.control import recorded
@@ -197,13 +196,6 @@ class Plan:
         """(samples or 1, steps or 1, columns) of the inputs of a program behind dt and tau, in their order."""
         momenta = () if self.method in EXPLICIT_METHODS else (self.units[None, None],)
         return [*self.values.values(), *momenta]
-
-    @cached_property
-    def is_large(self) -> bool:
-        """Whether steps have no program, and the kernel of what acts by impulses takes long to compile."""
-        tables = () if self.contact is None else self.contact.tables
-        explicit = self.method in EXPLICIT_METHODS and not numba_kernels.PLAIN
-        return explicit and any(len(x.rows) > recording.MOST_TABLE + 1 for x in tables)
 
     @cached_property
     def single(self) -> Any:

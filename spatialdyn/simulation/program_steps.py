@@ -51,7 +51,7 @@ def on_lanes(
     if numba_kernels.PLAIN:
         recorded = _recorded(model, step_specs(plan.method, plan.structure, (), forced), plan.tables)
         return None if recorded is None else time_loop.replay(recorded, states, given, records, total, every)
-    dtype = records[0].dtype if _holds(model, states[0][0], records[0].dtype) else np.dtype(np.float64)
+    dtype = records[0].dtype if in_range(model, states[0][0], records[0].dtype) else np.dtype(np.float64)
     common: tuple[int, ...] = ()
     if plan.feedback is not None:  # gains and paths, of hundreds of numbers, that all samples share
         others = [k for k, x in enumerate(given) if len(x) == 1]
@@ -103,7 +103,7 @@ def _recorded(model: Model, specs: tuple[Spec, ...], static: tuple[Any, ...]) ->
     return recording.record(specs, model.bodies, static).program if fits else None
 
 
-def _holds(model: Model, q: Array, dtype: np.dtype[Any]) -> bool:
+def in_range(model: Model, q: Array, dtype: np.dtype[Any]) -> bool:
     """Whether the model's numbers, and the diagonal of M at q, are in the range of a dtype."""
     if dtype == np.float64:
         return True

@@ -7,7 +7,7 @@ another through all steps, their states in the first-level cache.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -15,11 +15,13 @@ from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from ..calls.arguments import as_array, as_flag, as_number, broadcast
 from ..calls.dynamics import calls
+from ..calls.on_gpu import as_device
 from ..errors import NonFiniteError, ShapeError, SimulationError, literal
 from ..laws.control import Control, check_control
 from ..laws.cost import Cost, check_cost, with_cost
 from ..model.model import Model
 from ..model.robot_checks import masked
+from .device_runs import DeviceInputs, check_on_device
 from .driver import run_samples
 from .effects.control import Feedback, check_law
 from .effects.friction import check_stable
@@ -52,6 +54,7 @@ def rollout(
     states: Mapping[str, ArrayLike] | None = None,
     cost: Cost | None = None,
     fext: ArrayLike | None = None,
+    device: str = "cpu",
 ) -> Rollout:
     """Simulate a batch of states over many steps in compiled code.
 
@@ -77,6 +80,9 @@ def rollout(
              ``record`` the sums so far are recorded too
     fext     (T, njoints, 6) or (B, T or 1, njoints, 6)  external forces that vary, held over each step, in addition to
              those of the scene; on each joint's body, in the joint's frame [N | N m]
+
+    device   "cuda": q0, v0, tau and fext are arrays of PyTorch, CuPy or JAX on a GPU, of this dtype, and so is what the
+             Rollout holds; one thread runs a sample, with the bits of lanes. For methods and scenes that run on lanes
 
     Samples run side by side on SIMD lanes, except in scenes with more than 36 equations of constraints, 12 contact
     points, or, with dry joints or constraints beside the contacts, 36 impulses (three per point, one per joint): there
@@ -104,7 +110,7 @@ def rollout(
     >>> q.shape
     (100, 500, 2)
     """
-    scene = scene_of(scene)
+    scene, where = scene_of(scene), as_device(device)
     model = scene.model
     way = way_of(scene, method)
     method = way.method.name
@@ -119,18 +125,26 @@ def rollout(
     if cost is not None:
         control, record = with_cost(control, check_cost(cost)), "last" if record is None else record
     check_law(control, method)
-    start, (B, T), (tau_rows, fext_rows) = _inputs(model, q0, v0, (tau, fext), control, steps)
+    given, rows = None, _step_rows
+    if where is not None:
+        given, rows = DeviceInputs(where, number, {"q0": q0, "v0": v0, "tau": tau, "fext": fext}), _shape_alone
+        q0, v0, tau, fext = given.on_host()
+    start, (B, T), (tau_rows, fext_rows) = _inputs(model, q0, v0, (tau, fext), control, steps, rows)
     single = _is_single(q0, v0, tau, fext, control)
     _check_lanes(scene, number)
     fixed = 0.0 if method in SCIPY_METHODS else float(dt)
     feedback = None if control is None else Feedback.of(control, model, B, T)
-    plan = plan_of(scene, method, (start[0], start[1]), fixed, False, kept, Inputs(fext_rows, None, feedback))
+    forces = (
+        fext_rows if given is None or fext_rows is None else fext_rows[:1, :1]
+    )  # zeros that stand for what is there
+    plan = plan_of(scene, method, (start[0], start[1]), fixed, False, kept, Inputs(forces, None, feedback))
     initial = plan.unstarted if states is None else run_states(model, plan.states, plan.tables, states, B)
     now = [np.ascontiguousarray(np.broadcast_to(x, (B, x.shape[1]))) for x in (*start, *initial.starts)]
     every = _every(1 if record is None else record, T)
     if 8 * B * (T // every) * sum(x.shape[1] for x in now) >= MOST_STEPS:
         raise SimulationError(f"{B} samples of {T // every} states are more than memory holds, expected fewer")
-    records = [np.empty((B, T // every, x.shape[1]), number) for x in now]
+    if given is not None:
+        check_on_device(plan, now[0], number, kept)
     if B and T and model.nv:
         rest = np.zeros(model.nv)
         calls["aba"](model, now[0][0], rest, rest)  # raises InertiaError naming the joint
@@ -140,16 +154,23 @@ def rollout(
             calls["potential_energy"](model, now[0])  # raises ConfigurationError naming the joint
         if check and control is not None:
             warn_of_stiff_law(plan, control, (now[0][0], now[1][0]), tau_rows, float(dt))
-        run_samples(plan, initial, now, tau_rows, records, (float(dt), T, every), check)
+    if given is not None:
+        ways = [(1, 1) if x is None else x.shape[:2] for x in (tau_rows, fext_rows)]
+        records = given.run(plan, initial, now, ways, (float(dt), T, every), check)
+        now = [given.library.upload(x.astype(number)) for x in now] if not T else now
+    else:
+        records = [np.empty((B, T // every, x.shape[1]), number) for x in now]
+        if B and T and model.nv:
+            run_samples(plan, initial, now, tau_rows, records, (float(dt), T, every), check)
     single = single and all(len(x) == 1 for x in initial.starts)
     if isinstance(record, str):
-        records = [x[:, -1] for x in records] if T else [x.copy() for x in now]
+        records = [x[:, -1] for x in records] if T else [*now] if given is not None else [x.copy() for x in now]
     t = np.array(T * dt) if isinstance(record, str) else dt * every * np.arange(1.0, T // every + 1.0)
     q, v, *after = [x[0] for x in records] if single else records
     contact, impulses = plan.contact, None
     if contact is not None and contact.records:
         impulses = contact.record(q, after[[x.name for x in plan.states].index(contact.own.name)])
-    shown = initial.shown(np.concatenate(after, axis=-1)) if after else {}
+    shown = initial.named(after)
     return Rollout(q, v, t, model, shown, impulses, scene, method)
 
 
@@ -187,9 +208,10 @@ def _states(model: Model, q0: ArrayLike, v0: ArrayLike) -> list[Array]:
 
 
 def _inputs(
-    model: Model, q0: ArrayLike, v0: ArrayLike, given: tuple[Any, Any], control: Control | None, steps: int | None
-) -> tuple[list[Array], tuple[int, int], tuple[Array | None, Array | None]]:
-    """States at the beginning, samples and steps, and rows of tau and fext. Raises ShapeError."""
+    model: Model, q0: ArrayLike, v0: ArrayLike, given: tuple[Any, Any], control: Control | None, steps: int | None,
+    rows_of: Callable[..., Array],
+) -> tuple[list[Array], tuple[int, int], tuple[Array | None, Array | None]]:  # fmt: skip
+    """States at the beginning, samples and steps, and by ``rows_of`` rows of tau and fext. Raises ShapeError."""
     tau, fext = given
     arrays: dict[str, tuple[Array, tuple[int, ...]]] = (
         {} if tau is None else {"tau": (as_array("tau", tau), (model.nv,))}
@@ -198,7 +220,7 @@ def _inputs(
         x = as_array("fext", fext)
         if x.shape == (model.njoints, 6):
             raise SimulationError("fext is constant, an option of the scene, expected sd.Scene(model, fext=fext)")
-        if not np.isfinite(x).all():
+        if rows_of is _step_rows and not np.isfinite(x).all():
             raise NonFiniteError("fext has numbers that are not finite, expected finite ones")
         arrays["fext"] = x, (model.njoints, 6)
     start = _states(model, q0, v0)
@@ -208,7 +230,7 @@ def _inputs(
     several = {name: lead[:1] for name, lead in axes.items() if len(lead) == 2}
     (B,) = broadcast(["q0", "v0", *several], [start[0].shape[:1], start[1].shape[:1], *several.values()])
     T = _steps(steps, {name: lead[-1] for name, lead in axes.items() if lead})
-    rows = {name: _step_rows(name, x, core, B, T) for name, (x, core) in arrays.items()}
+    rows = {name: rows_of(name, x, core, B, T) for name, (x, core) in arrays.items()}
     torques, forces = rows.pop("tau", None), rows.pop("fext", None)
     forces = None if forces is None else forces.reshape((*forces.shape[:2], model.njoints, 6))
     return start, (B, T), (torques, forces)
@@ -250,13 +272,23 @@ def _steps(steps: int | None, lengths: dict[str, int]) -> int:
 
 def _step_rows(name: str, x: Array, core: tuple[int, ...], B: int, T: int) -> Array:
     """An input as (samples or 1, steps or 1, columns). Raises ShapeError."""
+    return np.ascontiguousarray(x.reshape(_shape_of_rows(name, x, core, B, T)))
+
+
+def _shape_alone(name: str, x: Array, core: tuple[int, ...], B: int, T: int) -> Array:
+    """Zeros of the shape of ``_step_rows``, without memory."""
+    return np.broadcast_to(0.0, _shape_of_rows(name, x, core, B, T))
+
+
+def _shape_of_rows(name: str, x: Array, core: tuple[int, ...], B: int, T: int) -> tuple[int, ...]:
+    """(samples or 1, steps or 1, columns) of an input. Raises ShapeError."""
     lead = x.shape[: max(0, x.ndim - len(core))]
     fits = len(lead) <= 2 and x.shape[len(lead) :] == core
     whole = (1,) * (2 - len(lead)) + lead
     if not fits or any(a not in (1, b) for a, b in zip(whole, (B, T), strict=True)):
         wanted = f"{core}, {(T, *core)} or {(B, T, *core)}" if len(core) == 1 else f"{(T, *core)} or {(B, T, *core)}"
         raise ShapeError(f"{name} has shape {x.shape}, expected {wanted}")
-    return np.ascontiguousarray(x.reshape((*whole, math.prod(core))))
+    return (*whole, math.prod(core))
 
 
 def _of_contacts(record: Any) -> tuple[bool, Any]:

@@ -88,7 +88,8 @@ def simulate(
     rtol, atol  tolerances of dop853 and radau
     control   a ``Control``: a law whose torque is added to ``torque``, with states of its own. If a law of the library
               is too stiff for dt, so that errors grow in an explicit step which the motion itself damps, one warning
-              names the joint (PD: where ω h is 2 √(1 + ζ²) - 2 ζ or more, ``largest_step``)
+              names the joint (PD: where ω h is 2 √(1 + ζ²) - 2 ζ or more, ``largest_step``); also over the period of a
+              law that is held for one
     states    {name: array}  states beside q and v at the beginning: of the control law, "bristles" and, if recorded,
               work. Those left out start as their Spec says; ``Trajectory.end`` has those of a run that is to go on
     fext      external forces that vary, beside those of the scene: (steps, njoints, 6), each held over its step, or a

@@ -54,6 +54,11 @@ class RunStates:
         """The states in rows (..., size) by name, but for those that are a run's own affair."""
         return {name: x for name, x in zip(self.names, self.views(row), strict=True) if name not in HIDDEN}
 
+    def named(self, parts: Sequence[Any]) -> dict[str, Any]:
+        """The same of the states one by one, each (..., entries), in the memory of any device."""
+        each = zip(self.names, parts, self.shapes, strict=True)
+        return {name: x.reshape((*x.shape[:-1], *shape)) for name, x, shape in each if name not in HIDDEN}
+
 
 def run_states(
     model: Model, arguments: Sequence[Argument], static: Sequence[Any], given: Any, samples: int | None = None

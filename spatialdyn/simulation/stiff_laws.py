@@ -1,59 +1,93 @@
-"""Laws that a step is too long for: errors that grow by the step alone, found before a run explodes."""
+"""Laws that a step or a period is too long for: errors that grow by that alone, found before a run explodes."""
 
 from __future__ import annotations
 
+import math
 import warnings
 from collections.abc import Hashable
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..actuation.friction import Friction
 from ..calls.dynamics import calls
+from ..engines.programs.record.program import Program
 from ..engines.programs.run import time_loop
 from ..laws.control import Control, recorded
 from ..laws.law_specs import in_step
 from ..model.model import Model
-from ..recursions.control.paths import CLOCK
+from .effects.friction import IMPLICIT
 from .plan import Plan
+from .scene import Scene
+from .states import HIDDEN
 from .steps import step_specs
 
 Array = NDArray[Any]
 DELTA = 1e-6  # of central differences of a step, whose errors are some 1e-10
 HALVINGS = 10  # of dt: the errors of a step of a thousandth of it are those of the motion itself
 GROWTH, ROUNDING = 1.1, 1e-6  # beyond what the motion lets errors grow; beyond 1 where they change their sign each step
+PERIOD_GROWTH, PERIOD_HALVINGS = 1.01, 3  # over a period, beyond the same law taken anew in each step
+FLIPS = 1e-6  # relative: an eigenvalue so near the negative axis changes its sign from period to period
 MOST = 8  # sets of numbers that are judged of one kind of law: loops that plan make a new one each time
+MOST_LINES = 300_000  # of the program of a step, in all steps of a period: some tenths of a second
+MOST_STEPS = 100_000  # after which laws of several periods are taken anew together
+WHOLE = 1e-6  # of a step: periods that differ by less from whole steps are those
 REFERENCES = ("q_ref", "v_ref", "a_ref", "hold", "centre", "way", "times", "coefficients", "scale", "cosines", "sines")
+
+
+def rough(scene: Scene) -> tuple[str, ...]:
+    """What acts in a scene and has no derivative: contacts, limits, motors and Coulomb's friction."""
+    found = [x for x in scene.acts if x in ("contacts", "limits", "motor")]
+    if isinstance(scene.friction, Friction) and scene.friction_method == IMPLICIT:
+        coulomb, _, static, _ = scene.friction.law
+        found += ["dry friction"] if (coulomb > 0.0).any() or (static > 0.0).any() else []
+    return tuple(found)
+
+
+def steps_of_periods(control: Control, dt: float) -> int:
+    """Steps of dt after which all torques that a law holds for a period are taken anew together; 1 without any.
+
+    0 if they are more than MOST_STEPS.
+    """
+    whole = 1
+    for name, *_ in control.periods:
+        ratio = float(control.values[name].item()) / dt
+        for several in range(1, 65):
+            steps = round(several * ratio)
+            if steps and abs(several * ratio - steps) < WHOLE * several:
+                break
+        else:
+            return 0
+        whole = math.lcm(whole, max(1, steps))
+        if whole > MOST_STEPS:
+            return 0
+    return whole
 
 
 def warn_of_stiff_law(
     plan: Plan, control: Control, start: tuple[Array, Array], tau: Array | None, dt: float, level: int = 4
 ) -> None:
-    """Warn, once for a law, scene and dt, of errors that grow in a step of an explicit method as the motion has none.
+    """Warn, once for a law, scene and dt, of errors that grow in a step of an explicit method as the motion has none,
+    or over the period of a law that is held for one.
 
     start  q and v of a sample; tau  rows of torques, or None; level  of the caller's call, for the warning
 
-    Judged are smooth laws of this library whose numbers are those of all samples and steps, in scenes without impulses.
+    Judged are smooth laws of this library whose numbers are those of all samples and steps, in scenes of smooth effects
+    without constraints, over periods of as many steps as a check may take.
     """
-    if not control.smooth or control.axes(plan.model) or not plan.is_program or plan.scene.solves:
+    if not control.smooth or control.axes(plan.model) or not plan.is_program or plan.scene.constraints is not None:
         return
-    if {x.name for x in (*plan.states,)} - {in_step(CLOCK.name)} or not all(np.isfinite(x).all() for x in start):
+    if rough(plan.scene) or plan.works or not all(np.isfinite(x).all() for x in start):
         return
     kind = plan.model.key, plan.method, plan.structure, dt
     seen = _judged(kind)
     if len(seen) >= MOST or (gains := _gains(control)) in seen:
         return
     seen.add(gains)
-    found = _growth(plan, start, tau, dt)
-    if found is not None:
-        joint, size, own, step = found
-        cure = "smaller gains there" if step is None else f"smaller gains there, or a dt of {step:.3g} s"
-        warnings.warn(
-            f'control "{control.spec.name}" is too stiff for steps of {dt:g} s of {plan.method}: errors grow by '
-            f'{size:.4g} in each, most in joint "{joint}", where the motion itself has {own:.4g}; {cure}',
-            stacklevel=level,
-        )
+    if text := _text(plan, control, start, tau, dt):
+        warnings.warn(f'control "{control.spec.name}" is too stiff for {text}', stacklevel=level)
 
 
 @lru_cache(maxsize=32)
@@ -68,45 +102,116 @@ def _judged(kind: Hashable) -> set[bytes]:
     return set()
 
 
-def _growth(
-    plan: Plan, start: tuple[Array, Array], tau: Array | None, dt: float
-) -> tuple[str, float, float, float | None] | None:
-    """The joint, the growth of errors in a step, that of the motion, and a step that would do; None if all is well."""
-    model, n = plan.model, plan.model.nv
-    made = recorded(step_specs(plan.method, plan.structure, (), tau is not None), model, plan.tables, np.dtype(float))
+def _text(plan: Plan, control: Control, start: tuple[Array, Array], tau: Array | None, dt: float) -> str:
+    """What a law is too stiff for, where and by how much; "" if all is well."""
+    made = recorded(
+        step_specs(plan.method, plan.structure, (), tau is not None), plan.model, plan.tables, np.dtype(float)
+    )
     if made is None:
-        return None
-    times = dt * 0.5 ** np.arange(HALVINGS + 1.0)
-    ways = np.tile(DELTA * np.concatenate([np.eye(2 * n), -np.eye(2 * n)]), (len(times), 1))
-    states = [np.asarray(calls["integrate"](model, start[0], ways[:, :n])), start[1] + ways[:, n:]]
-    states += [np.zeros((len(ways), 1)) for _ in plan.states]
-    given = [np.repeat(times, 4 * n).reshape(-1, 1, 1), *(() if tau is None else (tau[:1, :1],))]
-    given += [x[:1, :1] for x in plan.values.values()]
-    after = [np.empty((len(ways), 1, x.shape[1])) for x in states]
-    if len(time_loop.replay(made.program, states, given, after, 1, 1)):
-        return None
-    q, v = (x.reshape(len(times), 2, 2 * n, -1) for x in after[:2])
-    moved = np.concatenate([np.asarray(calls["difference"](model, q[:, 1], q[:, 0])), v[:, 0] - v[:, 1]], -1)
-    A = np.swapaxes(moved, -1, -2) / (2.0 * DELTA)
-    values, vectors = np.linalg.eig(A)
-    worst = abs(values).argmax(-1)
-    size = abs(values).max(-1)
-    turned = values[np.arange(len(times)), worst].real < 0.0
-    own = np.exp(np.minimum(np.log(max(1.0, size[-1])) * times / times[-1], 700.0))
-    bad = (size > 1.0 + ROUNDING) & (turned | (size > GROWTH * own))
+        return ""
+    law = _Judged(plan, made.program, start, tau, tuple(in_step(x) for x, *_ in control.periods))
+    scales = 0.5 ** np.arange(HALVINGS + 1.0)
+    fresh = law.modes(dt * scales, dt * scales)
+    if fresh is None:
+        return ""
+    own = np.exp(np.minimum(np.log(max(1.0, fresh.size[-1])) * scales / scales[-1], 700.0))
+    turned = fresh.value.real < 0.0
+    bad = (fresh.size > 1.0 + ROUNDING) & (turned | (fresh.size > GROWTH * own))
+    if bad[0]:
+        fine = np.flatnonzero(~bad)
+        cure = f"a dt of {dt * scales[fine[0]]:.3g} s" if len(fine) else ""
+        return _said(law, fresh, own[0], f"steps of {dt:g} s of {plan.method}: errors grow by {{}} in each", cure)
+    steps = steps_of_periods(control, dt)
+    if steps < 2 or steps * len(made.program.lines) > MOST_LINES:
+        return ""
+    scales = scales[: PERIOD_HALVINGS + 1]
+    held, anew = law.modes(dt * scales, None, steps), law.modes(dt * scales[:1], dt * scales[:1], steps)
+    if held is None or anew is None:
+        return ""
+    own = np.maximum(1.0, anew.size) ** scales
+    turned = (held.value.real < 0.0) & (abs(held.value.imag) < FLIPS * held.size)
+    bad = (held.size > 1.0 + ROUNDING) & (turned | (held.size > PERIOD_GROWTH * own))
     if not bad[0]:
-        return None
-    joint = joint_of_mode(model, A[0], values[0, worst[0]], vectors[0, :, worst[0]])
+        return ""
     fine = np.flatnonzero(~bad)
-    return joint, float(size[0]), float(own[0]), float(times[fine[0]]) if len(fine) else None
+    each = sorted({float(control.values[x].item()) for x, *_ in control.periods})
+    listed = " and ".join(f"{x:g}" for x in each)
+    less = " and ".join(f"{x * scales[fine[0]]:.3g}" for x in each) if len(fine) else ""
+    several = "s" if len(each) > 1 else ""
+    cure = f"{'' if several else 'a '}period{several} of {less} s" if less else ""
+    told = f"its period{several} of {listed} s: errors grow by {{}} in {dt * steps:.3g} s"
+    return _said(law, held, own[0], told, cure)
+
+
+class _Modes(NamedTuple):
+    """Of each scale of time: the map of errors A, its largest eigenvalue with its vector, and its size."""
+
+    A: Array
+    value: Array
+    vector: Array
+    size: Array
+
+
+def _said(law: _Judged, modes: _Modes, own: float, told: str, cure: str) -> str:
+    joint = joint_of_mode(law.plan.model, modes.A[0], modes.value[0], modes.vector[0])
+    less = f"smaller gains there, or {cure}" if cure else "smaller gains there"
+    grown = told.format(f"{modes.size[0]:.4g}")
+    return f'{grown}, most in joint "{joint}", where the motion itself has {own:.4g}; {less}'
+
+
+class _Judged(NamedTuple):
+    """A law in a plan, by the program of its step; periods are the names of those inputs."""
+
+    plan: Plan
+    program: Program
+    start: tuple[Array, Array]
+    tau: Array | None
+    periods: tuple[str, ...]
+
+    def modes(self, times: Array, periods: Array | None, steps: int = 1) -> _Modes | None:
+        """Of steps of these times (k,), with these periods (k,), or those of the law in proportion to the first time;
+        None for states that are not finite.
+        """
+        model, n, plan = self.plan.model, self.plan.model.nv, self.plan
+        law = () if plan.feedback is None else plan.feedback.states
+        more = plan.unstarted.starts
+        moved = [k for k, x in enumerate(plan.states) if x not in law and x.name not in HIDDEN]
+        # bristles; what a law has of its own is its clock, a cost, or taken anew
+        sizes = [more[k].shape[1] for k in moved]
+        total = 2 * n + sum(sizes)
+        ways = np.tile(DELTA * np.concatenate([np.eye(total), -np.eye(total)]), (len(times), 1))
+        parts = np.split(ways, np.cumsum([n, n, *sizes])[:-1] if sizes else [n], axis=1)
+        states = [np.asarray(calls["integrate"](model, self.start[0], parts[0])), self.start[1] + parts[1]]
+        states += [np.tile(x[:1], (len(ways), 1)) for x in more]
+        for k, way in zip(moved, parts[2:], strict=True):
+            states[2 + k] = states[2 + k] + way
+        rows = np.repeat(times, 2 * total).reshape(-1, 1, 1)
+        given = [rows, *(() if self.tau is None else (self.tau[:1, :1],))]
+        for name, x in plan.values.items():
+            if name in self.periods:
+                scaled = rows * (x[:1, :1] / times[0]) if periods is None else np.repeat(periods, 2 * total)
+                given.append(scaled.reshape(-1, 1, 1))
+            else:
+                given.append(x[:1, :1])
+        after = [np.empty((len(ways), 1, x.shape[1])) for x in states]
+        if len(time_loop.replay(self.program, states, given, after, steps, steps)):
+            return None
+        q, *others = (x.reshape(len(times), 2, total, -1) for x in (after[0], after[1], *(after[2 + k] for k in moved)))
+        change = [np.asarray(calls["difference"](model, q[:, 1], q[:, 0])), *(x[:, 0] - x[:, 1] for x in others)]
+        A = np.swapaxes(np.concatenate(change, -1), -1, -2) / (2.0 * DELTA)
+        values, vectors = np.linalg.eig(A)
+        worst = abs(values).argmax(-1)
+        at = np.arange(len(times))
+        return _Modes(A, values[at, worst], vectors[at, :, worst], abs(values).max(-1))
 
 
 def joint_of_mode(model: Model, A: Array, value: complex, vector: Array) -> str:
-    """The joint that takes most part in a mode of a step A (2 nv, 2 nv): by |left x right eigenvector|, freedom by
-    freedom, which finds the one whose gain makes it, where the right one alone finds the one that it shakes most.
+    """The joint that takes most part in a mode of a step A (2 nv + ..., 2 nv + ...): by |left x right eigenvector|,
+    freedom by freedom, which finds the one whose gain makes it, where the right one alone finds the one that it shakes
+    most. States behind q and v belong to no joint.
     """
     values, vectors = np.linalg.eig(A.T)
     left = vectors[:, int(abs(values - value).argmin())]
-    part = abs(left * vector).reshape(2, model.nv).sum(0)
+    part = abs(left * vector)[: 2 * model.nv].reshape(2, model.nv).sum(0)
     k = int(part.argmax())
     return next(x.name for x in model.joints[1:] if x.idx_v <= k < x.idx_v + x.nv)

@@ -19,7 +19,7 @@ from .chunks import Function, Job, Outcome, host_of, manifest_of, path_of, run_c
 from .folder import Folder, Stored
 from .reductions import is_whole, merged, names_of, reductions_of
 
-AHEAD = 256  # chunks that an executor is given before they are done
+AHEAD = 4096  # chunks that an executor is given before they are done: twice as many as a cluster has workers
 TRIES = 3  # of a chunk whose worker is lost
 RESERVED = ("part", "failed", "manifest")  # names of other files
 
@@ -155,7 +155,8 @@ class Study:
 
         executor  where: any ``concurrent.futures.Executor``, such as ``client.get_executor()`` of Dask or the Client
                   itself, ``mpi4py.futures.MPIPoolExecutor()``, loky's; None here, one chunk after another, each on all
-                  threads, which on one machine is fastest
+                  threads, which on one machine is fastest. A ``ProcessPoolExecutor`` should have the context "spawn"
+                  (``multiprocessing.get_context``): a forked process may wait for a lock of a thread that it has not
         progress  True for a bar, or a function of the chunks that are done and their number
         threads   of each worker's batches; None leaves it to them
 
@@ -252,32 +253,35 @@ def _names(keep: Any) -> tuple[str, ...]:
 
 def _spread(job: Job, chunks: tuple[int, ...], executor: Any) -> Iterator[Outcome]:
     """The outcomes of chunks on an executor, as they come."""
-    from concurrent.futures import FIRST_COMPLETED, Future, wait
+    from concurrent.futures import Future
+    from queue import SimpleQueue
 
     lost: Counter[int] = Counter()
     waiting, pending = list(reversed(chunks)), dict[Future[Outcome], int]()
+    ended: SimpleQueue[Future[Outcome]] = SimpleQueue()  # to wait for one of thousands costs as little as for one
     try:
         while waiting or pending:
-            while waiting and len(pending) < AHEAD:
+            while waiting and len(pending) < AHEAD and ended.empty():
                 try:
-                    pending[executor.submit(run_chunk, job, waiting[-1])] = waiting[-1]
+                    future = executor.submit(run_chunk, job, waiting[-1])
                 except Exception as error:
                     done = len(Folder(job.folder).done())
                     raise StudyError(
                         f"the executor takes no chunk ({type(error).__name__}: {error}); {done} are done: run again"
                     ) from error
-                waiting.pop()
-            for future in wait(pending, return_when=FIRST_COMPLETED).done:
-                i = pending.pop(future)
-                fault = None if future.cancelled() else future.exception()
-                if fault is None and not future.cancelled():
-                    yield future.result()
-                    continue
-                lost[i] += 1
-                if lost[i] == TRIES:
-                    why = f"{type(fault).__name__}: {fault}"
-                    raise StudyError(f"chunk {i} was lost {TRIES} times ({why}), expected workers that live") from fault
-                waiting.append(i)
+                pending[future] = waiting.pop()
+                future.add_done_callback(ended.put)
+            future = ended.get()
+            i = pending.pop(future)
+            fault = None if future.cancelled() else future.exception()
+            if fault is None and not future.cancelled():
+                yield future.result()
+                continue
+            lost[i] += 1
+            if lost[i] == TRIES:
+                why = f"{type(fault).__name__}: {fault}"
+                raise StudyError(f"chunk {i} was lost {TRIES} times ({why}), expected workers that live") from fault
+            waiting.append(i)
     finally:
         for future in pending:
             future.cancel()

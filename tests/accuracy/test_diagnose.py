@@ -63,6 +63,17 @@ def measured(found: list[Any], wanted: list[Array], dtype: str) -> float:
     return -math.log10(min(1.0, max(EPS[dtype], error)))
 
 
+@compiled
+def test_a_robot_is_diagnosed_without_table_kernels(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Those of five calls and methods take a minute to compile."""
+    for name in ("sample_kernel", "batch_kernel"):
+        monkeypatch.setattr(numba_kernels, name, None)  # not callable
+    found = sd.diagnose(sd.load_urdf("two_link"))
+    assert found.severity == "ok"
+    assert {*found.digits} == {*METHODS, EXTENDED}
+    assert min(of["float64"] for of in found.digits.values()) > 13.0
+
+
 CASES = (
     *[((1.0,) * 6 + (10.0**k,), planar) for k in (0, 3, 6, 9, 12, -6, -12) for planar in (False, True)],
     *[((1.0,) * 3 + (10.0**k,) + (1.0,) * 3, False) for k in (-12, 12)],

@@ -40,9 +40,13 @@ def test_a_path_a_log_a_page_and_a_urdf(tmp_path: Path, capsys: Any) -> None:
     assert found["consistent"] is False
     assert len(found["validation"]["ratio"]) == 2
     assert any("t has a gap" in x for x in found["validation"]["notes"])
+    assert main([*words, "--rows", "base", "--prior", "0.5"]) == 2
+    assert "no floating base" in capsys.readouterr().err
     assert main([*words, "--delay", "soon"]) == 2
     assert "delay is 'soon'" in capsys.readouterr().err
     assert main([*words, "--save", str(tmp_path / "model.txt")]) == 2
     assert "expected a name that ends in .urdf" in capsys.readouterr().err
+    assert main(["excite", "two_link", "--rate", "0.9"]) == 2
+    assert "--rate is 0.9, expected 1 or more, twice the highest harmonic" in capsys.readouterr().err
     assert main(["excite", "two_link", "--save", str(tmp_path / "path.txt")]) == 2
     assert "expected a name that ends in .csv" in capsys.readouterr().err

@@ -24,8 +24,7 @@ def body(points: np.ndarray, inertia: np.ndarray) -> sd.Model:
 def hits(n: int, count: int, mu: float, e: float, seed: int) -> tuple[np.ndarray, np.ndarray]:
     """Energy before and after random hits of a body on one point, or on the corners of its side; those solved."""
     rng = np.random.default_rng(seed)
-    J = np.diag(rng.uniform(0.02, 0.1, 3))
-    J = J + 0.1 * np.eye(3)
+    J = np.diag(rng.uniform(0.02, 0.04, 3))  # corners throw each other down, as those of a plate do
     corners = np.array([[x, y, -0.2] for x in (-0.3, 0.3) for y in (-0.2, 0.2)])
     model = body(corners[:count] if count > 1 else 0.25 * rng.standard_normal((1, 3)), J)
     contacts = sd.Contacts(

@@ -147,17 +147,67 @@ def test_friction_is_learnt_beside_masses(arm: sd.Model, path: sd.Path) -> None:
         bare.frictions(run)
 
 
+@pytest.mark.parametrize("friction", [None, sd.Friction([0.0, 0.0], [0.0, 0.0], smoothing=0.05)])
+def test_the_error_of_prediction_is_its_lines(arm: sd.Model, path: sd.Path, friction: Any) -> None:
+    """Filters by regressors, step after step; what s and e teach; W of the true parameters predicts the torque."""
+    guess, pi, c, width, n = wrong(arm), sd.inertial_parameters(arm), 3.0, 8.0, 40
+    law = sd.SlotineLi(arm, RATES, GAIN, path, guess, 0.1, composite=c, bandwidth=width, friction=friction)
+    run = sd.simulate(arm, Q0, V0, n * DT, DT, method="semi_implicit_euler", control=law)
+    rise = width / (1.0 + DT * width)
+    found, F, T, estimate = law.estimates(run), None, np.zeros(2), guess
+    for k in range(n):
+        q, v = run.q[k], run.v[k]
+        Y, zero = sd.momentum_regressor(arm, q, v), 0.0 * v
+        N = sd.modified_torque_regressor(arm, q, zero, zero, zero) - sd.coriolis_transpose_regressor(arm, q, v)
+        F = -rise * Y if F is None else F
+        W = rise * Y + F
+        at = path(k * DT)
+        v_r, a_r = at.v + RATES * (at.q - q), at.a + RATES * (at.v - v)
+        s, of_law = v - v_r, sd.modified_torque_regressor(arm, q, v, v_r, a_r)
+        np.testing.assert_allclose(found[k], estimate, rtol=1e-9, atol=1e-9)
+        e = np.einsum("ijk,jk->i", W, estimate) - T
+        truly = np.einsum("ijk,jk->i", W, pi) - T
+        assert abs(truly).max() < 1e-2 * max(1.0, abs(e).max())  # of a step of first order
+        tau = np.einsum("ijk,jk->i", of_law, estimate) - GAIN * s
+        y = np.einsum("i,ijk->jk", s, of_law) + c * np.einsum("i,ijk->jk", e, W)
+        F, T = F + DT * rise * (N - rise * Y - F), T + DT * rise * (tau - T)
+        estimate = estimate - DT * 0.1 * y
+
+
+def test_composite_laws_learn_while_they_track(arm: sd.Model, path: sd.Path) -> None:
+    """From a motion that starts on the path: the error of prediction goes on where s is small; both laws."""
+    guess, pi, left = wrong(arm), sd.inertial_parameters(arm), {}
+    Y = np.concatenate([
+        sd.modified_torque_regressor(arm, x.q, x.v, x.v, x.a).reshape(2, -1) for x in map(path, np.linspace(0, 2, 40))
+    ])  # fmt: skip
+    for c in (0.0, 5.0):
+        laws = (
+            sd.SlotineLi(arm, RATES, GAIN, path, guess, 0.02, composite=c),
+            sd.NaturalAdaptation(arm, RATES, GAIN, path, guess, 20.0, composite=c),
+        )
+        for k, law in enumerate(laws):
+            run = sd.simulate(arm, path(0.0).q, path(0.0).v, 2.0, DT, control=law)
+            off = (law.estimates(run)[-1] - pi).ravel()
+            left[k, c] = np.linalg.norm(Y @ off)  # in torques: what the motion does not show does not count
+    for k in (0, 1):
+        assert left[k, 5.0] < 0.5 * left[k, 0.0]
+
+
 @compiled
-def test_many_estimates_run_as_they_do_alone(arm: sd.Model, path: sd.Path) -> None:
+@pytest.mark.parametrize("natural", [False, True], ids=["euclidean", "natural, composite"])
+def test_many_estimates_run_as_they_do_alone(arm: sd.Model, path: sd.Path, natural: bool) -> None:
     """Bit for bit, on lanes: each sample begins with other estimates."""
-    law = sd.SlotineLi(arm, RATES, GAIN, path, wrong(arm), 0.1)
+    law: Any = sd.SlotineLi(arm, RATES, GAIN, path, wrong(arm), 0.1)
+    if natural:
+        law = sd.NaturalAdaptation(arm, RATES, GAIN, path, wrong(arm), 20.0, composite=2.0)
     rng, many = np.random.default_rng(0), 1024
-    learnt = 0.05 * rng.normal(size=(many, 3, 10))
+    learnt = 0.05 * rng.normal(size=(many, 3, 4, 4) if natural else (many, 3, 10))
     start = (np.tile(Q0, (many, 1)), np.tile(V0, (many, 1)))
     runs = sd.rollout(arm, *start, dt=DT, steps=20, control=law, states={"learnt": learnt})
     for k in (0, 511, 1023):
         one = sd.rollout(arm, Q0[None], V0[None], dt=DT, steps=20, control=law, states={"learnt": learnt[k : k + 1]})
         np.testing.assert_array_equal(one.q[0], runs.q[k])
+        np.testing.assert_array_equal(law.estimates(one)[0], law.estimates(runs)[k])
     assert len(np.unique(runs.q[:, -1, 0])) == many
 
 
@@ -180,6 +230,8 @@ BAD: list[tuple[dict[str, Any], type[Exception], str]] = [
     ({"Gamma": -1.0}, sd.SimulationError, "Gamma has -1"),
     ({"deadzone": -1.0}, sd.SimulationError, "deadzone is -1"),
     ({"gain": -1.0}, sd.SimulationError, "gain has the eigenvalue -1"),
+    ({"composite": -1.0}, sd.SimulationError, "composite is -1"),
+    ({"composite": 1.0, "bandwidth": 0.0}, sd.SimulationError, "bandwidth is 0"),
     ({"bounds": 1.0}, sd.SimulationError, "bounds is 1.0"),
     ({"bounds": (np.ones((3, 10)), 1e9)}, sd.SimulationError, "expected between bounds"),
     ({"friction": sd.Friction([0.1, 0.1])}, sd.ModelError, "no smoothing"),
@@ -208,3 +260,32 @@ def test_a_law_meets_the_joints_that_it_was_made_for(arm: sd.Model, path: sd.Pat
     b = sd.ModelBuilder("other").add_body("a", None, "planar", (0, 0, 1), inertia=(1.0, (0, 0, 0), np.eye(3)))
     with pytest.raises(sd.ModelError, match="whose parameters the law learns"):
         law._check(b.build())
+
+
+@compiled
+@pytest.mark.parametrize("natural", [False, True])
+def test_a_period_of_one_step_is_a_torque_held_over_steps(arm: sd.Model, path: sd.Path, natural: bool) -> None:
+    """And estimates, tables of numbers for each body, move once in a longer one."""
+
+    def run(held: bool | float) -> sd.Rollout:
+        make: Any = sd.NaturalAdaptation if natural else sd.SlotineLi
+        law = make(arm, RATES, GAIN, path, wrong(arm), 1.0, held=held)
+        return sd.rollout(arm, Q0, V0, dt=DT, steps=4, control=law)
+
+    every = run(True)
+    np.testing.assert_allclose(run(DT).states["learnt"], every.states["learnt"], rtol=1e-12, atol=1e-15)
+    slow = run(2.0 * DT).states["learnt"]
+    assert (slow[0] == slow[1]).all()
+    assert (slow[1] != slow[2]).any()
+    assert (slow[2] == slow[3]).all()
+
+
+def test_a_body_without_mass_is_kept_as_it_is() -> None:
+    solid = (1.0, (0.1, 0.0, 0.2), 0.1 * np.eye(3))
+    b = sd.ModelBuilder("hollow").add_body("shell", None, axis=(0, 1, 0), armature=0.1)
+    model = b.add_body("rod", "shell", axis=(0, 1, 0), inertia=solid).build()
+    pi = sd.inertial_parameters(model)
+    with pytest.raises(sd.InertiaError, match='body of joint "shell_joint" has a pseudo-inertia'):
+        sd.NaturalAdaptation(model, RATES, GAIN, [0.1, 0.2], pi, 10.0)
+    law = sd.NaturalAdaptation(model, RATES, GAIN, [0.1, 0.2], pi, [np.inf, np.inf, 10.0])
+    np.testing.assert_allclose(law(model, 0.0, Q0, V0), sd.Passivity(RATES, GAIN, [0.1, 0.2])(model, 0.0, Q0, V0))

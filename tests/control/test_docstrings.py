@@ -9,7 +9,7 @@ import pytest
 
 MODULES = (
     "control.adaptive", "control.gains", "control.impedance", "control.inverse_kinematics", "control.laws",
-    "control.monitors", "control.observers", "control.paths", "laws.control", "accuracy.requires",
+    "control.monitors", "control.motions", "control.observers", "control.paths", "laws.control", "accuracy.requires",
     "operational.hierarchy", "operational.space", "operational.tasks", "operational.whole_body",
     "identification.base", "identification.excitation", "identification.identify", "identification.recording",
 )  # fmt: skip

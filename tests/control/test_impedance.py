@@ -108,5 +108,37 @@ def test_damping_of_what_is_no_mass_is_refused() -> None:
 
 def test_the_law_holds_the_frame_of_its_own_robot(arm: sd.Model) -> None:
     law = sd.Impedance(arm, "tool0", np.eye(4), K, D)
-    with pytest.raises(sd.ModelError, match="whose frame the law holds"):
+    with pytest.raises(sd.ModelError, match="of which the law holds it"):
         sd.simulate(sd.load_urdf("ur10"), Q0, V0, 1e-3, 1e-3, control=law)
+
+
+def test_the_law_of_a_robot_with_mimic_joints_is_its_line() -> None:
+    """Held and moving, of Jacobians J G of joints that lead: seven hinges, of which the last follows the third."""
+    b = sd.ModelBuilder("chain")
+    for k in range(7):
+        solid = (1.0, (0.05, 0.02, 0.1), np.diag([0.03, 0.02, 0.01]))
+        axis, at = np.roll([0.0, 0.3, 1.0], k), (0.1, 0.05 * k, 0.2)
+        follow = {"leader": "j2", "multiplier": -0.5} if k == 6 else None
+        b.add_body(f"b{k}", f"b{k - 1}" if k else None, axis=axis, placement=at, inertia=solid, joint_name=f"j{k}",
+                   mimic=follow)  # fmt: skip
+    model = b.build(mimic=True)
+    target = sd.frame_placement(model, GOAL, "b6")
+    rotation = pytest.importorskip("scipy.spatial.transform").Rotation
+    J, M = sd.frame_jacobian(model, Q0, "b6", "local_world_aligned"), sd.crba(model, Q0)
+    X = sd.frame_placement(model, Q0, "b6")
+    e = np.r_[target[:3, 3] - X[:3, 3], rotation.from_matrix(target[:3, :3] @ X[:3, :3].T).as_rotvec()]
+    held = sd.Impedance(model, "b6", target, K, D, joint_damping=0.5)
+    wanted = sd.generalized_gravity(model, Q0) + J.T @ (K @ e - D @ (J @ V0)) - 0.5 * V0
+    np.testing.assert_allclose(held(model, 0.0, Q0, V0), wanted, rtol=CLOSE, atol=CLOSE)
+    rate, a = np.linspace(-0.3, 0.4, 6), np.linspace(0.5, -0.2, 6)
+    step = 1e-6
+    ahead, back = (sd.frame_jacobian(model, Q0 + x * V0, "b6", "local_world_aligned") for x in (step, -step))
+    inverse = np.linalg.inv(M)
+    J_bar = inverse @ J.T @ np.linalg.inv(J @ inverse @ J.T)
+    v_r = J_bar @ rate
+    a_r = J_bar @ (a - (ahead - back) @ v_r / (2.0 * step))
+    C = sd.coriolis_matrix(model, Q0, V0)
+    F = K @ e + D @ (rate - J @ V0)
+    wanted = M @ a_r + C @ v_r + sd.generalized_gravity(model, Q0) + J.T @ F
+    moving = sd.Impedance(model, "b6", target, K, D, velocity=rate, acceleration=a)
+    np.testing.assert_allclose(moving(model, 0.0, Q0, V0), wanted, rtol=1e-6, atol=1e-6)

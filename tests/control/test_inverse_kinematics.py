@@ -94,8 +94,16 @@ def test_solve_ik_refuses_what_is_no_target() -> None:
     model = sd.load_urdf("ur5")
     with pytest.raises(sd.ModelError, match="nowhere"):
         sd.solve_ik(model, {"nowhere": np.eye(4)})
-    with pytest.raises(sd.SpatialDynError, match="rows are off by"):
-        sd.solve_ik(model, {"tool0": 2.0 * np.eye(4)})
+    for fault, said in (
+        (2.0 * np.eye(4), "no rotation"), (np.diag([1.0, 1.0, -1.0, 1.0]), "a reflection"),
+        (np.eye(4) + 0.1 * np.eye(4, k=-3), "a last row that is off"),
+    ):  # fmt: skip
+        for take in (
+            lambda X: sd.solve_ik(model, {"tool0": X}), lambda X: sd.Impedance(model, "tool0", X, 100.0, 10.0),
+            lambda X: sd.FrameTask("tool0", X),
+        ):  # fmt: skip
+            with pytest.raises(sd.SpatialDynError, match=said):
+                take(fault)
     with pytest.raises(sd.ShapeError, match=r"target of tool0 has shape \(2,\)"):
         sd.solve_ik(model, {"tool0": [1.0, 2.0]})
     with pytest.raises(sd.NonFiniteError, match="target of tool0"):

@@ -423,3 +423,94 @@ def test_a_law_too_stiff_for_its_step_is_warned_of_once_by_joint(call: str) -> N
 
 def test_the_stiffness_of_gravity_is_that_of_the_notes() -> None:
     assert sd.gravity_stiffness_bound(sd.load_urdf("ur5"), 20000) == pytest.approx(64.4, abs=1.0)
+
+
+def test_a_number_is_a_gain_for_each_freedom_of_any_robot(arm: sd.Model) -> None:
+    """Of a floating base nq is 7 and nv 6: a reference (nq,) does not tell how many gains there are."""
+    solid = (1.0, (0.1, 0.0, 0.2), 0.1 * np.eye(3))
+    free = sd.ModelBuilder("free", "world").add_body("base", None, "floating", inertia=solid).build()
+    q_d = sd.neutral(free)
+    q, v = sd.integrate(free, q_d, np.full(6, 0.1)), np.full(6, 0.2)
+    each = np.full(6, 3.0)
+    for make in (sd.PD, sd.PDGravity, sd.PDPlus, sd.ComputedTorque, sd.Passivity, sd.EnergyShaping):
+        assert (make(3.0, 3.0, q_d)(free, 0.0, q, v) == make(each, each, q_d)(free, 0.0, q, v)).all()
+    shaping, many = sd.EnergyShaping(3.0, 3.0, q_d, held=0.1), sd.EnergyShaping(each, each, q_d)
+    assert shaping.energy(free, q, v) == pytest.approx(many.energy(free, q, v), rel=1e-15)
+    both = (sd.PD(3.0, 1.0, q_d) + sd.PD(each, 1.0, q_d, held=0.02)).limited_by(each)
+    assert np.isfinite(sd.rollout(free, q, v, dt=0.01, steps=3, control=both).q).all()
+    matrix = sd.EnergyShaping(3.0 * np.eye(N), 1.0, np.zeros(N))
+    assert matrix.energy(arm, np.ones(N), np.zeros(N)) == pytest.approx(4.5)
+    with pytest.raises(sd.ShapeError, match=r"kp of spec .* has shape \(4,\), expected \(3,\)"):
+        sd.EnergyShaping(np.ones(4), 1.0, np.zeros(N)).energy(arm, np.ones(N), np.zeros(N))
+
+
+def test_state_feedback_drives_each_freedom_once() -> None:
+    with pytest.raises(sd.SimulationError, match=r"joints are \[0, 0\], expected each once"):
+        sd.StateFeedback(np.ones((2, 6)), np.zeros(3), joints=[0, 0])
+
+
+def test_lqr_refuses_a_cost_that_leaves_it_unstable() -> None:
+    pytest.importorskip("scipy")
+    A, B = np.array([[0.0, 1.0], [0.0, 0.0]]), np.array([[0.0], [1.0]])
+    step = np.eye(2) + 0.1 * A, 0.1 * B
+    for a, b, discrete in ((A, B, False), (*step, True)):
+        with pytest.raises(sd.SpatialDynError, match="Q leaves a mode unweighted that does not decay"):
+            sd.lqr(a, b, np.zeros((2, 2)), [[1.0]], discrete=discrete)
+    assert not sd.lqr(A - np.eye(2), B, np.zeros((2, 2)), [[1.0]]).K.any()  # which is stable by itself
+    for a, b in ((np.zeros((0, 0)), np.zeros((0, 0))), (A, np.zeros((2, 0)))):
+        with pytest.raises(sd.ShapeError, match="of 1 or more"):
+            sd.lqr(a, b, np.eye(len(a)), np.zeros((0, 0)))
+
+
+def test_a_period_does_not_hide_an_input_of_its_name(arm: sd.Model) -> None:
+    """The law's own input "period" keeps its value: its torque is 3 in the first step."""
+    from spatialdyn.recursions.spec import TAU, Argument, Q, Spec
+
+    def pull(bodies: Any, q: Any, period: Any, tau: Any) -> None:
+        for i in range(len(tau)):
+            tau[i] = period[0] - q[i]
+
+    spec = Spec("pull_of_period", pull, None, (Q, Argument("period", (1,), "", "")), TAU, "", "")
+    law = sd.Control(spec, {"period": [3.0]}, held=0.02)
+    assert (law(arm, 0.0, np.zeros(N), np.zeros(N)) == 3.0).all()
+    twice = sd.rollout(arm, np.zeros(N), np.zeros(N), dt=0.01, steps=4, control=law)
+    assert set(twice.states) == {"time_left", "held_torque"}
+
+
+def test_a_law_keeps_copies_of_its_values(arm: sd.Model) -> None:
+    """What is kept between calls is of its values as they are."""
+    kp, goal, q, v = np.full(N, 4.0), np.full(N, 0.5), np.zeros(N), np.zeros(N)
+    law = sd.PD(kp, 1.0, goal)
+    before = law(arm, 0.0, q, v)
+    kp[:], goal[:] = 0.0, 0.0
+    assert (law(arm, 0.0, q, v) == before).all()
+    with pytest.raises(ValueError, match="read-only"):
+        law.values["q_ref"][0] = 1.0
+    law.values["q_ref"] = np.ones(N)  # which may be written to
+    assert (law(arm, 0.0, q, v) == 2.0 * before).all()
+    law.values["q_ref"][:] = 0.0
+    assert not law(arm, 0.0, q, v).any()
+    other = sd.ModelBuilder("rod").add_body("rod", None, axis=(0, 0, 1)).build()
+    with pytest.raises(sd.ShapeError, match=r"has shape \(3,\), expected \(1,\)"):
+        law(other, 0.0, [0.0], [0.0])
+
+
+@pytest.mark.parametrize("kind", ["trapezoid", "spline", "quintic"])
+def test_a_jump_of_acceleration_leaves_an_error_of_order_one(kind: str) -> None:
+    """By rk4 with steps that end at the jumps, whose one side is taken for both; order 4 before the first."""
+    model = sd.load_urdf("two_link")
+    path = {
+        "trapezoid": sd.trapezoid([0.0, 0.0], [0.5, -0.25], 1.0, 2.0), "quintic": sd.quintic([0, 0], [0.5, -0.25], 1.0),
+        "spline": sd.spline([0.0, 0.4, 1.0], [[0.0, 0.0], [0.3, 0.1], [0.2, 0.2]]),
+    }[kind]  # fmt: skip
+    law, first = sd.ComputedTorque(*sd.critical_gains(4.0), path), 0.4
+    whole, before = [], []
+    for dt in (0.02, 0.01, 0.005):
+        run = sd.simulate(model, [0.0, 0.0], [0.0, 0.0], 1.2, dt, "rk4", control=law)
+        off = abs(run.q - path(run.t).q).max(1)
+        whole.append(off.max())
+        before.append(off[run.t < first + 0.5 * dt].max())
+    order = 4.0 if kind == "quintic" else 1.0
+    assert np.log2(whole[0] / whole[1]) == pytest.approx(order, abs=0.1)
+    assert np.log2(whole[1] / whole[2]) == pytest.approx(order, abs=0.1)
+    assert np.log2(before[0] / before[1]) == pytest.approx(4.0, abs=0.2)

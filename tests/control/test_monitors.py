@@ -77,3 +77,8 @@ def test_monitors_are_drawn_and_refuse_what_is_no_motion() -> None:
         sd.lyapunov(run, np.full(len(run.t), np.nan))
     with pytest.raises(sd.SimulationError, match="run is a int"):
         sd.lyapunov(3, 0.0)  # type: ignore[arg-type]
+
+
+def test_an_order_is_of_another_record() -> None:
+    with pytest.raises(sd.SimulationError, match="other is None, expected a PassivityRecord"):
+        sd.passivity(motion(0.01)).order(None)  # type: ignore[arg-type]

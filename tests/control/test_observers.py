@@ -135,3 +135,15 @@ def test_base_velocity_refuses_a_robot_on_a_pedestal() -> None:
         sd.base_velocity(sd.load_urdf("two_link"), [0.0, 0.0], [], np.zeros(6))
     with pytest.raises(sd.ShapeError, match="v_joints has shape"):
         sd.base_velocity(satellite(), sd.neutral(satellite()), [1.0], np.zeros(6))
+
+
+def test_all_updates_of_an_observer_are_of_the_same_samples() -> None:
+    model = sd.load_urdf("two_link")
+    for first, then in (((), (3,)), ((3,), ()), ((3,), (2,))):
+        observer = sd.MomentumObserver(model, 10.0, 0.01)
+        before = observer.update(*np.zeros((3, *first, 2)))
+        with pytest.raises(sd.ShapeError, match=r"have axes of samples .* expected those of the updates before"):
+            observer.update(*np.ones((3, *then, 2)))
+        assert observer.update(*np.zeros((3, *first, 2))).shape == before.shape
+        observer.reset()
+        assert observer.update(*np.zeros((3, *then, 2))).shape == (*then, 2)

@@ -128,6 +128,58 @@ def test_a_path_beyond_limits_is_refused_by_joint() -> None:
         sd.quintic([[0.0], [0.5], [-1.2]], [0.1], 4.0, model)
 
 
+@pytest.mark.parametrize("use", ["call", "rollout", "simulate", "check"])
+def test_a_path_of_numbers_is_held_to_the_limits_of_the_robot_that_it_meets(use: str) -> None:
+    def met(path: sd.Path, model: sd.Model) -> None:
+        law = sd.PDPlus(1.0, 1.0, path)
+        if use == "call":
+            law(model, 0.0, [0.0], [0.0])
+        elif use == "check":
+            path.check_model(model)
+        elif use == "rollout":
+            sd.rollout(model, [0.0], [0.0], dt=0.01, steps=1, control=law)
+        else:
+            sd.simulate(model, [0.0], [0.0], 0.01, 0.01, control=law)
+
+    def arm(most: float, fast: float) -> sd.Model:
+        rod = sd.JointLimits(-1.0, most, velocity=fast)
+        return sd.ModelBuilder("arm").add_body("rod", limits=rod, inertia=(1.0, (0, 0, 1), np.eye(3))).build()
+
+    for path in (sd.quintic([0.0], [1.5], 2.0), sd.quintic([[0.0], [0.1]], [1.5], 2.0)[0]):
+        with pytest.raises(sd.SpatialDynError, match=r'path moves joint "rod.*" to 1.5, expected its limits, -1 to 1'):
+            met(path, arm(1.0, 10.0))
+        with pytest.raises(sd.SpatialDynError, match=r"at 1.40625, expected at most 1, its limit"):
+            met(path, arm(2.0, 1.0))
+        met(path, arm(2.0, 10.0))
+    met(sd.quintic([0.0], [1.5], 2.0, limits=False), arm(1.0, 1.0))
+    met(sd.quintic([[0.0], [0.1]], [1.5], 2.0, limits=False)[0], arm(1.0, 1.0))
+
+
+def test_a_path_serves_robots_of_its_joints_whatever_they_weigh() -> None:
+    solid = (1.0, (0.1, 0.0, 0.2), 0.1 * np.eye(3))
+    free = sd.ModelBuilder("free", "world").add_body("base", None, "floating", inertia=solid)
+    model = free.add_body("arm", "base", axis=(0, 0, 1), inertia=solid, limits=(-1.0, 1.0)).build()
+    q = sd.integrate(model, sd.neutral(model), np.full(7, 0.2))
+    path = sd.quintic(sd.neutral(model), q, 1.0, model)
+    law = sd.ComputedTorque(9.0, 6.0, path)
+    loaded = model.with_(payload={"arm": (2.0, [0.0, 0.0, 0.1], np.zeros((3, 3)))})
+    for other in (loaded, model.with_(gravity=[0.0, 0.0, -1.62])):
+        at = path(0.5)
+        want = sd.rnea(other, at.q, at.v, at.a)
+        assert abs(law(other, 0.5, at.q, at.v) - want).max() < 1e-12 * abs(want).max()
+    hold = sd.Impedance(model, "arm", np.eye(4), 100.0, 10.0)
+    hold.checks[0](loaded)
+    for kind, name in (("prismatic", "arm"), ("revolute", "leg")):
+        other = sd.ModelBuilder("other", "world").add_body("base", None, "floating", inertia=solid)
+        built = other.add_body(name, "base", kind, (0, 0, 1), inertia=solid, limits=(-1.0, 1.0)).build()
+        with pytest.raises(sd.SpatialDynError, match=f'other joints: revolute "arm.*" is not {kind} "{name}'):
+            path.check_model(built)
+    narrow = sd.ModelBuilder("narrow", "world").add_body("base", None, "floating", inertia=solid)
+    built = narrow.add_body("arm", "base", axis=(0, 0, 1), inertia=solid, limits=(-0.1, 0.1)).build()
+    with pytest.raises(sd.SpatialDynError, match=r"to 0.2, expected its limits, -0.1 to 0.1"):
+        path.check_model(built)
+
+
 def test_paths_refuse_what_is_none() -> None:
     model = body()
     with pytest.raises(sd.SpatialDynError, match=r"times is .* expected increasing"):

@@ -166,7 +166,22 @@ def test_masses_are_learnt_and_only_christoffels_c_has_a_proof() -> None:
 @compiled
 def test_a_quadruped_stands_through_a_push() -> None:
     pytest.importorskip("qpsolvers")
-    _, off, speed = run("pushed_while_standing")["Solo12"]
+    _, _, off, up = run("pushed_while_standing")["Solo12"]
     assert 5e-3 < off.max() < 0.06
     assert off[-1] < 0.2 * off.max()
-    assert speed < 0.1
+    assert up
+
+
+@robots
+@compiled
+@pytest.mark.slow(quick="test_a_quadruped_stands_through_a_push")
+def test_what_robots_survive_and_what_not() -> None:
+    """The impulses that the example finds, 10 s of both; a push of twice that of Talos throws it."""
+    pytest.importorskip("qpsolvers")
+    from spatialdyn.examples.pushed_while_standing import solo, stand, talos
+
+    for robot, frame, impulse in ((solo(), "base_link", 3.0), (talos(), "torso_2_link", 30.0)):
+        _, off, up = stand(robot, frame, impulse, 10.0)
+        assert up
+        assert off[-1] < 1e-3
+    assert not stand(talos(), "torso_2_link", 60.0, 2.5)[2]

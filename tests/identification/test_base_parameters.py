@@ -97,10 +97,3 @@ def test_pivots_without_a_gap_are_refused() -> None:
     R[0, 2], R[2, 2] = 1.0, 5e-11
     with pytest.raises(sd.IdentificationError, match="snap=1e-9"):
         base_of_columns(R, ("a", "b", "c"))
-    with pytest.raises(sd.IdentificationError, match="mimic"):
-        sd.base_parameters(sd.load_urdf(MIMIC, mimic=True))
-
-
-MIMIC = """<robot name="m"><link name="a"/><link name="b"/><link name="c"/>
-<joint name="j" type="continuous"><parent link="a"/><child link="b"/></joint>
-<joint name="k" type="continuous"><parent link="a"/><child link="c"/><mimic joint="j"/></joint></robot>"""

@@ -6,10 +6,58 @@ from typing import Any
 
 import numpy as np
 import pytest
-from test_identify import NOISE, measured, model, off
+from test_identify import NOISE, measured, model, off, truth
 
 import spatialdyn as sd
 from spatialdyn.identification import log_cholesky, semidefinite
+from spatialdyn.identification.pseudo_inertia import consistent, positive, pseudo_inertia
+
+FEW = 30  # steps of a search: some ten are usual
+
+
+def test_the_search_ends_at_the_least_cost() -> None:
+    """Of a convex function: no step to bodies that exist, and linear numbers of 0 or more, lowers it."""
+    rng, bodies = np.random.default_rng(0), 2
+    start = np.append(consistent(rng.uniform(0.5, 2.0, (bodies, 10)), 0.1).ravel(), [0.3, 0.2])
+    for size, weight in ((1.0, 1.0), (1e6, 1.0), (1e-3, 1e3)):
+        A = size * rng.normal(size=(12, 22))
+        z = A @ (start * rng.uniform(0.5, 1.5, 22)) - 3.0 * A[:, -1]  # so that the last number is held
+        P0 = pseudo_inertia(start[:20].reshape(bodies, 10))
+
+        def cost(pi: np.ndarray, A: Any = A, z: Any = z, weight: Any = weight, P0: Any = P0) -> float:
+            ratio = np.linalg.solve(P0, pseudo_inertia(pi[:20].reshape(bodies, 10)))
+            prior = 0.5 * (np.trace(ratio, axis1=1, axis2=2) - np.linalg.slogdet(ratio)[1] - 4.0)
+            return float(0.5 * np.sum((A @ pi - z) ** 2) + weight * prior.sum())
+
+        found = log_cholesky.fit(A, z, start, bodies, np.array([True, True]), weight)
+        assert found.steps < FEW
+        assert found.held.tolist() == [False, True]
+        assert found.cost == pytest.approx(cost(found.pi), rel=1e-6)
+        near = np.linalg.svd(A[:, :21])[2][12:]  # of what A does not see, steps are long
+        for way in [*near, *(1e-6 * rng.normal(size=(8, 21)))]:
+            for sign in (1e-3, -1e-3):
+                moved = found.pi + sign * np.append(way, 0.0)
+                assert not positive(moved[:20].reshape(bodies, 10)).all() or cost(moved) >= found.cost * (1.0 - 1e-9)
+
+
+@pytest.mark.parametrize("method", ["ols", "wls", "log_cholesky", "sdp"])
+def test_exact_torques_are_fitted_by_every_method(method: str) -> None:
+    """As of a first try: computed torques, masses 30 % wrong. Their noise counts as 1e-6 of the torque."""
+    if method == "sdp":
+        pytest.importorskip("cvxpy")
+    for parameters in ("inertial", "inertial+friction"):
+        found = sd.identify(measured(model(), 0.0), off(), method, parameters)
+        assert abs(found.beta - truth(found, model())).max() < 1e-7
+        assert found.half_width.max() < 1e-4
+        assert not found.notes
+        assert found.steps < FEW
+        if method in ("log_cholesky", "sdp"):
+            assert found.consistent
+            assert found.model().name == model().name
+    log = measured(model(), 0.0)
+    nothing = sd.Recording(log.t, log.q, np.zeros(log.q.shape))
+    still = sd.identify(nothing, model(), "log_cholesky", "friction")  # what gravity and motion would need as friction
+    assert np.isfinite(still.parameters).all()
 
 
 def test_what_the_semidefinite_solver_does_not_reach_is_said(monkeypatch: pytest.MonkeyPatch) -> None:

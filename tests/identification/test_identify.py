@@ -11,7 +11,9 @@ import pytest
 from example_runs import compiled
 
 import spatialdyn as sd
+from spatialdyn.identification.equations import Equations
 from spatialdyn.identification.log_cholesky import upper_factor
+from spatialdyn.identification.motions import means_of_steps, shared_by_means
 from spatialdyn.identification.pseudo_inertia import consistent, in_body, parameters_of, pseudo_inertia
 
 EXACT = 1e-9  # of parameters of size 1: cond 30, eps, and of accelerations no differences
@@ -143,13 +145,26 @@ def test_noise_of_each_joint_weighs_and_is_found() -> None:
     assert (wls.white > 0.001).all()
 
 
-def test_a_generator_of_recordings_gives_what_all_of_them_give_at_once() -> None:
+def test_a_generator_of_recordings_gives_what_all_of_them_give_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     logs = [measured(model(), NOISE, seed) for seed in range(3)]
     whole = sd.identify(logs, model(), parameters="inertial")
     once = sd.identify((x for x in logs), model(), parameters="inertial")
     assert abs(whole.beta - once.beta).max() < EXACT
     np.testing.assert_array_equal(whole.rows, once.rows)
     assert np.isnan(once.white).all()
+    room = 2 * logs[0].tau.size * len(whole.names)  # of three logs each keeps the rows of a third of it: none
+    monkeypatch.setattr("spatialdyn.identification.identify.KEPT", room)
+    made: list[Equations] = []
+    keep = Equations.__init__
+
+    def noted(self: Equations, *given: Any) -> None:
+        keep(self, *given)
+        made.append(self)
+
+    monkeypatch.setattr(Equations, "__init__", noted)
+    assert np.array_equal(sd.identify(logs, model(), parameters="inertial").beta, whole.beta)
+    assert len(made) == 3
+    assert not any(x._made for x in made)
     with pytest.raises(sd.IdentificationError, match="several passes"):
         sd.identify((x for x in logs), model(), delay=True)
 
@@ -246,11 +261,15 @@ def flying(robot: sd.Model, with_wrench: bool) -> sd.Recording:
 @pytest.mark.parametrize("form", ["torque", "momentum"])
 def test_a_floating_base_is_found_from_its_measured_wrench(form: str) -> None:
     robot = floating()
-    near = 1e-8 if form == "torque" else 3e-3  # the mean of a smooth wrench is taken by two points
+    near = 1e-8 if form == "torque" else 2e-5  # the mean of a smooth wrench is that of a cubic
     for rows in ("base", "all"):
         found = sd.identify(flying(robot, True), robot, "wls", "inertial", rows=rows, form=form)
         assert abs(found.beta - truth(found, robot)).max() < near
         assert found.residuals.shape[1] == (6 if rows == "base" else 7)
+        if rows == "base":  # of torques that are 0 there is no delay
+            assert not [x for x in found.notes if "delay" in x]
+            with pytest.raises(sd.IdentificationError, match=r"delay is True, expected .*: the torques of"):
+                sd.identify(flying(robot, True), robot, "wls", "inertial", rows=rows, form=form, delay=True)
     with pytest.raises(sd.IdentificationError, match="no wrenches"):
         sd.identify(flying(robot, False), robot, "wls", "inertial", rows="base")
 
@@ -281,6 +300,30 @@ def test_parameters_that_are_not_seen_are_removed_the_worst_first() -> None:
     left = found.beta != 0.0
     assert (found.deviation[left] <= 0.3 * abs(found.beta[left])).all()
     assert "removed" in str(found)
+
+
+def test_a_mimic_joint_has_its_leaders_friction_and_a_body_of_its_own() -> None:
+    solid = (1.0, (0.1, 0.05, 0.2), np.diag([0.1, 0.12, 0.09]))
+    builder = sd.ModelBuilder("pair").add_body("a", None, "revolute", (0, 1, 0), inertia=solid, joint_name="z")
+    mimic = {"leader": "z", "multiplier": 0.7, "offset": 0.1}
+    builder.add_body("b", "a", "revolute", (1, 0, 0), (0.0, 0.1, 0.3), solid, mimic=mimic, joint_name="follower")
+    robot, t = builder.build(mimic=True), np.linspace(0.0, 4.0, 400)
+    q, v, a = sd.fourier([[1.0], [0.8]], [[0.3], [-0.5]], 0.25, [0.0])(t)
+    log = sd.Recording(t, q, sd.rnea(robot, q, v, a) + 0.3 * v + 0.5 * np.sign(v), v, a)
+    found = sd.identify(log, robot, "log_cholesky")
+    assert found.names[-2:] == ("z.viscous", "z.coulomb")
+    assert abs(found.beta - truth(found, robot, viscous=0.3, coulomb=0.5)).max() < EXACT
+    np.testing.assert_allclose(found.model().damping, [0.3])
+    assert {joint.damping for joint in found.model().robot.joints if joint.name == "follower"} == {0.0}
+
+
+def test_forces_that_no_equation_has_are_refused() -> None:
+    log, hinge = measured(model(), 0.0), sd.ModelBuilder("arm").add_body("b", None, "revolute", (0, 1, 0))
+    for name, force in (("fext", np.zeros((3, 6))), ("contacts", sd.Contacts(model(), {"tip": 0.0}))):
+        with pytest.raises(sd.IdentificationError, match=f"scene has {name}, expected none"):
+            sd.identify(log, sd.Scene(model(), **{name: force}))  # type: ignore[arg-type]
+    with pytest.raises(sd.IdentificationError, match='joint "b_joint_rotor" has a spring, expected joints without'):
+        sd.base_parameters(hinge.add_series_elastic("b_joint", 10.0, rotor=0.1).build())
 
 
 def test_arguments_that_contradict_each_other_are_refused() -> None:
@@ -320,6 +363,26 @@ def covered(seeds: range, delay: bool, noise: float = NOISE, **options: Any) -> 
 
 def test_intervals_cover_in_some_seeds() -> None:
     assert covered(range(20), False, hold="after") > 0.85
+
+
+def test_the_mean_of_a_step_is_that_of_a_cubic_and_its_intervals_cover() -> None:
+    """Torques of their times, without accelerations: means by two samples are off by more than such noise."""
+    t, c = np.arange(9.0), np.array([0.3, -0.2, 0.5, 0.7])
+    whole = np.polynomial.Polynomial(c).integ()(t)
+    np.testing.assert_allclose(means_of_steps(np.polynomial.Polynomial(c)(t)), np.diff(whole), rtol=1e-13)
+    assert np.array_equal(means_of_steps(np.array([[1.0], [3.0]])), [[2.0]])
+    log, share, noted = measured(model(), 0.0), [], 0
+    for seed in range(20):
+        tau = log.tau + NOISE * np.random.default_rng(seed).normal(size=log.tau.shape)
+        found = sd.identify(sd.Recording(log.t, log.q, tau, log.v), off(), parameters="inertial")
+        share.append(abs(found.beta - truth(found, model())) < found.half_width)
+        noted += bool(found.notes)
+    assert np.mean(share) > 0.85
+    assert noted < 4  # neighbouring means share samples, which is no sign of a wrong model
+    assert shared_by_means(1) == (3, pytest.approx(576.0 / 340.0))
+    dry = measured(model(), 0.0, coulomb=0.5, viscous=0.3)  # which jumps where a joint turns: those steps do not count
+    found = sd.identify(sd.Recording(dry.t, dry.q, dry.tau, dry.v), off())
+    assert abs(found.beta - truth(found, model(), coulomb=0.5, viscous=0.3)).max() < 1e-4
 
 
 @compiled

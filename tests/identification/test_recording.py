@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -91,6 +92,47 @@ def test_a_column_twice_a_byte_order_mark_and_an_empty_file(tmp_path: Path) -> N
     for nothing in ("", "\n", "t,q0,tau0\n", "t,q0,tau0\n\n"):
         path.write_text(nothing, encoding="utf-8")
         with pytest.raises(sd.SpatialDynError, match="is empty"):
+            sd.Recording.load(path)
+
+
+def test_columns_of_numbers_and_of_joints_are_not_mixed_and_what_is_missing_is_named() -> None:
+    model = sd.load_urdf("two_link")
+    numbers: dict[str, Any] = {"t": T, "q0": Q[:, 0], "q1": Q[:, 1], "tau0": T, "tau1": T}
+    for more, said in (
+        ({"q_joint1": Q[:, 0], "q_joint2": Q[:, 1]}, "columns have q0 and q_joint1, expected numbers or names"),
+        ({"v1": T}, "columns have no v0, expected it among v0, v1"),
+        ({"a0": ["x"] * 51}, "column a0 cannot be read as numbers"),
+        ({"t": T.astype("datetime64[s]")}, "column t is of times"),
+        ({"wrench_tip_3": T}, "columns have no wrench_tip_0, expected six"),
+    ):
+        with pytest.raises(sd.IdentificationError, match=said):
+            sd.Recording.from_columns({**numbers, **more}, model)
+    others: dict[str, Any] = {"state": ["running"] * 51, "q_wanted": T}
+    assert np.array_equal(sd.Recording.from_columns({**numbers, **others}, model).q, Q)  # left alone
+
+
+def test_csv_files_of_other_programs(tmp_path: Path) -> None:
+    """Semicolons, tabs, remarks, names as NumPy writes them, columns of words; what is no number has its line."""
+    path, log = tmp_path / "log.csv", sd.Recording(T, Q, 2.0 * Q, wrenches={"tip": np.tile(T[:, None], (1, 6))})
+    log.save(path)
+    assert np.array_equal(sd.Recording.load(path).wrenches["tip"], log.wrenches["tip"])
+    sd.Recording(T, Q, 2.0 * Q).save(path)
+    text = path.read_text(encoding="utf-8")
+    lines = text.splitlines()
+    for other in (
+        text.replace(",", ";"), text.replace(",", "\t"), "# of a robot\n" + text, "# " + text,
+        "\n".join([lines[0] + ",state", *(line + ",on" for line in lines[1:])]),
+    ):  # fmt: skip
+        path.write_text(other, encoding="utf-8")
+        assert np.array_equal(sd.Recording.load(path).tau, 2.0 * Q)
+    for wrong, said in (
+        (text.replace(lines[7], "0.12,1,,2,3"), "has '' in line 8, column q1, expected a number"),
+        (text.replace(lines[7], "0.12,1,2"), "has 3 cells in line 8 under 5 names"),
+        ("\n".join(lines[1:]), "begins with 0, expected a line of names"),
+        (text.replace(",", ";").replace(".", ","), r"has '0,0\d*' in line 3, column t, expected a number"),
+    ):
+        path.write_text(wrong, encoding="utf-8")
+        with pytest.raises(sd.SpatialDynError, match=said):
             sd.Recording.load(path)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from typing import Any
 
 import numpy as np
@@ -9,11 +10,12 @@ import pytest
 from standing_robots import box, talos
 
 import spatialdyn as sd
-from spatialdyn.operational.viable import upper
+from spatialdyn.operational.quadratic import EQUAL, by_qpsolvers, raw
+from spatialdyn.recursions.control.whole_body import viable
 
 pytest.importorskip("qpsolvers")
 KKT = 1e-10  # of accelerations and of forces over the weight: a program without active inequalities
-SOLVERS = 1e-6  # the same between solvers
+SOLVERS = {"quadprog": 1e-9, "clarabel": 1e-5}  # of accelerations: one is direct, the other an interior point's
 CARRIED = 1e-6  # of the weight: the small weights of f² and a² move it
 MET = 1e-6  # [m/s²] of equations that hold
 BRAKED = 1e-6  # [rad] beyond a limit: the last step of braking ends at rest, or on the limit
@@ -21,6 +23,11 @@ BRAKED = 1e-6  # [rad] beyond a limit: the last step of braking ends at rest, or
 
 def standing(model: sd.Model, q: Any) -> list[Any]:
     return [sd.ComTask(sd.center_of_mass(model, q), Kp=20.0, weight=10.0), sd.PostureTask(q, Kp=20.0, weight=0.1)]
+
+
+def ice(model: sd.Model, scene: sd.Scene) -> sd.Scene:
+    """The same feet with little friction."""
+    return sd.Scene(model, contacts=sd.Contacts(model, dict.fromkeys(scene.contacts.names, 0.0), friction=0.05))
 
 
 @pytest.mark.parametrize("robot", [box, talos], ids=["box", "talos"])
@@ -42,51 +49,55 @@ def test_the_ground_carries_the_weight(robot: Any) -> None:
 
 def kkt(body: sd.WholeBody, q: Any, v: Any) -> Any:
     """The solution of the equations alone."""
-    program, made = body._program(q, v)
-    rows = [(task, task.rows(body.model, q, v)) for task in body.tasks]
-    from spatialdyn.operational.whole_body import _with
-
-    p = _with(program, rows, body._weights(made))
-    A, n = p.A, len(p.g)
+    p = body.program(q, v)
+    equal = p.sense[len(p.g) :] == EQUAL
+    A, b, n = p.rows[equal], p.high[len(p.g) :][equal], len(p.g)
     K = np.block([[p.P, A.T], [A, np.zeros((len(A), len(A)))]])
-    return np.linalg.solve(K, np.r_[-p.g, p.b])[:n]
+    return np.linalg.solve(K, np.r_[-p.g, b])[:n]
 
 
-def test_without_active_limits_it_is_the_solution_of_the_equations() -> None:
-    model, scene, q = box()
-    v = np.r_[np.zeros(6), 0.1, -0.1]
+@pytest.mark.parametrize("robot", [box, talos], ids=["box", "talos"])
+def test_without_active_limits_it_is_the_solution_of_the_equations(robot: Any) -> None:
+    model, scene, q = robot()
+    v = np.r_[np.zeros(6), 0.02 * np.cos(np.arange(model.nv - 6))]
     body = sd.WholeBody(scene, standing(model, q), limits=())
-    x = kkt(body, q, v)
-    found = body.solve(q, v)
-    np.testing.assert_allclose(found.a, x[: model.nv], atol=KKT * max(1.0, abs(x).max()))
-    np.testing.assert_allclose(found.forces[:, 2], body.weight * x[model.nv :: 3], atol=KKT * body.weight * 10)
+    x, found = kkt(body, q, v), body.solve(q, v)
+    np.testing.assert_allclose(found.a, x[: model.nv], atol=KKT * max(1.0, abs(found.a).max()))
+    normal = [found.forces[:, 2], found.forces[:, 0], found.forces[:, 1]]
+    np.testing.assert_allclose(np.stack(normal, 1).ravel() / body.weight, x[model.nv :], atol=KKT)
 
 
-def test_other_solvers_find_the_same() -> None:
+@pytest.mark.parametrize("asked", [0.5, 30.0], ids=["free", "with active limits"])
+def test_other_solvers_find_the_same(asked: float) -> None:
+    """quadprog and DAQP to rounding, clarabel to its own tolerance; through qpsolvers DAQP has the same bits."""
     model, scene, q = box()
     v = np.r_[np.zeros(6), 0.3, -0.2]
-    task = [sd.ComTask(sd.center_of_mass(model, q) + np.array([0.05, 0, 0]), Kp=40.0), *standing(model, q)[1:]]
-    first = sd.WholeBody(scene, task).solve(q, v)
-    for solver in ("quadprog", "clarabel"):
+    tasks = [sd.ComTask(acceleration=[asked, asked, 0.0]), sd.PostureTask(q, weight=1e-3)]
+    if asked > 1.0:
+        scene = ice(model, scene)
+    body = sd.WholeBody(scene, tasks)
+    p, n = body.program(q, v), model.nv
+    x = raw("daqp", p)
+    y = np.r_[x, p.rows @ x]
+    active = ((y >= p.high - 1e-9) | (y <= p.low + 1e-9)) & (p.sense != EQUAL)
+    assert active.any() == (asked > 1.0)
+    np.testing.assert_allclose(by_qpsolvers("daqp", p), x, atol=1e-12)
+    for solver, tolerance in SOLVERS.items():
         pytest.importorskip(solver)
-        with pytest.warns() if solver == "clarabel" else _nothing():
-            other = sd.WholeBody(scene, task, solver=solver).solve(q, v)
-        np.testing.assert_allclose(other.a, first.a, atol=1e2 * SOLVERS)
-        np.testing.assert_allclose(other.forces, first.forces, atol=1e2 * SOLVERS * 70)
-
-
-def _nothing() -> Any:
-    from contextlib import nullcontext
-
-    return nullcontext()
+        with pytest.warns() if solver == "clarabel" else nullcontext():
+            other = by_qpsolvers(solver, p)
+        np.testing.assert_allclose(other[:n], x[:n], atol=tolerance * max(1.0, abs(x[:n]).max()))
+        np.testing.assert_allclose(other[n:], x[n:], atol=1e2 * tolerance)  # forces weigh a ten-thousandth
+    np.testing.assert_allclose(sd.WholeBody(scene, tasks, solver="quadprog").solve(q, v).a, x[:n], atol=1e-6)
 
 
 def test_forces_stay_in_their_cones_and_torques_in_their_limits() -> None:
     """A centre of mass that is asked for 30 m/s² aslant: feet on ice hold by all their friction, the task is missed."""
     model, scene, q = box()
-    ice = sd.Scene(model, contacts=sd.Contacts(model, dict.fromkeys(scene.contacts.names, 0.0), friction=0.05))
     fast = sd.ComTask(acceleration=[30.0, 30.0, 0.0])
-    found = sd.WholeBody(ice, [fast, sd.PostureTask(q, weight=1e-3)], largest=40.0).solve(q, np.zeros(model.nv))
+    found = sd.WholeBody(ice(model, scene), [fast, sd.PostureTask(q, weight=1e-3)], largest=40.0).solve(
+        q, np.zeros(model.nv)
+    )
     f = found.forces
     share = np.linalg.norm(f[:, :2], axis=1) / (0.05 * f[:, 2])
     assert (share <= 1.0 + 1e-4).all()
@@ -128,18 +139,37 @@ def test_what_has_to_give_way_is_named() -> None:
     assert str(soft.relaxed[0]).startswith(soft.relaxed[0].name)
 
 
+def test_the_smallest_relaxation_is_that_by_hand() -> None:
+    """1 kg m² that runs into its limit with 1 rad/s and has to brake by 20 rad/s², by a motor of 10 N m.
+
+    s₁² + s₂² is least under 20 - s₁ = 10 (1 + s₂): s₁ = 10/101 rad/s², s₂ = 100/101 of 10 N m.
+    """
+    limits = sd.JointLimits(-1.0, 1.0, 5.0, 10.0)
+    b = sd.ModelBuilder("wheel").add_body(
+        "wheel", None, "revolute", (0, 0, 1), inertia=(1.0, (0, 0, 0), np.eye(3)), limits=limits
+    )
+    body = sd.WholeBody(b.build(), sd.PostureTask([0.0]), brake=20.0, infeasible="relax")
+    found = body.solve([1.0], [1.0])
+    assert [x.name for x in found.relaxed] == [
+        'torque limit of joint "wheel_joint"',
+        'position or velocity limit of joint "wheel_joint"',
+    ]
+    np.testing.assert_allclose([x.amount for x in found.relaxed], [1000 / 101, 10 / 101], rtol=1e-3)
+    np.testing.assert_allclose(found.tau, -2010 / 101, rtol=2e-3)
+
+
 def test_braking_ends_before_the_limit() -> None:
     """From any viable state, with the acceleration that the bound allows taken in full, step after step."""
-    h, brake, fastest, limit = 1e-2, 5.0, np.array([2.0]), 1.0
+    h, brake, fastest, limit = 1e-2, 5.0, 2.0, 1.0
     for q0, v0 in ((0.0, 0.0), (0.5, 2.0), (0.9, 0.9), (1.0, 0.0)):
-        q, v = np.array([q0]), np.array([v0])
+        q, v = q0, v0
         for _ in range(400):
-            a = np.minimum(upper(limit - q, v, fastest, brake, h), 50.0)
+            a = min(viable(limit - q, v, fastest, brake, h), 50.0)
             q, v = q + h * v + 0.5 * h * h * a, v + h * a
-            assert q[0] <= limit + BRAKED
-            assert v[0] <= fastest[0] + 1e-9
-    assert q[0] > limit - 1e-2
-    assert upper(np.array([-0.1]), np.array([1.0]), fastest, brake, h)[0] == -brake  # beyond: braked, not more
+            assert q <= limit + BRAKED
+            assert v <= fastest + 1e-9
+    assert q > limit - 1e-2
+    assert viable(-0.1, 1.0, fastest, brake, h) == -brake  # beyond: braked, not more
 
 
 def test_feet_that_slip_are_slowed() -> None:
@@ -179,6 +209,10 @@ BAD: list[tuple[dict[str, Any], type[Exception], str]] = [
     ({"standing": "some"}, sd.SpatialDynError, "standing is 'some'"),
     ({"infeasible": "ignore"}, sd.SpatialDynError, "infeasible is"),
     ({"scene": 1}, sd.SpatialDynError, "model is a int"),
+    ({"tasks": [sd.ComTask(axes="xy"), sd.ComTask(axes="yz")]}, sd.SpatialDynError, "both move y of the centre"),
+    ({"tasks": sd.ComTask(np.zeros((2, 3)))}, sd.ShapeError, "expected that of one state"),
+    ({"tasks": sd.PostureTask(np.tile(box()[2], (2, 1)))}, sd.ShapeError, "expected that of one state"),
+    ({"tasks": sd.ComTask(np.zeros(3), Kp=np.ones((2, 3)))}, sd.ShapeError, "expected that of one state"),
 ]  # fmt: skip
 
 
@@ -189,11 +223,8 @@ def test_bad_input_is_named(change: dict[str, Any], kind: type[Exception], messa
         sd.WholeBody(**({"scene": scene, "tasks": standing(model, q)} | change))
 
 
-def test_ground_that_is_not_flat_and_states_that_do_not_fit_are_refused() -> None:
+def test_states_that_do_not_fit_and_points_without_inertia_are_refused() -> None:
     model, scene, q = box()
-    hills = sd.Contacts(model, {"corner0": 0.0}, terrain=sd.Heightfield(np.zeros((3, 3)), 1.0))
-    with pytest.raises(sd.ConstraintError, match="expected a Plane"):
-        sd.WholeBody(sd.Scene(model, contacts=hills), standing(model, q))
     body = sd.WholeBody(scene, standing(model, q))
     with pytest.raises(sd.ShapeError, match="q has shape"):
         body.solve(q[None], np.zeros(model.nv))

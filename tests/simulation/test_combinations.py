@@ -1,6 +1,7 @@
 """Every pair of effects, by a method of every family, runs or is refused for a reason of physics, on three robots.
 
-Runs are finite, samples of a rollout have the bits of a run, work closes the ledger, and files keep the scene.
+Runs are finite, samples of a rollout (by one of the methods) have the bits of a run, work closes the ledger, and files
+keep the scene.
 """
 
 from __future__ import annotations
@@ -39,8 +40,8 @@ def methods(k: int, robot: int) -> tuple[str, ...]:
     return tuple(dict.fromkeys(("semi_implicit_euler", EXPLICIT[(k + robot) % 4], family)))
 
 
-def attempt(model: sd.Model, given: dict[str, Any], method: str, path: Path) -> str:
-    """Run, roll out and save; the text of the error that refuses it, "" if it runs."""
+def attempt(model: sd.Model, given: dict[str, Any], method: str, path: Path, many: bool) -> str:
+    """Run, roll out where asked, and save; the text of the error that refuses it, "" if it runs."""
     q, v = start(model)
     scene, rest = scenes.split(model, given)
     with warnings.catch_warnings():
@@ -56,9 +57,10 @@ def attempt(model: sd.Model, given: dict[str, Any], method: str, path: Path) -> 
         if "record" in rest:
             assert abs(sd.energy_ledger(run).error).max() < 5e-3  # J, of 3 steps of first order from 1 J
             return ""
-        many = sd.rollout(scene, np.stack([q, q]), v, dt=DT, steps=STEPS, method=method, **rest)
-    np.testing.assert_allclose(many.q[1], run.q[1:], rtol=0.0, atol=1e-13)
-    np.testing.assert_allclose(many.v[1], run.v[1:], rtol=0.0, atol=1e-11)
+        if many:
+            runs = sd.rollout(scene, np.stack([q, q]), v, dt=DT, steps=STEPS, method=method, **rest)
+            np.testing.assert_allclose(runs.q[1], run.q[1:], rtol=0.0, atol=1e-13)
+            np.testing.assert_allclose(runs.v[1], run.v[1:], rtol=0.0, atol=1e-11)
     run.save(path)
     assert sd.Trajectory.load(path, model).scene == scene
     return ""
@@ -85,9 +87,10 @@ def check(name: str, chosen: list[tuple[str, ...]], path: Path) -> None:
         except (sd.ModelError, sd.SimulationError) as error:
             wrong += [] if any(re.search(x, str(error)) for x in REASONS) else [(effects, str(error))]
             continue
-        for method in methods(k, list(PARTS).index(name)):
+        place = list(PARTS).index(name)
+        for i, method in enumerate(methods(k, place)):
             try:
-                refused = attempt(model, given, method, path)
+                refused = attempt(model, given, method, path, many=i == (k + place) % 3)
             except Exception as error:
                 wrong.append((effects, method, repr(error)[:300]))
                 continue

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import multiprocessing
 import os
 import re
 import shutil
@@ -23,6 +24,8 @@ import spatialdyn as sd
 from spatialdyn.studies import chunks, study
 
 MODEL = sd.load_urdf("two_link")
+# Forked processes would copy what other tests have made: JAX warns of its threads.
+PROCESSES = partial(ProcessPoolExecutor, mp_context=multiprocessing.get_context("spawn"))
 REDUCE = {
     "torque": sd.Moments("tau"), "part": sd.Quantiles("tau", (0.5, 0.99)), "worst": sd.Worst("most", 3, ("q",)),
 }  # fmt: skip
@@ -77,7 +80,7 @@ def test_a_kept_output_is_an_array_on_disk(whole: sd.Study) -> None:
     np.testing.assert_array_equal(dask.from_array(q, chunks=q.chunks)[90:210].compute(), full[90:210])
 
 
-@pytest.mark.parametrize("executor", [ThreadPoolExecutor, ProcessPoolExecutor])
+@pytest.mark.parametrize("executor", [ThreadPoolExecutor, PROCESSES], ids=["threads", "processes"])
 def test_any_executor_gives_the_same_bits(executor: Any, whole: sd.Study, tmp_path: Path) -> None:
     other = made(tmp_path / "new")
     with executor(2) as workers:
@@ -283,9 +286,9 @@ def test_a_pool_whose_worker_is_killed_is_named_and_the_study_goes_on_with_anoth
     whole: sd.Study, tmp_path: Path
 ) -> None:
     some = made(tmp_path / "new", partial(dies, str(tmp_path / "died")))
-    with ProcessPoolExecutor(1) as pool, pytest.raises(sd.StudyError, match=r"run again|was lost 3 times"):
+    with PROCESSES(1) as pool, pytest.raises(sd.StudyError, match=r"run again|was lost 3 times"):
         some.run(pool)
-    with ProcessPoolExecutor(1) as pool:
+    with PROCESSES(1) as pool:
         assert some.run(pool).digest() == whole.digest()
 
 

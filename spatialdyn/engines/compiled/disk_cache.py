@@ -33,7 +33,7 @@ from .. import locks
 from .numba_settings import setting
 
 VARIABLE = "SPATIALDYN_CACHE_DIR"  # the folder itself, no cache if empty; Numba's variable names the folder above it
-MOST_FILES = 2048  # of each kind; 0.1 MB or less each, and one version makes up to 500 kernels of 800 functions
+MOST_FILES = 4096  # of each kind; 0.1 MB or less each, and the tests of one version make 2100 of programs
 KINDS = PROGRAM, NUMBERS, KERNEL, INLINED = ".lanes", ".numbers", ".kernel", ".inlined"
 PART = ".part"  # a file being written
 

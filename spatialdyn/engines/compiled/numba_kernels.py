@@ -266,37 +266,42 @@ def batch_kernel(spec: Spec) -> Callable[..., int]:
     Arrays are C-ordered with the samples first; an input with step 0 has one row, which serves all samples.
     """
     with _LOCK, _named(spec):  # a fork waits for the import too
-        from numba import types
-
-        from . import jit
-
-        varying = [x for x in spec.present if not x.static]
-        static = [x for x in spec.present if x.static]
-        parameters = ["table", "n"]
-        for x in varying:
-            parameters += [x.name, f"{x.name}_step"]
-        parameters += [x.name for x in static] + [spec.output.name, "status"]
-        rows = {x.name: f"{x.name}[s * {x.name}_step{'' if x.shape else ', 0'}]" for x in varying}
-        rows |= {x.name: x.name for x in static}
-        passed = ", ".join([rows[x.name] for x in spec.present] + [f"{spec.output.name}[s]"])
-        body = [
-            "stamp",
-            "failed = 0",
-            "for s in range(n):",
-            f"    status[s] = sample_kernel(table, {passed})",
-            f"    if status[s] != {OK}:",
-            "        failed += 1",
-            "return failed",
-        ]
-        function = kernel_from_text(label(spec) + "_batch", parameters, body, {"sample_kernel": sample_kernel(spec)})
-        kinds: list[Any] = [types.intp, types.int64]
-        for x in varying:
-            kinds += [_type(x, 1, layout="C"), types.int64]
-        kinds += [_type(x, 0) for x in static]
-        kinds += [_type(spec.output, 1, True, "C"), types.Array(types.int8, 1, "C")]
-        made = jit.compile_signature(function, tuple(kinds), keep=names(spec))
+        made = batches_of(spec, sample_kernel(spec), "batch")
         _made.add(spec)
         return made
+
+
+def batches_of(spec: Spec, one: Callable[..., int], suffix: str) -> Callable[..., int]:
+    """A ``batch_kernel`` of a compiled ``sample_kernel``; ``suffix`` of its name."""
+    from numba import types
+
+    from . import jit
+
+    varying = [x for x in spec.present if not x.static]
+    static = [x for x in spec.present if x.static]
+    parameters = ["table", "n"]
+    for x in varying:
+        parameters += [x.name, f"{x.name}_step"]
+    parameters += [x.name for x in static] + [spec.output.name, "status"]
+    rows = {x.name: f"{x.name}[s * {x.name}_step{'' if x.shape else ', 0'}]" for x in varying}
+    rows |= {x.name: x.name for x in static}
+    passed = ", ".join([rows[x.name] for x in spec.present] + [f"{spec.output.name}[s]"])
+    body = [
+        "stamp",
+        "failed = 0",
+        "for s in range(n):",
+        f"    status[s] = sample_kernel(table, {passed})",
+        f"    if status[s] != {OK}:",
+        "        failed += 1",
+        "return failed",
+    ]
+    function = kernel_from_text(f"{label(spec)}_{suffix}", parameters, body, {"sample_kernel": one})
+    kinds: list[Any] = [types.intp, types.int64]
+    for x in varying:
+        kinds += [_type(x, 1, layout="C"), types.int64]
+    kinds += [_type(x, 0) for x in static]
+    kinds += [_type(spec.output, 1, True, "C"), types.Array(types.int8, 1, "C")]
+    return jit.compile_signature(function, tuple(kinds), keep=names(spec))
 
 
 _MESSAGES = {

@@ -9,13 +9,13 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from llvmlite import binding, ir
+from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
 from ...algebra.scalars import inline
 from ..polynomials import COSINE, HALF_PI, MAGIC, MAX_ANGLE, SINE
-from .numba_settings import setting
+from .target import target
 
 TWO_OVER_PI = 2.0 / math.pi
 SHIFT = MAGIC["double"]
@@ -58,11 +58,8 @@ signed: Any = intrinsic(_signed)
 
 
 def has_fma() -> bool:
-    """Whether Numba compiles for a processor with fused multiply-add: the host, unless its settings name another."""
-    if setting("CPU_NAME", "") or setting("CPU_FEATURES", ""):
-        return False
-    arm = binding.get_process_triple().startswith(("aarch64", "arm64"))
-    return arm or bool(binding.get_host_cpu_features().get("fma"))
+    """Whether Numba compiles for a processor with fused multiply-add."""
+    return target().fused
 
 
 @inline

@@ -16,7 +16,7 @@ import math
 import struct
 from collections.abc import Callable, Mapping
 from fractions import Fraction
-from functools import cache
+from functools import cache, cached_property
 from time import perf_counter
 from typing import Any, NamedTuple
 
@@ -31,6 +31,7 @@ from . import numba_kernels
 from .numba_settings import PLAIN
 
 COMPILE_SECONDS = 1.0  # expected to compile a function
+BRANCHING_SECONDS = 10.0  # and one that branches on values, the square-root ABA
 SHIFT, (LARGE, SMALL, LEAST) = MAGIC["double"], HALF_PI["double", True]
 
 
@@ -48,7 +49,12 @@ def scope_in(plain: bool, scope: Mapping[str, Any]) -> dict[str, Any]:
 
 
 class Tier:
-    """Whether a function is compiled. A subclass makes it: ``_compile``, and says whether it ``_is_stored``."""
+    """Whether a function is compiled. A subclass makes it: ``_compile``, and says whether it ``_is_stored``.
+
+    compile_seconds  expected to compile it
+    """
+
+    compile_seconds = COMPILE_SECONDS
 
     def __init__(self) -> None:
         self._code: Any = None
@@ -67,7 +73,9 @@ class Tier:
         if self._code is None:
             with self._lock:
                 first, self._looked = not self._looked, True
-                if self._code is None and (self._spent >= COMPILE_SECONDS or (first and self._is_stored(*arguments))):
+                if self._code is None and (
+                    self._spent >= self.compile_seconds or (first and self._is_stored(*arguments))
+                ):
                     self._code = self._compile()
         return self._code
 
@@ -78,7 +86,7 @@ class Tier:
 
     def compile_now(self) -> None:
         """Compile it, whether that pays or not."""
-        self._looked, self._spent = True, COMPILE_SECONDS
+        self._looked, self._spent = True, self.compile_seconds
         self.code()
 
     def in_plain_python(self, function: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
@@ -280,7 +288,14 @@ class TableKernel(Tiered):
 
         super().__init__(function, self._jitted)
         self._spec = spec
+        self.compile_seconds = COMPILE_SECONDS if spec.traceable else BRANCHING_SECONDS
         self.twin = Twin(self, self._compile)
+
+    @cached_property
+    def batches(self) -> Callable[..., int]:
+        """Of the same bits, a ``numba_kernels.batch_kernel``; compiles."""
+        self.compile_now()
+        return numba_kernels.batches_of(self._spec, self.code(), "unfused_batch")
 
     def _jitted(self, source: Any) -> Any:
         from . import jit

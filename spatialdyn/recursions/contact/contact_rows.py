@@ -42,7 +42,9 @@ class Contact(NamedTuple):
 
 RISE = 0.2  # of its depth that a point in the ground comes out in a step
 SLOWEST = 1e-2  # [s] and no faster than in this time: by 0.2 of a depth in ever shorter steps it would be thrown
-BOUNCING = 1e-2  # [m/s] speed of approach from which a point bounces: slower ones come to rest
+BOUNCING = 1e-2  # [m/s] speed of approach from which a point bounces: slower ones come to rest, but for those
+PRESSED = 10.0  # faster than so many times what forces add in the step
+REST = 1e-5  # [m/s] and no slower than that
 
 
 @inline
@@ -130,13 +132,17 @@ def target(gap: Scalar, before: Scalar, free: Scalar, dt: Number, restitution: N
     """c of a point's normal, and its restitution if it bounces, else 0: u_n + c is 0 where the point just reaches the
     ground, or rises out of it, or comes to rest before it bounces.
 
-    It bounces if it would reach the ground within the step, fast enough.
+    It bounces if it would reach the ground within the step, fast enough, or is about to leave it as fast and is thrown
+    down by the hit of another: no forces do that to it, as they do to a point at rest. Fast is relative to what forces
+    add to it in the step, so that all points of a body that nothing presses bounce.
 
     before, free  velocities of its normal before the step, and after it without impulses
     """
-    reaches = select(-(gap / dt + free), select(-before - BOUNCING, 1.0, 0.0), 0.0)
-    bounces = restitution * reaches
-    return select(bounces, 0.0, select(gap, gap / dt, rising(gap, dt))), bounces
+    pressed = PRESSED * (before - free)
+    fast = select(pressed - REST, select(pressed - BOUNCING, BOUNCING, pressed), REST)
+    reaches = select(-(gap / dt + free), select(-before - fast, 1.0, 0.0), 0.0)
+    c = select(restitution * reaches, 0.0, select(gap, gap / dt, rising(gap, dt)))
+    return c, restitution * select(before - fast, 1.0, reaches)
 
 
 @inline

@@ -36,7 +36,8 @@ from .contact_rows import (
 from .coulomb_cone import factor_block, largest_eigenvalue, magnitude, off_the_law, point_impulse
 
 ROWS = "np+np+np+nl+nd"
-RES, LEAST, ROUND, EPSILON, COUNT, PHASE = range(6)  # of ``state``
+RES, LEAST, ROUND, EPSILON, COUNT, PHASE, CAREFUL, GRIP, JAMS, SHARE = range(10)  # of ``state``
+HEAVY = 1e-4  # times a row's response and the largest inertia, from which on its proximal term shrinks with them
 
 
 class Impulses(NamedTuple):
@@ -50,10 +51,10 @@ class Impulses(NamedTuple):
     b: Vector = (ROWS,)  # velocities J v, with a point's target c
     before: Vector = (ROWS,)  # velocities at the beginning
     force: Vector = (ROWS,)  # λ
-    total: Vector = (ROWS,)  # of both phases
+    total: Vector = (ROWS,)  # of all phases
     best: Vector = (ROWS,)  # that of the least residual
     f: Vector = (ROWS,)  # of Newton's step
-    first: Vector = (ROWS,)  # of the first phase, beside which λ is that of the second; else 0
+    first: Vector = (ROWS,)  # of the phases before, beside which λ is that of the last; else 0
     own: Vector = (ROWS,)  # a row's own response; of joints
     each: Vector = ("nl+nd",)  # its inverse, 0 of one that nothing moves
     least: Vector = ("nl",)  # velocities with which a joint does not pass its limits within the step
@@ -66,8 +67,10 @@ class Impulses(NamedTuple):
     factors: Array = ("np", 5, 3)  # of B, and scratch of solving
     C: Array = ("np", 3, 3)  # of Newton's step
     bounces: Vector = ("np",)  # e of a point that bounces, else 0
-    lower: Vector = ("np",)  # the least λ_n: e λ_c in the second phase, else 0
+    lower: Vector = ("np",)  # the least λ_n: e λ_c in the phase after λ_c, else 0
+    next: Vector = ("np",)  # that of the phase that follows
     load: Vector = ("np",)  # what of λ_c only holds the point against the forces of the step
+    firm: Vector = ("np+nl+nd",)  # of ε: large of points and joints that are light beside what they carry
     level: Vector = ("nl+nd",)  # h F(v) of each joint
     rests: Vector = ("nl+nd",)  # 1 of a joint at rest after the step, else 0
     held: Vector = ("nl+nd",)  # 1 of a joint that Newton's step takes to stick or stop
@@ -81,10 +84,11 @@ class Impulses(NamedTuple):
     N: Matrix = (3, 3)
     CJ: Matrix = (3, "nv")
     root: Vector = (4,)  # of ``find_root``
-    state: Vector = (6,)  # residual, the least so far, round, ε, count, phases done
+    state: Vector = (10,)  # residual, the least so far, round, ε, count, phases done, what differs in rounds
     left: Vector = (1,)  # of loops: residuals less the tolerance
     sweeping: Vector = (1,)
     stepping: Vector = (1,)
+    thrown: Vector = (1,)  # above 0 of a step that is taken back
     phase: Vector = (1,)  # above 0 before a phase
     disc: Vector = (5,)  # of ``disc_impulse``
 
@@ -124,15 +128,17 @@ def open_laws(
     q: Config, dt: Number, contact: Contact, gap: Vector, w: Vector, s: Impulses
 ) -> None:  # fmt: skip
     """Blocks of G, their factors, targets in b, and what else stays in all sweeps; w0 is kept in ``free``."""
-    n, points = len(w), contact.contacts[0].np
+    n, points, heaviest = len(w), contact.contacts[0].np, 0.0
     for i in range(n):
         s.free[i] = w[i]
+        heaviest = select(s.L[i, i] - heaviest, s.L[i, i], heaviest)
     for p in range(points):
         k = 3 * p
         write_block(s.Y, s.Z, p, s.B[p])
         factor_block(s.B[p], s.size[k] + s.size[k + 1] + s.size[k + 2], n, s.factors[p])
         s.wide[p] = largest_eigenvalue(s.B[p])
         s.narrow[p] = quotient(1.0, s.wide[p])
+        s.firm[p] = stiffness(s.size[k] * heaviest)
         free = velocity(s.Y, s.b, w, k)
         load = select(s.b[k] - free, s.b[k] - free, 0.0)
         s.load[p] = load * inverse(s.B[p, 0, 0], s.size[k], n)
@@ -143,9 +149,21 @@ def open_laws(
         k = 3 * points + j
         s.own[k] = product(s.Y, s.Z, k, k)
         s.each[j] = inverse(s.own[k], s.size[k], n)
+        s.firm[points + j] = stiffness(s.own[k] * heaviest)
         if j < len(s.least):
             s.least[j], s.most[j] = allowed(contact.contacts[1 + points + j], q, dt)
         s.held[j], s.goal[j], s.rests[j] = 0.0, 0.0, 0.0
+
+
+@inline
+def stiffness(ratio: Scalar) -> Scalar:
+    """By how much ε of a row is smaller, by its response times the largest inertia.
+
+    ε is relative to a row's own response. Under a trunk that is 1e5 times as heavy as a leg a joint that holds it would
+    else give way by far more than the weight, at every step.
+    """
+    heavy = HEAVY * ratio
+    return select(heavy - 1.0, heavy, 1.0)
 
 
 @inline

@@ -3,11 +3,15 @@
 First sweeps (``impulse_rows``): feet that stand on rigid legs need 3 or 4. Where joints rub dry, or more points touch
 than can be told apart, sweeps alone may take thousands. Newton's steps (``newton_step``) then solve for all rows at
 once, with a proximal term ε that vanishes as the residual falls. Steps are all taken, and the best λ kept; where 12 of
-them do not end, sweeps from there and 12 more follow.
+them do not end, sweeps from there and 12 more follow. Such rounds differ, for their cycles do: in every second one, a
+step that throws λ far is taken back and ε grown, where rigid points press against each other in vain; and in the third
+and fourth of four, points grip the ground at first, where a leg that slides would jam (Painlevé) and has to stick.
 
 Points that bounce do so in a second phase (Poisson): the first brings them to rest, with impulses λ_c, and the second
-adds Λ_n of at least e λ_c, complementary to u_n, with friction of its own within μ Λ_n. Work is lost in each hit then;
-Newton's law, u_n = -e u_n of before, gains some with friction. What of λ_c only answers to forces is not given back.
+adds Λ_n of at least e λ_c, complementary to u_n, with friction of its own within μ Λ_n. What Λ_n is above that brings
+another point to rest that the first threw down, and is given back in a phase that follows, until no more is. Work is
+lost in each hit then, but for e = 1 without friction; Newton's law, u_n = -e u_n of before, gains some with friction.
+What of λ_c only answers to forces is not given back.
 
 Source: Pfeiffer, Glocker, Multibody dynamics with unilateral contacts (1996), for Poisson's law; the law as in
 ``contact``; its solution is a derivation of our own.
@@ -15,16 +19,35 @@ Source: Pfeiffer, Glocker, Multibody dynamics with unilateral contacts (1996), f
 
 from __future__ import annotations
 
-from ...algebra.regions import repeat, settled
+from ...algebra.regions import repeat, settled, when
 from ...algebra.scalars import Scalar, inline, select
 from ..signatures import Record, Vector
-from .contact_rows import Contact
-from .impulse_rows import COUNT, EPSILON, LEAST, PHASE, RES, ROUND, Impulses, residual, respond, sweep
+from .contact_rows import REST, Contact
+from .impulse_rows import (
+    CAREFUL,
+    COUNT,
+    EPSILON,
+    GRIP,
+    JAMS,
+    LEAST,
+    PHASE,
+    RES,
+    ROUND,
+    SHARE,
+    Impulses,
+    residual,
+    respond,
+    sweep,
+)
 from .newton_step import newton_step
 
 SWEEPS, SWEEPS_DRY, SWEEPS_AGAIN = 5, 2, 8  # before Newton's steps: at first, at first beside dry joints, and later
 PROX = (1e-3, 1e-2, 1e-4)  # ε at first, of each round; the last of all further ones
 PROX_LEAST = 1e-7  # by rounding
+PROX_MOST, REGROWN = 1e-1, 100.0  # ε that a step taken back leaves, at most, and by how much it grows it
+THROWN = 30.0  # times the least residual, from which a step is taken back
+PHASES = 8  # of hits, of which one point needs two
+GRIPS, GRIPPED = 1e3, 4  # times μ, in so many steps of a round
 FAR = 1e30  # a residual above all
 
 
@@ -42,19 +65,26 @@ def solve_impulses(
         s.first[k] = 0.0
     for k in range(len(state)):
         state[k] = 0.0
+    state[SHARE] = 1.0
     s.phase[0] = 1.0
-    for _ in repeat(2, s.phase, s.force, s.first, s.lower, s.free, w, state):
+    for _ in repeat(PHASES, s.phase, s.force, s.first, s.lower, s.free, w, state):
         if settled(s.phase[0]):
             break
         solve_phase(contact, held, first, w, s)
         s.phase[0] = 0.0
+        for p in range(len(s.lower)):  # points of one hit that differ in e share its least after the first
+            least = select(s.bounces[p] - state[SHARE], state[SHARE], s.bounces[p])
+            state[SHARE] = select(state[PHASE], state[SHARE], select(s.force[3 * p], least, state[SHARE]))
         for p in range(len(s.lower)):
-            hit = s.force[3 * p] - s.load[p]
-            least = s.bounces[p] * select(hit, hit, 0.0)
-            s.lower[p] = select(state[PHASE], s.lower[p], least)
-            s.phase[0] = select(least, 1.0 - state[PHASE], s.phase[0])
+            share = select(state[PHASE], state[SHARE], s.bounces[p])
+            hit = s.force[3 * p] - select(state[PHASE], s.lower[p], s.load[p])
+            again = select(s.B[p, 0, 0] * hit - select(state[PHASE], REST, 0.0), share * hit, 0.0)
+            s.phase[0] = select(again, 1.0, s.phase[0])
+            s.next[p] = again
+        for p in range(len(s.lower)):
+            s.lower[p] = select(s.phase[0], s.next[p], s.lower[p])
         for k in range(rows):
-            s.first[k] = select(s.phase[0], s.force[k], s.first[k])
+            s.first[k] = s.first[k] + select(s.phase[0], s.force[k], 0.0)
             s.force[k] = select(s.phase[0], 0.0, s.force[k])
         for i in range(len(w)):
             s.free[i] = select(s.phase[0], w[i], s.free[i])
@@ -71,6 +101,7 @@ def solve_phase(
     for k in range(rows):
         s.best[k] = s.force[k]
     state[RES], state[LEAST], state[ROUND], state[EPSILON], state[COUNT] = FAR, FAR, 0.0, 0.0, 0.0
+    state[CAREFUL], state[JAMS] = 0.0, 0.0
     s.left[0] = 1.0
     for _ in repeat(head.rounds, s.left, s.force, s.best, w, state):
         if settled(s.left[0]):
@@ -94,6 +125,7 @@ def solve_phase(
         for _ in repeat(head.steps, s.stepping, s.force, s.best, w, s.held, s.goal, state):
             if settled(s.stepping[0]):
                 break
+            state[GRIP] = select(state[JAMS], select(GRIPPED - state[COUNT], GRIPS, 1.0), 1.0)
             newton_step(contact, held, w, s)
             new = residual(contact, w, s)
             less = 0.1 * state[EPSILON]
@@ -102,8 +134,18 @@ def solve_phase(
             state[RES] = new
             state[COUNT] = state[COUNT] + 1.0
             keep(state[LEAST] - new, s)
+            s.thrown[0] = select(state[CAREFUL], new - THROWN * state[LEAST], 0.0)
+            for _ in when(s.thrown[0], s.force, w, state):
+                for k in range(rows):
+                    s.force[k] = s.best[k]
+                respond(w, s)
+                more = REGROWN * state[EPSILON]
+                state[EPSILON] = select(more - PROX_MOST, PROX_MOST, more)
+                state[RES] = state[LEAST]
             s.stepping[0] = new - tolerance
         state[ROUND] = state[ROUND] + 1.0
+        state[JAMS] = select(state[CAREFUL], 1.0 - state[JAMS], state[JAMS])
+        state[CAREFUL] = 1.0 - state[CAREFUL]
         s.left[0] = state[LEAST] - tolerance
     for k in range(rows):
         s.force[k] = s.best[k]

@@ -5,8 +5,8 @@ It solves λ = T(u - B λ) for all rows, T the local solutions, with a proximal 
     (1 + ε) δ_p = T - λ_p + T' (δu_p - B_p δ_p)    ⇒    δ_p = f_p - C_p δu_p,
 
 so that (M + Σ J_pᵀ C_p J_p) δv = Σ J_pᵀ f_p, which has the zeros of the tree: a dry joint is one entry on the diagonal,
-C = 1 / (ε G_jj) if it sticks or stops. After 4 steps, of the joints only those change their state
-that miss their law most, which ends cycles.
+C = 1 / (ε G_jj) if it sticks or stops, with ε of its row (``stiffness``). After 4 steps, of the joints only those
+change their state that miss their law most, which ends cycles.
 
 Source: a derivation of our own, semi-smooth as by Alart and Curnier (1991).
 """
@@ -18,7 +18,7 @@ from ...algebra.scalars import Scalar, inline, select
 from ..signatures import Matrix, Number, Record, Vector
 from .contact_rows import Contact, force_of_point, times, velocity, velocity_of_point
 from .coulomb_cone import magnitude, point_impulse, point_slope
-from .impulse_rows import COUNT, EPSILON, Impulses, joint_law, respond
+from .impulse_rows import COUNT, EPSILON, GRIP, Impulses, joint_law, respond
 
 BOLD = 4  # steps in which all joints may change their state
 MISSES_MOST = 0.99  # of the largest residual of a joint, from which it may change its state later
@@ -36,7 +36,7 @@ def newton_step(
         for j in range(n):
             s.K[i, j] = s.M[i, j]
     for p in range(points):
-        add_point(p, contact.mu[p], prox, held is not None, w, s)
+        add_point(p, s.state[GRIP] * contact.mu[p], prox / s.firm[p], held is not None, w, s)
     most, firm = 0.0, 1.0 / prox
     for j in range(len(s.level)):
         k = 3 * points + j
@@ -127,7 +127,7 @@ def add_joint(
 @inline
 def stick_share(j: int, firm: Scalar, s: Impulses) -> Scalar:
     """C of a joint."""
-    return s.held[j] * s.each[j] * firm
+    return s.held[j] * s.each[j] * (firm * s.firm[len(s.lower) + j])
 
 
 @inline

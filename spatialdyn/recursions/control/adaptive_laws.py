@@ -20,9 +20,9 @@ control law for robot manipulators (2018); the discrete step, which needs no Cho
 
 from __future__ import annotations
 
-from functools import cache
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
+from ...algebra.euclidean import Vec
 from ...algebra.public_arrays import write_parameters
 from ...algebra.records import motion_of, pose_of, put_motion, table_dtype
 from ...algebra.scalars import Scalar, inline, select, sqrt
@@ -39,12 +39,11 @@ from ...algebra.spatial import (
     zero_motion,
 )
 from ...bodies.joints import joint_motion
-from ..joints.friction import DT, smooth_sign
+from ..joints.friction import smooth_sign
 from ..momenta.adaptive_regressors import along
 from ..momenta.coriolis import modified_sweeps
 from ..signatures import Array, Bodies, Config, Matrix, Vector, Work
-from ..spec import TAU, Argument, Q, Spec, V
-from .control_laws import A_REF, DIAGONAL, MATRIX, Q_REF, V_REF, errors, product
+from .control_laws import errors, product
 
 WORK = table_dtype(
     X=Pose,  # of modified_rnea, as are v, w, a and f
@@ -53,10 +52,10 @@ WORK = table_dtype(
     a=Motion,
     f=Force,
     s=Motion,  # the velocity of the body by s; outward
+    g=Vec,  # gravity, turned round, in the axes of the row; outward
 )
 TERMS = 8  # of the series of exp
 TABLE = ("njoints", 10)
-_UNIT = "kg | kg m | kg m²"
 
 
 class Aim(NamedTuple):
@@ -103,6 +102,8 @@ class Scratch(NamedTuple):
     s: Vector = ("nv",)
     pi: Array = TABLE
     y: Array = TABLE
+    e: Vector = ("nv",)
+    ten: Matrix = (3, 10)
 
 
 class NaturalScratch(NamedTuple):
@@ -140,12 +141,18 @@ def torques(bodies: Bodies, work: Work, q: Config, v: Vector, gain: Array, x: Sc
 
 
 @inline
-def learn(bodies: Bodies, work: Work, s: Vector, deadzone: Vector, y: Array) -> None:
-    """y = Yᵀ s (njoints, 10), 0 where |s| is at most the deadzone; the scratch is that of ``torques``."""
+def beyond(s: Vector, deadzone: Vector) -> Scalar:
+    """1 where |s| is larger than the deadzone, else 0."""
     size = 0.0
     for i in range(len(s)):
         size = size + s[i] * s[i]
-    on = select(size - deadzone[0] * deadzone[0], 1.0, 0.0)
+    return select(size - deadzone[0] * deadzone[0], 1.0, 0.0)
+
+
+@inline
+def learn(bodies: Bodies, work: Work, s: Vector, deadzone: Vector, y: Array) -> None:
+    """y = Yᵀ s (njoints, 10), 0 where |s| is at most the deadzone; the scratch is that of ``torques``."""
+    on = beyond(s, deadzone)
     y[:] = 0.0
     put_motion(work[0].s, zero_motion())
     for i in range(1, len(bodies)):
@@ -198,13 +205,27 @@ def euclidean(
     after: Vector, x: Scratch,
 ) -> None:  # fmt: skip
     """τ by π̂ = first + learnt, and what is learnt at the end of the step."""
-    pi = x.pi
+    act_euclidean(bodies, work, q, v, aim, by, learnt, tau, x)
+    move_euclidean(dt, by, after, x)
+
+
+@inline
+def act_euclidean(
+    bodies: Bodies, work: Work, q: Config, v: Vector, aim: Aim, by: Euclidean, learnt: Array, tau: Vector, x: Scratch
+) -> None:  # fmt: skip
+    """τ, and y."""
     follow(bodies, q, v, aim, x)
-    for j in range(len(pi)):
+    for j in range(len(x.pi)):
         for k in range(10):
-            pi[j, k] = by.first[j, k] + learnt[j, k]
+            x.pi[j, k] = by.first[j, k] + learnt[j, k]
     torques(bodies, work, q, v, aim.gain, x, tau)
     learn(bodies, work, x.s, by.deadzone, x.y)
+
+
+@inline
+def move_euclidean(dt: Scalar, by: Euclidean, after: Vector, x: Scratch) -> None:
+    """What is learnt at the end of the step, by y."""
+    pi = x.pi
     for j in range(len(pi)):
         for k in range(10):
             moved = pi[j, k] - dt * (by.step[j, k] * x.y[j, k])
@@ -231,7 +252,17 @@ def natural(
     after: Vector, x: Scratch, own: NaturalScratch,
 ) -> None:  # fmt: skip
     """τ by P̂ = G Gᵀ with G = first + learnt (njoints, 4, 4), and what is learnt at the end of the step."""
-    G, E = own.G, own.E
+    act_natural(bodies, work, q, v, aim, by, learnt, tau, x, own)
+    move_natural(dt, by, after, x, own)
+
+
+@inline
+def act_natural(
+    bodies: Bodies, work: Work, q: Config, v: Vector, aim: Aim, by: Natural, learnt: Array, tau: Vector, x: Scratch,
+    own: NaturalScratch,
+) -> None:  # fmt: skip
+    """τ, and y."""
+    G = own.G
     follow(bodies, q, v, aim, x)
     for j in range(len(G)):
         for k in range(4):
@@ -240,6 +271,12 @@ def natural(
         parameters_of_factor(G[j], x.pi[j])
     torques(bodies, work, q, v, aim.gain, x, tau)
     learn(bodies, work, x.s, by.deadzone, x.y)
+
+
+@inline
+def move_natural(dt: Scalar, by: Natural, after: Vector, x: Scratch, own: NaturalScratch) -> None:
+    """What is learnt at the end of the step, by y."""
+    G, E = own.G, own.E
     for j in range(len(G)):
         conjugate(G[j], x.y[j], -(dt * by.step[j]), own.A, own.T)
         half_exponential(own.A, E, own.T)
@@ -325,40 +362,3 @@ def multiply(A: Matrix, B: Matrix, scale: float, out: Matrix) -> None:
             x = A[i, 0] * B[0, j] + A[i, 1] * B[1, j] + A[i, 2] * B[2, j] + A[i, 3] * B[3, j]
             out[i, j] = scale * x
             out[j, i] = out[i, j]
-
-
-DEADZONE = Argument("deadzone", (1,), "rad/s", "|s| up to which nothing is learnt")
-WEAR = Wear(
-    Argument("smoothing", ("nv",), "rad/s | m/s", "velocity over which friction changes its sign"),
-    Argument("friction", (2, "nv"), "N m | N, N m s/rad | N s/m", "first estimates of dry friction and damping"),
-    Argument("friction_step", (2, "nv"), "", "how fast they are learnt"),
-)
-WORN = Argument("worn", (2, "nv"), "N m | N, N m s/rad | N s/m", "learnt friction less the first", start=0.0)
-WORN_AFTER = Argument("worn_after", (2, "nv"), WORN.unit, WORN.meaning)
-
-
-@cache
-def adaptive_spec(natural_law: bool, matrix_rates: bool, matrix_gain: bool, friction: bool) -> Spec:
-    """The Spec of an adaptive law; whether it is the natural one, Λ and K are matrices, and it learns friction."""
-    shape: tuple[Any, ...] = ("njoints", 4, 4) if natural_law else TABLE
-    first = Argument("first", shape, "" if natural_law else _UNIT, "the first estimate")
-    by: Any = Natural(first, Argument("step", ("njoints",), "", "1/γ of each body"), DEADZONE)
-    if not natural_law:
-        step = Argument("step", TABLE, "", "Γ of each parameter")
-        least, most = (Argument(x, TABLE, _UNIT, "of the estimates") for x in ("least", "most"))
-        by = Euclidean(first, step, least, most, DEADZONE)
-    aim = Aim(
-        Argument("rates", MATRIX if matrix_rates else DIAGONAL, "1/s", "Λ"),
-        Argument("gain", MATRIX if matrix_gain else DIAGONAL, "N m s/rad | N s/m", "K"), Q_REF, V_REF, A_REF,
-    )  # fmt: skip
-    learnt = Argument("learnt", shape, first.unit, "what the estimate is more than the first", start=0.0)
-    end = Argument("learnt_after", shape, learnt.unit, learnt.meaning)
-    recursions = (euclidean, natural), (euclidean_with_friction, natural_with_friction)
-    name = "natural_adaptation" if natural_law else "slotine_li"
-    shapes = "".join("M" if x else "d" for x in (matrix_rates, matrix_gain)) + "f" * friction
-    return Spec(
-        f"{name}_{shapes}", recursions[friction][natural_law], WORK,
-        (Q, V, DT, aim, by, *((WEAR, learnt, WORN) if friction else (learnt,))), TAU, "Adaptive control.",
-        "see adaptive_laws", parts=(TAU, end, *((WORN_AFTER,) if friction else ())),
-        scratch=(Scratch(), NaturalScratch()) if natural_law else (Scratch(),), composed=True,
-    )  # fmt: skip

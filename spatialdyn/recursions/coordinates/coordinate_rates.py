@@ -24,8 +24,15 @@ from ...algebra.scalars import Scalar, cos, inline, select, sin
 from ...algebra.spatial import Inertia, Motion
 from ...bodies.kinds import CONTINUED, LENGTHS, NV, PLANAR, SE2, SE3, SO2, SO3
 from ..signatures import Bodies, Config, Vector
-from ..spec import Argument, Spec, V
+from ..spec import Argument, Q, Spec, V
 from .configuration import put_twist, twist
+
+
+class Displaced(NamedTuple):
+    """The outputs of ``displacement_rate``."""
+
+    rate: Vector
+    turned: Vector
 
 
 class Turned(NamedTuple):
@@ -78,6 +85,26 @@ def rate_of_displacement(bodies: Bodies, u: Vector, v: Vector, out: Vector) -> N
             m, rate = twist(b, i - 1, u), twist(b, i - 1, v)
             T = log_jacobian(m, 1.0)
             put_twist(b, i - 1, Motion(rotate(T.J, rate.w), add(rotate(T.J, rate.v), rotate(T.K, rate.w))), out)
+
+
+@inline
+def largest_turn(bodies: Bodies, u: Vector) -> Scalar:
+    """The largest square of an angle by which a joint of several freedoms turns in a displacement u."""
+    largest = 0.0
+    for i in range(1, len(bodies)):
+        b = bodies[i]
+        if NV[b.kind] > 1:
+            w = twist(b, i - 1, u).w
+            square = dot(w, w)
+            largest = select(square - largest, square, largest)
+    return largest
+
+
+@inline
+def displacement_rate(bodies: Bodies, u: Vector, v: Vector, out: Displaced) -> None:
+    """``rate_of_displacement`` and ``largest_turn``."""
+    rate_of_displacement(bodies, u, v, out.rate)
+    out.turned[0] = largest_turn(bodies, u)
 
 
 @inline
@@ -189,4 +216,19 @@ TURN = Spec(
         Argument("after", ("nv",), "rad/s | m/s", "after the step"),
         Argument("moved", ("nv",), "rad | m", "displacement of the step"),
     ),
+)  # fmt: skip
+DISPLACEMENT_RATE = Spec(
+    "displacement_rate", displacement_rate, None,
+    (Argument("u", ("nv",), "rad | m", "displacement"), V),
+    Argument("result", ("nv+1",), "", "rate of the displacement, largest square of a turn"),
+    "Rate of the displacement u of q ∘ exp(u), and how far joints turn.",
+    "see ``recursions.coordinates.coordinate_rates``", composed=True,
+    parts=Displaced(
+        Argument("rate", ("nv",), "rad/s | m/s", "of the displacement"),
+        Argument("turned", (1,), "rad²", "largest square of an angle by which a joint of several freedoms turns"),
+    ),
+)  # fmt: skip
+COORDINATE_RATE = Spec(
+    "coordinate_rate", coordinate_rate, None, (Q, V), Argument("dq", ("nq",), "", "rates of coordinates"),
+    "dq/dt of joints that move with v.", "see ``recursions.coordinates.coordinate_rates``", composed=True,
 )  # fmt: skip

@@ -9,7 +9,7 @@ from __future__ import annotations
 from ...algebra.euclidean import add, cross, rotate, zero
 from ...algebra.public_arrays import read_pose, write_motion, write_pose
 from ...algebra.records import motion_of, pose_of, put_motion, put_pose, table_dtype
-from ...algebra.scalars import inline
+from ...algebra.scalars import inline, inline_or_by_rows
 from ...algebra.spatial import (
     Motion,
     Pose,
@@ -102,7 +102,7 @@ def classical_acceleration(a: Motion, v: Motion) -> Motion:
     return Motion(a.w, add(a.v, cross(v.w, v.v)))
 
 
-@inline
+@inline_or_by_rows
 def frame_placement(bodies: Bodies, work: Work, q: Config, row: int, placement: Matrix, out: Array) -> None:
     """Pose of the frame in the world."""
     X = read_pose(placement)
@@ -113,7 +113,7 @@ def frame_placement(bodies: Bodies, work: Work, q: Config, row: int, placement: 
     write_pose(out, X)
 
 
-@inline
+@inline_or_by_rows
 def frame_jacobian(
     bodies: Bodies, work: Work, q: Config, row: int, placement: Matrix, reference: int, J: Matrix
 ) -> None:
@@ -214,7 +214,7 @@ def jacobian_dot_times_v(
     frame_acceleration(bodies, work, q, v, None, row, placement, reference, aligned, out)
 
 
-@inline
+@inline_or_by_rows
 def frame_jacobian_dot(
     bodies: Bodies, work: Work, q: Config, v: Vector, row: int, placement: Matrix, reference: int, dJ: Matrix
 ) -> None:

@@ -12,16 +12,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...algebra.scalars import EPS
 from ...calls.dynamics import calls
-from ...engines.compiled import numba_kernels
-from ...engines.compiled.table_kernels import kernel
+from ...calls.one_sample import of_model
 from ...errors import ConstraintError, NonFiniteError, SimulationError, SpatialDynError, pip_install
-from ...recursions.coordinates.coordinate_rates import coordinate_rate
+from ...recursions.coordinates.coordinate_rates import COORDINATE_RATE
 from ..recorder import Recorder
-from ..system import joint_table
 from ..torques import Torque
 
 Array = NDArray[np.float64]
+MOST_SHORT = 24  # steps in a row below the time's resolution: each may be ten times the one before
 
 
 def run_adaptive(
@@ -41,8 +41,7 @@ def run_adaptive(
     solver = {"dop853": integrate.DOP853, "radau": integrate.Radau}[recorder.method.name]
     model, steps = recorder.model, recorder.steps
     nq, own, y = model.nq, model.nq + model.nv, np.concatenate([q, v, recorder.own])
-    rate, table = kernel(coordinate_rate, 1, 1, 1), joint_table(model)
-    dq = np.empty(nq)
+    rate = of_model(COORDINATE_RATE, model, (), (True, True))
 
     def slope(step: int) -> Callable[[float, Array], Array]:
         def at(t: float, y: Array) -> Array:
@@ -53,13 +52,12 @@ def run_adaptive(
                 raise SimulationError(f"the state is not finite at t = {t:.9g} s: {error}") from error
             except ConstraintError as error:
                 raise SimulationError(f"at t = {t:.9g} s: {error}") from error
-            rate(getattr(table, numba_kernels.TABLE), q, v, dq)
-            return np.concatenate([dq, a, rates])
+            return np.concatenate([rate(q, v), a, rates])
 
         return at
 
     ends = range(1, steps.total + 1) if len(torque.held) > 1 or jumps else [steps.total] * (steps.total > 0)
-    first = 0
+    first, short = 0, 0
     for end in ends:
         run = solver(slope(first), steps.time(first), y, steps.time(end), rtol=tolerances[0], atol=tolerances[1])
         while run.status == "running":
@@ -73,6 +71,14 @@ def run_adaptive(
                 raise
             if run.status == "failed":
                 raise SimulationError(f"{recorder.method.name} fails at t = {run.t:.9g} s: {problem}")
+            least = EPS * steps.time(steps.total)
+            short = short + 1 if run.t - reached[0] < least else 0
+            if short == MOST_SHORT:
+                fastest = abs(run.y[nq:own]).max()
+                raise SimulationError(
+                    f"{recorder.method.name} takes steps of {run.t - reached[0]:.2g} s at t = {run.t:.9g} s, below the "
+                    f"resolution of its time, {least:.2g} s: v reaches {fastest:.2g}, expected slower motions"
+                )
             _record(recorder, run, torque, end)
             report(int(recorder.at[0]), steps.total)
         y, first = run.y, end

@@ -11,15 +11,12 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from ...algebra.euclidean import dot
 from ...algebra.scalars import inline, inline_unoptimized
-from ...bodies.kinds import NV
 from ...engines.compiled import numba_kernels
 from ...engines.compiled.checks import all_finite
 from ...engines.compiled.table_kernels import kernel
 from ...recursions import SPECS
-from ...recursions.coordinates.configuration import twist
-from ...recursions.coordinates.coordinate_rates import rate_of_displacement, turn
+from ...recursions.coordinates.coordinate_rates import largest_turn, rate_of_displacement, turn
 from ..system import NONFINITE, OK, TURNED, State, System, add_scaled, copy, set_status
 
 HALF_TURN = 9.8696  # π² [rad²]
@@ -39,24 +36,8 @@ def kernels(loaded: bool) -> ExplicitKernels:
     """The kernels of these methods, compiled at first use; ``loaded``: with external forces."""
     aba = numba_kernels.sample_kernel(numba_kernels.variant(SPECS["aba"], frozenset({"fext"} if loaded else ())))
     integrate = numba_kernels.sample_kernel(SPECS["integrate"])
-    return ExplicitKernels(_loaded if loaded else _free, aba, integrate, *_group_kernels())
-
-
-def plain_kernels(loaded: bool) -> ExplicitKernels:
-    """The same in plain Python, which take the table itself."""
-    aba = numba_kernels.plain_kernel(numba_kernels.variant(SPECS["aba"], frozenset({"fext"} if loaded else ())))
-    integrate = numba_kernels.plain_kernel(SPECS["integrate"])
-    return ExplicitKernels(_loaded if loaded else _free, aba, integrate, displacement_rate, turn)
-
-
-def kernels_of(accelerate: Any) -> ExplicitKernels:
-    """The kernels of these methods with another ``accelerate``, which may be a function of Python."""
-    integrate = numba_kernels.sample_kernel(SPECS["integrate"])
-    return ExplicitKernels(accelerate, None, integrate, *_group_kernels())
-
-
-def _group_kernels() -> tuple[Any, Any]:
-    return kernel(displacement_rate, 1, 1, 1), kernel(turn, 1, 1, 1, 1)
+    group = kernel(displacement_rate, 1, 1, 1), kernel(turn, 1, 1, 1, 1)
+    return ExplicitKernels(_loaded if loaded else _free, aba, integrate, *group)
 
 
 @inline_unoptimized
@@ -73,14 +54,7 @@ def _loaded(system: System, q: Any, v: Any, a: Any) -> int:
 def displacement_rate(bodies: Any, u: Any, v: Any, out: Any) -> int:
     """``rate_of_displacement``; returns TURNED if a joint turns by π or more, too near 2π, where exp is singular."""
     rate_of_displacement(bodies, u, v, out)
-    status = OK
-    for i in range(1, len(bodies)):
-        b = bodies[i]
-        if NV[b.kind] > 1:
-            w = twist(b, i - 1, u).w
-            if not dot(w, w) < HALF_TURN:
-                status = TURNED
-    return status
+    return OK if largest_turn(bodies, u) < HALF_TURN else TURNED
 
 
 @inline_unoptimized

@@ -27,7 +27,7 @@ from inputs import (
     sorted_inputs,
 )
 from numpy.typing import NDArray
-from slow import slow_but
+from slow import slow_but, thinned
 from trees import random_tree
 
 import spatialdyn as sd
@@ -168,11 +168,10 @@ OF_PAIRS = {  # calls that have a case of their own for (cos, sin), and the thre
     "aba",
 }  # fmt: skip
 AT_ONCE = [(tree, name) for tree in TREES for name in CALLS if name in (MAIN_CALLS if tree == "fixed" else OF_PAIRS)]
+OTHERS = [*((TREES[0], name) for name in CALLS), *((TREES[1], name) for name in thinned(OF_PAIRS, CALLS, 0, every=2))]
 
 
-@pytest.mark.parametrize(
-    ("model", "name"), slow_but(AT_ONCE, [(tree, name) for tree in TREES for name in CALLS]), indirect=["model"]
-)
+@pytest.mark.parametrize(("model", "name"), slow_but(AT_ONCE, OTHERS), indirect=["model"])
 def test_lanes_equal_the_untraced_call(model: sd.Model, name: str) -> None:
     spec = SPECS[name]
     static = kernel_inputs(model, spec, [None] * len(sorted_inputs(spec)))  # type: ignore[list-item]

@@ -94,7 +94,7 @@ def one_by_one(run: Interpreted, layout: KernelLayout, inputs: Sequence[Array], 
 def compiled(program: Program, layout: KernelLayout, one: bool, level: int) -> Kernel:
     """The program compiled for single samples, or for the lanes of this host."""
     lanes = 1 if one else host_cpu.lanes_of(np.float64)
-    writer = simd._Writer(program, layout, np.float64, lanes, host_cpu.host()[3])
+    writer = simd.Writer(program, layout, np.float64, lanes, host_cpu.host()[3])
     code, columns = host_cpu.object_code(writer.text(), level), tuple(map(len, layout.outputs))
     loaded = MachineCode(code, writer.workspace, layout.inputs, columns, np.float64, one)
     return Kernel(loaded, writer.numbers.values(np.float64))

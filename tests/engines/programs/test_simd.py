@@ -67,7 +67,7 @@ class Runner:
         self, program: Program, layout: KernelLayout, shape: Shape, dtype: Any = np.float64, stream: bool = False
     ) -> None:
         self.layout, self.shape, self.dtype = layout, shape, np.dtype(dtype)
-        writer = simd._Writer(program, layout, dtype, shape.lanes, shape.fma, stream)
+        writer = simd.Writer(program, layout, dtype, shape.lanes, shape.fma, stream)
         name, features, _, has_fma = host_cpu.host()
         if shape.fma and not has_fma:
             pytest.skip("no fused multiply-add here")
@@ -607,7 +607,7 @@ def test_long_programs_with_bounds_load_their_numbers_anew(monkeypatch: pytest.M
     (wanted,), _ = Runner(program, bounded, Shape(4, False))(x)
     for most, given, loads in ((len(program.lines), bounded, 0), (0, layout, 0), (0, bounded, 3)):
         monkeypatch.setattr(schedule, "MOST_HELD", most)
-        assert simd._Writer(program, given, np.float64, 4, False).text().count("load volatile double") == loads
+        assert simd.Writer(program, given, np.float64, 4, False).text().count("load volatile double") == loads
     (found,), _ = Runner(program, bounded, Shape(4, False))(x)
     np.testing.assert_array_equal(found, wanted)
 
@@ -622,7 +622,7 @@ def test_slots_of_the_workspace_are_reused(monkeypatch: pytest.MonkeyPatch) -> N
 
     monkeypatch.setattr(schedule, "MOST_WHOLE", 0)
     monkeypatch.setattr(schedule, "CHUNK_LENGTH", 10)
-    writer = simd._Writer(*program_of(chain, 2), np.float64, 4, False)
+    writer = simd.Writer(*program_of(chain, 2), np.float64, 4, False)
     assert len(writer.schedule.chunks) >= 50
     assert writer.schedule.slot_count < 20
 

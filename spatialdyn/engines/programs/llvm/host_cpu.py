@@ -1,4 +1,4 @@
-"""The host's CPU, LLVM's object code for it, and loading of that code."""
+"""The CPU that code is made for, LLVM's object code for it, and loading of that code."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ...compiled import disk_cache
+from ...compiled.target import target
 from ...interrupt import interruptible
 
 LONG = 100_000  # characters of a module that LLVM compiles for 0.2 s or more
@@ -24,21 +25,19 @@ def llvm_version() -> str:
 
 @cache
 def host() -> tuple[str, str, int, bool]:
-    """Name and features of this CPU, bytes of its vectors, and whether it has fused multiply-add."""
+    """Name and features of the CPU that code is made for, bytes of its vectors, whether it has fused multiply-add."""
     import llvmlite.binding as llvm
 
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
-    features = llvm.get_host_cpu_features()
-    name = llvm.get_host_cpu_name()
-    if features.get("avx512f"):
+    chosen = target()
+    if chosen.has("avx512f"):
         width = 64
-    elif features.get("avx2"):
+    elif chosen.has("avx2"):
         width = 32
     else:
         width = 16  # SSE2, NEON
-    arm = llvm.get_process_triple().startswith(("aarch64", "arm64"))
-    return name, features.flatten(), width, bool(features.get("fma")) or arm
+    return chosen.name, chosen.features, width, chosen.fused
 
 
 def lanes_of(dtype: Any) -> int:

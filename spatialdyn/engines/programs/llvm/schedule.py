@@ -156,11 +156,13 @@ def _angles_depth_first(program: Program, readers: Collection[int]) -> list[int]
     return list(order)
 
 
-def depth_first(program: Program) -> list[int]:
-    """The program's lines in depth-first order from its outputs: each near its readers."""
+def depth_first(program: Program, last: bool = False) -> list[int]:
+    """The program's lines in depth-first order from its outputs, or from the ``last`` to the first: each near its
+    readers.
+    """
     order: list[int] = []
     seen: set[int] = set()
-    for line, _ in program.outputs:
+    for line, _ in reversed(program.outputs) if last else program.outputs:
         waiting = [(line, False)]
         while waiting:
             k, ready = waiting.pop()

@@ -14,6 +14,7 @@ by the recursion in NumPy, which finds the fault.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -49,8 +50,13 @@ def _common(program: Program, layout: KernelLayout) -> dict[int, tuple[int, int]
     return {k: places[op.a] for k, op in enumerate(program.lines) if op.code == INPUT and op.a in places}
 
 
-class _Writer:
-    """The LLVM module of one program."""
+class Writer:
+    """The LLVM module of one program.
+
+    most_reach  most sum of squares of the angles of a function
+    """
+
+    most_reach = MAX_ANGLE * MAX_ANGLE
 
     def __init__(
         self, program: Program, layout: KernelLayout, dtype: Any, lanes: int, fma: bool, stream: bool = False
@@ -202,7 +208,7 @@ class _Writer:
                 a, column = self.common[k]
                 return t.spread(f"%in{a}", column)
             if k not in values:
-                values[k] = t.load_vector("%ws", self.carried[k] if k in self.carried else slots[k])
+                values[k] = self._absent(t, k)
             return values[k]
 
         before: list[dict[int, str]] = []  # of each region that is being written, the values before it
@@ -248,11 +254,19 @@ class _Writer:
                 x = given[0]
                 reach = t.fused(x, x, reach) if reach else t.binary("fmul", x, x)
             values[k] = form.llvm(t, *given)
-            if inside and k in slots:
-                t.store_vector(values[k], "%ws", slots[k])
+            self._computed(t, k, inside)
         if reach:
-            poison = t.poisoned_unless(t.compare("ole", reach, t.constant(MAX_ANGLE * MAX_ANGLE)), poison)
+            poison = t.poisoned_unless(t.compare("ole", reach, t.constant(self.most_reach)), poison)
         return poison
+
+    def _absent(self, t: Vectors, k: int) -> str:
+        """The value of a line that this function has not computed."""
+        return t.load_vector("%ws", self.carried[k] if k in self.carried else self.schedule.slots[k])
+
+    def _computed(self, t: Vectors, k: int, inside: bool) -> None:
+        """Spill the value of a line if another function reads it; ``inside`` as of ``_operations``."""
+        if inside and k in self.schedule.slots:
+            t.store_vector(self.values[k], "%ws", self.schedule.slots[k])
 
     def _look_up(self, t: Vectors, conditions: Sequence[str], chains: Sequence[lookups.Chain]) -> None:
         """Write what is looked up to its slots: at once if one row is that of all lanes, else lane by lane."""
@@ -278,29 +292,10 @@ class _Writer:
 
     def _epilogue(self, t: Vectors, poison: str, floor: str) -> None:
         """Transpose the results into their rows and write the tile's bits."""
-        lines, zero = self.program.lines, t.constant(0.0)
-
-        def result(place: int) -> str:
-            line, minus = self.program.outputs[place]
-            if lines[line].code == CONST:
-                x = t.spread("%numbers", self.numbers.of_line[line])
-            elif line in self.common and self.whole:
-                x = t.spread(f"%in{self.common[line][0]}", self.common[line][1])
-            else:
-                if line not in self.values:
-                    kept = self.carried[line] if self.whole and line in self.carried else self.schedule.slots[line]
-                    self.values[line] = t.load_vector("%ws", kept)
-                x = self.values[line]
-            return t.negative(x) if minus else x
-
+        lines, zero, result = self.program.lines, t.constant(0.0), partial(self._result, t)
         if not self.whole:
             self.values = {}
-        sums = [poison, ZERO, ZERO, ZERO]
-        for (place, _), at in zip(self.layout.pivots, self.numbers.of_pivot, strict=True):
-            regular = t.compare("ogt", result(place), t.spread("%numbers", at))
-            sums[0] = t.poisoned_unless(regular, sums[0])
-        for group in self.layout.norms:
-            sums[0] = t.poisoned_unless(self._unit(t, [result(place) for place in group]), sums[0])
+        sums = [self._checked_results(t, poison), ZERO, ZERO, ZERO]
         seen: set[int] = set()
         squares = [ZERO] * 4
         for a, places in enumerate(self.layout.outputs):
@@ -347,6 +342,29 @@ class _Writer:
             bits = t.put(f"zext i{self.lanes} {bits} to i16")
         t.store("i16", bits, t.at("i16", "%bits", "%tile"), 2)
 
+    def _result(self, t: Vectors, place: int) -> str:
+        """The result at an index of the program's outputs."""
+        line, minus = self.program.outputs[place]
+        if self.program.lines[line].code == CONST:
+            x = t.spread("%numbers", self.numbers.of_line[line])
+        elif line in self.common and self.whole:
+            x = t.spread(f"%in{self.common[line][0]}", self.common[line][1])
+        else:
+            if line not in self.values:
+                kept = self.carried[line] if self.whole and line in self.carried else self.schedule.slots[line]
+                self.values[line] = t.load_vector("%ws", kept)
+            x = self.values[line]
+        return t.negative(x) if minus else x
+
+    def _checked_results(self, t: Vectors, poison: str) -> str:
+        """poison, NaN where a pivot is too small or a result is not of unit norm."""
+        for (place, _), at in zip(self.layout.pivots, self.numbers.of_pivot, strict=True):
+            regular = t.compare("ogt", self._result(t, place), t.spread("%numbers", at))
+            poison = t.poisoned_unless(regular, poison)
+        for group in self.layout.norms:
+            poison = t.poisoned_unless(self._unit(t, [self._result(t, place) for place in group]), poison)
+        return poison
+
     def _added(self, t: Vectors, four: Sequence[str]) -> str:
         """The sum of four vectors."""
         a, b, c, d = four
@@ -364,5 +382,5 @@ def compile_program(
     """
     fma = host()[3]
     lanes = 1 if one else lanes_of(dtype)
-    writer = _Writer(program, layout, dtype, lanes, fma, stream)
+    writer = Writer(program, layout, dtype, lanes, fma, stream)
     return object_code(writer.text()), writer.workspace

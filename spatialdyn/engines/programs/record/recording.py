@@ -37,7 +37,7 @@ MOST_ROWS = 128  # above, programs grow too long: rnea, aba, crba of 101 rows co
 MOST_RESULTS = MOST_ROWS**2  # or terms, of a sample: Christoffel symbols of 18 rows compile in 1 s, of 50 rows in 54 s
 MOST_TABLE = 2048  # rows of a static table: each height of a ground is in its program
 MOST_EQUATIONS = 36  # of a static table: 8400 multiplications to factor a matrix of 36 rows
-ALONE = ("nl", "nd")  # sizes of a static table whose entries have a row of J alone: as many as the table of bodies
+ALONE = ("nl", "nd", "total")  # sizes of a static table that are no equations: entries with a row of J alone, results
 POSITION = "rad | m"  # unit of the inputs that are positions
 
 

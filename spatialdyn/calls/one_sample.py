@@ -1,0 +1,54 @@
+"""A Spec on one sample after another of one model: by its program, interpreted at once and compiled when that pays.
+
+What a program does not answer (no program, a batch, a sample that it rejects) goes through ``checked_call``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import lru_cache
+from typing import Any
+
+from ..engines import object_layout, run
+from ..engines.compiled import numba_kernels
+from ..engines.programs.llvm.single_call_text import ARRAY, MOST, NUMBER
+from ..engines.programs.run import batch_kernels, single_call
+from ..engines.programs.run.single_call import Parameter
+from ..model.model import Model
+from ..recursions.spec import Spec
+from .arguments import core_shape
+from .dynamics import checked_call
+
+
+@lru_cache(maxsize=batch_kernels.CACHE_SIZE)
+def of_model(spec: Spec, model: Model, static: tuple[Any, ...], there: tuple[bool, ...]) -> Callable[..., Any]:
+    """What answers a Spec on a model: a builtin for one sample, Python for all else. It raises the Spec's errors.
+
+    static  values of its static inputs
+    there   which of its other inputs it is given, in their order
+    """
+    varying = [x for x in spec.present if not x.static]
+    given = [x for x, has in zip(varying, there, strict=True) if has]
+    found = None
+    lacks = any(not (has or x.optional) for x, has in zip(varying, there, strict=True))  # what a program would read
+    if not lacks and object_layout.READY and not numba_kernels.PLAIN and len(given) < MOST:
+        found = run.program(numba_kernels.variant(spec, frozenset(x.name for x in given)), model, static)
+
+    def checked(*values: Any) -> Any:
+        left = iter(values)
+        return checked_call(spec, model, tuple(next(left) if has else None for has in there), static, None)
+
+    if found is None:
+        return checked
+    lanes = found.program
+    program, alive = lanes.single()
+    shapes = [core_shape(model, x, static) for x in given]
+    plan = single_call.plan(program, [core_shape(model, spec.output, static)], shapes, alive=alive)
+
+    def python(*values: Any) -> Any:
+        if single_call.exhausted(plan):
+            single_call.change(plan, *lanes.single())
+        return checked(*values)
+
+    parameters = [Parameter(x.name, ARRAY if x.shape else NUMBER) for x in given]
+    return single_call.bound(python, parameters, plan)
