@@ -26,6 +26,7 @@ from .recording import Recording
 from .unknowns import DEFAULT, floats, freedoms_of, names_of, unknowns_of, words_of
 
 Array = NDArray[np.float64]
+LEAST = 1e-100  # of numbers above 0, by which is divided
 METHODS = ("ols", "wls", "log_cholesky", "sdp")
 TIMES_RANK = 10  # rows that a recording needs at least for each base parameter
 PRIOR = 1.0  # as much as each body's inertia seen once with a deviation of its own size
@@ -292,7 +293,7 @@ def _prior(method: str, prior: float | None) -> float:
 
 def _positive(name: str, value: Any) -> float:
     x = as_number(value)
-    return x if 0.0 < x < math.inf else _refuse(name, value, "a finite number above 0")
+    return x if LEAST <= x < math.inf else _refuse(name, value, "a finite number above 0")
 
 
 def _not_negative(name: str, value: Any) -> float:

@@ -175,7 +175,7 @@ def test_the_command_line_prints_it_unless_quiet(
 
     monkeypatch.setattr(command, "compile_calls", work)
     assert cli.main(["compile", "two_link", *words]) == 0
-    assert ("spatialdyn: compile takes more than 0.02 s: knitting\n" in capsys.readouterr().err) == (not words)
+    assert ("spatialdyn: compile takes more than 0.02 s" in capsys.readouterr().err) == (not words)
 
 
 def test_an_example_prints_it(soon: None, capsys: pytest.CaptureFixture[str]) -> None:
