@@ -6,7 +6,7 @@ import inspect
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any, NamedTuple, overload
+from typing import Any, NamedTuple, TypeVar, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -28,6 +28,7 @@ from .kinds import Constraint
 from .table import Constraints, check_constraints
 
 Array = NDArray[np.float64]
+Result = TypeVar("Result")
 RANKS = (3, 3, 2, 2, 1, 2, 2, 2, 2, 2, 1)  # axes of the kernel's arrays
 
 
@@ -138,8 +139,8 @@ def _of_table(model: Model, given: tuple[Any, ...], named: dict[str, Any]) -> bo
 
 
 def _called(
-    what: str, function: Callable[..., Any], model: Model, given: tuple[Any, ...], named: dict[str, Any]
-) -> Any:
+    what: str, function: Callable[..., Result], model: Model, given: tuple[Any, ...], named: dict[str, Any]
+) -> Result:
     """A function's result. Raises TypeError, naming the public call, for arguments that it does not take."""
     try:
         return function(model, *given, **named)
