@@ -127,6 +127,7 @@ def identify(
     notes: list[str] = []
     kept: list[Equations] = []
     factors: Factors | None = None
+    shared = 1, 1.0
     for log in logs:
         notes += [x for x in log.check(robot) if x not in notes]
         refuse_flight(log, settings)
@@ -136,12 +137,14 @@ def identify(
         kept += [one] * (not once)
         if not fixed:
             factors = added(factors, factors_of(one.rows(late), base.columns))
+            shared = max(shared, one.shared(late))
     extra = 0
     shows = any(bool(one.torques[:, : settings.freedoms].any()) for one in kept)
     if fixed and not shows:
         _refuse("delay", delay, "a number of seconds: the torques of these rows are all 0, wrenches have no delay")
     if fixed:
         late, factors = fitted_delay(kept, base.columns, weighted)
+        shared = max(one.shared(late) for one in kept)
         extra = 1
     assert factors is not None
     if factors.n.sum() < TIMES_RANK * base.rank:
@@ -156,11 +159,11 @@ def identify(
                 f"torques fit best {best} samples, {best * kept[0].recording.dt:g} s, away from the motion: delay=True"
             )
     fit = fit_base(factors, base, extra, weighted, share, method)
-    inflation, white = np.ones(len(factors.R)), np.full(len(factors.R), np.nan)
+    inflation, white = np.full(len(factors.R), shared[1]), np.full(len(factors.R), np.nan)
     residuals, t = np.zeros((0, len(factors.R))), np.zeros(0)
     if kept:
         t, residuals = _residuals(kept, base, fit.beta, late)
-        white, inflation = _white(residuals, factors.floor, settings.shared)
+        white, inflation = _white(residuals, factors.floor, shared)
         freedoms = freedoms_of(robot)
         uneven = [freedoms[k] for k in np.flatnonzero(white < WHITE)]
         if uneven:
