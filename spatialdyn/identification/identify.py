@@ -259,6 +259,8 @@ def _peeked(logs: Any) -> tuple[Recording, Any]:
     """The first Recording, and all of them. Raises IdentificationError."""
     walk = iter(logs)
     first = next(walk, None)
+    if first is None:
+        raise IdentificationError("recording is empty, expected one Recording or more")
     if not isinstance(first, Recording):
         raise IdentificationError(f"recording has {first!r}, expected a Recording")
 
