@@ -169,7 +169,7 @@ def identify(
         if uneven:
             notes.append(
                 f"residuals are not white, intervals are widened for it: {', '.join(uneven[:8])}"
-                f"{' and others' if len(uneven) > 8 else ''}"
+                f"{' and others' if len(uneven) > 8 else ''}{_unused(settings, fixed or bool(late) or not shows)}"
             )
     fit = fit_base(factors, base, extra, weighted, share, method, inflation, fit)
     present = unknowns.present
@@ -214,6 +214,13 @@ def _white(residuals: Array, floor: Array, shared: tuple[int, float]) -> tuple[A
         if len(x) and np.sqrt(np.mean(x**2)) > floor[k]:
             found[:, k] = whiteness(x, *shared)
     return found[0], found[1]
+
+
+def _unused(settings: Settings, late: bool) -> str:
+    """What was not tried of what makes residuals even."""
+    given = {"hold=": settings.hold is not None, "delay=True": late, "cutoff=": settings.cutoff is not None}
+    words = [word for word, used in given.items() if not used]
+    return f"; not tried: {', '.join(words)}" if words else ""
 
 
 def _nearest(base: Base, beta: Array, present: Array) -> Array:

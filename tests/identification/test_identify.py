@@ -143,7 +143,7 @@ def test_a_held_torque_taken_as_that_of_its_time_is_noticed() -> None:
     log, _ = held()
     tau = log.tau + 1e-3 * np.random.default_rng(0).normal(size=log.tau.shape)
     found = sd.identify(sd.Recording(log.t, log.q, tau, log.v), off(), parameters="inertial")
-    assert any("not white" in x for x in found.notes)
+    assert any("not white" in x and x.endswith("not tried: hold=, delay=True, cutoff=") for x in found.notes)
     assert abs(found.beta - truth(found, model())).max() > 100.0 * EXACT
 
 
