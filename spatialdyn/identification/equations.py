@@ -187,8 +187,7 @@ class Equations:
         rates = [np.asarray(calls["momentum_rate"](model, x.q, x.v, none)) for x in (ends, middle)]
         whole = (p[1:] - p[:-1]) / h - (rates[0][1:] + 4.0 * rates[1] + rates[0][:-1]) / 6.0
         still = (np.minimum(abs(v0), abs(v1)) < self.settings.v_min) | ((v0 == 0.0) & (v1 == 0.0))
-        if self.settings.hold is None:
-            still |= self._turning(start, stop, part)
+        still |= self._turning(start, stop, part)
         if not self.recording.wrenches:
             return self._known(W, whole, v, sign, still, None)
         last = len(self.motion) - (1 if part else 0)
@@ -199,10 +198,12 @@ class Equations:
         return self._known(W, whole, v, sign, still, means)
 
     def _turning(self, start: int, stop: int, part: float) -> NDArray[np.bool_]:
-        """Steps (n, nv) whose mean is of samples before and after a joint turns: there dry friction jumps."""
+        """Steps (n, nv) that are of samples before and after a joint turns: there dry friction jumps."""
         v = self.motion.states.v
         k = np.arange(start, stop)
-        near = np.sign([v[np.clip(k + i, 0, len(v) - 1)] for i in range(-1, 4 if part else 3)])
+        few = self.settings.hold is not None and self.motion.velocities == "measured"
+        first, last = (0, 1) if few else (-1, 2)
+        near = np.sign([v[np.clip(k + i, 0, len(v) - 1)] for i in range(first, last + (2 if part else 1))])
         return np.asarray(near.min(0) != near.max(0))
 
     def _rates(self, x: States) -> Array:

@@ -69,7 +69,8 @@ def identify(
     delay       the torque of time t acts at t + delay [s]; True fits it. Wrenches have none
     window      rows that are averaged, of motion and torque alike: less noise of velocities, fewer equations
     cutoff      [Hz] of a filter without phase for positions whose derivatives were not measured; None for none
-    v_min       a row in which a joint is slower has no part in what its dry friction is in [rad/s | m/s]
+    v_min       a row in which a joint is slower has no part in what its dry friction is in [rad/s | m/s]: above 0 where
+                a joint may stick. Rows in which it turns have none either, but for samples with accelerations
     payload     a frame: the ten parameters of a load there, the robot's own are known
     bodies      names of joints whose bodies are unknown; all by default. With inertial parameters, without payload
     rows        "all", or "base": the six of a floating base, for measured ``wrenches``
@@ -218,7 +219,11 @@ def _white(residuals: Array, floor: Array, shared: tuple[int, float]) -> tuple[A
 
 def _unused(settings: Settings, late: bool) -> str:
     """What was not tried of what makes residuals even."""
-    given = {"hold=": settings.hold is not None, "delay=True": late, "cutoff=": settings.cutoff is not None}
+    dry = any(kind == "coulomb" for kind, _ in settings.unknowns.joints)
+    given = {
+        "hold=": settings.hold is not None, "delay=True": late, "cutoff=": settings.cutoff is not None,
+        "v_min=": settings.v_min > 0.0 or not dry,
+    }  # fmt: skip
     words = [word for word, used in given.items() if not used]
     return f"; not tried: {', '.join(words)}" if words else ""
 

@@ -202,6 +202,25 @@ def test_a_generator_of_recordings_gives_what_all_of_them_give_at_once(monkeypat
         sd.identify((x for x in logs), model(), delay=True)
 
 
+def test_steps_in_which_a_joint_turns_are_left_out_of_dry_friction() -> None:
+    """A slider with c sgn v under held forces, step by step in closed form: v has a kink where it turns."""
+    slider = sd.ModelBuilder("slider").add_body("b", None, "prismatic", (1, 0, 0), inertia=(2.0, (0, 0, 0), np.eye(3)))
+    t, c, h = np.arange(400) * 0.01, 0.5, 0.01
+    tau, q, v, states = 3.0 * np.cos(4.0 * t), 0.0, 0.1, []
+    for force in tau:
+        states.append((q, v))
+        left = h
+        while left > 0.0:
+            a = (force - c * np.sign(v or force)) / 2.0
+            some = min(left, -v / a) if v * a < 0.0 else left
+            q, v = q + some * v + 0.5 * some * some * a, v + some * a if some == left else 0.0
+            left -= some
+    log = sd.Recording(t, [[x] for x, _ in states], tau[:, None], [[x] for _, x in states])
+    found = sd.identify(log, slider.build(), hold="after")
+    assert abs(found.beta - truth(found, slider.build(), coulomb=c)).max() < EXACT
+    assert len(t) - 10 < found.rows[0] < len(t) - 1
+
+
 # --- bodies that exist --------------------------------------------------------------------------------------
 
 
