@@ -99,6 +99,9 @@ def base_parameters(
     if rows == "base" and not floats(model):
         raise IdentificationError(f'rows is "base", expected "all": robot "{model.name}" has no floating base')
     n, start = whole_number("samples", samples, 0), whole_number("seed", seed, 0)
+    least = -(-len(unknowns.names) // (6 if rows == "base" else model.nv))
+    if 0 < n < least:
+        raise IdentificationError(f"samples is {n}, expected 0, or {least} or more: a row of each column")
     return base_of_columns(factor_of_random_motions(unknowns, rows, n, start), unknowns.names)
 
 

@@ -214,10 +214,11 @@ class Identified:
         if not isinstance(recording, Recording):
             raise IdentificationError(f"recording is a {type(recording).__name__}, expected a Recording")
         recording.check(self.start)
-        t, tau, predicted = predictions(self, [Equations(recording, self.settings)])
+        equations = Equations(recording, self.settings)
+        t, tau, predicted = predictions(self, [equations])
         off = tau - predicted
         rms = np.sqrt(np.nanmean(off**2, axis=0))
-        white = np.array([whiteness(x[np.isfinite(x)], *self.settings.shared)[0] for x in off.T])
+        white = np.array([whiteness(x[np.isfinite(x)], *equations.shared(self.delay))[0] for x in off.T])
         spread = np.maximum(np.nanstd(tau, axis=0), np.finfo(float).tiny)
         return Validation(t, tau, predicted, rms, self.noise, rms / self.noise, rms / spread, white)
 

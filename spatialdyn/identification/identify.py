@@ -72,7 +72,8 @@ def identify(
     delay       the torque of time t acts at t + delay [s]; True fits it. Wrenches have none
     window      rows that are averaged, of motion and torque alike: less noise of velocities, fewer equations
     cutoff      [Hz] of a filter without phase for positions whose derivatives were not measured; None for none
-    v_min       a row in which a joint is slower has no part in what its dry friction is in [rad/s | m/s]
+    v_min       a row in which a joint is slower has no part in what its dry friction is in [rad/s | m/s]: above 0 where
+                a joint may stick. Rows in which it turns have none either, but for samples with accelerations
     payload     a frame: the ten parameters of a load there, the robot's own are known
     bodies      names of joints whose bodies are unknown; all by default. With inertial parameters, without payload
     rows        "all", or "base": the six of a floating base, for measured ``wrenches``
@@ -130,6 +131,7 @@ def identify(
     notes: list[str] = []
     kept: list[Equations] = []
     factors: Factors | None = None
+    shared = 1, 1.0
     for log in logs:
         notes += [x for x in log.check(robot) if x not in notes]
         refuse_flight(log, settings)
@@ -139,12 +141,14 @@ def identify(
         kept += [one] * (not once)
         if not fixed:
             factors = added(factors, factors_of(one.rows(late), base.columns))
+            shared = max(shared, one.shared(late))
     extra = 0
     shows = any(bool(one.torques[:, : settings.freedoms].any()) for one in kept)
     if fixed and not shows:
         _refuse("delay", delay, "a number of seconds: the torques of these rows are all 0, wrenches have no delay")
     if fixed:
         late, factors = fitted_delay(kept, base.columns, weighted)
+        shared = max(one.shared(late) for one in kept)
         extra = 1
     assert factors is not None
     if factors.n.sum() < TIMES_RANK * base.rank:
@@ -159,17 +163,17 @@ def identify(
                 f"torques fit best {best} samples, {best * kept[0].recording.dt:g} s, away from the motion: delay=True"
             )
     fit = fit_base(factors, base, extra, weighted, share, method)
-    inflation, white = np.ones(len(factors.R)), np.full(len(factors.R), np.nan)
+    inflation, white = np.full(len(factors.R), shared[1]), np.full(len(factors.R), np.nan)
     residuals, t = np.zeros((0, len(factors.R))), np.zeros(0)
     if kept:
         t, residuals = _residuals(kept, base, fit.beta, late)
-        white, inflation = _white(residuals, factors.floor, settings.shared)
+        white, inflation = _white(residuals, factors.floor, shared)
         freedoms = freedoms_of(robot)
         uneven = [freedoms[k] for k in np.flatnonzero(white < WHITE)]
         if uneven:
             notes.append(
                 f"residuals are not white, intervals are widened for it: {', '.join(uneven[:8])}"
-                f"{' and others' if len(uneven) > 8 else ''}"
+                f"{' and others' if len(uneven) > 8 else ''}{_unused(settings, fixed or bool(late) or not shows)}"
             )
     fit = fit_base(factors, base, extra, weighted, share, method, inflation, fit)
     present = unknowns.present
@@ -216,6 +220,17 @@ def _white(residuals: Array, floor: Array, shared: tuple[int, float]) -> tuple[A
     return found[0], found[1]
 
 
+def _unused(settings: Settings, late: bool) -> str:
+    """What was not tried of what makes residuals even."""
+    dry = any(kind == "coulomb" for kind, _ in settings.unknowns.joints)
+    given = {
+        "hold=": settings.hold is not None, "delay=True": late, "cutoff=": settings.cutoff is not None,
+        "v_min=": settings.v_min > 0.0 or not dry,
+    }  # fmt: skip
+    words = [word for word, used in given.items() if not used]
+    return f"; not tried: {', '.join(words)}" if words else ""
+
+
 def _nearest(base: Base, beta: Array, present: Array) -> Array:
     """π with K π = β, nearest to the model's own, each measured by its size."""
     size = np.maximum(abs(present), 1e-3 * max(1e-9, abs(present).max(initial=0.0)))
@@ -259,6 +274,8 @@ def _peeked(logs: Any) -> tuple[Recording, Any]:
     """The first Recording, and all of them. Raises IdentificationError."""
     walk = iter(logs)
     first = next(walk, None)
+    if first is None:
+        raise IdentificationError("recording is empty, expected one Recording or more")
     if not isinstance(first, Recording):
         raise IdentificationError(f"recording has {literal(first)}, expected a Recording")
 

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..calls.arguments import as_array, as_flag, check_model
 from ..calls.files import check_ending
 from ..errors import IdentificationError, ShapeError, SpatialDynError, literal
+from ..model.joint_rows import Joint
 from ..model.model import Model
 from ..simulation.trajectory import Trajectory
 from ..waiting import watch
@@ -24,6 +25,9 @@ GAP = 1.5  # median steps: in a longer one samples are missing
 JITTER = 0.01  # of a step: times that are less even are refused
 STUCK = 3  # samples in a row at the largest torque, equal to the bit: a saturated or clipped signal
 LEAST = 5  # samples
+APART = 0.3  # of a motion: velocities whose integral is further from the positions are not theirs
+MOVES = 0.02  # rad or m, deviation of positions: a joint that moves less may be at rest
+BEYOND = 0.01  # of a range of positions
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -199,6 +203,7 @@ class Recording:
                     f'torque of joint "{joint.name}" is {x[0]:.6g} in every sample while it moves, expected a '
                     "measured one: it is saturated, or was not recorded"
                 )
+            notes += self._odd_motion(model, joint)
             if np.ptp(q) > 0.0 and not x.any():
                 notes.append(
                     f'torque of joint "{joint.name}" is 0 in every sample while it moves: it has no drive, or its '
@@ -215,6 +220,27 @@ class Recording:
                     f'torque of joint "{joint.name}" is up to {abs(x).max():.6g}, beyond its limit {limit:.6g}'
                 )
         return tuple(notes)
+
+    def _odd_motion(self, model: Model, joint: Joint) -> list[str]:
+        """Notes on positions beyond the limits of a joint of one freedom, and on velocities that are not theirs."""
+        q, notes = self.q[:, joint.idx_q], []
+        low, high = float(model.lower[joint.idx_q]), float(model.upper[joint.idx_q])
+        room = BEYOND * (high - low)
+        if high > low and (q.min() < low - room or q.max() > high + room):
+            notes.append(
+                f'position of joint "{joint.name}" goes from {q.min():.4g} to {q.max():.4g}, beyond its limits '
+                f"{low:.4g} to {high:.4g}: degrees, or another zero?"
+            )
+        if self.v is not None:
+            v = self.v[:, joint.idx_v]
+            way = np.concatenate([[0.0], np.cumsum(0.5 * self.dt * (v[1:] + v[:-1]))])
+            size, off = max(float(q.std()), float(way.std())), float((way - q).std())
+            if size > MOVES and off > APART * size:
+                notes.append(
+                    f'velocity of joint "{joint.name}" is not the slope of its position, {off / size:.0%} off: another '
+                    "unit, sign or joint, or angles that jump by a turn?"
+                )
+        return notes
 
     @watch.call("Recording.torques")
     def torques(self, model: Model) -> Array:
