@@ -178,6 +178,7 @@ class Study:
             raise StudyError(f"executor is {executor!r}, expected one with submit, such as of concurrent.futures")
         self._check()
         self._folder.begin(self._manifest)
+        self._check()  # another may have begun there by now
         job = replace(self._job, threads=threads)
         with reporting(progress, "studying") as report:
             steps = Steps(report, self._count)
@@ -197,11 +198,17 @@ class Study:
         return {label: x.finish(states[label]) for label, x in self._job.reductions.items()}
 
     def digest(self) -> str:
-        """SHA-256 of all that was reduced: two runs with one digest have the same results to the bit."""
+        """SHA-256 of all that was reduced and kept: two runs with one digest have the same results to the bit.
+
+        Reads what is kept, chunk by chunk.
+        """
         found = hashlib.sha256()
         for label, state in sorted(self._states(False).items()):
             for name, x in sorted(state.items()):
                 found.update(f"{label}/{name} {x.dtype.str} {x.shape} ".encode() + np.ascontiguousarray(x).tobytes())
+        for name in sorted(self._job.keep):
+            for x in self[name].parts():
+                found.update(f"{name} {x.dtype.str} {x.shape} ".encode() + np.ascontiguousarray(x).tobytes())
         return found.hexdigest()
 
     def __getitem__(self, name: str) -> Stored:
@@ -272,7 +279,9 @@ def _spread(job: Job, chunks: tuple[int, ...], executor: Any) -> Iterator[Outcom
             lost[i] += 1
             if lost[i] == TRIES:
                 why = f"{type(fault).__name__}: {fault}"
-                raise StudyError(f"chunk {i} was lost {TRIES} times ({why}), expected workers that live") from fault
+                raise StudyError(
+                    f"chunk {i} was lost {TRIES} times ({why}), expected workers that live and a function that pickles"
+                ) from fault
             waiting.append(i)
     finally:
         for future in pending:

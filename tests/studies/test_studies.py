@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import multiprocessing
 import os
+import pickle
 import signal
 import subprocess
 import sys
@@ -176,10 +177,70 @@ def test_what_a_function_holds_is_part_of_it() -> None:
     assert len(set(digests)) == 4
     lock = time.perf_counter  # pickles; a generator does not
     chunks.digest_of_function(lambda model, rng, n: lock)
-    held = iter(())
+    held: Any = iter(())
     stream = (x for x in held)
     with pytest.raises(sd.StudyError, match="cannot be pickled"):
         chunks.digest_of_function(lambda model, rng, n: stream)
+
+
+MODULE = """
+MASS = 2.0
+TABLE = [1, (2.0, "a")]
+
+def half(x):
+    return FACTOR * x
+
+FACTOR = 0.5
+
+def f(model, rng, n):
+    return [half(MASS) for _ in TABLE]
+"""
+
+
+def test_what_a_function_names_of_its_module_is_part_of_it() -> None:
+    def of(text: str, change: str) -> str:
+        scope: dict[str, Any] = {"__name__": "mine"}
+        exec(MODULE.replace(text, change), scope)
+        return chunks.digest_of_function(scope["f"])
+
+    changes = [("", ""), ("2.0,", "2.5,"), ("MASS = 2.0", "MASS = 3.0"), ("FACTOR = 0.5", "FACTOR = 0.25")]
+    digests = [of(*x) for x in (*changes, ("FACTOR * x", "x * FACTOR"), ("MASS =", "OTHER = 1\nMASS ="))]
+    assert digests[0] == digests[-1]
+    assert len(set(digests)) == 5
+
+
+def test_methods_are_known_by_their_text_and_their_object() -> None:
+    class Law:
+        def __init__(self, x: float) -> None:
+            self.x = x
+
+        def one(self, model: Any, rng: Any, n: int) -> Any:
+            return self.x
+
+        def two(self, model: Any, rng: Any, n: int) -> Any:
+            return 2.0 * self.x
+
+    digests = [chunks.digest_of_function(f) for f in (Law(1.0).one, Law(1.0).one, Law(2.0).one, Law(1.0).two)]
+    assert digests[0] == digests[1]
+    assert len(set(digests)) == 3
+
+
+def test_what_is_kept_is_part_of_the_digest(tmp_path: Path) -> None:
+    few: dict[str, Any] = {"samples": 20, "chunk": 10, "keep": ("q",), "reduce": None}
+    first, again, other = (made(tmp_path / str(k), seed=seed, **few).run() for k, seed in enumerate((3, 3, 4)))
+    assert first.digest() == again.digest() != other.digest()
+
+
+def test_a_study_killed_before_its_manifest_was_whole_begins_anew(tmp_path: Path) -> None:
+    (tmp_path / "0123456789abcdef.part").write_text("{")
+    assert made(tmp_path, samples=20, chunk=10).run().missing == ()
+
+
+def test_a_function_that_does_not_pickle_is_said(tmp_path: Path) -> None:
+    with ThreadPoolExecutor(1) as workers:
+        workers.submit = lambda *words: ThreadPoolExecutor.submit(workers, lambda: pickle.dumps(words))  # type: ignore[method-assign, assignment]
+        with pytest.raises(sd.StudyError, match=r"lost 3 times .*pickle.*and a function that pickles"):
+            made(tmp_path / "new", lambda model, rng, n: {"q": rng.random(n)}, keep=(), reduce=None).run(workers)
 
 
 def test_a_function_without_a_text_is_known_by_its_code() -> None:
