@@ -152,9 +152,10 @@ class Study:
         """Run the chunks that are missing, those that failed too.
 
         executor  where: any ``concurrent.futures.Executor``, such as ``client.get_executor()`` of Dask or the Client
-                  itself, ``mpi4py.futures.MPIPoolExecutor()``, loky's; None here, one chunk after another, each on all
-                  threads, which on one machine is fastest. A ``ProcessPoolExecutor`` should have the context "spawn"
-                  (``multiprocessing.get_context``): a forked process may wait for a lock of a thread that it has not
+                  itself, ``mpi4py.futures.MPIPoolExecutor()``, loky's; a ``ray.util.multiprocessing.Pool``; None here,
+                  one chunk after another, each on all threads, which on one machine is fastest. A
+                  ``ProcessPoolExecutor`` should have the context "spawn" (``multiprocessing.get_context``): a forked
+                  process may wait for a lock of a thread that it has not
         progress  True for a bar, or a function of the chunks that are done and their number
         threads   of each worker's batches; None leaves it to them
 
@@ -174,6 +175,10 @@ class Study:
             raise StudyError(f"threads is {threads} without an executor, expected sd.set_num_threads for this process")
         given = getattr(executor, "get_executor", None)
         executor = executor if given is None else given()
+        if not hasattr(executor, "submit") and callable(getattr(executor, "apply_async", None)):
+            from .pools import PoolExecutor
+
+            executor = PoolExecutor(executor)
         if executor is not None and not callable(getattr(executor, "submit", None)):
             raise StudyError(f"executor is {executor!r}, expected one with submit, such as of concurrent.futures")
         self._check()

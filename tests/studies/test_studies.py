@@ -13,6 +13,7 @@ import time
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from functools import partial
+from multiprocessing.pool import ThreadPool
 from pathlib import Path
 from typing import Any
 
@@ -89,6 +90,26 @@ def test_any_executor_gives_the_same_bits(executor: Any, whole: sd.Study, tmp_pa
         other.run(workers, progress=lambda done, total: seen.append((done, total)))
     assert seen[-1] == (10, 10)
     assert other.digest() == whole.digest()
+
+
+def test_a_pool_with_the_methods_of_rays_gives_the_same_bits(whole: sd.Study, tmp_path: Path) -> None:
+    with ThreadPool(2) as pool:
+        assert made(tmp_path / "new").run(pool).digest() == whole.digest()
+        with pytest.raises(sd.StudyError, match=r"lost 3 times .*no such worker"):
+            made(tmp_path / "no").run(NoWorker(pool))
+
+
+class NoWorker:
+    """A pool whose tasks fail, as where a worker is killed."""
+
+    def __init__(self, pool: ThreadPool) -> None:
+        self.pool = pool
+
+    def apply_async(self, fn: Any, words: Any, options: Any, **more: Any) -> Any:
+        def lost() -> None:
+            raise OSError("no such worker")
+
+        return self.pool.apply_async(lost, (), {}, **more)
 
 
 def test_a_study_is_taken_up_where_it_ended(whole: sd.Study, tmp_path: Path) -> None:
@@ -300,6 +321,8 @@ def test_bad_ways_to_run_are_refused(tmp_path: Path) -> None:
         some.run(5)
     with pytest.raises(sd.StudyError, match=r"expected sd\.set_num_threads"):
         some.run(threads=2)
+    with pytest.raises(sd.StudyError, match=r"expected a concurrent\.futures\.ProcessPoolExecutor"):
+        some.run(type("Pool", (), {"__module__": "multiprocessing.pool", "apply_async": print})())
     with ThreadPoolExecutor(1) as closed:
         pass
     with pytest.raises(sd.StudyError, match="the executor takes no chunk"):
@@ -353,11 +376,14 @@ import os, signal, sys
 sys.path.insert(0, {tests!r})
 from test_studies import made, torques
 from pathlib import Path
-count = 0
 def end(done, total):
     if done == int(sys.argv[2]):
         os.kill(os.getpid(), signal.SIGKILL)
-study = made(Path(sys.argv[1])).run(progress=end)
+client = None
+if len(sys.argv) > 3:
+    import distributed
+    client = distributed.Client(sys.argv[3])
+study = made(Path(sys.argv[1])).run(client, progress=end)
 print(study.digest())
 """
 
@@ -376,7 +402,7 @@ def test_a_study_killed_twice_has_the_digest_of_one_that_was_not(whole: sd.Study
 
 @pytest.mark.slow(quick="test_any_executor_gives_the_same_bits")
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGKILL")
-def test_on_dask_with_a_worker_killed_the_bits_are_the_same(whole: sd.Study, tmp_path: Path) -> None:
+def test_on_dask_with_a_worker_or_the_driver_killed_the_bits_are_the_same(whole: sd.Study, tmp_path: Path) -> None:
     distributed = pytest.importorskip("distributed")
     with (
         distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster,
@@ -387,6 +413,11 @@ def test_on_dask_with_a_worker_killed_the_bits_are_the_same(whole: sd.Study, tmp
         some.run(client, threads=1)
         assert (tmp_path / "died").exists()
         assert some.digest() == whole.digest()
+        code, folder = SCRIPT.format(tests=str(Path(__file__).parent)), tmp_path / "driver"
+        words = [sys.executable, "-c", code, str(folder), "3", cluster.scheduler_address]
+        assert subprocess.run(words, capture_output=True, check=False).returncode == -signal.SIGKILL
+        assert len(made(folder).done) >= 3
+        assert made(folder).run(client).digest() == whole.digest()
 
 
 def test_a_manifest_says_what_the_study_is(whole: sd.Study) -> None:
