@@ -6,7 +6,7 @@ from collections.abc import Callable
 from concurrent.futures import Executor, Future
 from typing import Any
 
-from ..errors import StudyError
+from ..errors import StudyError, literal
 
 
 class PoolExecutor(Executor):
@@ -15,9 +15,7 @@ class PoolExecutor(Executor):
     def __init__(self, pool: Any) -> None:
         """On a pool; raises StudyError for one of processes that waits for ever where one is killed."""
         if (type(pool).__module__, type(pool).__name__) == ("multiprocessing.pool", "Pool"):
-            raise StudyError(
-                f"executor is {pool!r}, expected a concurrent.futures.ProcessPoolExecutor, which sees a killed worker"
-            )
+            raise StudyError(f"executor is {literal(pool)}, expected a ProcessPoolExecutor, which sees a killed worker")
         self._pool = pool
 
     def submit(self, fn: Callable[..., Any], /, *words: Any, **options: Any) -> Future[Any]:

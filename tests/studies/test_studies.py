@@ -6,6 +6,8 @@ import json
 import multiprocessing
 import os
 import pickle
+import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -151,6 +153,9 @@ def test_what_a_chunk_raises_is_kept_with_its_seed(tmp_path: Path) -> None:
     assert "in worse" in some.failed[first]
     with pytest.raises(sd.StudyError, match=f"chunk {first}, seed"):
         some.result()
+    kept, done = next((tmp_path / "new").glob("failed-*.txt")), min({*range(10)} - expected)
+    shutil.copy(kept, kept.with_name(re.sub(r"\d+", lambda i: f"{done:0{len(i[0])}}", kept.name)))
+    assert set(some.failed) == expected  # another process may write its failure of a chunk that is there late
 
 
 @pytest.mark.parametrize(
@@ -319,9 +324,9 @@ def test_bad_ways_to_run_are_refused(tmp_path: Path) -> None:
     some = made(tmp_path / "new")
     with pytest.raises(sd.StudyError, match="executor is 5"):
         some.run(5)
-    with pytest.raises(sd.StudyError, match=r"expected sd\.set_num_threads"):
+    with pytest.raises(sd.StudyError, match=r"or sd\.set_num_threads here"):
         some.run(threads=2)
-    with pytest.raises(sd.StudyError, match=r"expected a concurrent\.futures\.ProcessPoolExecutor"):
+    with pytest.raises(sd.StudyError, match="expected a ProcessPoolExecutor"):
         some.run(type("Pool", (), {"__module__": "multiprocessing.pool", "apply_async": print})())
     with ThreadPoolExecutor(1) as closed:
         pass
