@@ -1,7 +1,7 @@
 """The files of a study: a manifest, and of each chunk its kept arrays and, last, the states of its reductions.
 
 Each is written under another name and put in place by ``os.replace``, so a file is whole or is not there, also if a
-process is killed. A chunk is done if its ``part`` is there.
+process is killed; what one leaves ends in ".part" and may be removed. A chunk is done if its ``part`` is there.
 """
 
 from __future__ import annotations

@@ -21,6 +21,7 @@ from .reductions import is_whole, merged, names_of, reductions_of
 
 AHEAD = 4096  # chunks that an executor is given before they are done: twice as many as a cluster has workers
 TRIES = 3  # of a chunk whose worker is lost
+SOURCE = "source (of the function, with the values that it holds and names)"
 RESERVED = ("part", "failed", "manifest")  # names of other files
 
 
@@ -108,8 +109,9 @@ class Study:
         for name, ours in self._manifest.items():
             theirs = found.get(name)
             if theirs != ours:
+                what = SOURCE if name == "source" else name
                 raise StudyError(
-                    f"{self.folder} holds a study whose {name} is {theirs}, expected {ours}: choose another folder"
+                    f"{self.folder} holds a study whose {what} is {theirs}, expected {ours}: choose another folder"
                 )
 
     def __repr__(self) -> str:

@@ -430,3 +430,12 @@ def test_a_manifest_says_what_the_study_is(whole: sd.Study) -> None:
     assert found["seed"] == 3
     assert found["function"] == "torques"
     assert repr(whole) == f"<Study of 950 samples in {whole.folder}: 10 of 10 chunks done>"
+
+
+def test_a_value_that_changes_in_a_module_is_named(tmp_path: Path) -> None:
+    first, other = {"__name__": "mine"}, {"__name__": "mine"}
+    exec(MODULE, first)
+    exec(MODULE.replace("MASS = 2.0", "MASS = 3.0"), other)
+    made(tmp_path / "new", first["f"]).run()  # type: ignore[arg-type]
+    with pytest.raises(sd.StudyError, match=r"whose source \(of the function, with the values that it holds and"):
+        made(tmp_path / "new", other["f"])  # type: ignore[arg-type]
