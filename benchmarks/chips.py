@@ -121,7 +121,8 @@ def page(found: list[dict[str, Any]]) -> str:
         "* The times of exported code on a chip: QEMU counts none.",
         "* Processors without fused multiply-add other than by forcing SSE2; 32-bit hosts; big-endian machines.",
         "* Windows on ARM and macOS on Intel: wheels of the dependencies exist for the first, nothing ran.",
-        "* A graphics processor is used where one is asked for; see there what ran.", "",
+        "* A GPU: none has run what `device=\"cuda\"` makes; what is held without one is listed in "
+        "[On a GPU](cookbook/gpu.md).", "",
     ]  # fmt: skip
     return "\n".join(lines)
 

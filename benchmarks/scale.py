@@ -160,7 +160,7 @@ def page(found: dict[str, Any]) -> str:
         "chunks in the same memory; or split the study by seed, each part with a folder and a scheduler of its own: "
         f"{math.ceil(1000 * serve / (length / CORES))} of them feed 1000 machines. The driver holds one sum and "
         "one part, however many samples.",
-        f"3. **Chunks given out.** With 256 at a time, as it was before this simulation, 1000 machines are busy for "
+        f"3. **Chunks given out.** With 256 at a time 1000 machines are busy for "
         f"{used(machines, LENGTHS[3], 256):.0%} of the time with chunks of {LENGTHS[3]:g} s; with {AHEAD} for "
         f"{used(machines, LENGTHS[3]):.0%}.",
         f"4. **Files.** 10¹² samples in chunks of {LENGTHS[0]:g} s are {files:.2g} files in one folder: a listing "

@@ -60,7 +60,7 @@ def read(file: str, folder: str | None) -> Study:
         if folder is None:
             raise StudyError(f"study of {file} takes a folder, expected --folder")
         made = made(folder)
-    elif folder is not None:
+    elif folder is not None and isinstance(made, Study):
         raise StudyError(f"study of {file} has its folder, expected no --folder, or a function study(folder)")
     if not isinstance(made, Study):
         raise StudyError(f"{file} makes {type(made).__name__}, expected study(folder), which returns sd.study(...)")

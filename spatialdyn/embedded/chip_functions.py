@@ -21,8 +21,9 @@ PRELUDE = """\
 #include <math.h>
 #endif
 
-#ifdef __FAST_MATH__
-#error "compile without -ffast-math: it deletes checks for NaN"
+#if defined(__FAST_MATH__) || defined(__ASSOCIATIVE_MATH__) \\
+    || (defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__ > 0)
+#error "compile without -ffast-math and what it holds: it deletes checks for NaN, and reorders sums"
 #endif
 #if defined(__clang__)
 #pragma STDC FP_CONTRACT OFF

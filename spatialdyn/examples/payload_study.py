@@ -2,7 +2,7 @@
 
 Learn    sd.study runs a function on random samples, chunk by chunk, here or on any executor (a Dask client, MPI): what
          fits in no memory becomes moments, quantiles and the worst cases. Killed, it goes on where it ended; on other
-         machines it gives the same bits. ``spatialdyn study FILE.py --folder F`` runs such a file.
+         machines it gives the same bits. ``spatialdyn study payload_study.py --folder F`` runs this file's ``study``.
 Look at  the picture: the second joint bears the arm and its load, and comes near its motor's limit; the others have
          half of theirs to spare in 99.9 % of samples, the first and the last, which are upright or short, all of it.
 Needs    pip install example-robot-data for the panda
@@ -33,14 +33,17 @@ def holding(model: sd.Model, rng: np.random.Generator, n: int) -> dict[str, Any]
     return {"q": q, "mass": mass, "part": part, "most": part.max(-1)}
 
 
+def study(folder: str, samples: int = 10_000_000) -> sd.Study:
+    """The study; its parts are written to a folder."""
+    model = sd.load_urdf("panda").reduced(["panda_finger_joint1", "panda_finger_joint2"])
+    wanted = {"part": sd.Quantiles("part", AT), "worst": sd.Worst("most", 1, ("q", "mass")), "mean": sd.Moments("part")}
+    return sd.study(holding, model, samples, 50_000, 7, folder, reduce=wanted)
+
+
 def main(quick: bool = False, save: str | None = None) -> dict[str, Any]:
     """Print what the torques come to in 10 000 000 samples, or 200 000; returns the results."""
-    samples, fingers = 200_000 if quick else 10_000_000, ["panda_finger_joint1", "panda_finger_joint2"]
-    model = sd.load_urdf("panda").reduced(fingers)
-    wanted = {"part": sd.Quantiles("part", AT), "worst": sd.Worst("most", 1, ("q", "mass")), "mean": sd.Moments("part")}
     with TemporaryDirectory() as folder:
-        study = sd.study(holding, model, samples, 50_000, 7, f"{folder}/study", reduce=wanted)
-        found = study.run(progress=not quick).result()
+        found = study(f"{folder}/study", 200_000 if quick else 10_000_000).run(progress=not quick).result()
     worst, joint, mean = found["worst"], int(found["part"][-1].argmax()), found["mean"]
     print(f"{mean.samples} samples: joint {joint + 1} needs {mean.mean[joint]:.0%} of its motor's torque on average,")
     print(f"in one of a thousand samples more than {found['part'][-1, joint]:.0%}; at worst {worst.value[0]:.0%},")

@@ -114,7 +114,8 @@ def digest_of_scene(scene: Any) -> str:
 
 
 def digest_of_function(function: Any) -> str:
-    """Of a function's source, and of what it holds: its defaults, its closure, arguments of ``functools.partial``.
+    """Of a function's source, and of what it holds: its defaults, its closure, arguments of ``functools.partial``, the
+    functions and plain values of its module that it names.
 
     Raises StudyError for a function that holds what cannot be pickled.
     """
@@ -122,20 +123,60 @@ def digest_of_function(function: Any) -> str:
     while isinstance(function, partial):
         held.append((function.args, sorted(function.keywords.items())))
         function = function.func
-    if inspect.isfunction(function):
-        cells = [x.cell_contents for x in function.__closure__ or ()]
-        held.append((function.__defaults__, function.__kwdefaults__, cells))
-        source = _source(function)
-    else:
+    if not inspect.isroutine(function):
         held.append(getattr(function, "__dict__", {}))
-        source = _source(type(function))
+        function = type(function)
+    known: dict[int, Any] = {}
+    sources: list[bytes] = []
+    _read(function, held, sources, known)
     try:
         values = pickle.dumps(held, 4)
     except Exception as error:
         raise StudyError(
             f"the function holds what cannot be pickled ({error}): hand it over by the scene or functools.partial"
         ) from error
-    return hashlib.sha256(source + values).hexdigest()
+    return hashlib.sha256(b"\0".join([*sources, values])).hexdigest()
+
+
+def _read(thing: Any, held: list[Any], sources: list[bytes], known: dict[int, Any]) -> None:
+    """Add what a function holds, its source, and those of the functions of its module that it names."""
+    if id(thing) in known:
+        return
+    known[id(thing)] = thing
+    sources.append(_source(thing))
+    function = getattr(thing, "__func__", thing)
+    if function is not thing:  # a method
+        held.append(getattr(thing.__self__, "__dict__", {}))
+    if not inspect.isfunction(function):
+        return
+    cells = [x.cell_contents for x in function.__closure__ or ()]
+    held.append((function.__defaults__, function.__kwdefaults__, cells))
+    for name in _names(function.__code__):
+        value = function.__globals__.get(name)
+        if inspect.isfunction(value) and value.__module__ == function.__module__:
+            _read(value, held, sources, known)
+        else:
+            content = _plain(value)
+            if content is not None:
+                sources.append(name.encode() + b"=" + content)
+
+
+def _names(code: CodeType) -> list[str]:
+    """The names that a function reads, and those of the functions in it."""
+    inner = (_names(x) for x in code.co_consts if isinstance(x, CodeType))
+    return sorted({*code.co_names, *(name for names in inner for name in names)})
+
+
+def _plain(value: Any) -> bytes | None:
+    """A number, a text, an array or a sequence of such as bytes that are the same in every process; else None."""
+    if isinstance(value, (np.ndarray, np.generic)):
+        head = f"{value.dtype.str}{value.shape}".encode()
+        return None if value.dtype.hasobject else head + value.tobytes()
+    if isinstance(value, (tuple, list)):
+        parts = [_plain(x) for x in value]
+        found = [x for x in parts if x is not None]
+        return b"(" + b",".join(found) + b")" if len(found) == len(parts) else None
+    return repr(value).encode() if isinstance(value, (bool, int, float, complex, str, bytes)) else None
 
 
 def _source(thing: Any) -> bytes:

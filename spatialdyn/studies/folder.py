@@ -1,7 +1,7 @@
 """The files of a study: a manifest, and of each chunk its kept arrays and, last, the states of its reductions.
 
 Each is written under another name and put in place by ``os.replace``, so a file is whole or is not there, also if a
-process is killed. A chunk is done if its ``part`` is there.
+process is killed; what one leaves ends in ".part" and may be removed. A chunk is done if its ``part`` is there.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ from ..errors import StudyError
 
 Array = NDArray[Any]
 MANIFEST = "manifest.json"
+UNFINISHED = ".part"  # of files that a process wrote until it was killed
 
 
 class Folder:
@@ -33,7 +35,7 @@ class Folder:
         try:
             text = (self.path / MANIFEST).read_text(encoding="utf-8")
         except FileNotFoundError:
-            if self.path.is_dir() and any(self.path.iterdir()):
+            if self.path.is_dir() and any(x.suffix != UNFINISHED for x in self.path.iterdir()):
                 raise StudyError(f"{self.path} holds other files than a study's, expected an empty folder") from None
             return None
         except OSError as error:
@@ -62,7 +64,11 @@ class Folder:
     def failed(self) -> dict[int, str]:
         """What the chunks raised that are not there."""
         missing = self._numbers("failed-", ".txt") - self.done()
-        return {i: self._name("failed", i, ".txt").read_text(encoding="utf-8") for i in sorted(missing)}
+        made = {}
+        for i in sorted(missing):
+            with suppress(FileNotFoundError):  # done by now, by another driver
+                made[i] = self._name("failed", i, ".txt").read_text(encoding="utf-8")
+        return made
 
     def write(self, chunk: int, kept: Mapping[str, Array], states: Mapping[str, Mapping[str, Array]]) -> None:
         """The arrays of a chunk, then its part."""
@@ -124,7 +130,7 @@ class _Replaced:
     """A file that takes its name when it is whole."""
 
     def __init__(self, place: Path) -> None:
-        self._place, self._part = place, place.with_name(f"{os.urandom(8).hex()}.part")
+        self._place, self._part = place, place.with_name(os.urandom(8).hex() + UNFINISHED)
 
     def __enter__(self) -> Any:
         self._file = self._part.open("wb")

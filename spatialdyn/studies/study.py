@@ -21,6 +21,7 @@ from .reductions import is_whole, merged, names_of, reductions_of
 
 AHEAD = 4096  # chunks that an executor is given before they are done: twice as many as a cluster has workers
 TRIES = 3  # of a chunk whose worker is lost
+SOURCE = "source (of the function, with the values that it holds and names)"
 RESERVED = ("part", "failed", "manifest")  # names of other files
 
 
@@ -108,8 +109,9 @@ class Study:
         for name, ours in self._manifest.items():
             theirs = found.get(name)
             if theirs != ours:
+                what = SOURCE if name == "source" else name
                 raise StudyError(
-                    f"{self.folder} holds a study whose {name} is {theirs}, expected {ours}: choose another folder"
+                    f"{self.folder} holds a study whose {what} is {theirs}, expected {ours}: choose another folder"
                 )
 
     def __repr__(self) -> str:
@@ -154,9 +156,10 @@ class Study:
         """Run the chunks that are missing, those that failed too.
 
         executor  where: any ``concurrent.futures.Executor``, such as ``client.get_executor()`` of Dask or the Client
-                  itself, ``mpi4py.futures.MPIPoolExecutor()``, loky's; None here, one chunk after another, each on all
-                  threads, which on one machine is fastest. A ``ProcessPoolExecutor`` should have the context "spawn"
-                  (``multiprocessing.get_context``): a forked process may wait for a lock of a thread that it has not
+                  itself, ``mpi4py.futures.MPIPoolExecutor()``, loky's; a ``ray.util.multiprocessing.Pool``; None here,
+                  one chunk after another, each on all threads, which on one machine is fastest. A
+                  ``ProcessPoolExecutor`` should have the context "spawn" (``multiprocessing.get_context``): a forked
+                  process may wait for a lock of a thread that it has not
         progress  True for a bar, or a function of the chunks that are done and their number
         threads   of each worker's batches; None leaves it to them
 
@@ -178,12 +181,17 @@ class Study:
             )
         given = getattr(executor, "get_executor", None)
         executor = executor if given is None else given()
+        if not hasattr(executor, "submit") and callable(getattr(executor, "apply_async", None)):
+            from .pools import PoolExecutor
+
+            executor = PoolExecutor(executor)
         if executor is not None and not callable(getattr(executor, "submit", None)):
             raise StudyError(
                 f"executor is {literal(executor)}, expected one with submit, such as of concurrent.futures"
             )
         self._check()
         self._folder.begin(self._manifest)
+        self._check()  # another may have begun there by now
         job = replace(self._job, threads=threads)
         with reporting(progress, "studying") as report:
             steps = Steps(report, self._count)
@@ -203,11 +211,17 @@ class Study:
         return {label: x.finish(states[label]) for label, x in self._job.reductions.items()}
 
     def digest(self) -> str:
-        """SHA-256 of all that was reduced: two runs with one digest have the same results to the bit."""
+        """SHA-256 of all that was reduced and kept: two runs with one digest have the same results to the bit.
+
+        Reads what is kept, chunk by chunk.
+        """
         found = hashlib.sha256()
         for label, state in sorted(self._states(False).items()):
             for name, x in sorted(state.items()):
                 found.update(f"{label}/{name} {x.dtype.str} {x.shape} ".encode() + np.ascontiguousarray(x).tobytes())
+        for name in sorted(self._job.keep):
+            for x in self[name].parts():
+                found.update(f"{name} {x.dtype.str} {x.shape} ".encode() + np.ascontiguousarray(x).tobytes())
         return found.hexdigest()
 
     def __getitem__(self, name: str) -> Stored:
@@ -280,7 +294,9 @@ def _spread(job: Job, chunks: tuple[int, ...], executor: Any) -> Iterator[Outcom
             lost[i] += 1
             if lost[i] == TRIES:
                 why = f"{type(fault).__name__}: {fault}"
-                raise StudyError(f"chunk {i} was lost {TRIES} times ({why}), expected workers that live") from fault
+                raise StudyError(
+                    f"chunk {i} was lost {TRIES} times ({why}), expected workers that live and a function that pickles"
+                ) from fault
             waiting.append(i)
     finally:
         for future in pending:

@@ -154,6 +154,14 @@ def test_what_is_no_answer_is_said(tmp_path: Path) -> None:
 
 
 @COMPILER
+@pytest.mark.parametrize("option", ["-ffast-math", "-ffinite-math-only"])
+def test_options_that_delete_checks_are_refused(option: str, tmp_path: Path) -> None:
+    sd.export(sd.load_urdf("two_link"), {"accelerate": sd.aba}, tmp_path)
+    with pytest.raises(subprocess.CalledProcessError):
+        library(tmp_path, option)
+
+
+@COMPILER
 def test_a_step_may_write_over_its_state(tmp_path: Path) -> None:
     model = robot("floating")
     sd.export(model, {"step": partial(sd.step, method="explicit_euler")}, tmp_path)

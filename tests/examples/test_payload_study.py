@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 import spatialdyn as sd
+from spatialdyn.commands.study import read
 from spatialdyn.examples import payload_study
 
 
@@ -23,3 +26,9 @@ def test_the_second_joint_comes_near_its_limit_and_no_sample_is_above(capsys: py
     assert found["worst"].sample[0] == part.max(-1).argmax()
     assert 0.85 < found["part"][-1, 1] < found["worst"].value[0] < 1.0
     assert (np.delete(found["part"][-1], 1) < 0.6).all()
+
+
+def test_the_command_takes_the_file(tmp_path: Path) -> None:
+    pytest.importorskip("pinocchio")
+    made = read(payload_study.__file__, str(tmp_path / "new"))
+    assert repr(made) == f"<Study of 10000000 samples in {tmp_path / 'new'}: 0 of 200 chunks done>"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import multiprocessing
 import os
+import pickle
 import re
 import shutil
 import signal
@@ -14,6 +15,7 @@ import time
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from functools import partial
+from multiprocessing.pool import ThreadPool
 from pathlib import Path
 from typing import Any
 
@@ -90,6 +92,26 @@ def test_any_executor_gives_the_same_bits(executor: Any, whole: sd.Study, tmp_pa
         other.run(workers, progress=lambda done, total: seen.append((done, total)))
     assert seen[-1] == (10, 10)
     assert other.digest() == whole.digest()
+
+
+def test_a_pool_with_the_methods_of_rays_gives_the_same_bits(whole: sd.Study, tmp_path: Path) -> None:
+    with ThreadPool(2) as pool:
+        assert made(tmp_path / "new").run(pool).digest() == whole.digest()
+        with pytest.raises(sd.StudyError, match=r"lost 3 times .*no such worker"):
+            made(tmp_path / "no").run(NoWorker(pool))
+
+
+class NoWorker:
+    """A pool whose tasks fail, as where a worker is killed."""
+
+    def __init__(self, pool: ThreadPool) -> None:
+        self.pool = pool
+
+    def apply_async(self, fn: Any, words: Any, options: Any, **more: Any) -> Any:
+        def lost() -> None:
+            raise OSError("no such worker")
+
+        return self.pool.apply_async(lost, (), {}, **more)
 
 
 def test_a_study_is_taken_up_where_it_ended(whole: sd.Study, tmp_path: Path) -> None:
@@ -181,10 +203,70 @@ def test_what_a_function_holds_is_part_of_it() -> None:
     assert len(set(digests)) == 4
     lock = time.perf_counter  # pickles; a generator does not
     chunks.digest_of_function(lambda model, rng, n: lock)
-    held = iter(())
+    held: Any = iter(())
     stream = (x for x in held)
     with pytest.raises(sd.StudyError, match="cannot be pickled"):
         chunks.digest_of_function(lambda model, rng, n: stream)
+
+
+MODULE = """
+MASS = 2.0
+TABLE = [1, (2.0, "a")]
+
+def half(x):
+    return FACTOR * x
+
+FACTOR = 0.5
+
+def f(model, rng, n):
+    return [half(MASS) for _ in TABLE]
+"""
+
+
+def test_what_a_function_names_of_its_module_is_part_of_it() -> None:
+    def of(text: str, change: str) -> str:
+        scope: dict[str, Any] = {"__name__": "mine"}
+        exec(MODULE.replace(text, change), scope)
+        return chunks.digest_of_function(scope["f"])
+
+    changes = [("", ""), ("2.0,", "2.5,"), ("MASS = 2.0", "MASS = 3.0"), ("FACTOR = 0.5", "FACTOR = 0.25")]
+    digests = [of(*x) for x in (*changes, ("FACTOR * x", "x * FACTOR"), ("MASS =", "OTHER = 1\nMASS ="))]
+    assert digests[0] == digests[-1]
+    assert len(set(digests)) == 5
+
+
+def test_methods_are_known_by_their_text_and_their_object() -> None:
+    class Law:
+        def __init__(self, x: float) -> None:
+            self.x = x
+
+        def one(self, model: Any, rng: Any, n: int) -> Any:
+            return self.x
+
+        def two(self, model: Any, rng: Any, n: int) -> Any:
+            return 2.0 * self.x
+
+    digests = [chunks.digest_of_function(f) for f in (Law(1.0).one, Law(1.0).one, Law(2.0).one, Law(1.0).two)]
+    assert digests[0] == digests[1]
+    assert len(set(digests)) == 3
+
+
+def test_what_is_kept_is_part_of_the_digest(tmp_path: Path) -> None:
+    few: dict[str, Any] = {"samples": 20, "chunk": 10, "keep": ("q",), "reduce": None}
+    first, again, other = (made(tmp_path / str(k), seed=seed, **few).run() for k, seed in enumerate((3, 3, 4)))
+    assert first.digest() == again.digest() != other.digest()
+
+
+def test_a_study_killed_before_its_manifest_was_whole_begins_anew(tmp_path: Path) -> None:
+    (tmp_path / "0123456789abcdef.part").write_text("{")
+    assert made(tmp_path, samples=20, chunk=10).run().missing == ()
+
+
+def test_a_function_that_does_not_pickle_is_said(tmp_path: Path) -> None:
+    with ThreadPoolExecutor(1) as workers:
+        workers.submit = lambda *words: ThreadPoolExecutor.submit(workers, lambda: pickle.dumps(words))  # type: ignore[method-assign, assignment]
+        with pytest.raises(sd.StudyError, match=r"lost 3 times .*pickle.*and a function that pickles"):
+            made(tmp_path / "new", lambda model, rng, n: {"q": rng.random(n)}, keep=(), reduce=None).run(workers)
 
 
 def test_a_function_without_a_text_is_known_by_its_code() -> None:
@@ -242,8 +324,10 @@ def test_bad_ways_to_run_are_refused(tmp_path: Path) -> None:
     some = made(tmp_path / "new")
     with pytest.raises(sd.StudyError, match="executor is 5"):
         some.run(5)
-    with pytest.raises(sd.StudyError, match=r"expected sd\.set_num_threads"):
+    with pytest.raises(sd.StudyError, match=r"or sd\.set_num_threads here"):
         some.run(threads=2)
+    with pytest.raises(sd.StudyError, match="expected a ProcessPoolExecutor"):
+        some.run(type("Pool", (), {"__module__": "multiprocessing.pool", "apply_async": print})())
     with ThreadPoolExecutor(1) as closed:
         pass
     with pytest.raises(sd.StudyError, match="the executor takes no chunk"):
@@ -297,11 +381,14 @@ import os, signal, sys
 sys.path.insert(0, {tests!r})
 from test_studies import made, torques
 from pathlib import Path
-count = 0
 def end(done, total):
     if done == int(sys.argv[2]):
         os.kill(os.getpid(), signal.SIGKILL)
-study = made(Path(sys.argv[1])).run(progress=end)
+client = None
+if len(sys.argv) > 3:
+    import distributed
+    client = distributed.Client(sys.argv[3])
+study = made(Path(sys.argv[1])).run(client, progress=end)
 print(study.digest())
 """
 
@@ -320,7 +407,7 @@ def test_a_study_killed_twice_has_the_digest_of_one_that_was_not(whole: sd.Study
 
 @pytest.mark.slow(quick="test_any_executor_gives_the_same_bits")
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGKILL")
-def test_on_dask_with_a_worker_killed_the_bits_are_the_same(whole: sd.Study, tmp_path: Path) -> None:
+def test_on_dask_with_a_worker_or_the_driver_killed_the_bits_are_the_same(whole: sd.Study, tmp_path: Path) -> None:
     distributed = pytest.importorskip("distributed")
     with (
         distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster,
@@ -331,6 +418,11 @@ def test_on_dask_with_a_worker_killed_the_bits_are_the_same(whole: sd.Study, tmp
         some.run(client, threads=1)
         assert (tmp_path / "died").exists()
         assert some.digest() == whole.digest()
+        code, folder = SCRIPT.format(tests=str(Path(__file__).parent)), tmp_path / "driver"
+        words = [sys.executable, "-c", code, str(folder), "3", cluster.scheduler_address]
+        assert subprocess.run(words, capture_output=True, check=False).returncode == -signal.SIGKILL
+        assert len(made(folder).done) >= 3
+        assert made(folder).run(client).digest() == whole.digest()
 
 
 def test_a_manifest_says_what_the_study_is(whole: sd.Study) -> None:
@@ -338,3 +430,12 @@ def test_a_manifest_says_what_the_study_is(whole: sd.Study) -> None:
     assert found["seed"] == 3
     assert found["function"] == "torques"
     assert repr(whole) == f"<Study of 950 samples in {whole.folder}: 10 of 10 chunks done>"
+
+
+def test_a_value_that_changes_in_a_module_is_named(tmp_path: Path) -> None:
+    first, other = {"__name__": "mine"}, {"__name__": "mine"}
+    exec(MODULE, first)
+    exec(MODULE.replace("MASS = 2.0", "MASS = 3.0"), other)
+    made(tmp_path / "new", first["f"]).run()  # type: ignore[arg-type]
+    with pytest.raises(sd.StudyError, match=r"whose source \(of the function, with the values that it holds and"):
+        made(tmp_path / "new", other["f"])  # type: ignore[arg-type]
