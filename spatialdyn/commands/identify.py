@@ -76,12 +76,12 @@ def _run(arguments: argparse.Namespace) -> int:
         fold("another motion: rms of the torque " + ", ".join(f"{x:.3g}" for x in judged.ratio) + " times the noise")
         for note in odd:
             fold(f"note    another motion: {note}", first="")
+    if arguments.report:  # before a file that may not hold what was found
+        found.report(arguments.report, other)
     if arguments.save:
         text = to_urdf(found.model())
         with open(arguments.save, "w", encoding="utf-8") as file:
             file.write(text)
-    if arguments.report:
-        found.report(arguments.report, other)
     if not arguments.json:
         for word, path in (("saved  ", arguments.save), ("written", arguments.report)):
             if path:

@@ -30,6 +30,12 @@ def test_a_path_a_log_a_page_and_a_urdf(tmp_path: Path, capsys: Any) -> None:
     assert "times the noise" in out
     assert "<h2>Parameters</h2>" in Path(where["page.html"]).read_text(encoding="utf-8")
     np.testing.assert_allclose(sd.load_urdf(where["model.urdf"]).damping, 0.2, atol=0.01)
+    geared, page = str(tmp_path / "geared.urdf"), tmp_path / "geared.html"
+    sd.Recording(table["t"], q, tau + [0.0, 0.3] * a, v, a).save(tmp_path / "geared.csv")
+    parameters = ["--parameters", "inertial+friction+armature", "--report", str(page), "--save", geared]
+    assert main(["identify", "two_link", str(tmp_path / "geared.csv"), *parameters]) == 2  # URDF has no armature
+    assert "has armature" in capsys.readouterr().err
+    assert page.exists()
     lines = Path(where["log.csv"]).read_text(encoding="utf-8").splitlines(keepends=True)
     gap = tmp_path / "gap.csv"
     gap.write_text("".join(lines[:50] + lines[60:]), encoding="utf-8")
