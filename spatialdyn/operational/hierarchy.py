@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..calls.arguments import as_finite, broadcast, check_model
+from ..calls.arguments import as_finite, broadcast, check_model, frame_row_and_placement
 from ..calls.dynamics import calls
 from ..errors import ModelError, ShapeError, SpatialDynError
 from ..model.model import Model
@@ -136,8 +136,9 @@ def check_tasks(model: Model, tasks: Any) -> list[Any]:
         key: tuple[Any, ...] = ("centre of mass",)
         what = "the centre of mass"
         if isinstance(task, FrameTask):
-            frame = model.frame(task.frame)
-            key, what = (frame.kind, frame.name, task.reference), f'frame "{frame.name}"'
+            row, placement = frame_row_and_placement(model, task.frame)  # of a link and its joint the same
+            key = row, np.asarray(placement).tobytes(), task.reference
+            what = f'frame "{model.frame(task.frame).name}"'
         for axis in axes_of(task.axes):
             if (*key, axis) in seen:
                 word = ("x", "y", "z", "rx", "ry", "rz")[axis]

@@ -14,7 +14,17 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..calls.arguments import as_array, as_finite, as_items, as_number, as_word, broadcast, check_model, pose_fault
+from ..calls.arguments import (
+    as_array,
+    as_finite,
+    as_items,
+    as_number,
+    as_word,
+    broadcast,
+    check_model,
+    frame_row_and_placement,
+    pose_fault,
+)
 from ..calls.dynamics import calls
 from ..errors import ModelError, NonFiniteError, ShapeError, SpatialDynError
 from ..model.model import Frame, Model
@@ -183,8 +193,10 @@ class FrameTask(Task):
             raise SpatialDynError(f'target of task "{self.name}" has {fault}')
 
     def check(self, model: Model) -> None:
-        """Raise ModelError if there is no such frame."""
-        check_model(model).frame(self.frame)
+        """Raise ModelError if there is no such frame, or one of the world."""
+        frame = check_model(model).frame(self.frame)
+        if frame_row_and_placement(model, frame)[0] == 0:
+            raise ModelError(f'frame "{frame.name}" of task "{self.name}" does not move, expected one of a body')
 
     def _of_state(self, model: Model, q: Array, v: Array) -> Rows:
         """See ``Task``."""
