@@ -180,6 +180,23 @@ def test_feet_that_slip_are_slowed() -> None:
         np.testing.assert_allclose(a[:3], [-2.0, 0.0, 0.0], atol=MET)
 
 
+def test_a_state_that_is_asked_for_again_is_not_solved_again() -> None:
+    """As ``simulate`` does where it records; another time, position or velocity is another state."""
+    model, scene, q = box()
+    body, v = sd.WholeBody(scene, standing(model, q)), np.r_[np.zeros(6), 0.1, 0.2]
+    tau = body(0.0, q, v)
+    tau[:] = 0.0  # a copy
+    solve, asked = body.solve, []
+    body.solve = lambda *x: (asked.append(x), solve(*x))[1]  # type: ignore[method-assign]
+    np.testing.assert_array_equal(body(0.0, q, v), solve(q, v).tau)
+    assert not asked
+    np.testing.assert_array_equal(body(0.0, q, 0.5 * v), solve(q, 0.5 * v).tau)
+    body(0.1, q, 0.5 * v)
+    assert len(asked) == 2
+    with pytest.raises(sd.ShapeError, match="q has shape"):
+        body(0.1, q[None], 0.5 * v)
+
+
 def test_a_push_is_survived_in_closed_loop() -> None:
     """The box is pushed for 50 ms and stands again; its forces act as it asked for."""
     model, scene, q = box()
