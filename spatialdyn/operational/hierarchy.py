@@ -126,6 +126,9 @@ def check_tasks(model: Model, tasks: Any) -> list[Any]:
     for task in given:
         if not callable(getattr(task, "rows", None)):
             raise SpatialDynError(f"tasks has {task!r}, expected {expected}")
+        for name in ("name", "weight", "priority", "check"):
+            if not hasattr(task, name):
+                raise SpatialDynError(f"tasks has {task!r} without {name}, expected it in a task")
         task.check(model)
     if not given:
         raise SpatialDynError(f"tasks is {tasks!r}, expected {expected}")

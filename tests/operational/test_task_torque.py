@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import spatialdyn as sd
-from spatialdyn.operational.tasks import turning
+from spatialdyn.operational.turning import turning
 
 MET = 1e-12  # [m/s²] of accelerations of some m/s²: the hierarchy's error on a redundant arm
 EXACT = 1e-13
