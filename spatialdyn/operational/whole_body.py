@@ -170,7 +170,7 @@ class WholeBody:
         return np.array([lower, upper, fastest, self.unit, self.limit]), np.array(numbers)
 
     def __call__(self, t: float, q: ArrayLike, v: ArrayLike) -> Array:
-        """The torque (nv,) at a state: a torque function of ``simulate``, which asks again where it records."""
+        """The torque (nv,) at a state: a torque function of ``simulate``, which calls it again where it records."""
         q, v = self._one(q, v)
         key = t, q.tobytes(), v.tobytes()
         if key != self._called[0]:
