@@ -14,6 +14,7 @@ from ..calls.dynamics import calls
 from ..calls.states import random_configuration
 from ..errors import IdentificationError
 from ..model.model import Model
+from ..waiting import watch
 from .unknowns import Unknowns, floats, unknowns_of, whole_number
 
 Array = NDArray[np.float64]
@@ -67,6 +68,7 @@ class Base:
         return tuple(f"{self.names[j]}{f' + {n}' if n else ''}" for j, n in zip(self.columns, more, strict=True))
 
 
+@watch.call("base_parameters")
 def base_parameters(
     model: Model, parameters: Any = "inertial", rows: str = "all", *, payload: str | None = None, samples: int = 0,
     seed: int = 0,

@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..calls.arguments import as_count, as_number, as_word
-from ..errors import IdentificationError
+from ..errors import IdentificationError, literal
 from ..model.model import Model
 from ..simulation.scene import Scene, scene_of
+from ..waiting import watch
 from . import log_cholesky, semidefinite
 from .base import ROWS, Base, structural_base
 from .base_fit import BaseFit, fit_base
@@ -25,6 +26,7 @@ from .recording import Recording
 from .unknowns import DEFAULT, floats, freedoms_of, names_of, unknowns_of, words_of
 
 Array = NDArray[np.float64]
+LEAST = 1e-100  # of numbers above 0, by which is divided
 METHODS = ("ols", "wls", "log_cholesky", "sdp")
 TIMES_RANK = 10  # rows that a recording needs at least for each base parameter
 PRIOR = 1.0  # as much as each body's inertia seen once with a deviation of its own size
@@ -33,6 +35,7 @@ MOST_WINDOW = 1 << 20
 LOOK = 2048  # rows of each freedom in which a delay of whole samples is looked for
 
 
+@watch.call("identify")
 def identify(
     recording: Recording | Iterable[Recording],
     model: Model | Scene,
@@ -247,7 +250,7 @@ def _recordings(given: Any) -> tuple[Any, bool]:
     """Recordings one by one, and whether they can be gone through once only."""
     if isinstance(given, Recording):
         return [given], False
-    if not isinstance(given, Iterable):
+    if not isinstance(given, Iterable) or getattr(given, "ndim", 1) == 0:
         raise IdentificationError(f"recording is a {type(given).__name__}, expected a Recording, or several")
     return given, not isinstance(given, (list, tuple))
 
@@ -257,7 +260,7 @@ def _peeked(logs: Any) -> tuple[Recording, Any]:
     walk = iter(logs)
     first = next(walk, None)
     if not isinstance(first, Recording):
-        raise IdentificationError(f"recording has {first!r}, expected a Recording")
+        raise IdentificationError(f"recording has {literal(first)}, expected a Recording")
 
     def every() -> Any:
         yield first
@@ -275,7 +278,7 @@ def _form(form: str | None, hold: str | None, first: Recording) -> str:
     as_word("form", form, FORMS)
     if form == "torque" and hold is not None:
         raise IdentificationError(
-            f'form is "torque" and hold {hold!r}, expected "momentum": a held torque is the mean of a step'
+            f'form is "torque" and hold {literal(hold)}, expected "momentum": a held torque is the mean of a step'
         )
     return form
 
@@ -284,13 +287,13 @@ def _prior(method: str, prior: float | None) -> float:
     if prior is None:
         return PRIOR
     if method in ("ols", "wls"):
-        raise IdentificationError(f'prior is {prior!r}, expected None for method "{method}", which has none')
+        raise IdentificationError(f'prior is {literal(prior)}, expected None for method "{method}", which has none')
     return _positive("prior", prior)
 
 
 def _positive(name: str, value: Any) -> float:
     x = as_number(value)
-    return x if 0.0 < x < math.inf else _refuse(name, value, "a finite number above 0")
+    return x if LEAST <= x < math.inf else _refuse(name, value, "a finite number above 0")
 
 
 def _not_negative(name: str, value: Any) -> float:
@@ -299,4 +302,4 @@ def _not_negative(name: str, value: Any) -> float:
 
 
 def _refuse(name: str, value: Any, expected: str) -> Any:
-    raise IdentificationError(f"{name} is {value!r}, expected {expected}")
+    raise IdentificationError(f"{name} is {literal(value)}, expected {expected}")

@@ -114,6 +114,8 @@ def motion_of(recording: Recording, model: Model, cutoff: float | None, accelera
     if cutoff is not None and cutoff * h >= 0.5:
         raise IdentificationError(f"cutoff is {cutoff:g} Hz, expected one below {0.5 / h:g} Hz, half the sampling rate")
     plain = all(row["kind"] in R1 for row in model.bodies[1:])
+    if cutoff is not None and 1.0 / len(q) > cutoff * h / EDGE:  # then nothing is left
+        raise IdentificationError(f"cutoff is {cutoff:g} Hz, expected one above {EDGE / (len(q) * h):g} Hz")
     if v is None and not plain:
         raise IdentificationError(
             f'recording has no v, expected it of robot "{model.name}", whose positions are not all numbers'

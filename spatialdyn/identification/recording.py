@@ -11,9 +11,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..calls.arguments import as_array, as_flag, check_model
 from ..calls.files import check_ending
-from ..errors import IdentificationError, ShapeError, SpatialDynError
+from ..errors import IdentificationError, ShapeError, SpatialDynError, literal
 from ..model.model import Model
 from ..simulation.trajectory import Trajectory
+from ..waiting import watch
 from .tables import KINDS, arrays_of, from_csv, from_parquet
 from .unknowns import floats, own_joints
 
@@ -66,7 +67,7 @@ class Recording:
         given: dict[str, Any] = {"q": q, "tau": tau, "v": v, "a": a}
         found = {name: np.array(as_array(name, x)) for name, x in given.items() if x is not None}
         if wrenches is not None and not isinstance(wrenches, Mapping):
-            raise IdentificationError(f"wrenches is {wrenches!r}, expected a mapping of frames to arrays (N, 6)")
+            raise IdentificationError(f"wrenches is {literal(wrenches)}, expected a mapping of frames to arrays (N, 6)")
         forces = {str(name): np.array(as_array(f"wrench of {name}", x)) for name, x in (wrenches or {}).items()}
         when = np.array(as_array("t", t))
         if when.ndim != 1 or len(when) < LEAST:
@@ -111,6 +112,7 @@ class Recording:
         return f"<Recording: {len(self)} samples of {self.dt:g} s, {self.tau.shape[1]} torques{also}>"
 
     @classmethod
+    @watch.call("Recording.of")
     def of(cls, run: Trajectory) -> Recording:
         """The Recording of a simulation's samples, of its positions, velocities and torques.
 
@@ -129,6 +131,7 @@ class Recording:
         return made
 
     @classmethod
+    @watch.call("Recording.load")
     def load(cls, path: Any, model: Model | None = None, *, resample: bool = False) -> Recording:
         """The Recording in a table, CSV by NumPy or parquet by pandas.
 
@@ -154,6 +157,7 @@ class Recording:
             raise IdentificationError(f"columns is a {type(columns).__name__}, expected a mapping, or a DataFrame")
         return cls(**arrays_of(columns, None if model is None else check_model(model)), resample=resample)
 
+    @watch.call("Recording.save")
     def save(self, path: Any) -> None:
         """Write the samples to a CSV file that ``load`` reads, all digits of them."""
         check_ending("path", path, (".csv",))
@@ -164,7 +168,7 @@ class Recording:
         try:
             np.savetxt(path, rows, "%.17g", ",", header=",".join(names), comments="")
         except (OSError, ValueError) as error:
-            raise SpatialDynError(f"{path!r} cannot be written: {error}") from error
+            raise SpatialDynError(f"{literal(path)} cannot be written: {error}") from error
 
     def check(self, model: Model) -> tuple[str, ...]:
         """What is odd about the recording for a robot, in words; empty if nothing is.
@@ -212,6 +216,7 @@ class Recording:
                 )
         return tuple(notes)
 
+    @watch.call("Recording.torques")
     def torques(self, model: Model) -> Array:
         """(N, nv) of all freedoms: 0 for a floating base whose torques were left out."""
         missing = check_model(model).nv - self.tau.shape[1]
