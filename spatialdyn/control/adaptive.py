@@ -65,13 +65,13 @@ class Adaptive(Law):
             raise SimulationError(f"composite is {literal(composite)}, expected 0 or more")
         if not 0.0 < width < math.inf:
             raise SimulationError(f"bandwidth is {literal(bandwidth)}, expected a finite number above 0 [1/s]")
-        self.predicts = weight > 0.0
-        if self.predicts:
+        self._predicts = weight > 0.0
+        if self._predicts:
             values |= {"composite": np.array([weight]), "bandwidth": np.array([width])}
         if friction is not None:
             values |= _friction(model, friction, friction_gain)
         self.friction = friction is not None
-        core = adaptive_spec(natural, _is_matrix(one), _is_matrix(two), self.friction, self.predicts)
+        core = adaptive_spec(natural, _is_matrix(one), _is_matrix(two), self.friction, self._predicts)
         super().__init__(core, values, reference, held)
         self.checks = (*self.checks, self._check)
 

@@ -72,7 +72,7 @@ class Control:
     # of each torque that is held for a period: the names of that value, of the time that is left, and of the torque
     periods: tuple[tuple[str, ...], ...] = ()
     smooth = False  # whether its torque is known to have derivatives, so that a closed step may be judged by them
-    predicts = False  # whether it learns from what its torque does, which then has to be the torque that acts
+    _predicts = False  # whether it learns from what its torque does, which then has to be the torque that acts
 
     def __init__(self, spec: Spec, values: Mapping[str, Any] | None = None, held: bool | float = False) -> None:
         """Check the Spec, and keep copies of the values."""
@@ -142,7 +142,7 @@ class Control:
 
     def _acts(self, where: str) -> None:
         """Raise SimulationError for a law that has to act alone."""
-        if self.predicts:
+        if self._predicts:
             raise SimulationError(
                 f'law "{self.spec.name}" is composite and learns from what its torque does, expected it not {where}'
             )
