@@ -174,7 +174,8 @@ class FrameTask(Task):
 
     def __post_init__(self) -> None:
         """Check the fields."""
-        _common(self, self.frame.name if isinstance(self.frame, Frame) else literal(self.frame))
+        named = self.frame.name if isinstance(self.frame, Frame) else self.frame
+        _common(self, named if isinstance(named, str) else literal(named))
         rows = axes_of(self.axes)
         as_word("reference", self.reference, REFERENCES)
         _numbers(self, "target", "acceleration", "velocity")

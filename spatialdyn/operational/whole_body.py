@@ -173,9 +173,10 @@ class WholeBody:
         """The torque (nv,) at a state: a torque function of ``simulate``, which calls it again where it records."""
         q, v = self._one(q, v)
         key = t, q.tobytes(), v.tobytes()
-        if key != self._called[0]:
-            self._called = key, self.solve(q, v).tau
-        return self._called[1].copy()
+        called = self._called  # of any thread
+        if key != called[0]:
+            called = self._called = key, self.solve(q, v).tau
+        return called[1].copy()
 
     def __repr__(self) -> str:
         tasks = ", ".join(f"{x.name}" for x in self.tasks)
