@@ -152,6 +152,7 @@ def test_the_smallest_relaxation_is_that_by_hand() -> None:
         'torque limit of joint "wheel_joint"',
         'position or velocity limit of joint "wheel_joint"',
     ]
+    assert [x.unit for x in found.relaxed] == ["N m", "rad/s²"]
     np.testing.assert_allclose([x.amount for x in found.relaxed], [1000 / 101, 10 / 101], rtol=1e-3)
     np.testing.assert_allclose(found.tau, -2010 / 101, rtol=2e-3)
 
