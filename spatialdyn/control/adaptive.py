@@ -65,13 +65,13 @@ class Adaptive(Law):
             raise SimulationError(f"composite is {literal(composite)}, expected 0 or more")
         if not 0.0 < width < math.inf:
             raise SimulationError(f"bandwidth is {literal(bandwidth)}, expected a finite number above 0 [1/s]")
-        self.predicts = weight > 0.0
-        if self.predicts:
+        self._predicts = weight > 0.0
+        if self._predicts:
             values |= {"composite": np.array([weight]), "bandwidth": np.array([width])}
         if friction is not None:
             values |= _friction(model, friction, friction_gain)
         self.friction = friction is not None
-        core = adaptive_spec(natural, _is_matrix(one), _is_matrix(two), self.friction, self.predicts)
+        core = adaptive_spec(natural, _is_matrix(one), _is_matrix(two), self.friction, self._predicts)
         super().__init__(core, values, reference, held)
         self.checks = (*self.checks, self._check)
 
@@ -125,7 +125,8 @@ class SlotineLi(Adaptive):
     bounds         (least, most), each (njoints, 10): the estimates stay between
     deadzone       |s| up to which nothing is learnt [rad/s]: what noise and friction leave would be learnt as mass
     composite      c, 0 or more: learns from the error of predicted torques too, by y = Yᵀ s + c Wᵀ e. Estimates then go
-                   on while tracking is already good. A step has to keep h c Γ |W|² below 2
+                   on while tracking is already good. A step has to keep h c Γ |W|² below 2. What acts has to be the
+                   torque of the law: no limits, no other law, and of friction what the law gives
     bandwidth      of the filters that make W and e without accelerations [1/s]
     friction       Friction, first estimates of coulomb and viscous, with smoothing: the law learns and gives them
     friction_gain  number or (2, nv): how fast those are learnt

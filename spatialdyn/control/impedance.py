@@ -99,7 +99,7 @@ def cartesian_damping(Lambda: ArrayLike, K: ArrayLike, zeta: ArrayLike = 0.7) ->
     zeta    number or (m,), 0 or above: of the modes, the slowest first
 
     With K Q = Λ Q Ω² and QᵀΛ Q = 1, D = Q⁻ᵀ 2 ζ Ω Q⁻¹. Where Λ(q) moves far, take it anew; 2 ζ √K alone leaves Λ out.
-    Raises  ShapeError; SimulationError naming an eigenvalue that is not above 0
+    Raises  ShapeError; SimulationError for a matrix that is not symmetric, or naming an eigenvalue that is not above 0
 
     >>> import numpy as np, spatialdyn as sd
     >>> sd.cartesian_damping(np.diag([1.0, 4.0]), [100.0, 100.0], 0.5).round(9).tolist()
@@ -111,6 +111,9 @@ def cartesian_damping(Lambda: ArrayLike, K: ArrayLike, zeta: ArrayLike = 0.7) ->
     for name, x in (("Lambda", mass), ("K", springs)):
         if x.ndim < 2 or x.shape[-1] != x.shape[-2] or x.shape[-1] != mass.shape[-1]:
             raise ShapeError(f"{name} has shape {x.shape}, expected (..., m, m) of one m")
+        off = abs(x - np.swapaxes(x, -1, -2)).max(initial=0.0)
+        if off > SAME * abs(x).max(initial=0.0):
+            raise SimulationError(f"{name} is not symmetric, by up to {off:.6g}, expected a symmetric matrix")
         low = float(np.linalg.eigvalsh(x).min(initial=np.inf))
         if not low > 0.0:
             raise SimulationError(f"{name} has the eigenvalue {low:.6g}, expected above 0")

@@ -72,6 +72,7 @@ class Control:
     # of each torque that is held for a period: the names of that value, of the time that is left, and of the torque
     periods: tuple[tuple[str, ...], ...] = ()
     smooth = False  # whether its torque is known to have derivatives, so that a closed step may be judged by them
+    _predicts = False  # whether it learns from what its torque does, which then has to be the torque that acts
 
     def __init__(self, spec: Spec, values: Mapping[str, Any] | None = None, held: bool | float = False) -> None:
         """Check the Spec, and keep copies of the values."""
@@ -114,6 +115,8 @@ class Control:
         if not isinstance(other, Control):
             return NotImplemented
         laws = (self, other)
+        for law in laws:
+            law._acts("beside another law")
         spec, names = total(tuple(x.spec for x in laws), tuple(x.held for x in laws))
         values = {named[x]: y for law, named in zip(laws, names, strict=True) for x, y in law.values.items()}
         made = Control.of(spec, values, self.static + other.static, False, self.checks + other.checks)
@@ -126,15 +129,23 @@ class Control:
         """This law with its torques within -limits to limits (nv,), above 0 [N m | N]: effort limits, as of a Model,
         infinite where there is none.
 
-        Raises SimulationError for limits that are not above 0
+        Raises SimulationError for limits that are not above 0, and for a composite adaptive law
         """
         most = as_array("limits", limits)
         if most.ndim != 1 or not (most > 0.0).all():
             raise SimulationError(f"limits is {most.tolist()}, expected (nv,) numbers above 0")
+        self._acts("within limits")
         values = {**self.values, unused(LIMITS.name, self.spec): kept(np.minimum(most, MOST))}
         made = Control.of(limited(self.spec), values, self.static, self.held, self.checks)
         made.smooth, made.periods = self.smooth, self.periods
         return made
+
+    def _acts(self, where: str) -> None:
+        """Raise SimulationError for a law that has to act alone."""
+        if self._predicts:
+            raise SimulationError(
+                f'law "{self.spec.name}" is composite and learns from what its torque does, expected it not {where}'
+            )
 
     def __call__(
         self, model: Model, t: ArrayLike, q: ArrayLike, v: ArrayLike, tau: ArrayLike | None = None,

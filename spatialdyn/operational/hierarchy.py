@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..calls.arguments import as_finite, broadcast, check_model
+from ..calls.arguments import as_finite, broadcast, check_model, frame_row_and_placement
 from ..calls.dynamics import calls
 from ..errors import ModelError, ShapeError, SpatialDynError, literal
 from ..model.model import Model
@@ -128,6 +128,9 @@ def check_tasks(model: Model, tasks: Any) -> list[Any]:
     for task in given:
         if not callable(getattr(task, "rows", None)):
             raise SpatialDynError(f"tasks has {literal(task)}, expected {expected}")
+        for name in ("name", "weight", "priority", "check"):
+            if not hasattr(task, name):
+                raise SpatialDynError(f"tasks has {literal(task)} without {name}, expected it in a task")
         task.check(model)
     if not given:
         raise SpatialDynError(f"tasks is {literal(tasks)}, expected {expected}")
@@ -138,8 +141,9 @@ def check_tasks(model: Model, tasks: Any) -> list[Any]:
         key: tuple[Any, ...] = ("centre of mass",)
         what = "the centre of mass"
         if isinstance(task, FrameTask):
-            frame = model.frame(task.frame)
-            key, what = (frame.kind, frame.name, task.reference), f'frame "{frame.name}"'
+            row, placement = frame_row_and_placement(model, task.frame)  # of a link and its joint the same
+            key = row, np.asarray(placement).tobytes(), task.reference
+            what = f'frame "{model.frame(task.frame).name}"'
         for axis in axes_of(task.axes):
             if (*key, axis) in seen:
                 word = ("x", "y", "z", "rx", "ry", "rz")[axis]

@@ -83,10 +83,14 @@ def by_qpsolvers(solver: str, p: Program) -> Array | None:
     G, h = np.concatenate([p.rows[above], -p.rows[below]]), np.concatenate([high[above], -low[below]])
     least = np.where(p.low[:n] > -NONE, p.low[:n], -np.inf)
     most = np.where(p.high[:n] < NONE, p.high[:n], np.inf)
-    A, b = p.rows[equal], high[equal]
+    P, A, b = p.P, p.rows[equal], high[equal]
+    if solver not in qpsolvers.dense_solvers:
+        from scipy.sparse import csc_matrix
+
+        P, G, A = (csc_matrix(x) for x in (P, G, A))
     try:
         found = qpsolvers.solve_qp(
-            p.P, p.g, G if len(h) else None, h if len(h) else None, A if len(b) else None, b if len(b) else None, least,
+            P, p.g, G if len(h) else None, h if len(h) else None, A if len(b) else None, b if len(b) else None, least,
             most, solver=solver,
         )  # fmt: skip
     except (ValueError, ArithmeticError, qpsolvers.exceptions.QPError):

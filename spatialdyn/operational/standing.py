@@ -54,10 +54,10 @@ class Standing(NamedTuple):
         pyramids = (n + ns + 4 * points[:, None] + np.arange(4)).ravel()
         columns = np.r_[np.arange(n), (n + 3 * points[:, None] + np.arange(3)).ravel()].astype(np.intp)
         whole = len(bodies) == n and at == tuple(range(len(contacts)))
-        joints = [joint.name for joint in body.model.joints[1:] for _ in range(joint.nv)]
-        names = [(f'position or velocity limit of joint "{x}"', "rad/s² | m/s²") for x in joints]
+        joints = [(joint.name, *units(joint)) for joint in body.model.joints[1:] for _ in range(joint.nv)]
+        names = [(f'position or velocity limit of joint "{x}"', unit) for x, unit, _ in joints]
         names += [(f'push of the ground at point "{contacts.names[p]}"', "N") for p in at for _ in range(3)]
-        names += [(f'torque limit of joint "{joints[i]}"', "N m | N") for i in bodies]
+        names += [(f'torque limit of joint "{joints[i][0]}"', joints[i][2]) for i in bodies]
         names += [("feet", "")] * len(blocks)
         names += [(f'friction at point "{contacts.names[p]}"', "N") for p in at for _ in range(4)]
         size = np.concatenate([
@@ -80,3 +80,10 @@ class Standing(NamedTuple):
             of_rows = whole[width:]
             bounds += [whole[self.columns], of_rows[self.bodies], self.feet @ of_rows[feet], of_rows[self.pyramids]]
         return np.ascontiguousarray(rows[:, self.columns]), np.concatenate(bounds[:4]), np.concatenate(bounds[4:])
+
+
+def units(joint: Any) -> tuple[str, str]:
+    """Of accelerations and torques of a joint."""
+    if joint.nv > 1:
+        return "rad/s² | m/s²", "N m | N"
+    return ("m/s²", "N") if joint.kind == "prismatic" else ("rad/s²", "N m")

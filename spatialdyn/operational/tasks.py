@@ -14,11 +14,22 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..calls.arguments import as_array, as_finite, as_items, as_number, as_word, broadcast, check_model, pose_fault
+from ..calls.arguments import (
+    as_array,
+    as_finite,
+    as_items,
+    as_number,
+    as_word,
+    broadcast,
+    check_model,
+    frame_row_and_placement,
+    pose_fault,
+)
 from ..calls.dynamics import calls
 from ..errors import ModelError, NonFiniteError, ShapeError, SpatialDynError, literal
 from ..model.model import Frame, Model
 from .spectral import ALL_AXES, axes_of
+from .turning import turning
 
 Array = NDArray[np.float64]
 REFERENCES = ("local", "world", "local_world_aligned")
@@ -163,7 +174,8 @@ class FrameTask(Task):
 
     def __post_init__(self) -> None:
         """Check the fields."""
-        _common(self, self.frame.name if isinstance(self.frame, Frame) else literal(self.frame))
+        named = self.frame.name if isinstance(self.frame, Frame) else self.frame
+        _common(self, named if isinstance(named, str) else literal(named))
         rows = axes_of(self.axes)
         as_word("reference", self.reference, REFERENCES)
         _numbers(self, "target", "acceleration", "velocity")
@@ -183,8 +195,10 @@ class FrameTask(Task):
             raise SpatialDynError(f'target of task "{self.name}" has {fault}')
 
     def check(self, model: Model) -> None:
-        """Raise ModelError if there is no such frame."""
-        check_model(model).frame(self.frame)
+        """Raise ModelError if there is no such frame, or one of the world."""
+        frame = check_model(model).frame(self.frame)
+        if frame_row_and_placement(model, frame)[0] == 0:
+            raise ModelError(f'frame "{frame.name}" of task "{self.name}" does not move, expected one of a body')
 
     def _of_state(self, model: Model, q: Array, v: Array) -> Rows:
         """See ``Task``."""
@@ -321,9 +335,22 @@ class PostureTask(Task):
 
 
 def rows_of(task: Any, model: Model, q: Array, v: Array) -> Rows:
-    """The equations of a task, or of an object with its methods, whose arguments have been checked."""
-    found: Rows = task._of_state(model, q, v) if isinstance(task, Task) else task.rows(model, q, v)
-    return found
+    """The equations of a task, or of an object with its methods, whose arguments have been checked.
+
+    Raises ShapeError, NonFiniteError for rows of such an object
+    """
+    if isinstance(task, Task):
+        return task._of_state(model, q, v)
+    found = task.rows(model, q, v)
+    J, drift, wanted = (as_finite(f'{name} of task "{task.name}"', getattr(found, name)) for name in Rows._fields[:3])
+    m = J.shape[-2:-1]
+    for name, x, core in (("J", J, (*m, model.nv)), ("drift", drift, m), ("wanted", wanted, m)):
+        if not m or x.shape[x.ndim - len(core) :] != core:
+            raise ShapeError(
+                f'{name} of task "{task.name}" has shape {x.shape}, expected (..., m, {model.nv}) of J and (..., m) of '
+                "drift and wanted"
+            )
+    return Rows(J, drift, wanted, np.asarray(found.turning))
 
 
 def feedback(task: Any, rate: Array, e: Array | None) -> Array:
@@ -334,31 +361,4 @@ def feedback(task: Any, rate: Array, e: Array | None) -> Array:
     if task.acceleration is not None:
         wanted = wanted + task.acceleration
     found: Array = wanted if e is None else wanted + np.asarray(task.Kp) * e
-    return found
-
-
-def turning(R: Array) -> Array:
-    """Rotation vectors (..., 3) of rotations (..., 3, 3), of angles up to π."""
-    R = np.asarray(R)
-    if R.ndim == 2:
-        (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = R.tolist()
-        x, y, z, cos = 0.5 * (zy - yz), 0.5 * (xz - zx), 0.5 * (yx - xy), 0.5 * (xx + yy + zz - 1.0)
-        sin = math.sqrt(x * x + y * y + z * z)
-        if cos > 0.0 or sin > 0.1:  # as below, in a tenth of the time
-            by = math.atan2(sin, cos) / sin if sin > 0.0 else 1.0
-            return np.array([by * x, by * y, by * z])
-    odd = 0.5 * np.stack([R[..., 2, 1] - R[..., 1, 2], R[..., 0, 2] - R[..., 2, 0], R[..., 1, 0] - R[..., 0, 1]], -1)
-    s, c = np.linalg.norm(odd, axis=-1), 0.5 * (np.trace(R, axis1=-2, axis2=-1) - 1.0)
-    angle = np.arctan2(s, c)
-    # near a half turn ``odd`` vanishes: u uᵀ = (R + Rᵀ - 2 c 1) / (2 - 2 c), of which the longest column is u
-    even = 0.5 * (R + np.swapaxes(R, -1, -2)) - c[..., None, None] * np.eye(3)
-    longest = np.argmax(np.diagonal(even, axis1=-2, axis2=-1), -1)
-    u = np.take_along_axis(even, longest[..., None, None], -1)[..., 0]
-    size = np.linalg.norm(u, axis=-1)
-    u = u / np.where(size > 0.0, size, 1.0)[..., None]
-    u = np.where((u * odd).sum(-1, keepdims=True) < 0.0, -u, u)
-    close = s > 0.1
-    ratio = np.where(close | (c > 0.0), angle / np.where(s > 0.0, s, 1.0), 0.0)
-    ratio = np.where(s == 0.0, np.where(c > 0.0, 1.0, 0.0), ratio)
-    found: Array = np.where(((~close) & (c < 0.0))[..., None], angle[..., None] * u, ratio[..., None] * odd)
     return found

@@ -80,10 +80,10 @@ class WholeBody:
     solver      of qpsolvers: "daqp"; any that is installed
     infeasible  "raise", or "relax": take the smallest relaxation of limits, and report it
 
-    ``solve(q, v)`` is a WholeBodyMotion; the object itself is a torque function of ``simulate``, held over a step:
-    ``sd.simulate(scene, q, v, 5.0, 2e-3, torque=whole_body)``. Whatever the solver says, its answer is checked.
-    Freedoms without a motor have no torque, those of the scene's Motor no more than it gives at rest. Losses of motors
-    and friction of joints are not compensated. Over a Heightfield each point has the axes of the ground
+    ``solve(q, v)`` is a WholeBodyMotion; the object itself is a torque function of ``simulate``, held over a step of
+    contacts: ``sd.simulate(scene, q, v, 5.0, 2e-3, torque=whole_body)``. Whatever the solver says, its answer is
+    checked. Freedoms without a motor have no torque, those of the scene's Motor no more than it gives at rest. Losses
+    of motors and friction of joints are not compensated. Over a Heightfield each point has the axes of the ground
     below it.
     Raises  ModelError, ConstraintError and SpatialDynError naming what does not fit; ``solve`` ConstraintError with the
             smallest relaxation, by name, where the limits leave nothing
@@ -143,6 +143,7 @@ class WholeBody:
         self._standing: dict[tuple[int, ...], Standing] = {}
         self._terms: dict[Any, Terms] = {}
         self._postures: dict[Any, Joints] = {}
+        self._called: tuple[Any, Array] = None, np.zeros(0)
         self._whole = self._at(tuple(range(len(self.contacts))))
         self._goals = self._asked(self.tasks)
 
@@ -169,8 +170,13 @@ class WholeBody:
         return np.array([lower, upper, fastest, self.unit, self.limit]), np.array(numbers)
 
     def __call__(self, t: float, q: ArrayLike, v: ArrayLike) -> Array:
-        """The torque (nv,) at a state: a torque function of ``simulate``."""
-        return self.solve(q, v).tau
+        """The torque (nv,) at a state: a torque function of ``simulate``, which calls it again where it records."""
+        q, v = self._one(q, v)
+        key = t, q.tobytes(), v.tobytes()
+        called = self._called  # of any thread
+        if key != called[0]:
+            called = self._called = key, self.solve(q, v).tau
+        return called[1].copy()
 
     def __repr__(self) -> str:
         tasks = ", ".join(f"{x.name}" for x in self.tasks)
@@ -184,8 +190,12 @@ class WholeBody:
         rows = goals.rows(state, q, v)
         program = self._program(goals, fixed, state, rows)
         levels = sorted({int(task.priority) for task in goals.tasks})
-        x, relaxed = self._settled(program) if len(levels) == 1 else self._in_order(program, goals.tasks, rows, levels)
-        return self._motion(x, state, fixed, rows, relaxed)
+        if len(levels) == 1:
+            x, relaxed, off = self._settled(program)
+        else:
+            x, relaxed = self._in_order(program, goals.tasks, rows, levels)
+            off = residual(relaxed[0], x)
+        return self._motion(x, state, fixed, rows, relaxed[1], off)
 
     def program(self, q: ArrayLike, v: ArrayLike) -> Program:
         """The quadratic program at q (nq,), v (nv,), of all tasks at once. Raises ShapeError, NonFiniteError."""
@@ -240,11 +250,11 @@ class WholeBody:
             _add(P, g, task, row)
         return p._replace(P=P, g=g)
 
-    def _settled(self, program: Program) -> tuple[Array, tuple[Program, list[Relaxation]]]:
-        """The answer, with limits relaxed if need be."""
+    def _settled(self, program: Program) -> tuple[Array, tuple[Program, list[Relaxation]], float]:
+        """The answer, with limits relaxed if need be, and its residual."""
         x, off = solve(self.solver, program)
         if x is not None:
-            return x, (program, [])
+            return x, (program, []), off
         softer, listed = relax(self.solver, program)
         if not listed:
             raise SpatialDynError(
@@ -257,7 +267,7 @@ class WholeBody:
         x, off = solve(self.solver, softer)
         if x is None:
             raise SpatialDynError(f"solver {self.solver} gives no answer to the relaxed program, residual {off:.2g}")
-        return x, (softer, listed)
+        return x, (softer, listed), off
 
     def _in_order(
         self, program: Program, tasks: Sequence[Any], rows: list[Rows], levels: list[int]
@@ -268,7 +278,7 @@ class WholeBody:
             chosen = [k for k, task in enumerate(tasks) if task.priority == level]
             whole = self._alone(program, [tasks[k] for k in chosen], [rows[k] for k in chosen])
             if softer is None:
-                x, softer = self._settled(whole)
+                x, softer, _ = self._settled(whole)
                 program, size = softer[0], program.rows.shape[1]
                 Z = _null(program.rows[program.sense[size:] == EQUAL])
             else:
@@ -294,7 +304,7 @@ class WholeBody:
         return np.zeros(len(free)) if found is None else found
 
     def _motion(
-        self, x: Array, state: State, fixed: Standing, rows: list[Rows], relaxed: tuple[Program, list[Relaxation]]
+        self, x: Array, state: State, fixed: Standing, rows: list[Rows], relaxed: list[Relaxation], off: float
     ) -> WholeBodyMotion:
         n = self.model.nv
         a, f = x[:n], self.weight * x[n:]
@@ -308,7 +318,7 @@ class WholeBody:
             forces = np.einsum("kji,kj->ki", state.tilt[at], forces)
         forces = forces @ self._axes
         missed = tuple([row.J @ a + row.drift - row.wanted for row in rows])
-        return WholeBodyMotion(tau, a, forces, names, missed, tuple(relaxed[1]), residual(relaxed[0], x))
+        return WholeBodyMotion(tau, a, forces, names, missed, tuple(relaxed), off)
 
 
 def _add(P: Array, g: Array, task: Any, row: Rows) -> None:

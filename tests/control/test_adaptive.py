@@ -245,6 +245,16 @@ def test_bad_input_is_named(arm: sd.Model, change: dict[str, Any], kind: type[Ex
         sd.SlotineLi(**(given | change))
 
 
+def test_a_composite_law_has_to_be_all_that_acts(arm: sd.Model, path: sd.Path) -> None:
+    """Clipped, or beside another, it would take the rest for wrong masses."""
+    pi = sd.inertial_parameters(arm)
+    law = sd.SlotineLi(arm, RATES, GAIN, path, pi, 0.1, composite=3.0)
+    for make in (lambda: law.limited_by([5.0, 5.0]), lambda: law + sd.Gravity(), lambda: sd.Gravity() + law):
+        with pytest.raises(sd.SimulationError, match="learns from what its torque does"):
+            make()
+    sd.SlotineLi(arm, RATES, GAIN, path, pi, 0.1).limited_by([5.0, 5.0])
+
+
 def test_point_masses_have_no_natural_estimate() -> None:
     model = sd.load_urdf("two_link")
     with pytest.raises(sd.InertiaError, match="joint1"):

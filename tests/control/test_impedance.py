@@ -100,6 +100,8 @@ def test_bad_input_is_named(arm: sd.Model, change: dict[str, Any], kind: type[Ex
 def test_damping_of_what_is_no_mass_is_refused() -> None:
     with pytest.raises(sd.SimulationError, match="Lambda has the eigenvalue"):
         sd.cartesian_damping(np.diag([1.0, 0.0]), [1.0, 1.0])
+    with pytest.raises(sd.SimulationError, match="K is not symmetric, by up to 3"):
+        sd.cartesian_damping(np.eye(2), [[4.0, 3.0], [0.0, 4.0]])
     with pytest.raises(sd.ShapeError, match="K has shape"):
         sd.cartesian_damping(np.eye(2), np.eye(3))
     with pytest.raises(sd.SimulationError, match="zeta is"):

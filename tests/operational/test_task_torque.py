@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import spatialdyn as sd
-from spatialdyn.operational.tasks import turning
+from spatialdyn.operational.turning import turning
 
 MET = 1e-12  # [m/s²] of accelerations of some m/s²: the hierarchy's error on a redundant arm
 EXACT = 1e-13
@@ -110,6 +110,9 @@ BAD: list[tuple[Any, type[Exception], str]] = [
     (lambda: [1], sd.SpatialDynError, "tasks has 1"),
     (lambda: [sd.FrameTask("panda_hand", name="a"), sd.FrameTask("panda_hand", axes="x", name="b")],
      sd.SpatialDynError, '"a" and "b" both move x of frame "panda_hand"'),
+    (lambda: [sd.FrameTask("panda_joint7", axes="x", name="a"), sd.FrameTask("panda_link7", axes="x", name="b")],
+     sd.SpatialDynError, "both move x"),
+    (lambda: sd.FrameTask("panda_link0"), sd.ModelError, "does not move"),
     (lambda: sd.PostureTask(joints=["elbow"]), sd.ModelError, "elbow"),
     (lambda: sd.PostureTask([0.0, 1.0]), sd.ShapeError, "target of task"),
 ]  # fmt: skip

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from contextlib import nullcontext
 from typing import Any
 
 import numpy as np
@@ -84,8 +83,7 @@ def test_other_solvers_find_the_same(asked: float) -> None:
     np.testing.assert_allclose(by_qpsolvers("daqp", p), x, atol=1e-12)
     for solver, tolerance in SOLVERS.items():
         pytest.importorskip(solver)
-        with pytest.warns() if solver == "clarabel" else nullcontext():
-            other = by_qpsolvers(solver, p)
+        other = by_qpsolvers(solver, p)  # without warnings
         np.testing.assert_allclose(other[:n], x[:n], atol=tolerance * max(1.0, abs(x[:n]).max()))
         np.testing.assert_allclose(other[n:], x[n:], atol=1e2 * tolerance)  # forces weigh a ten-thousandth
     np.testing.assert_allclose(sd.WholeBody(scene, tasks, solver="quadprog").solve(q, v).a, x[:n], atol=1e-6)
@@ -154,6 +152,7 @@ def test_the_smallest_relaxation_is_that_by_hand() -> None:
         'torque limit of joint "wheel_joint"',
         'position or velocity limit of joint "wheel_joint"',
     ]
+    assert [x.unit for x in found.relaxed] == ["N m", "rad/s²"]
     np.testing.assert_allclose([x.amount for x in found.relaxed], [1000 / 101, 10 / 101], rtol=1e-3)
     np.testing.assert_allclose(found.tau, -2010 / 101, rtol=2e-3)
 
@@ -180,6 +179,23 @@ def test_feet_that_slip_are_slowed() -> None:
     for name in found.points:
         a = sd.frame_acceleration(model, q, v, found.a, name, "local_world_aligned", classical=True)
         np.testing.assert_allclose(a[:3], [-2.0, 0.0, 0.0], atol=MET)
+
+
+def test_a_state_that_is_asked_for_again_is_not_solved_again() -> None:
+    """As ``simulate`` does where it records; another time, position or velocity is another state."""
+    model, scene, q = box()
+    body, v = sd.WholeBody(scene, standing(model, q)), np.r_[np.zeros(6), 0.1, 0.2]
+    tau = body(0.0, q, v)
+    tau[:] = 0.0  # a copy
+    solve, asked = body.solve, []
+    body.solve = lambda *x: (asked.append(x), solve(*x))[1]  # type: ignore[method-assign]
+    np.testing.assert_array_equal(body(0.0, q, v), solve(q, v).tau)
+    assert not asked
+    np.testing.assert_array_equal(body(0.0, q, 0.5 * v), solve(q, 0.5 * v).tau)
+    body(0.1, q, 0.5 * v)
+    assert len(asked) == 2
+    with pytest.raises(sd.ShapeError, match="q has shape"):
+        body(0.1, q[None], 0.5 * v)
 
 
 def test_a_push_is_survived_in_closed_loop() -> None:

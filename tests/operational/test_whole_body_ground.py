@@ -159,6 +159,30 @@ def test_tasks_of_other_classes_count_as_ours() -> None:
     np.testing.assert_allclose(other.solve(q, v, tasks).a, first.a, atol=SOLVED)
 
 
+def test_what_other_classes_lack_is_named() -> None:
+    """Of the object as it is given, and of the rows that it makes."""
+    model, scene, q = box()
+    v, good = np.zeros(model.nv), sd.ComTask()
+
+    class Other:
+        name, weight, priority = "other", 1.0, 0
+        check = staticmethod(lambda model: None)
+
+        def __init__(self, **changes: Any) -> None:
+            self.rows = lambda *x: good.rows(*x)._replace(**changes)
+
+    sd.WholeBody(scene, Other()).solve(q, v)
+    with pytest.raises(sd.NonFiniteError, match='wanted of task "other"'):
+        sd.WholeBody(scene, Other(wanted=np.full(3, np.nan))).solve(q, v)
+    for change in ({"J": np.zeros((3, 2))}, {"drift": np.zeros(2)}, {"J": 1.0}):
+        with pytest.raises(sd.ShapeError, match='of task "other"'):
+            sd.WholeBody(scene, Other(**change)).solve(q, v)
+    less = type("Less", (), {"rows": None, "name": "less"})()
+    less.rows = good.rows
+    with pytest.raises(sd.SpatialDynError, match="without weight"):
+        sd.WholeBody(scene, less)
+
+
 # What is beside a whole body in a scene, all pairs: a row has one of each column.
 GROUND = {"flat": None, "slope": sd.Plane((0.1, 0.0, 1.0)), "hills": sd.Heightfield(0.01 * np.eye(3), 1.0, (-1, -1))}
 BESIDE = [
