@@ -125,7 +125,7 @@ def of_evaluations(quick: bool) -> dict[str, Any]:
     found = {}
     for name, make in {**ROBOTS, **EXTREMES}.items():
         model = make()
-        made = sd.trade(model, states=128 if quick else None)
+        made = sd.trade(model, states=128 if quick else None, methods=WAYS)
         found[name] = {"nv": model.nv, **made.to_dict()}
         print(f"\n{name}\n{made}", flush=True)
     return found

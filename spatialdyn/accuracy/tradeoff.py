@@ -1,4 +1,4 @@
-"""Errors and costs of all options for a task, measured, and the cheapest option within a tolerance."""
+"""Errors and costs of the options for a task, measured, and the cheapest option within a tolerance."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def trade(
     methods: str | Sequence[str] | None = None,
     progress: Progress = False,
 ) -> Tradeoff:
-    """Error and cost of every option for a task, measured on this model and this machine.
+    """Error and cost of the options for a task, measured on this model and this machine.
 
     model     Model; for simulations also a Scene: all that acts in it acts in every option
     task      what is computed, by which calls, and what an error is relative to:
@@ -59,8 +59,8 @@ def trade(
               (n, ...): (q, v, tau), (q, v, a), (q,). For simulations (q0, v0), by default 4 random ones at rest
     batch     samples of a timed call; 1 times calls of one sample
     duration  of a simulation [s], without torques
-    methods   names of integrators of simulations, or of calls of the table, by default all: a call that has no program,
-              ``aba_square_root``, takes half a minute to compile at its first use on a machine
+    methods   names of integrators of simulations, or of calls of the table, by default all but ``aba_square_root``:
+              it has no program, and its kernel compiles for 20 s or more at its first use on a machine
     progress  True for a bar (needs rich), or a function of the number of steps done and their total
 
     The reference of calls is computed in double-double and checked against the exact engine; that of every method of

@@ -28,7 +28,7 @@ COMMANDS = {
     "compare": "errors and times of every call against Pinocchio",
     "simulate": "motion of a robot without motors, its energy, a plot and a file of it",
     "view": "a robot in the browser, or in one page to keep",
-    "trade": "error and cost of every option for a task, and the cheapest within a tolerance",
+    "trade": "error and cost of the options for a task, and the cheapest within a tolerance",
     "requires": "which parts of a scene a motion needs, and the cheapest scene that keeps it",
     "identify": "inertias and friction of a robot from a log of positions and torques, with intervals",
     "excite": "a path that moves every parameter of a robot, within its limits",

@@ -1,4 +1,4 @@
-"""``spatialdyn trade ROBOT``: error and cost of every option for a task, and the cheapest within a tolerance."""
+"""``spatialdyn trade ROBOT``: error and cost of the options for a task, and the cheapest within a tolerance."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import json
 import math
 import warnings
 
+from ..accuracy.call_errors import WHEN_NAMED
 from ..accuracy.references import NORMS
 from ..accuracy.results import EACH_JOINT, Option, Tradeoff, figure
 from ..accuracy.tradeoff import BATCH, TASKS, advice, trade
@@ -28,7 +29,11 @@ def add(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--states", type=int, metavar="N", help="random states in which errors are measured")
     parser.add_argument("--batch", type=int, default=BATCH, metavar="N", help=f"samples a call (default: {BATCH})")
     parser.add_argument("--duration", type=float, default=1.0, metavar="S", help="of simulations (default: 1 s)")
-    parser.add_argument("--methods", metavar="NAMES", help=f"some of the task's calls, or of {', '.join(integrators)}")
+    parser.add_argument(
+        "--methods",
+        metavar="NAMES",
+        help=f"some of the task's calls (default: all but {', '.join(WHEN_NAMED)}), or of {', '.join(integrators)}",
+    )
     parser.add_argument("--plot", metavar="FILE", help="draw error against cost to a PNG, SVG, PDF, JPG or WebP file")
     parser.add_argument("--report", metavar="FILE", help="write one HTML page of it all, which needs no network")
     parser.add_argument("--json", action="store_true", help="print JSON")

@@ -16,15 +16,13 @@ import numpy as np
 import spatialdyn as sd
 from spatialdyn.examples.gallery import need, picture, start
 
-WAYS = ("aba", "crba_solve", "aba_refined", "extended")  # without aba_square_root, which compiles for half a minute
-
 
 def main(quick: bool = False, save: str | None = None, robot: str = "three_link") -> dict[str, Any]:
     """Print the table and two recommendations; returns them, and the largest error of the second in a fresh batch."""
     need("mpmath", "exact")
     model = sd.load_urdf(robot)
     states, batch = (64, 512) if quick else (512, 4096)
-    table = sd.trade(model, "forward_dynamics", states, batch, methods=WAYS)
+    table = sd.trade(model, "forward_dynamics", states, batch)
     print(table)
     if save:
         picture()  # raises if Matplotlib is missing

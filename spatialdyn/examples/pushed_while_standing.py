@@ -2,7 +2,7 @@
 
 Learn    sd.WholeBody finds joint torques for a robot whose base has no motor: accelerations and forces of the feet at
          once, within friction, torques and limits, so that the centre of mass and the posture come back.
-Look at  the largest impulse in N s that each survives, found by bisection, and ten seconds of standing after it. Talos
+Look at  the largest impulse in N s that each survives, found by bisection, and five seconds of standing after it. Talos
          weighs 886 N on soles of 20 by 12 cm, which alone hold it: the forces may only push, and their centre has to
          stay under the feet. Where no torque within all limits is left, the smallest relaxation is taken, and it has a
          name.
@@ -20,7 +20,7 @@ import spatialdyn as sd
 from spatialdyn.examples.gallery import need, picture, start, write
 from spatialdyn.model.robot import Link, RobotJoint
 
-DT, PUSH, UP, HALVES = 4e-3, (0.5, 0.6), 0.8, 4  # UP: of its height, below which a robot has fallen
+DT, PUSH, UP, HALVES = 4e-3, (0.5, 0.6), 0.8, 3  # UP: of its height, below which a robot has fallen
 SOLE = ((0.1, 0.06), (0.1, -0.06), (-0.1, 0.06), (-0.1, -0.06))
 
 
@@ -96,7 +96,7 @@ def main(quick: bool = False, save: str | None = None) -> dict[str, Any]:
     for name, (make, frame, impulse) in list(robots.items())[: 1 if quick else 2]:
         robot = make()
         most = impulse if quick else largest(robot, frame, impulse, 2.5)
-        found[name] = most, *stand(robot, frame, most, 1.5 if quick else 10.0)
+        found[name] = most, *stand(robot, frame, most, 1.5 if quick else 5.6)
         off, word = found[name][2], "" if quick else "survives"
         print(f"{name} {word} {most:g} N s: {off.max():.3f} m off its place, {off[-1]:.1e} m at the end")
     if save:
