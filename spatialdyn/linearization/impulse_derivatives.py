@@ -38,9 +38,10 @@ from ..recursions.spec import Spec, shape_in
 from ..simulation.effects.constraints import Constrained
 from ..simulation.effects.contacts import Contact
 from ..simulation.effects.effect import find
-from ..simulation.effects.friction import DryFriction
+from ..simulation.effects.friction import DryFriction, LuGreFriction, dry
 from ..simulation.tangents import along, run
 from .active_set import ActiveSet
+from .step_torques import Torques
 
 Array = NDArray[Any]
 SWITCH = 1e-6  # [m/s | rad/s] margin of a state below which it is at a switch: a solved step leaves as much open
@@ -53,7 +54,6 @@ class Laws:
     table    of contacts, limits and dry joints
     static   the tables of the equations in their order
     has      of ``impulse_balance.ALL``
-    law      coefficients of friction; () without
     mu       (np) of points
     bounces  (np) restitution
     labels   of points and joints
@@ -65,7 +65,6 @@ class Laws:
     table: StaticTable
     static: tuple[StaticTable, ...]
     has: frozenset[str]
-    law: tuple[Array, ...]
     mu: Array
     bounces: Array
     labels: tuple[str, ...]
@@ -83,8 +82,8 @@ class Laws:
 
 
 class Found(NamedTuple):
-    """Derivatives of n steps: (n, 2 nv, 3 nv); states of points and joints (n, rows), which are at a switch, and which
-    slide with a load that others could take.
+    """Derivatives of n steps by q, v, z and τ: (n, 2 nv, 3 nv), (n, 3 nv, 4 nv) with bristles; states of points and
+    joints (n, rows), which are at a switch, and which slide with a load that others could take.
     """
 
     derivatives: Array
@@ -95,33 +94,39 @@ class Found(NamedTuple):
 
 def laws_of(model: Model, effects: tuple[Any, ...], touching: Any, forced: bool) -> Laws:
     """What acts by impulses among the effects of a run; touching  the contacts and limits of its scene."""
-    contact, constrained, rubs = find(effects, Contact), find(effects, Constrained), find(effects, DryFriction)
+    contact, constrained = find(effects, Contact), find(effects, Constrained)
+    rubs, bends = find(effects, DryFriction), find(effects, LuGreFriction)
     heights: tuple[StaticTable, ...] = ()
     if contact is not None:
         table, heights = contact.table, contact.contacts.tables[1:]
         names = [contact.label(k) for k in range(len(table.rows) - 1)]
     else:
         assert rubs is not None  # what is solved for and is no contact
-        coulomb, _, static, _ = rubs.friction.law
-        table = touching.with_dry((coulomb > 0.0) | (static > 0.0))
+        table = touching.with_dry(dry(effects, model.nv))
         named = Contact(touching, False, table, rubs.way)
         names = [named.label(k) for k in range(len(table.rows) - 1)]
-    has = {"heights": bool(heights), "friction": rubs is not None, "constraints": constrained is not None}
+    has = {
+        "heights": bool(heights),
+        "friction": rubs is not None or bends is not None,
+        "constraints": constrained is not None,
+    }
     has["rate"] = constrained is not None and not constrained.projects
     has["fext"] = forced
     held = () if constrained is None else (constrained.constraints.table,)
     return Laws(
         model, contact, constrained, table, (table, *heights, *held), frozenset(x for x, y in has.items() if y),
-        () if rubs is None else rubs.friction.law, touching.friction, touching.restitution, tuple(names),
+        touching.friction, touching.restitution, tuple(names),
     )  # fmt: skip
 
 
 def derivatives(
-    laws: Laws, q: Array, v: Array, tau: Array, h: Array, fext: Array | None, batch: tuple[int, ...],
-    samples: NDArray[np.intp],
+    laws: Laws, q: Array, v: Array, z: Array | None, acting: Torques, h: Array, fext: Array | None,
+    batch: tuple[int, ...], samples: NDArray[np.intp],
 ) -> Found:  # fmt: skip
-    """Derivatives of n steps of finite numbers, by q, v and tau.
+    """Derivatives of n steps of finite numbers, by q, v, z and tau.
 
+    z        (n, nv) bristles, None without
+    acting   torques and friction of the steps
     h        (n,)
     fext     (n, njoints, 6)
     batch    shape of the batch that they are of
@@ -132,8 +137,9 @@ def derivatives(
     parts = []
     for k in range(len(q)):  # one by one: bits do not depend on neighbours; directions are lanes
         one = slice(k, k + 1)
-        forces = None if fext is None else fext[one]
-        parts.append(_Steps(laws, q[one], v[one], tau[one], h[one], forces, batch, samples[one]).derivatives())
+        forces, bent = None if fext is None else fext[one], None if z is None else z[one]
+        steps = _Steps(laws, q[one], v[one], bent, acting.of(one), h[one], forces, batch, samples[one])
+        parts.append(steps.derivatives())
     return Found(*(np.concatenate(x) for x in zip(*parts, strict=True)))
 
 
@@ -141,12 +147,12 @@ class _Steps:
     """n steps and their solutions."""
 
     def __init__(
-        self, laws: Laws, q: Array, v: Array, tau: Array, h: Array, fext: Array | None, batch: tuple[int, ...],
-        samples: NDArray[np.intp],
+        self, laws: Laws, q: Array, v: Array, z: Array | None, acting: Torques, h: Array, fext: Array | None,
+        batch: tuple[int, ...], samples: NDArray[np.intp],
     ) -> None:  # fmt: skip
-        self.laws, self.q, self.v, self.tau, self.h, self.batch, self.samples = laws, q, v, tau, h, batch, samples
-        self.fext = fext
-        self.n, self.nv = v.shape
+        self.laws, self.q, self.v, self.z, self.h, self.batch, self.samples = laws, q, v, z, h, batch, samples
+        self.acting, self.tau, self.law, self.fext = acting, acting.torque, acting.law, fext
+        (self.n, self.nv), self.m = v.shape, acting.by_torque.shape[2]
         self.held = 0 if laws.constrained is None else laws.constrained.constraints.nc
         points, limits, dry = laws.sizes
         self.rows = 3 * points + limits + dry
@@ -158,10 +164,9 @@ class _Steps:
     def _inputs(self, x: Array, impulse: Array, reaction: Array) -> list[Array]:
         h, laws = self.h[:, None], self.laws
         forces = [] if self.fext is None else [self.fext.reshape((self.n, -1))]
-        law = [np.broadcast_to(y, (self.n, self.nv)) for y in laws.law]
         rate = [np.full((self.n, 1), laws.constrained.rate)] if "rate" in laws.has and laws.constrained else []
         held = [reaction] if self.held else []
-        return [self.q, self.v, x, self.tau, *forces, h, *law, *rate, impulse, *held]
+        return [self.q, self.v, x, self.tau, *forces, h, *self.law, *rate, impulse, *held]
 
     def _split(self, out: Array) -> Balance:
         """By outputs, along axis 1."""
@@ -201,7 +206,7 @@ class _Steps:
             M, push = calls["crba"](model, self.q), self.tau - calls["nonlinear_effects"](model, self.q, self.v)
             return self.v + self.h[:, None] * np.linalg.solve(M, push[..., None])[..., 0], impulse, reaction
         if laws.contact is None:
-            out = checked_call(FRICTION_STEP, model, (self.q, self.v, self.tau, self.fext, self.h, *laws.law), (), None)
+            out = checked_call(FRICTION_STEP, model, (self.q, self.v, self.tau, self.fext, self.h, *self.law), (), None)
             impulse[:] = (self.h[:, None] * out[:, 2])[:, self.of_joint]
             return out[:, 0], impulse, reaction
         has = laws.has - {"fext"} | ({"fext"} if self.fext is not None else set())
@@ -211,7 +216,7 @@ class _Steps:
         known = {
             "q": self.q, "v": self.v, "tau": self.tau, "fext": self.fext, "dt": self.h, "mu": laws.mu,
             "restitution": laws.bounces, "rate": rate[0] if rate else None, "chosen": kept.astype(float),
-            **dict(zip(("coulomb", "viscous", "static", "stribeck"), laws.law, strict=False)),
+            **dict(zip(("coulomb", "viscous", "static", "stribeck"), self.law, strict=False)),
         }  # fmt: skip
         values = tuple(known[y.name] for y in spec.present if not y.static)
         out = checked_call(spec, model, values, laws.static, None)
@@ -258,17 +263,28 @@ class _Steps:
         return made
 
     def _along_solutions(self, solved: list[ActiveSet], closing: Array | None = None) -> Array:
-        """δx (n, nv, 3 nv) by the state; ``closing`` (n, nc, 3 nv) is added to the slope of what constraints leave."""
+        """δx (n, nv, m) by the state; ``closing`` (n, nc, m) is added to the slope of what constraints leave."""
         x, impulse, reaction = (np.array([getattr(s, name) for s in solved]) for name in ("x", "impulse", "reaction"))
         slopes = self.slopes(x, impulse, reaction, ("q", "v"))
         made = []
         for k, s in enumerate(solved):
-            by = Balance(*(np.concatenate([y[k], np.zeros((y.shape[1], self.nv))], axis=1) for y in slopes))
-            by.momentum[:, 2 * self.nv :] = -self.h[k] * np.eye(self.nv)
+            rest = self.m - 2 * self.nv
+            by = Balance(*(np.concatenate([y[k], np.zeros((y.shape[1], rest))], axis=1) for y in slopes))
+            by = self._with_torques(by, x[k], k)
             if closing is not None:
                 by = by._replace(closing=by.closing + closing[k])
             made.append(s.derivative(by))
         return np.array(made)
+
+    def _with_torques(self, by: Balance, x: Array, k: int) -> Balance:
+        """With the slopes by what torques and friction of step k change with the state."""
+        acting, push = self.acting, -self.acting.by_torque[k]
+        if not np.isscalar(acting.by_viscous):
+            push = push + x[:, None] * acting.by_viscous[k]
+        by = by._replace(momentum=by.momentum + self.h[k] * push)
+        if not np.isscalar(acting.by_level):
+            by = by._replace(level=by.level + self.h[k] * acting.by_level[k][self.of_joint])
+        return by
 
     def _check_bounces(self, at: Balance, by_x: Balance, x: Array, impulse: Array, reaction: Array) -> None:
         """Raise SimulationError for points that bounce as ``target`` has it."""
@@ -308,9 +324,9 @@ class _Steps:
         """The second part of a step under constraints, which meets C v⁺ = 0 where the step ends: ``meet``."""
         laws = self.laws
         assert laws.constrained is not None
-        unit = np.broadcast_to(np.eye(self.nv, 3 * self.nv), (self.n, self.nv, 3 * self.nv))
+        unit = np.broadcast_to(np.eye(self.nv, self.m), (self.n, self.nv, self.m))
         q1, moved1, w1, changed1 = self._moved(np.array([s.x for s in first]), moved)
-        damping = 0.0 if not laws.law else self.h[:, None] * laws.law[1]
+        damping = 0.0 if not self.law else self.h[:, None] * self.law[1]
         back, by_back = self._closed(self.q, unit, q1, moved1, damping)
         q2 = calls["integrate"](laws.model, q1, back)
         by_q, by_step = np.moveaxis(calls["dintegrate"](laws.model, q1, back), 1, 0)
@@ -334,7 +350,7 @@ class _Steps:
         return made
 
     def _closed(self, q: Array, moved: Array, end: Array, end_moved: Array, damping: Any) -> tuple[Array, Array]:
-        """y of M y = Cᵀ ρ, C y = -φ(end), with M and C at q, and its derivative (n, nv, 3 nv).
+        """y of M y = Cᵀ ρ, C y = -φ(end), with M and C at q, and its derivative (n, nv, m).
 
         moved, end_moved  of q and end
         damping           (n, nv) on the diagonal of M
@@ -358,31 +374,49 @@ class _Steps:
             calls["rnea_derivatives"](model, q, zero, y)[:, 0] - calls["rnea_derivatives"](model, q, zero, zero)[:, 0]
         )
         push = -by_M + np.einsum("nijk,ni->njk", turned, rho)
+        turns = not np.isscalar(damping) and not np.isscalar(self.acting.by_viscous)  # that of bristles, with v
         for k in range(self.n):
             rows = kept[k]
+            pushed = push[k] @ moved[k]
+            if turns:
+                pushed = pushed - self.h[k] * y[k][:, None] * self.acting.by_viscous[k]
             close = -(ahead[k][rows] @ end_moved[k]) - np.einsum("ijk,j->ik", turned[k][rows], y[k]) @ moved[k]
-            by[k] = np.linalg.solve(systems[k], np.concatenate([push[k] @ moved[k], close]))[: self.nv]
+            by[k] = np.linalg.solve(systems[k], np.concatenate([pushed, close]))[: self.nv]
         return y, by
 
     # --- ends ---
 
     def _ended(self, solved: list[ActiveSet], x: Array, moved: Array) -> Found:
         """Derivatives of the state after the step by those of x."""
-        model = self.laws.model
+        model, acting = self.laws.model, self.acting
         end, here, _, changed = self._moved(x, moved)
         if self.laws.constrained is not None and self.laws.constrained.projects:
             back, by_back = self._closed(end, here, end, here, 0.0)
             by_q, by_step = np.moveaxis(calls["dintegrate"](model, end, back), 1, 0)
             here = by_q @ here + by_step @ by_back
+        ends = [here, changed]
+        if self.z is not None:
+            ends.append(self._bent(x, moved))
         return Found(
-            np.concatenate([here, changed], axis=1), np.array([s.names for s in solved]),
-            np.array([s.switching for s in solved]), np.array([s.undetermined() for s in solved]),
+            np.concatenate(ends, axis=1), np.hstack([np.array([s.names for s in solved]), acting.active]),
+            np.hstack([np.array([s.switching for s in solved], np.bool_), acting.margins <= SWITCH]),
+            np.hstack([np.array([s.undetermined() for s in solved], np.bool_), np.zeros(acting.active.shape, bool)]),
         )  # fmt: skip
+
+    def _bent(self, x: Array, moved: Array) -> Array:
+        """Derivatives of the bristles after the step, kept (z + h x)."""
+        acting, h = self.acting, self.h[:, None]
+        assert self.z is not None
+        assert acting.kept is not None
+        assert acting.by_kept is not None
+        way = np.eye(self.nv, self.m, 2 * self.nv) + h[..., None] * moved
+        made: Array = acting.kept[..., None] * way + (self.z + h * x)[..., None] * acting.by_kept
+        return made
 
     def _moved(self, x: Array, moved: Array) -> tuple[Array, Array, Array, Array]:
         """Where x, in the axes at the beginning, leads: q, its displacements, v⁺ and its changes, by those of x."""
         model, nv, h = self.laws.model, self.nv, self.h[:, None]
-        unit = np.broadcast_to(np.eye(nv, 3 * nv), (self.n, nv, 3 * nv))
+        unit = np.broadcast_to(np.eye(nv, self.m), (self.n, nv, self.m))
         travels = np.zeros(nv)
         for part, _ in travellers(model):
             travels[part] = 1.0
