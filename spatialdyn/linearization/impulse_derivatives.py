@@ -30,7 +30,6 @@ from ..constraints.dynamics import constraint_error, constraint_jacobian, rows_t
 from ..errors import SimulationError
 from ..model.model import Model
 from ..recursions.constraints.constraint_rows import JACOBIAN
-from ..recursions.contact.contact_rows import BOUNCING, PRESSED, REST
 from ..recursions.contact.impulse_balance import Balance, impulse_balance_spec
 from ..recursions.contact.impulse_step import impulse_step_spec
 from ..recursions.joints.friction import FRICTION_STEP
@@ -41,6 +40,7 @@ from ..simulation.effects.effect import find
 from ..simulation.effects.friction import DryFriction, LuGreFriction, dry
 from ..simulation.tangents import along, run
 from .active_set import ActiveSet
+from .bounces import Phase, hits_of, last_phase
 from .step_torques import Torques
 
 Array = NDArray[Any]
@@ -132,7 +132,7 @@ def derivatives(
     batch    shape of the batch that they are of
     samples  (n,)  their places in it
 
-    Raises SimulationError, naming the first sample, for steps that are not solved, and points that bounce.
+    Raises SimulationError, naming the first sample, for steps that are not solved.
     """
     parts = []
     for k in range(len(q)):  # one by one: bits do not depend on neighbours; directions are lanes
@@ -144,7 +144,7 @@ def derivatives(
 
 
 class _Steps:
-    """n steps and their solutions."""
+    """A step and its solution; arrays have an axis of steps, of which there is one."""
 
     def __init__(
         self, laws: Laws, q: Array, v: Array, z: Array | None, acting: Torques, h: Array, fext: Array | None,
@@ -152,7 +152,7 @@ class _Steps:
     ) -> None:  # fmt: skip
         self.laws, self.q, self.v, self.z, self.h, self.batch, self.samples = laws, q, v, z, h, batch, samples
         self.acting, self.tau, self.law, self.fext = acting, acting.torque, acting.law, fext
-        (self.n, self.nv), self.m = v.shape, acting.by_torque.shape[2]
+        (self.n, self.nv), self.m, self.switch = v.shape, acting.by_torque.shape[2], SWITCH
         self.held = 0 if laws.constrained is None else laws.constrained.constraints.nc
         points, limits, dry = laws.sizes
         self.rows = 3 * points + limits + dry
@@ -197,8 +197,8 @@ class _Steps:
 
     # --- solutions ---
 
-    def begin(self) -> tuple[Array, Array, Array]:
-        """x, impulses and reactions by the step itself, to its tolerance."""
+    def begin(self, bounces: Array) -> tuple[Array, Array, Array]:
+        """x, impulses and reactions by the step itself, to its tolerance; ``bounces`` (np) restitution."""
         laws, model = self.laws, self.laws.model
         points, limits, _ = laws.sizes
         impulse, reaction = np.zeros((self.n, self.rows)), np.zeros((self.n, self.held))
@@ -215,7 +215,7 @@ class _Steps:
         rate = (laws.constrained.rate,) if "rate" in has and laws.constrained is not None else ()
         known = {
             "q": self.q, "v": self.v, "tau": self.tau, "fext": self.fext, "dt": self.h, "mu": laws.mu,
-            "restitution": laws.bounces, "rate": rate[0] if rate else None, "chosen": kept.astype(float),
+            "restitution": bounces, "rate": rate[0] if rate else None, "chosen": kept.astype(float),
             **dict(zip(("coulomb", "viscous", "static", "stribeck"), self.law, strict=False)),
         }  # fmt: skip
         values = tuple(known[y.name] for y in spec.present if not y.static)
@@ -234,26 +234,39 @@ class _Steps:
 
     def derivatives(self) -> Found:
         """See the module."""
-        x, impulse, reaction = self.begin()
+        points, none = self.laws.sizes[0], np.zeros((self.rows, self.m))
+        kept = self._kept()
+        bounces = self.laws.bounces
+        x, impulse, reaction = self.begin(0.0 * bounces)
         by_x = self.slopes(x, impulse, reaction, ("x",))
         at = self.values(x, impulse, reaction)
-        self._check_bounces(at, by_x, x, impulse, reaction)
-        kept = self._kept()
-        first = [self._solved(k, at, by_x, (x[k], impulse[k], reaction[k]), kept[k]) for k in range(self.n)]
-        moved = self._along_solutions(first)
+        still = np.zeros(points, np.bool_)
+        self.phase = Phase(none[:, 0], none[:points, 0], none, none[:points], still, still)
+        start = [(x[k], impulse[k], reaction[k]) for k in range(self.n)]
+        hits = hits_of(self, at, by_x, start[0], kept[0]) if bounces.any() else None
+        if hits is not None and hits.bounces.any():
+            first = [last_phase(self, hits, at, by_x, start[0], kept[0])]
+        else:
+            if hits is not None:
+                self.phase = self.phase._replace(switching=hits.switching)
+            first = [self.solved(k, at, by_x, start[k], kept[k]) for k in range(self.n)]
+        moved = np.array([self.derivative(k, s)[0] for k, s in enumerate(first)])
         if self.held and self.laws.constrained is not None and self.laws.constrained.projects:
             return self._met(first, moved, by_x)
         ahead = np.array([s.x for s in first])
         return self._ended(first, ahead, moved)
 
-    def _solved(
+    def solved(
         self, k: int, at: Balance, by_x: Balance, solution: tuple[Array, Array, Array], kept: NDArray[np.bool_]
     ) -> ActiveSet:  # fmt: skip
-        """Step k, solved from what is ``at`` a solution to some tolerance."""
+        """Step k, solved from what is ``at`` a solution to some tolerance; points' impulses are those of its phase."""
+        velocity, gap, opened = at.velocity[k].copy(), at.gap[k].copy(), self.phase.open
+        rest = self.first[opened]
+        velocity[rest], gap[opened] = by_x.velocity[k][rest] @ solution[0], np.inf
         made = ActiveSet(
-            *solution, by_x.momentum[k], by_x.velocity[k], by_x.closing[k], at.momentum[k], at.velocity[k],
-            at.closing[k], at.gap[k], at.level[k], at.least[k], at.most[k], self.laws.mu, self.of_joint, kept, SWITCH,
-            float(self.h[k]),
+            *solution, by_x.momentum[k], by_x.velocity[k], by_x.closing[k], at.momentum[k], velocity,
+            at.closing[k], gap, at.level[k], at.least[k], at.most[k], self.laws.mu, self.phase.lower, self.of_joint,
+            kept, SWITCH, float(self.h[k]),
         )  # fmt: skip
         if not made.settle():
             raise SimulationError(
@@ -262,19 +275,25 @@ class _Steps:
             )
         return made
 
-    def _along_solutions(self, solved: list[ActiveSet], closing: Array | None = None) -> Array:
-        """δx (n, nv, m) by the state; ``closing`` (n, nc, m) is added to the slope of what constraints leave."""
-        x, impulse, reaction = (np.array([getattr(s, name) for s in solved]) for name in ("x", "impulse", "reaction"))
-        slopes = self.slopes(x, impulse, reaction, ("q", "v"))
-        made = []
-        for k, s in enumerate(solved):
-            rest = self.m - 2 * self.nv
-            by = Balance(*(np.concatenate([y[k], np.zeros((y.shape[1], rest))], axis=1) for y in slopes))
-            by = self._with_torques(by, x[k], k)
-            if closing is not None:
-                by = by._replace(closing=by.closing + closing[k])
-            made.append(s.derivative(by))
-        return np.array(made)
+    def by_state(self, k: int, x: Array, impulse: Array, reaction: Array) -> Balance:
+        """Slopes of step k by the state, those of torques among them."""
+        slopes = self.slopes(*(np.array(y)[None] for y in (x, impulse, reaction)), ("q", "v"))
+        rest = self.m - 2 * self.nv
+        by = Balance(*(np.concatenate([y[0], np.zeros((y.shape[1], rest))], axis=1) for y in slopes))
+        return self._with_torques(by, x, k)
+
+    def derivative(self, k: int, s: ActiveSet, closing: Array | None = None) -> tuple[Array, Array]:
+        """δx (nv, m), δλ (rows, m) by the state; ``closing`` (nc, m) is added to the slope of what constraints leave."""
+        phase = self.phase
+        by = self.by_state(k, s.x, s.impulse + phase.first, s.reaction)
+        if closing is not None:
+            by = by._replace(closing=by.closing + closing)
+        if phase.open.any():
+            target = self.by_state(k, np.zeros(self.nv), s.impulse, s.reaction).velocity
+            by.velocity[self.first[phase.open]] -= target[self.first[phase.open]]
+        if phase.by_first.any():
+            by = by._replace(momentum=by.momentum - s.J.T @ phase.by_first)
+        return s.derivative(by, phase.by_lower)
 
     def _with_torques(self, by: Balance, x: Array, k: int) -> Balance:
         """With the slopes by what torques and friction of step k change with the state."""
@@ -285,26 +304,6 @@ class _Steps:
         if not np.isscalar(acting.by_level):
             by = by._replace(level=by.level + self.h[k] * acting.by_level[k][self.of_joint])
         return by
-
-    def _check_bounces(self, at: Balance, by_x: Balance, x: Array, impulse: Array, reaction: Array) -> None:
-        """Raise SimulationError for points that bounce as ``target`` has it."""
-        points = self.laws.sizes[0]
-        if not points or not self.laws.bounces.any():
-            return
-        J, C = by_x.velocity, by_x.closing
-        push = np.einsum("nki,nk->ni", J, impulse) + np.einsum("nki,nk->ni", C, reaction)
-        free = x - np.linalg.solve(by_x.momentum, push[..., None])[..., 0]
-        before, ahead = (np.einsum("nij,nj->ni", J[:, self.first], y) for y in (self.v, free))
-        fast = np.clip(PRESSED * (before - ahead), REST, BOUNCING)
-        down = (before < -fast) & (at.gap + self.h[:, None] * ahead < 0.0)
-        thrown = (before > fast) & (impulse[:, self.first] > 0.0)
-        hits = (down | thrown) & (self.laws.bounces > 0.0)
-        bad = np.argwhere(hits)
-        if len(bad):
-            raise SimulationError(
-                f"{self.where(bad[0, 0], len(np.unique(bad[:, 0])))}{self.laws.labels[bad[0, 1]]} bounces in the step, "
-                "expected none with restitution: a hit has no derivative by the time at which it falls"
-            )
 
     def where(self, k: int, count: int = 1) -> str:
         """What messages call a step."""
@@ -336,10 +335,12 @@ class _Steps:
         more = np.einsum("nij,nj->ni", there, w1)  # C v⁺ there, which the rest of the step takes away
         changed = there @ changed1 + np.einsum("nijk,nj->nik", self._turned(q2), w1) @ moved2
         start = [(s.x, s.impulse, s.reaction) for s in first]
-        at = self.values(*(np.array(x) for x in zip(*start, strict=True)))
+        x, impulse, reaction = (np.array(y) for y in zip(*start, strict=True))
+        at = self.values(x, impulse + self.phase.first, reaction)
         at = at._replace(closing=at.closing + more)
-        second = [self._solved(k, at, by_x, start[k], first[k].kept) for k in range(self.n)]
-        return self._ended(second, np.array([s.x for s in second]), self._along_solutions(second, changed))
+        second = [self.solved(k, at, by_x, start[k], first[k].kept) for k in range(self.n)]
+        moved = np.array([self.derivative(k, s, changed[k])[0] for k, s in enumerate(second)])
+        return self._ended(second, np.array([s.x for s in second]), moved)
 
     def _turned(self, q: Array) -> Array:
         """∂C/∂q (n, nc, nv, nv)."""
@@ -394,12 +395,14 @@ class _Steps:
             back, by_back = self._closed(end, here, end, here, 0.0)
             by_q, by_step = np.moveaxis(calls["dintegrate"](model, end, back), 1, 0)
             here = by_q @ here + by_step @ by_back
+        before = np.zeros(len(self.laws.labels), np.bool_)
+        before[: len(self.first)] = self.phase.switching
         ends = [here, changed]
         if self.z is not None:
             ends.append(self._bent(x, moved))
         return Found(
             np.concatenate(ends, axis=1), np.hstack([np.array([s.names for s in solved]), acting.active]),
-            np.hstack([np.array([s.switching for s in solved], np.bool_), acting.margins <= SWITCH]),
+            np.hstack([np.array([s.switching for s in solved], np.bool_) | before, acting.margins <= SWITCH]),
             np.hstack([np.array([s.undetermined() for s in solved], np.bool_), np.zeros(acting.active.shape, bool)]),
         )  # fmt: skip
 

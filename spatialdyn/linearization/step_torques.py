@@ -26,7 +26,7 @@ from ..recursions.joints.friction import (
     add_bristles,
 )
 from ..recursions.joints.springs import SPRING_TORQUE
-from ..recursions.spec import TAU, Argument, Q, Spec, V
+from ..recursions.spec import TAU, Argument, Spec, V
 from ..simulation.effects.effect import Effect, find
 from ..simulation.effects.friction import DryFriction, LuGreFriction, SmoothFriction
 from ..simulation.effects.motor import VOLTAGE, Drive, geared
