@@ -8,6 +8,7 @@
 * trunks   a quadruped with dry joints that trots, or sinks under its trunk of 1 kg to 1000 t
 * hexapod  18 dry joints and six feet: 36 rows that depend on each other, begun from the step before
 * limits   a quadruped on dry joints whose motion runs into its joints' limits
+* loops    mechanisms with redundant equations: 10 s with every method, 4 s beside an oracle by a pseudo-inverse
 """
 
 from __future__ import annotations
@@ -25,9 +26,10 @@ from tables import draw
 
 import spatialdyn as sd
 
-sys.path[:0] = [str(Path(__file__).parents[1] / "tests" / x) for x in ("", "recursions")]
+sys.path[:0] = [str(Path(__file__).parents[1] / "tests" / x) for x in ("", "recursions", "constraints", "simulation")]
 from grounded import hold, quadruped, stance, trot  # noqa: E402
 from test_coulomb_cone import NEAR, blocks, slides_by_angle, solve  # noqa: E402
+from test_redundant_loops import PAIRS, REDUNDANT, moves_as_one, runs_on  # noqa: E402
 
 Array = np.ndarray
 SOLVED, ABORT = 1e-6, 1e-2  # [m/s | rad/s]
@@ -180,8 +182,29 @@ def limited(quick: bool) -> list[Row]:
     return rows
 
 
+def loops(quick: bool) -> list[Row]:
+    """Runs that stay closed, by what their energy varies."""
+    rows = []
+    for name, method in PAIRS[::5] if quick else PAIRS:
+        rows.append([f"{name}, {method}", "10 s, closed", tried(runs_on, name, method, 10.0)])
+    rows += [
+        [f"{name}, rk4", "4 s as the oracle", tried(moves_as_one, name, 4.0)]
+        for name in list(REDUNDANT)[: 1 if quick else None]
+    ]
+    return rows
+
+
+def tried(check: Any, *given: Any) -> str:
+    """What a check finds, or what it raises."""
+    try:
+        return f"yes, dE {check(*given):.1e} J"
+    except (AssertionError, sd.SpatialDynError) as error:
+        return f"no: {str(error).splitlines()[0] if str(error) else 'off'}"
+
+
 CLAIMS = {
-    "blocks": one_point, "drops": dropped, "pushed": pushed, "trunks": trunks, "hexapod": six_legs, "limits": limited
+    "blocks": one_point, "drops": dropped, "pushed": pushed, "trunks": trunks, "hexapod": six_legs, "limits": limited,
+    "loops": loops,
 }  # fmt: skip
 
 

@@ -8,7 +8,8 @@ A point p with velocities u, c in the normal, and impulse λ has
 
 and a joint, with velocity x and impulse λ, x = 0 or x at a limit, or λ = ±F as it rubs, 0 without friction. They are
 those of a projection (Alart and Curnier 1991): p_n = λ_n - u_n / B_nn is above 0 of a point that touches, |λ_t - u_t/B|
-above μ λ_n of one that slides.
+above μ λ_n of one that slides. In a phase of a bounce λ_n is at least λ_0, and above it of a point that touches; one
+that bounces has λ_n = λ_0 and friction as it glances or not.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[Any]
 SEPARATES, STICKS, SLIDES = "separates", "sticks", "slides"
+BOUNCES, GLANCES = "bounces", "glances"  # without and with sliding
 FREE, LOWER, UPPER = "free", "lower limit", "upper limit"
 STEPS = 30  # of Newton, of which a solved step needs a few
 SETTLED = 1e-13  # relative change of velocities at which they end
@@ -40,6 +42,7 @@ class ActiveSet:
     gap, level, least, most  see ``impulse_balance``
     mu                      (np)
     joints                  (nl + nd) their freedoms
+    lower                   (np) λ_0
     kept                    (nc) equations of constraints that are independent
     switch                  margin [m/s | rad/s] below which a state is at a switch
     """
@@ -58,6 +61,7 @@ class ActiveSet:
     least: Array
     most: Array
     mu: Array
+    lower: Array
     joints: Array
     kept: NDArray[np.bool_]
     switch: float
@@ -91,16 +95,20 @@ class ActiveSet:
         names, margins = [], []
         for p in range(self.points):
             k = 3 * p
-            push = self.impulse[k] * self.own[k] - u[k]
+            push = (self.impulse[k] - self.lower[p]) * self.own[k] - u[k]
             t = self.impulse[k + 1 : k + 3] * self.friction[p] - u[k + 1 : k + 3]
             most = self.mu[p] * max(self.impulse[k], 0.0) * self.friction[p]
             over = float(np.linalg.norm(t)) - most
             near = abs(push)
-            if not push > 0.0:
+            across = self.friction[p] > SMALL  # else the point moves along its normal alone
+            slides = across and over > 0.0
+            if not push > 0.0 and self.lower[p] == 0.0:
                 names.append(SEPARATES)
+            elif not push > 0.0:
+                names.append(GLANCES if slides else BOUNCES)
+                near = min(near, abs(over) if across else near)
             else:
-                across = self.friction[p] > SMALL  # else the point moves along its normal alone
-                names.append(SLIDES if across and over > 0.0 else STICKS)
+                names.append(SLIDES if slides else STICKS)
                 near = min(near, abs(over) if across else near, abs(self.gap[p]) / self.dt)
             margins.append(near)
         for j, i in enumerate(self.joints):
@@ -137,7 +145,9 @@ class ActiveSet:
                 K[at : at + 3, at : at + 3] = np.diag(self.own[k])
                 continue
             K[at : at + 3, :nv] = self.J[k]
-            if names[p] == SLIDES:
+            if names[p] in (BOUNCES, GLANCES):
+                K[at, :nv], K[at, at] = 0.0, self.own[3 * p]
+            if names[p] in (SLIDES, GLANCES):
                 direction, each = self.direction(p, u)
                 across = np.eye(2) - np.outer(direction, direction)
                 K[at + 1 : at + 3, :nv] = each * across @ self.J[3 * p + 1 : 3 * p + 3]
@@ -168,12 +178,15 @@ class ActiveSet:
             if names[p] == SEPARATES:
                 rows = slice(3 * p, 3 * p + 3)
                 found.append(self.own[rows] * self.impulse[rows])
-            elif names[p] == STICKS:
-                found.append(u[3 * p : 3 * p + 3])
-            else:
+                continue
+            normal, across = u[3 * p], u[3 * p + 1 : 3 * p + 3]
+            if names[p] in (BOUNCES, GLANCES):
+                normal = self.own[3 * p] * (self.impulse[3 * p] - self.lower[p])
+            if names[p] in (SLIDES, GLANCES):
                 direction, _ = self.direction(p, u)
                 f = self.impulse[3 * p + 1 : 3 * p + 3] + self.mu[p] * self.impulse[3 * p] * direction
-                found.append(np.r_[u[3 * p], self.friction[p] * f])
+                across = self.friction[p] * f
+            found.append(np.r_[normal, across])
         for j, i in enumerate(self.joints):
             k, name = 3 * self.points + j, names[self.points + j]
             if name in (FREE, SLIDES):
@@ -195,7 +208,7 @@ class ActiveSet:
         """Of points and joints: whether a point slides whose load others could take."""
         _, u, _ = self.state()
         found = [False] * len(self.names)
-        sliding = [p for p in range(self.points) if self.names[p] == SLIDES and self.mu[p] > 0.0]
+        sliding = [p for p in range(self.points) if self.names[p] in (SLIDES, GLANCES) and self.mu[p] > 0.0]
         if not sliding:
             return found
         _, sizes, ways = np.linalg.svd(self.scaled(self.system(self.names, u)[0])[0])
@@ -243,8 +256,10 @@ class ActiveSet:
         self.switching = [bool(x <= self.switch) for x in margins]
         return True
 
-    def derivative(self, by: Any) -> Array:
-        """Derivatives (nv, m) of x by those of what is left: ``by`` has their rows, as ``impulse_balance`` has them."""
+    def derivative(self, by: Any, by_lower: Array) -> tuple[Array, Array]:
+        """Derivatives (nv, m) of x and (rows, m) of impulses, by those of what is left and of λ_0: ``by`` has their
+        rows, as ``impulse_balance`` has them.
+        """
         _, u, _ = self.state()
         K, held = self.system(self.names, u)
         right = [by.momentum]
@@ -252,12 +267,14 @@ class ActiveSet:
             rate = by.velocity[3 * p : 3 * p + 3]
             if self.names[p] == SEPARATES:
                 right.append(0.0 * rate)
-            elif self.names[p] == STICKS:
-                right.append(rate)
-            else:
+                continue
+            normal, turned = rate[:1], rate[1:]
+            if self.names[p] in (BOUNCES, GLANCES):
+                normal = -self.own[3 * p] * by_lower[p : p + 1]
+            if self.names[p] in (SLIDES, GLANCES):
                 direction, each = self.direction(p, u)
-                across = np.eye(2) - np.outer(direction, direction)
-                right.append(np.concatenate([rate[:1], each * across @ rate[1:]]))
+                turned = each * (np.eye(2) - np.outer(direction, direction)) @ rate[1:]
+            right.append(np.concatenate([normal, turned]))
         for j, i in enumerate(self.joints):
             k, name = 3 * self.points + j, self.names[self.points + j]
             if name == SLIDES:
@@ -270,8 +287,8 @@ class ActiveSet:
         whole = np.concatenate([*right, by.closing[held]])
         found = -self.solve(K, whole)
         self.note_contradictions(K, found, whole)
-        made: Array = found[: len(self.x)]
-        return made
+        nv = len(self.x)
+        return found[:nv], found[nv : nv + len(self.impulse)]
 
     def note_contradictions(self, K: Array, found: Array, right: Array) -> None:
         """States that depend on others and contradict them as the state moves are at a switch: one has to change."""

@@ -30,7 +30,6 @@ from ..constraints.dynamics import constraint_error, constraint_jacobian, rows_t
 from ..errors import SimulationError
 from ..model.model import Model
 from ..recursions.constraints.constraint_rows import JACOBIAN
-from ..recursions.contact.contact_rows import BOUNCING, PRESSED, REST
 from ..recursions.contact.impulse_balance import Balance, impulse_balance_spec
 from ..recursions.contact.impulse_step import impulse_step_spec
 from ..recursions.joints.friction import FRICTION_STEP
@@ -38,9 +37,11 @@ from ..recursions.spec import Spec, shape_in
 from ..simulation.effects.constraints import Constrained
 from ..simulation.effects.contacts import Contact
 from ..simulation.effects.effect import find
-from ..simulation.effects.friction import DryFriction
+from ..simulation.effects.friction import DryFriction, LuGreFriction, dry
 from ..simulation.tangents import along, run
 from .active_set import ActiveSet
+from .bounces import Phase, hits_of, last_phase
+from .step_torques import Torques
 
 Array = NDArray[Any]
 SWITCH = 1e-6  # [m/s | rad/s] margin of a state below which it is at a switch: a solved step leaves as much open
@@ -53,7 +54,6 @@ class Laws:
     table    of contacts, limits and dry joints
     static   the tables of the equations in their order
     has      of ``impulse_balance.ALL``
-    law      coefficients of friction; () without
     mu       (np) of points
     bounces  (np) restitution
     labels   of points and joints
@@ -65,7 +65,6 @@ class Laws:
     table: StaticTable
     static: tuple[StaticTable, ...]
     has: frozenset[str]
-    law: tuple[Array, ...]
     mu: Array
     bounces: Array
     labels: tuple[str, ...]
@@ -83,8 +82,8 @@ class Laws:
 
 
 class Found(NamedTuple):
-    """Derivatives of n steps: (n, 2 nv, 3 nv); states of points and joints (n, rows), which are at a switch, and which
-    slide with a load that others could take.
+    """Derivatives of n steps by q, v, z and τ: (n, 2 nv, 3 nv), (n, 3 nv, 4 nv) with bristles; states of points and
+    joints (n, rows), which are at a switch, and which slide with a load that others could take.
     """
 
     derivatives: Array
@@ -95,58 +94,65 @@ class Found(NamedTuple):
 
 def laws_of(model: Model, effects: tuple[Any, ...], touching: Any, forced: bool) -> Laws:
     """What acts by impulses among the effects of a run; touching  the contacts and limits of its scene."""
-    contact, constrained, rubs = find(effects, Contact), find(effects, Constrained), find(effects, DryFriction)
+    contact, constrained = find(effects, Contact), find(effects, Constrained)
+    rubs, bends = find(effects, DryFriction), find(effects, LuGreFriction)
     heights: tuple[StaticTable, ...] = ()
     if contact is not None:
         table, heights = contact.table, contact.contacts.tables[1:]
         names = [contact.label(k) for k in range(len(table.rows) - 1)]
     else:
         assert rubs is not None  # what is solved for and is no contact
-        coulomb, _, static, _ = rubs.friction.law
-        table = touching.with_dry((coulomb > 0.0) | (static > 0.0))
+        table = touching.with_dry(dry(effects, model.nv))
         named = Contact(touching, False, table, rubs.way)
         names = [named.label(k) for k in range(len(table.rows) - 1)]
-    has = {"heights": bool(heights), "friction": rubs is not None, "constraints": constrained is not None}
+    has = {
+        "heights": bool(heights),
+        "friction": rubs is not None or bends is not None,
+        "constraints": constrained is not None,
+    }
     has["rate"] = constrained is not None and not constrained.projects
     has["fext"] = forced
     held = () if constrained is None else (constrained.constraints.table,)
     return Laws(
         model, contact, constrained, table, (table, *heights, *held), frozenset(x for x, y in has.items() if y),
-        () if rubs is None else rubs.friction.law, touching.friction, touching.restitution, tuple(names),
+        touching.friction, touching.restitution, tuple(names),
     )  # fmt: skip
 
 
 def derivatives(
-    laws: Laws, q: Array, v: Array, tau: Array, h: Array, fext: Array | None, batch: tuple[int, ...],
-    samples: NDArray[np.intp],
+    laws: Laws, q: Array, v: Array, z: Array | None, acting: Torques, h: Array, fext: Array | None,
+    batch: tuple[int, ...], samples: NDArray[np.intp],
 ) -> Found:  # fmt: skip
-    """Derivatives of n steps of finite numbers, by q, v and tau.
+    """Derivatives of n steps of finite numbers, by q, v, z and tau.
 
+    z        (n, nv) bristles, None without
+    acting   torques and friction of the steps
     h        (n,)
     fext     (n, njoints, 6)
     batch    shape of the batch that they are of
     samples  (n,)  their places in it
 
-    Raises SimulationError, naming the first sample, for steps that are not solved, and points that bounce.
+    Raises SimulationError, naming the first sample, for steps that are not solved.
     """
     parts = []
     for k in range(len(q)):  # one by one: bits do not depend on neighbours; directions are lanes
         one = slice(k, k + 1)
-        forces = None if fext is None else fext[one]
-        parts.append(_Steps(laws, q[one], v[one], tau[one], h[one], forces, batch, samples[one]).derivatives())
+        forces, bent = None if fext is None else fext[one], None if z is None else z[one]
+        steps = _Steps(laws, q[one], v[one], bent, acting.of(one), h[one], forces, batch, samples[one])
+        parts.append(steps.derivatives())
     return Found(*(np.concatenate(x) for x in zip(*parts, strict=True)))
 
 
 class _Steps:
-    """n steps and their solutions."""
+    """A step and its solution; arrays have an axis of steps, of which there is one."""
 
     def __init__(
-        self, laws: Laws, q: Array, v: Array, tau: Array, h: Array, fext: Array | None, batch: tuple[int, ...],
-        samples: NDArray[np.intp],
+        self, laws: Laws, q: Array, v: Array, z: Array | None, acting: Torques, h: Array, fext: Array | None,
+        batch: tuple[int, ...], samples: NDArray[np.intp],
     ) -> None:  # fmt: skip
-        self.laws, self.q, self.v, self.tau, self.h, self.batch, self.samples = laws, q, v, tau, h, batch, samples
-        self.fext = fext
-        self.n, self.nv = v.shape
+        self.laws, self.q, self.v, self.z, self.h, self.batch, self.samples = laws, q, v, z, h, batch, samples
+        self.acting, self.tau, self.law, self.fext = acting, acting.torque, acting.law, fext
+        (self.n, self.nv), self.m, self.switch = v.shape, acting.by_torque.shape[2], SWITCH
         self.held = 0 if laws.constrained is None else laws.constrained.constraints.nc
         points, limits, dry = laws.sizes
         self.rows = 3 * points + limits + dry
@@ -158,10 +164,9 @@ class _Steps:
     def _inputs(self, x: Array, impulse: Array, reaction: Array) -> list[Array]:
         h, laws = self.h[:, None], self.laws
         forces = [] if self.fext is None else [self.fext.reshape((self.n, -1))]
-        law = [np.broadcast_to(y, (self.n, self.nv)) for y in laws.law]
         rate = [np.full((self.n, 1), laws.constrained.rate)] if "rate" in laws.has and laws.constrained else []
         held = [reaction] if self.held else []
-        return [self.q, self.v, x, self.tau, *forces, h, *law, *rate, impulse, *held]
+        return [self.q, self.v, x, self.tau, *forces, h, *self.law, *rate, impulse, *held]
 
     def _split(self, out: Array) -> Balance:
         """By outputs, along axis 1."""
@@ -192,8 +197,8 @@ class _Steps:
 
     # --- solutions ---
 
-    def begin(self) -> tuple[Array, Array, Array]:
-        """x, impulses and reactions by the step itself, to its tolerance."""
+    def begin(self, bounces: Array) -> tuple[Array, Array, Array]:
+        """x, impulses and reactions by the step itself, to its tolerance; ``bounces`` (np) restitution."""
         laws, model = self.laws, self.laws.model
         points, limits, _ = laws.sizes
         impulse, reaction = np.zeros((self.n, self.rows)), np.zeros((self.n, self.held))
@@ -201,7 +206,7 @@ class _Steps:
             M, push = calls["crba"](model, self.q), self.tau - calls["nonlinear_effects"](model, self.q, self.v)
             return self.v + self.h[:, None] * np.linalg.solve(M, push[..., None])[..., 0], impulse, reaction
         if laws.contact is None:
-            out = checked_call(FRICTION_STEP, model, (self.q, self.v, self.tau, self.fext, self.h, *laws.law), (), None)
+            out = checked_call(FRICTION_STEP, model, (self.q, self.v, self.tau, self.fext, self.h, *self.law), (), None)
             impulse[:] = (self.h[:, None] * out[:, 2])[:, self.of_joint]
             return out[:, 0], impulse, reaction
         has = laws.has - {"fext"} | ({"fext"} if self.fext is not None else set())
@@ -210,8 +215,8 @@ class _Steps:
         rate = (laws.constrained.rate,) if "rate" in has and laws.constrained is not None else ()
         known = {
             "q": self.q, "v": self.v, "tau": self.tau, "fext": self.fext, "dt": self.h, "mu": laws.mu,
-            "restitution": laws.bounces, "rate": rate[0] if rate else None, "chosen": kept.astype(float),
-            **dict(zip(("coulomb", "viscous", "static", "stribeck"), laws.law, strict=False)),
+            "restitution": bounces, "rate": rate[0] if rate else None, "chosen": kept.astype(float),
+            **dict(zip(("coulomb", "viscous", "static", "stribeck"), self.law, strict=False)),
         }  # fmt: skip
         values = tuple(known[y.name] for y in spec.present if not y.static)
         out = checked_call(spec, model, values, laws.static, None)
@@ -229,26 +234,39 @@ class _Steps:
 
     def derivatives(self) -> Found:
         """See the module."""
-        x, impulse, reaction = self.begin()
+        points, none = self.laws.sizes[0], np.zeros((self.rows, self.m))
+        kept = self._kept()
+        bounces = self.laws.bounces
+        x, impulse, reaction = self.begin(0.0 * bounces)
         by_x = self.slopes(x, impulse, reaction, ("x",))
         at = self.values(x, impulse, reaction)
-        self._check_bounces(at, by_x, x, impulse, reaction)
-        kept = self._kept()
-        first = [self._solved(k, at, by_x, (x[k], impulse[k], reaction[k]), kept[k]) for k in range(self.n)]
-        moved = self._along_solutions(first)
+        still = np.zeros(points, np.bool_)
+        self.phase = Phase(none[:, 0], none[:points, 0], none, none[:points], still, still)
+        start = [(x[k], impulse[k], reaction[k]) for k in range(self.n)]
+        hits = hits_of(self, at, by_x, start[0], kept[0]) if bounces.any() else None
+        if hits is not None and hits.bounces.any():
+            first = [last_phase(self, hits, at, by_x, start[0], kept[0])]
+        else:
+            if hits is not None:
+                self.phase = self.phase._replace(switching=hits.switching)
+            first = [self.solved(k, at, by_x, start[k], kept[k]) for k in range(self.n)]
+        moved = np.array([self.derivative(k, s)[0] for k, s in enumerate(first)])
         if self.held and self.laws.constrained is not None and self.laws.constrained.projects:
             return self._met(first, moved, by_x)
         ahead = np.array([s.x for s in first])
         return self._ended(first, ahead, moved)
 
-    def _solved(
+    def solved(
         self, k: int, at: Balance, by_x: Balance, solution: tuple[Array, Array, Array], kept: NDArray[np.bool_]
     ) -> ActiveSet:  # fmt: skip
-        """Step k, solved from what is ``at`` a solution to some tolerance."""
+        """Step k, solved from what is ``at`` a solution to some tolerance; points' impulses are those of its phase."""
+        velocity, gap, opened = at.velocity[k].copy(), at.gap[k].copy(), self.phase.open
+        rest = self.first[opened]
+        velocity[rest], gap[opened] = by_x.velocity[k][rest] @ solution[0], np.inf
         made = ActiveSet(
-            *solution, by_x.momentum[k], by_x.velocity[k], by_x.closing[k], at.momentum[k], at.velocity[k],
-            at.closing[k], at.gap[k], at.level[k], at.least[k], at.most[k], self.laws.mu, self.of_joint, kept, SWITCH,
-            float(self.h[k]),
+            *solution, by_x.momentum[k], by_x.velocity[k], by_x.closing[k], at.momentum[k], velocity,
+            at.closing[k], gap, at.level[k], at.least[k], at.most[k], self.laws.mu, self.phase.lower, self.of_joint,
+            kept, SWITCH, float(self.h[k]),
         )  # fmt: skip
         if not made.settle():
             raise SimulationError(
@@ -257,38 +275,35 @@ class _Steps:
             )
         return made
 
-    def _along_solutions(self, solved: list[ActiveSet], closing: Array | None = None) -> Array:
-        """δx (n, nv, 3 nv) by the state; ``closing`` (n, nc, 3 nv) is added to the slope of what constraints leave."""
-        x, impulse, reaction = (np.array([getattr(s, name) for s in solved]) for name in ("x", "impulse", "reaction"))
-        slopes = self.slopes(x, impulse, reaction, ("q", "v"))
-        made = []
-        for k, s in enumerate(solved):
-            by = Balance(*(np.concatenate([y[k], np.zeros((y.shape[1], self.nv))], axis=1) for y in slopes))
-            by.momentum[:, 2 * self.nv :] = -self.h[k] * np.eye(self.nv)
-            if closing is not None:
-                by = by._replace(closing=by.closing + closing[k])
-            made.append(s.derivative(by))
-        return np.array(made)
+    def by_state(self, k: int, x: Array, impulse: Array, reaction: Array) -> Balance:
+        """Slopes of step k by the state, those of torques among them."""
+        slopes = self.slopes(*(np.array(y)[None] for y in (x, impulse, reaction)), ("q", "v"))
+        rest = self.m - 2 * self.nv
+        by = Balance(*(np.concatenate([y[0], np.zeros((y.shape[1], rest))], axis=1) for y in slopes))
+        return self._with_torques(by, x, k)
 
-    def _check_bounces(self, at: Balance, by_x: Balance, x: Array, impulse: Array, reaction: Array) -> None:
-        """Raise SimulationError for points that bounce as ``target`` has it."""
-        points = self.laws.sizes[0]
-        if not points or not self.laws.bounces.any():
-            return
-        J, C = by_x.velocity, by_x.closing
-        push = np.einsum("nki,nk->ni", J, impulse) + np.einsum("nki,nk->ni", C, reaction)
-        free = x - np.linalg.solve(by_x.momentum, push[..., None])[..., 0]
-        before, ahead = (np.einsum("nij,nj->ni", J[:, self.first], y) for y in (self.v, free))
-        fast = np.clip(PRESSED * (before - ahead), REST, BOUNCING)
-        down = (before < -fast) & (at.gap + self.h[:, None] * ahead < 0.0)
-        thrown = (before > fast) & (impulse[:, self.first] > 0.0)
-        hits = (down | thrown) & (self.laws.bounces > 0.0)
-        bad = np.argwhere(hits)
-        if len(bad):
-            raise SimulationError(
-                f"{self.where(bad[0, 0], len(np.unique(bad[:, 0])))}{self.laws.labels[bad[0, 1]]} bounces in the step, "
-                "expected none with restitution: a hit has no derivative by the time at which it falls"
-            )
+    def derivative(self, k: int, s: ActiveSet, closing: Array | None = None) -> tuple[Array, Array]:
+        """δx (nv, m), δλ (rows, m) by the state; ``closing`` (nc, m) is added to the slope of what constraints leave."""
+        phase = self.phase
+        by = self.by_state(k, s.x, s.impulse + phase.first, s.reaction)
+        if closing is not None:
+            by = by._replace(closing=by.closing + closing)
+        if phase.open.any():
+            target = self.by_state(k, np.zeros(self.nv), s.impulse, s.reaction).velocity
+            by.velocity[self.first[phase.open]] -= target[self.first[phase.open]]
+        if phase.by_first.any():
+            by = by._replace(momentum=by.momentum - s.J.T @ phase.by_first)
+        return s.derivative(by, phase.by_lower)
+
+    def _with_torques(self, by: Balance, x: Array, k: int) -> Balance:
+        """With the slopes by what torques and friction of step k change with the state."""
+        acting, push = self.acting, -self.acting.by_torque[k]
+        if not np.isscalar(acting.by_viscous):
+            push = push + x[:, None] * acting.by_viscous[k]
+        by = by._replace(momentum=by.momentum + self.h[k] * push)
+        if not np.isscalar(acting.by_level):
+            by = by._replace(level=by.level + self.h[k] * acting.by_level[k][self.of_joint])
+        return by
 
     def where(self, k: int, count: int = 1) -> str:
         """What messages call a step."""
@@ -308,9 +323,9 @@ class _Steps:
         """The second part of a step under constraints, which meets C v⁺ = 0 where the step ends: ``meet``."""
         laws = self.laws
         assert laws.constrained is not None
-        unit = np.broadcast_to(np.eye(self.nv, 3 * self.nv), (self.n, self.nv, 3 * self.nv))
+        unit = np.broadcast_to(np.eye(self.nv, self.m), (self.n, self.nv, self.m))
         q1, moved1, w1, changed1 = self._moved(np.array([s.x for s in first]), moved)
-        damping = 0.0 if not laws.law else self.h[:, None] * laws.law[1]
+        damping = 0.0 if not self.law else self.h[:, None] * self.law[1]
         back, by_back = self._closed(self.q, unit, q1, moved1, damping)
         q2 = calls["integrate"](laws.model, q1, back)
         by_q, by_step = np.moveaxis(calls["dintegrate"](laws.model, q1, back), 1, 0)
@@ -320,10 +335,12 @@ class _Steps:
         more = np.einsum("nij,nj->ni", there, w1)  # C v⁺ there, which the rest of the step takes away
         changed = there @ changed1 + np.einsum("nijk,nj->nik", self._turned(q2), w1) @ moved2
         start = [(s.x, s.impulse, s.reaction) for s in first]
-        at = self.values(*(np.array(x) for x in zip(*start, strict=True)))
+        x, impulse, reaction = (np.array(y) for y in zip(*start, strict=True))
+        at = self.values(x, impulse + self.phase.first, reaction)
         at = at._replace(closing=at.closing + more)
-        second = [self._solved(k, at, by_x, start[k], first[k].kept) for k in range(self.n)]
-        return self._ended(second, np.array([s.x for s in second]), self._along_solutions(second, changed))
+        second = [self.solved(k, at, by_x, start[k], first[k].kept) for k in range(self.n)]
+        moved = np.array([self.derivative(k, s, changed[k])[0] for k, s in enumerate(second)])
+        return self._ended(second, np.array([s.x for s in second]), moved)
 
     def _turned(self, q: Array) -> Array:
         """∂C/∂q (n, nc, nv, nv)."""
@@ -334,7 +351,7 @@ class _Steps:
         return made
 
     def _closed(self, q: Array, moved: Array, end: Array, end_moved: Array, damping: Any) -> tuple[Array, Array]:
-        """y of M y = Cᵀ ρ, C y = -φ(end), with M and C at q, and its derivative (n, nv, 3 nv).
+        """y of M y = Cᵀ ρ, C y = -φ(end), with M and C at q, and its derivative (n, nv, m).
 
         moved, end_moved  of q and end
         damping           (n, nv) on the diagonal of M
@@ -358,31 +375,51 @@ class _Steps:
             calls["rnea_derivatives"](model, q, zero, y)[:, 0] - calls["rnea_derivatives"](model, q, zero, zero)[:, 0]
         )
         push = -by_M + np.einsum("nijk,ni->njk", turned, rho)
+        turns = not np.isscalar(damping) and not np.isscalar(self.acting.by_viscous)  # that of bristles, with v
         for k in range(self.n):
             rows = kept[k]
+            pushed = push[k] @ moved[k]
+            if turns:
+                pushed = pushed - self.h[k] * y[k][:, None] * self.acting.by_viscous[k]
             close = -(ahead[k][rows] @ end_moved[k]) - np.einsum("ijk,j->ik", turned[k][rows], y[k]) @ moved[k]
-            by[k] = np.linalg.solve(systems[k], np.concatenate([push[k] @ moved[k], close]))[: self.nv]
+            by[k] = np.linalg.solve(systems[k], np.concatenate([pushed, close]))[: self.nv]
         return y, by
 
     # --- ends ---
 
     def _ended(self, solved: list[ActiveSet], x: Array, moved: Array) -> Found:
         """Derivatives of the state after the step by those of x."""
-        model = self.laws.model
+        model, acting = self.laws.model, self.acting
         end, here, _, changed = self._moved(x, moved)
         if self.laws.constrained is not None and self.laws.constrained.projects:
             back, by_back = self._closed(end, here, end, here, 0.0)
             by_q, by_step = np.moveaxis(calls["dintegrate"](model, end, back), 1, 0)
             here = by_q @ here + by_step @ by_back
+        before = np.zeros(len(self.laws.labels), np.bool_)
+        before[: len(self.first)] = self.phase.switching
+        ends = [here, changed]
+        if self.z is not None:
+            ends.append(self._bent(x, moved))
         return Found(
-            np.concatenate([here, changed], axis=1), np.array([s.names for s in solved]),
-            np.array([s.switching for s in solved]), np.array([s.undetermined() for s in solved]),
+            np.concatenate(ends, axis=1), np.hstack([np.array([s.names for s in solved]), acting.active]),
+            np.hstack([np.array([s.switching for s in solved], np.bool_) | before, acting.margins <= SWITCH]),
+            np.hstack([np.array([s.undetermined() for s in solved], np.bool_), np.zeros(acting.active.shape, bool)]),
         )  # fmt: skip
+
+    def _bent(self, x: Array, moved: Array) -> Array:
+        """Derivatives of the bristles after the step, kept (z + h x)."""
+        acting, h = self.acting, self.h[:, None]
+        assert self.z is not None
+        assert acting.kept is not None
+        assert acting.by_kept is not None
+        way = np.eye(self.nv, self.m, 2 * self.nv) + h[..., None] * moved
+        made: Array = acting.kept[..., None] * way + (self.z + h * x)[..., None] * acting.by_kept
+        return made
 
     def _moved(self, x: Array, moved: Array) -> tuple[Array, Array, Array, Array]:
         """Where x, in the axes at the beginning, leads: q, its displacements, v⁺ and its changes, by those of x."""
         model, nv, h = self.laws.model, self.nv, self.h[:, None]
-        unit = np.broadcast_to(np.eye(nv, 3 * nv), (self.n, nv, 3 * nv))
+        unit = np.broadcast_to(np.eye(nv, self.m), (self.n, nv, self.m))
         travels = np.zeros(nv)
         for part, _ in travellers(model):
             travels[part] = 1.0

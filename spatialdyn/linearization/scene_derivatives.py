@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,23 +13,26 @@ from ..calls.arguments import as_array, batch_shape, broadcast, core_shape
 from ..calls.dynamics import calls, checked_call
 from ..constraints.derivatives import constrained_dynamics_derivatives
 from ..errors import SimulationError, literal
+from ..model.model import Model
 from ..recursions import SPECS
 from ..recursions.derivatives.step_derivatives import MOTION
-from ..recursions.joints.springs import SPRING_TORQUE
+from ..recursions.joints.friction import BRISTLES
 from ..recursions.spec import FEXT, TAU, Argument, Q, V
 from ..simulation.effects import of_run
 from ..simulation.effects.constraints import constrained_of
-from ..simulation.effects.contacts import check_start
-from ..simulation.effects.friction import LUGRE
-from ..simulation.effects.springs import has_springs
+from ..simulation.effects.contacts import Contact, check_start
+from ..simulation.effects.effect import find
+from ..simulation.effects.friction import LuGreFriction
 from ..simulation.methods.methods import EXPLICIT_METHODS, integrators
 from ..simulation.plan import Plan
 from ..simulation.rollouts import rollout
 from ..simulation.scene import Scene, check_method
+from ..simulation.states import run_states
 from ..simulation.steps import step_specs
 from ..simulation.tangents import along
+from .impulse_derivatives import SWITCH, Found, laws_of
 from .impulse_derivatives import derivatives as by_impulses
-from .impulse_derivatives import laws_of
+from .step_torques import bent_labels, torques_of
 
 Array = NDArray[np.float64]
 
@@ -41,9 +45,12 @@ class _Pair(NamedTuple):
 class StepDerivatives(_Pair):
     """A (..., 2 nv, 2 nv) and B (..., 2 nv, nv), which it unpacks to; and on which side of impulses' laws they are.
 
-    labels     what touches, stops or rubs: points, limits, dry joints; () where nothing acts by impulses
-    active     (..., len(labels))  their states in the step: "separates", "sticks", "slides" of points; "free",
-               "lower limit", "upper limit", "sticks", "slides" of joints
+    With bristles, which are a state beside q and v, A (..., 3 nv, 3 nv) and B (..., 3 nv, nv) of (δq, δv, δz).
+
+    labels     what touches, stops or rubs: points, limits, dry joints, motors, bristles; () where none acts
+    active     (..., len(labels))  their states in the step: "separates", "sticks", "slides", "bounces" of points;
+               "free", "lower limit", "upper limit", "sticks", "slides" of joints; "commanded" of motors, "saturated" at
+               the limit of a voltage, current or gear; "bends" of bristles
     switching  (..., len(labels))  whether a state is within 1e-6 m/s or rad/s of another, or its gap of changing sign:
                the derivative is then that of one side
     undetermined  (..., len(labels))  whether a point slides whose share of the load others could take, as of boxes on
@@ -57,24 +64,21 @@ class StepDerivatives(_Pair):
 
 
 def scene_derivatives(
-    scene: Scene, q: ArrayLike, v: ArrayLike, tau: ArrayLike, h: Array, method: Any, fext: ArrayLike | None
-) -> StepDerivatives:
-    """``step_derivatives`` of a scene with constraints, contacts, limits or dry friction, by steps h (...)."""
+    scene: Scene, q: ArrayLike, v: ArrayLike, tau: ArrayLike, h: Array, method: Any, fext: ArrayLike | None,
+    states: Any = None,
+) -> StepDerivatives:  # fmt: skip
+    """``step_derivatives`` of a scene with constraints, contacts, limits, friction or motors, by steps h (...)."""
     model = scene.model
-    refused = [x for x in scene.acts if x == "motor"]
-    if scene.solves and scene.friction_method == LUGRE:
-        refused.append("friction with bristles")
-    if refused:
-        raise SimulationError(
-            f"{', '.join(refused)} acts in the scene, expected constraints, contacts, limits, friction, springs and "
-            "forces: bristles are a state beside q and v, and a motor's limits change the laws of friction in the step"
-        )
+    bends = find(scene.effects, LuGreFriction)
+    own = () if bends is None else (BRISTLES,)
+    if bends is None:
+        run_states(model, (), (), states)  # raises for any state
     check_method(scene, method, integrators)
     if method not in EXPLICIT_METHODS:
         what = "springs act" if scene.constraints is None else "constraints act"
         raise SimulationError(f"method is {literal(method)} and {what}, expected one of {', '.join(EXPLICIT_METHODS)}")
-    names: list[Argument] = [Q, V, TAU, *([] if fext is None else [FEXT])]
-    values = [q, v, tau, *([] if fext is None else [fext])]
+    names: list[Argument] = [Q, V, TAU, *own, *([] if fext is None else [FEXT])]
+    values = [q, v, tau, *(_bristles(model, states) for _ in own), *([] if fext is None else [fext])]
     given = [as_array(x.name, y) for x, y in zip(names, values, strict=True)]
     shapes = [batch_shape(model, x, a) for x, a in zip(names, given, strict=True)]
     batch = broadcast([*(x.name for x in names), "dt"], [*shapes, h.shape])
@@ -86,10 +90,12 @@ def scene_derivatives(
     sound = np.flatnonzero(finite)
     if len(sound) and not (steps > 0.0).all():
         raise SimulationError(f"dt is {steps.min():g}, expected more than 0 s in a scene")
-    made, found = np.full((count, 2 * n, 3 * n), np.nan), None
+    size = 2 * n if bends is None else 3 * n
+    made, found = np.full((count, size, size + n), np.nan), None
     labels: tuple[str, ...] = ()
     if len(sound):
         q, v, tau, *forces = (np.ascontiguousarray(x[sound]) for x in rows)
+        z = None if bends is None else forces.pop(0)
         steps = steps[sound]
         calls["minverse"](model, q)  # raises InertiaError at a singular M
         pushed = forces[0] if forces else None
@@ -98,18 +104,19 @@ def scene_derivatives(
         if scene.contacts is not None or scene.limits:
             check_start(scene, q)
         effects = of_run(scene.with_(fext=None), constrained, False, held)
-        if scene.solves:
+        if scene.solves and (bends is None or find(effects, Contact) is not None):
             laws = laws_of(model, effects, scene.unilateral, pushed is not None)
-            pull = _pull(scene, q, v)
-            push = tau if pull is None else tau + checked_call(SPRING_TORQUE, model, (q, v), (), None)
-            found = by_impulses(laws, q, v, push, steps, pushed, batch, sound)
-            made[sound], labels = found.derivatives, laws.labels
-            if pull is not None:
-                made[sound, :, : 2 * n] += found.derivatives[:, :, 2 * n :] @ pull
+            acting = torques_of(model, effects, q, v, z, tau, steps)
+            found = by_impulses(laws, q, v, z, acting, steps, pushed, batch, sound)
+            made[sound], labels = found.derivatives, (*laws.labels, *acting.labels)
         else:
-            made[sound] = _by_program(scene, method, Plan(scene, method, effects), q, v, tau, steps, pushed)
-    made = made.reshape((*batch, 2 * n, 3 * n))
-    pair = StepDerivatives(made[..., : 2 * n], made[..., 2 * n :])
+            begun = Begun(q, v, z, tau, steps, pushed)
+            made[sound] = _by_program(scene, method, Plan(scene, method, effects), begun)
+            if bends is not None:
+                labels, active, margins = bent_labels(model, bends, v)
+                found = Found(made[sound], active, margins <= SWITCH, np.zeros(active.shape, np.bool_))
+    made = made.reshape((*batch, size, size + n))
+    pair = StepDerivatives(made[..., :size], made[..., size:])
     pair.labels = labels
     shape = count, len(labels)
     pair.active, pair.switching = np.full(shape, "", "<U11"), np.zeros(shape, np.bool_)
@@ -123,14 +130,23 @@ def scene_derivatives(
     return pair
 
 
-def _pull(scene: Scene, q: Array, v: Array) -> Array | None:
-    """The derivatives (n, nv, 2 nv) of the torques of springs by q and v; None without springs."""
-    model, n = scene.model, scene.model.nv
-    if not has_springs(model):
-        return None
-    unit = np.broadcast_to(np.eye(2 * n), (len(q), 2 * n, 2 * n))
-    made: Array = along(model, SPRING_TORQUE, [q, v], [unit[:, :n], unit[:, n:]])
-    return made
+def _bristles(model: Model, states: Any) -> Array:
+    """Where bristles are before the step: 0 where nothing is said. Raises as ``run_states``."""
+    given = dict(states) if isinstance(states, Mapping) else states
+    known = given.pop(BRISTLES.name, None) if isinstance(given, dict) else None
+    run_states(model, (BRISTLES,), (), given)  # raises for another state
+    return np.zeros(model.nv) if known is None else as_array(f"state {BRISTLES.name}", known)
+
+
+class Begun(NamedTuple):
+    """Steps at their beginning, n each; z and fext may be None."""
+
+    q: Array
+    v: Array
+    z: Array | None
+    tau: Array
+    h: Array
+    fext: Array | None
 
 
 def constrained_linearization(
@@ -151,27 +167,26 @@ def constrained_linearization(
     return StepDerivatives(found[..., : 2 * n], found[..., 2 * n :])
 
 
-def _by_program(
-    scene: Scene, method: str, plan: Plan, q: Array, v: Array, tau: Array, h: Array, fext: Array | None
-) -> Array:
-    """(n, 2 nv, 3 nv) by the derivative of the program of the step."""
+def _by_program(scene: Scene, method: str, plan: Plan, begun: Begun) -> Array:
+    """(n, 2 nv, 3 nv) by the derivative of the program of the step, with bristles (n, 3 nv, 4 nv)."""
     model, n = scene.model, scene.model.nv
+    q, v, z, tau, h, fext = begun
     ends = np.empty_like(q)
     for dt in np.unique(h):  # raises what a step raises
         at = np.flatnonzero(h == dt)
         forces = None if fext is None else fext[at][:, None]
         run = rollout(
             scene.with_(fext=None), q[at], v[at], tau[at][:, None], dt=float(dt), method=method, record="last",
-            fext=forces,
+            fext=forces, states=None if z is None else {BRISTLES.name: z[at]},
         )  # fmt: skip
         ends[at] = run.q
-    specs = step_specs(method, plan.structure, ())[:2]
+    own, m = [] if z is None else [z], 3 * n if z is None else 4 * n
+    specs = step_specs(method, plan.structure, ())[: 2 + len(own)]
     beside = [np.broadcast_to(x[:, 0], (len(q), x.shape[2])) for x in plan.values.values()]
-    unit = np.broadcast_to(np.eye(3 * n), (len(q), 3 * n, 3 * n))
-    of_q, of_v, of_tau = unit[:, :n], unit[:, n : 2 * n], unit[:, 2 * n :]
-    tangents = [of_q, of_v, 1, of_tau, *(x.shape[1] for x in beside)]
-    by_q, by_v = along(model, specs, [q, v, h[:, None], tau, *beside], tangents, plan.tables, 2)
-    return np.concatenate([displacements(model, ends, by_q), by_v], axis=1)
+    of_q, of_v, *of_z, of_tau = (np.broadcast_to(x, (len(q), n, m)) for x in np.split(np.eye(m), m // n))
+    tangents = [of_q, of_v, *of_z, 1, of_tau, *(x.shape[1] for x in beside)]
+    by_q, *others = along(model, specs, [q, v, *own, h[:, None], tau, *beside], tangents, plan.tables, len(specs))
+    return np.concatenate([displacements(model, ends, by_q), *others], axis=1)
 
 
 def displacements(model: Any, q: Array, rates: Array) -> Array:

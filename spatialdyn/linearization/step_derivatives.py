@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import math
 import warnings
+from collections.abc import Mapping
 from functools import lru_cache
 from typing import Any
 
@@ -34,6 +35,7 @@ from ..simulation.effects.springs import has_springs
 from ..simulation.methods.explicit import HALF_TURN
 from ..simulation.methods.methods import integrators
 from ..simulation.scene import Scene, scene_of
+from ..simulation.states import run_states
 from . import implicit_derivatives
 from .scene_derivatives import StepDerivatives, constrained_linearization, scene_derivatives
 
@@ -49,15 +51,16 @@ def step_derivatives(
     dt: ArrayLike,
     method: str = "semi_implicit_euler",
     fext: ArrayLike | None = None,
+    states: Mapping[str, ArrayLike] | None = None,
 ) -> StepDerivatives:
     """Derivatives of a step by the state before it and the torque held over it: ``A, B = step_derivatives(...)``.
 
     Source: see ``recursions.derivatives.step_derivatives`` and ``linearization.implicit_derivatives``.
 
-    scene   Scene or Model, without motors and bristles; springs act in explicit methods. A Friction with ``smoothing``
-            that acts alone acts by its smooth law, in explicit methods; any other one, contacts and limits act by
-            impulses, whose laws have a derivative on each side of a switch; constraints act in the methods of
-            ``explicit`` and beside impulses
+    scene   Scene or Model; springs act in explicit methods. A Friction with ``smoothing`` that acts alone acts by its
+            smooth law, in explicit methods; any other one, motors, contacts and limits act by impulses, whose laws
+            have a derivative on each side of a switch; constraints act in the methods of ``explicit`` and beside
+            impulses
     q       (..., nq)          joint positions [rad | m]
     v       (..., nv)          joint velocities [rad/s | m/s]
     tau     (..., nv)          joint torques [N m | N]
@@ -66,6 +69,7 @@ def step_derivatives(
             ``simulate`` from this state, without what a run before it may have left (compensated sums, chart centres)
     fext    (..., njoints, 6)  force on each joint's body, in the joint's frame, held too [N | N m], beside those of the
             scene; zero if left out
+    states  {name: (..., nv)}  states that the scene carries beside q and v, "bristles"; 0 if left out
 
     The state moves by δx = (δq, δv), δq (nv) as ``integrate`` takes it and ``difference`` gives it, in each joint's own
     body's frame. δx⁺ = A δx + B δτ is exact to rounding, whatever dt: neither 1 + dt A_c nor exp(dt A_c) is.
@@ -105,7 +109,8 @@ def step_derivatives(
     model = scene.model
     acts = scene.constraints is not None or (scene.solves and not _is_smooth(scene))
     if acts or (has_springs(model) and scene.friction is None):
-        return scene_derivatives(scene, q, v, tau, _steps(dt), method, fext)
+        return scene_derivatives(scene, q, v, tau, _steps(dt), method, fext, states)
+    run_states(model, (), (), states)  # raises for any state
     turns, law = _checked(scene)
     spec = (TURNING_STEPS if turns else STEPS).get(method) if isinstance(method, str) else None
     if spec is None:
@@ -130,6 +135,7 @@ def linearize(
     dt: ArrayLike | None = None,
     method: str | None = None,
     fext: ArrayLike | None = None,
+    states: Mapping[str, ArrayLike] | None = None,
 ) -> StepDerivatives:
     """The linear system of a robot near a state: continuous, d/dt δx = A δx + B δτ, or of a step with dt and method.
 
@@ -146,7 +152,7 @@ def linearize(
     ([[0.0, 1.0], [-14.715, 0.0]], [[0.0], [3.0]])
     """
     if dt is not None and method is not None:
-        return step_derivatives(scene, q, v, tau, dt, method, fext)
+        return step_derivatives(scene, q, v, tau, dt, method, fext, states)
     if dt is not None or method is not None:
         given, lacking = ("dt", "method") if method is None else ("method", "dt")
         raise SpatialDynError(
@@ -154,6 +160,7 @@ def linearize(
         )
     scene, fext = _scene(scene, fext)
     model = scene.model
+    run_states(model, (), (), states)  # raises for any state
     n = model.nv
     if scene.constraints is not None:
         return constrained_linearization(scene, q, v, tau, fext)
@@ -165,7 +172,8 @@ def linearize(
 def _is_smooth(scene: Scene) -> bool:
     """Whether friction acts alone, and by its smooth law."""
     smooth = isinstance(scene.friction, Friction) and scene.friction.smoothing is not None
-    return smooth and scene.friction_method != LUGRE and scene.contacts is None and not scene.limits
+    alone = scene.contacts is None and not scene.limits and scene.motor is None
+    return smooth and scene.friction_method != LUGRE and alone
 
 
 def _scene(given: Scene | Model, fext: ArrayLike | None) -> tuple[Scene, ArrayLike | None]:

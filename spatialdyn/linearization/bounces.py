@@ -1,0 +1,143 @@
+"""Derivatives of steps in which points bounce, by Poisson's phases (``recursions.contact.impulses``).
+
+Each phase is a solve of the same form (``active_set``): the first brings the points to rest, with impulses λ_c, and each
+that follows adds impulses whose normals are at least a share of those before. Their derivatives are chained: λ and the
+least of a phase are functions of the state, as is what of λ_c only answers to forces. The phases that a step goes
+through are part of its state: where they are about to change, it is at a switch.
+
+The derivative is that of the step, whose hits act at its end: no step resolves the time at which a point falls.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..recursions.contact.contact_rows import BOUNCING, PRESSED, REST
+from ..recursions.contact.impulses import PHASES
+from .active_set import SMALL, ActiveSet
+
+Array = NDArray[Any]
+
+
+class Phase(NamedTuple):
+    """What a phase begins with.
+
+    first     (rows) impulses of points in the phases before; 0 of joints, whose impulses are those of all phases
+    lower     (np) least impulses of normals
+    by_first, by_lower  (rows, m), (np, m) their derivatives
+    open      (np) whether a point has no target for its normal but to rest: it bounces as it reaches the ground
+    switching (np) whether a point was at a switch in a phase before
+    """
+
+    first: Array
+    lower: Array
+    by_first: Array
+    by_lower: Array
+    open: NDArray[np.bool_]
+    switching: NDArray[np.bool_]
+
+
+class Hits(NamedTuple):
+    """Of points: restitution of those that bounce, else 0; as in ``Phase``; velocities of normals; without impulses."""
+
+    bounces: Array
+    open: NDArray[np.bool_]
+    switching: NDArray[np.bool_]
+    before: Array
+    free: Array
+
+
+def hits_of(steps: Any, at: Any, by_x: Any, solution: tuple[Array, Array, Array], kept: NDArray[np.bool_]) -> Hits:
+    """Which points bounce in a step, as ``contact_rows.target`` has it; ``at`` any solution of its equations."""
+    x, impulse, reaction = solution
+    M, J, C = by_x.momentum[0], by_x.velocity[0], by_x.closing[0]
+    left = at.momentum[0] + J.T @ impulse + C.T @ reaction
+    free = x + _solved(M, C[kept], -left, -at.closing[0][kept])[: len(x)]
+    before, ahead, e = J[steps.first] @ steps.v[0], J[steps.first] @ free, steps.laws.bounces
+    fast = np.clip(PRESSED * (before - ahead), REST, BOUNCING)
+    reach, quick, thrown = -(at.gap[0] / steps.h[0] + ahead), -before - fast, before - fast
+    reaches = (reach > 0.0) & (quick > 0.0)
+    margin = np.minimum(np.where(quick > 0.0, abs(reach), np.inf), np.where(reach > 0.0, abs(quick), np.inf))
+    margin = np.minimum(margin, abs(thrown))
+    opened = reaches & (e > 0.0)
+    return Hits(
+        np.where(reaches | (thrown > 0.0), e, 0.0), opened, (margin <= steps.switch) & (e > 0.0), before, free
+    )  # fmt: skip
+
+
+def last_phase(
+    steps: Any, hits: Hits, at: Any, by_x: Any, solution: tuple[Array, Array, Array], kept: NDArray[np.bool_]
+) -> ActiveSet:  # fmt: skip
+    """The solution of the last phase of a step; sets what it begins with, ``steps.phase``."""
+    points, rows, m = len(hits.open), steps.rows, steps.m
+    normal = steps.first
+    zero = np.zeros((rows, m))
+    steps.phase = Phase(np.zeros(rows), np.zeros(points), zero, zero[:points], hits.open, hits.switching)
+    load, by_load = np.zeros(points), np.zeros((points, m))
+    for p in np.flatnonzero(hits.bounces > 0.0):
+        load[p], by_load[p] = _load(steps, hits, by_x, int(p), kept)
+    share, M, J = 1.0, by_x.momentum[0], by_x.velocity[0]
+    for count in range(PHASES):
+        solved: ActiveSet = steps.solved(0, at, by_x, solution, kept)
+        phase: Phase = steps.phase
+        force = solved.impulse[normal]
+        if count == 0:
+            share = min([1.0, *hits.bounces[force > 0.0]])
+        hit = force - (load if count == 0 else phase.lower)
+        each = hits.bounces if count == 0 else np.full(points, share)
+        more = solved.own[normal] * hit - (REST if count else 0.0)
+        again = (more > 0.0) & (each * hit > 0.0)
+        near = (abs(more) <= steps.switch) & (each > 0.0) & (force > 0.0)
+        switching = phase.switching | near | np.array(solved.switching[:points], np.bool_)
+        if not again.any() or count == PHASES - 1:
+            steps.phase = phase._replace(switching=switching)
+            return solved
+        moved = steps.derivative(0, solved)[1]
+        by_hit = moved[normal] - (by_load if count == 0 else phase.by_lower)
+        lower = np.where(again, each * hit, 0.0)
+        first, by_first = phase.first.copy(), phase.by_first.copy()
+        first[: 3 * points] += solved.impulse[: 3 * points]
+        by_first[: 3 * points] += moved[: 3 * points]
+        steps.phase = Phase(first, lower, by_first, np.where(again, each, 0.0)[:, None] * by_hit, hits.open, switching)
+        impulse = solved.impulse.copy()
+        impulse[: 3 * points] = 0.0
+        impulse[normal] = lower
+        x = solved.x + np.linalg.solve(M, J[normal].T @ lower)
+        solution = x, impulse, solved.reaction
+        at = steps.values(*(y[None] for y in (x, first + impulse, solved.reaction)))
+    raise AssertionError
+
+
+def _load(steps: Any, hits: Hits, by_x: Any, p: int, kept: NDArray[np.bool_]) -> tuple[float, Array]:
+    """The impulse on a point alone that only holds it against the forces of the step, and its derivatives."""
+    k, M, C = 3 * p, by_x.momentum[0], by_x.closing[0]
+    pressed = hits.before[p] - hits.free @ by_x.velocity[0][k]
+    if not pressed > 0.0:
+        return 0.0, np.zeros(steps.m)
+    J, nv = by_x.velocity[0][k], len(hits.free)
+    answer = _solved(M, C[kept], J, np.zeros(kept.sum()))
+    load = pressed / max(J @ answer[:nv], SMALL)
+    x = hits.free + load * answer[:nv]
+    impulse, reaction = np.zeros(steps.rows), np.zeros(len(kept))
+    impulse[k] = load
+    left = steps.values(x[None], impulse[None], reaction[None]).momentum[0]
+    reaction[kept] = np.linalg.lstsq(C[kept].T, left)[0] if kept.any() else 0.0
+    by = steps.by_state(0, x, impulse, reaction)
+    rest = steps.by_state(0, steps.v[0], impulse, reaction)
+    row = by.velocity[k] - rest.velocity[k]
+    row[nv : 2 * nv] -= J
+    held = np.vstack([C[kept], J[None]])
+    K = np.block([[M, -held.T], [held, np.zeros((len(held), len(held)))]])
+    whole = np.vstack([by.momentum, by.closing[kept], row[None]])
+    made: Array = -np.linalg.solve(K, whole)[-1]
+    return float(load), made
+
+
+def _solved(M: Array, C: Array, momentum: Array, closing: Array) -> Array:
+    """(x, μ) of M x - Cᵀ μ = momentum, C x = closing."""
+    K = np.block([[M, -C.T], [C, np.zeros((len(C), len(C)))]])
+    made: Array = np.linalg.solve(K, np.concatenate([momentum, closing]))
+    return made

@@ -1,0 +1,220 @@
+"""Torques and friction of a step by impulses, with their derivatives: of motors, bristles, springs and smooth friction.
+
+A step takes torques τ, viscous friction b and levels F of dry friction from the state at its beginning. Of a motor all
+three are functions of v and of what is commanded (``recursions.joints.motors.driven``); bristles are a torque and
+viscous friction, by their state z and v (``recursions.joints.friction.add_bristles``); springs and smooth friction are
+torques by q and v. Each is differentiated as it is: on the branch on which it is, one-sided where that changes.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..calls.dynamics import calls, checked_call
+from ..calls.failures import joint_of_velocity
+from ..model.model import Model
+from ..recursions.joints.friction import (
+    BRISTLE_LAW,
+    BRISTLES,
+    DT,
+    FRICTION_TORQUE,
+    BristleLaw,
+    add_bristles,
+)
+from ..recursions.joints.springs import SPRING_TORQUE
+from ..recursions.spec import TAU, Argument, Spec, V
+from ..simulation.effects.effect import Effect, find
+from ..simulation.effects.friction import DryFriction, LuGreFriction, SmoothFriction
+from ..simulation.effects.motor import VOLTAGE, Drive, geared
+from ..simulation.effects.springs import has_springs
+from ..simulation.tangents import along, run
+
+Array = NDArray[Any]
+COMMANDED, SATURATED, BENDS = "commanded", "saturated", "bends"
+
+
+class Torques(NamedTuple):
+    """What acts in n steps beside impulses of points and limits; derivatives are by the m of q, v, z and τ, in order.
+
+    torque     (n, nv)
+    law        coulomb, viscous, static, stribeck, each (n, nv); () without friction
+    by_torque  (n, nv, m) derivatives of the torque
+    by_viscous, by_level  (n, nv, m) of viscous friction and of the level of dry friction; 0 where they are constant
+    kept       (n, nv) part of z + h v⁺ that bristles keep, and its derivatives; None without
+    by_kept
+    labels     of motors and bristles
+    active     (n, labels) their states
+    margins    (n, labels) by how much each is from another one [rad/s | m/s]
+    """
+
+    torque: Array
+    law: tuple[Array, ...]
+    by_torque: Array
+    by_viscous: Any
+    by_level: Any
+    kept: Array | None
+    by_kept: Array | None
+    labels: tuple[str, ...]
+    active: Array
+    margins: Array
+
+    def of(self, rows: slice) -> Torques:
+        """Those of some steps."""
+        return Torques(*(_rows(x, rows) for x in self))
+
+
+def _rows(x: Any, rows: slice) -> Any:
+    """Some rows of an array or of all of a law; what has none as it is."""
+    if isinstance(x, tuple):
+        return tuple(y[rows] if isinstance(y, np.ndarray) else y for y in x)
+    return x[rows] if isinstance(x, np.ndarray) else x
+
+
+def torques_of(
+    model: Model, effects: tuple[Effect, ...], q: Array, v: Array, z: Array | None, tau: Array, h: Array
+) -> Torques:
+    """Of the effects of a run, at states (n, ...).
+
+    z  (n, nv) of bristles, None without
+    """
+    n, nv = v.shape
+    motor, rubs = find(effects, Drive), find(effects, DryFriction)
+    bristles, smooth = find(effects, LuGreFriction), find(effects, SmoothFriction)
+    m = 3 * nv if z is None else 4 * nv
+    by = np.array(_all(np.eye(nv, m, m - nv), n))
+    law = () if rubs is None else tuple(np.broadcast_to(x, (n, nv)) for x in rubs.friction.law)
+    made = Torques(tau, law, by, 0.0, 0.0, None, None, *nothing_labelled(n))
+    if motor is not None:
+        made = _of_motor(model, motor, q, v, tau, h, law, made)
+    if bristles is not None and z is not None:
+        made = _of_bristles(model, bristles, v, z, tau, h, made)
+    more = [(SPRING_TORQUE, [q, v])] if has_springs(model) else []
+    if smooth is not None:
+        values = [np.broadcast_to(x, (n, nv)) for x in (*smooth.friction.law, *smooth.coefficients)]
+        more.append((FRICTION_TORQUE, [v, *values]))
+    for spec, given in more:
+        named = {"q": np.eye(nv, m), "v": np.eye(nv, m, nv)}
+        tangents: list[Any] = [_all(named[x.name], n) if x.name in named else nv for x in spec.present]
+        pull = along(model, spec, [np.ascontiguousarray(x) for x in given], tangents)
+        made = made._replace(
+            torque=made.torque + checked_call(spec, model, tuple(given), (), None), by_torque=made.by_torque + pull
+        )
+    return made
+
+
+def nothing_labelled(n: int) -> tuple[tuple[str, ...], Array, Array]:
+    """Labels, states and margins of steps without motors and bristles."""
+    return (), np.empty((n, 0), "<U11"), np.empty((n, 0))
+
+
+def bent_labels(model: Model, bristles: LuGreFriction, v: Array) -> tuple[tuple[str, ...], Array, Array]:
+    """Labels, states and margins of bristles: how they slip turns with the sign of v."""
+    coulomb, _, static, _ = bristles.friction.law
+    rows = np.flatnonzero((np.maximum(coulomb, static) > 0.0) & (bristles.coefficients[0] > 0.0))
+    labels = tuple(f'bristles of joint "{joint_of_velocity(model, int(k)).name}"' for k in rows)
+    return labels, np.full((len(v), len(rows)), BENDS, "<U11"), abs(v[:, rows])
+
+
+def _all(x: Array, n: int) -> Array:
+    return np.broadcast_to(x, (n, *x.shape))
+
+
+# --- motors ---------------------------------------------------------------------------------------------
+
+
+def _of_motor(
+    model: Model, motor: Drive, q: Array, v: Array, tau: Array, h: Array, law: tuple[Array, ...], made: Torques
+) -> Torques:  # fmt: skip
+    (n, nv), m = v.shape, made.by_torque.shape[2]
+    lines = [np.array(np.broadcast_to(x, (n, nv))) for x in motor.motor.lines]
+    given, spec = [v, tau, *lines], _motor_spec(motor.inputs)
+    tangents: list[Any] = [_all(np.eye(nv, m, nv), n), _all(np.eye(nv, m, m - nv), n), *(nv for _ in lines)]
+    push, slope, level = np.moveaxis(run(model, spec, "", given).reshape((n, 3, nv)), 1, 0)
+    by = along(model, spec, given, tangents).reshape((n, 3, nv, m))
+    coulomb, viscous, static, stribeck = law
+    saturated, margins = _sides(motor, v, tau, lines)
+    answers = h[:, None] * np.diagonal(calls["minverse"](model, q), axis1=1, axis2=2)
+    rows = np.flatnonzero(motor.motor.torque_constant > 0.0)
+    return made._replace(
+        torque=push, law=(coulomb + level, viscous + slope, static + level, stribeck),
+        by_torque=by[:, 0], by_viscous=by[:, 1], by_level=by[:, 2],
+        labels=tuple(f'motor of joint "{joint_of_velocity(model, int(k)).name}"' for k in rows),
+        active=np.where(saturated, SATURATED, COMMANDED).astype("<U11")[:, rows],
+        margins=np.minimum(answers * margins[0], margins[1])[:, rows],
+    )  # fmt: skip
+
+
+def _sides(motor: Drive, v: Array, tau: Array, lines: list[Array]) -> tuple[NDArray[np.bool_], tuple[Array, Array]]:
+    """Whether motors are at a limit, and how far they are from where ``driven`` takes another branch: in torque, and
+    in velocity.
+    """
+    stall, emf, most, efficiency, limit = lines
+    if motor.given == VOLTAGE:
+        over = abs(tau) - stall
+        motor_torque = np.clip(tau, -stall, stall) - emf * v
+    else:
+        back = emf * v
+        over = np.maximum(tau + back - stall, -stall - (tau + back))
+        motor_torque = np.clip(tau, -stall - back, stall - back)
+    size, lossy = abs(motor_torque), efficiency < 1.0
+    cap = np.minimum(most, limit * np.where(motor_torque * v < 0.0, efficiency, 1.0 / efficiency))
+    torque = np.minimum(abs(over), abs(size - cap))
+    torque = np.where(lossy, np.minimum(torque, size), torque)  # losses turn with its sign
+    turns = lossy & (size >= np.minimum(most, limit * efficiency))  # the gear's limit differs with the sign of v
+    return (over > 0.0) | (size > cap), (torque, np.where(turns, abs(v), np.inf))
+
+
+@cache
+def _motor_spec(lines: tuple[Argument, ...]) -> Spec:
+    """``geared`` alone: torque, viscous friction and level (3, nv)."""
+
+    def recursion(rows: Any, v: Any, tau: Any, *rest: Any) -> None:
+        zero = np.zeros(len(v), np.asarray(v).dtype)
+        given = dict(zip((x.name for x in lines), rest[:-1], strict=True))
+        push, (level, slope, *_) = geared(given, v, tau, (zero, zero, zero, zero))
+        rest[-1][0], rest[-1][1], rest[-1][2] = push, slope, level
+
+    return Spec(
+        "motor_of_a_step", recursion, None, (V, TAU, *lines), Argument("driven", (3, "nv"), "", "torque, slope, level"),
+        "Torque and friction of motors over a step.", "see ``recursions.joints.motors``", composed=True, stamped=False,
+    )  # fmt: skip
+
+
+# --- bristles -------------------------------------------------------------------------------------------
+
+
+def _of_bristles(
+    model: Model, bristles: LuGreFriction, v: Array, z: Array, tau: Array, h: Array, made: Torques
+) -> Torques:  # fmt: skip
+    (n, nv), m = v.shape, made.by_torque.shape[2]
+    rows = [np.array(np.broadcast_to(x, (n, nv))) for x in (*bristles.friction.law, *bristles.coefficients)]
+    given = [v, z, tau, h[:, None], *rows]
+    units = [_all(np.eye(nv, m, k * nv), n) for k in (1, 2, 3)]
+    push, slope, kept = np.moveaxis(run(model, BENT, "", given).reshape((n, 3, nv)), 1, 0)
+    by = along(model, BENT, given, [*units, 1, *(nv for _ in rows)]).reshape((n, 3, nv, m))
+    zero = np.zeros((n, nv))
+    labels, active, margins = bent_labels(model, bristles, v)
+    return made._replace(
+        torque=push, law=(zero, slope, zero, np.ones((n, nv))), by_torque=by[:, 0], by_viscous=by[:, 1],
+        kept=kept, by_kept=by[:, 2], labels=labels, active=active, margins=margins,
+    )  # fmt: skip
+
+
+def _bent(rows: Any, v: Any, z: Any, tau: Any, dt: Any, *rest: Any) -> None:
+    n, out = len(v), rest[-1]
+    M, r, kept = np.zeros((n, n), object), np.zeros(n, object), np.zeros(n, object)
+    add_bristles(v, z, tau, dt, BristleLaw(*rest[:-1]), M, r, kept)
+    for i in range(n):
+        slope = M[i, i] / dt
+        out[0, i], out[1, i], out[2, i] = r[i] + slope * v[i], slope, kept[i]
+
+
+BENT = Spec(
+    "bristles_of_a_step", _bent, None, (V, BRISTLES, TAU, DT, *BRISTLE_LAW),
+    Argument("bent", (3, "nv"), "", "torque, viscous friction, part of z + h v that is kept"),
+    "Torque and friction of bristles over a step.", "see ``recursions.joints.friction``", composed=True, stamped=False,
+)  # fmt: skip
