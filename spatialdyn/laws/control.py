@@ -210,8 +210,9 @@ class Control:
 
     @property
     def torque_spec(self) -> Spec:
-        """The Spec of its torque alone at the beginning of a step, which ``sd.exact`` and ``sd.specialize`` take a law
-        for: its inputs are q, v, what the law reads besides, its clock among them, and ``values`` by name.
+        """The Spec of its torque alone at the beginning of a step, which ``sd.exact``, ``sd.specialize`` and
+        ``SymbolicManipulator`` take a law for: its inputs are q, v, what the law reads besides, its clock among them,
+        and ``values`` by name.
         """
         return _torque(self.spec)
 
