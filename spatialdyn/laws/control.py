@@ -121,14 +121,14 @@ class Control:
         return made
 
     def limited_by(self, limits: ArrayLike) -> Control:
-        """This law with its torques within -limits to limits (nv,), above 0 [N m | N]: effort limits, as of a Model,
-        infinite where there is none.
+        """This law with its torques within -limits to limits, a number or (nv,), above 0 [N m | N]: effort limits, as of
+        a Model, infinite where there is none.
 
         Raises SimulationError for limits that are not above 0
         """
         most = as_array("limits", limits)
-        if most.ndim != 1 or not (most > 0.0).all():
-            raise SimulationError(f"limits is {most.tolist()}, expected (nv,) numbers above 0")
+        if most.ndim > 1 or not (most > 0.0).all():
+            raise SimulationError(f"limits is {most.tolist()}, expected a number or (nv,) numbers above 0")
         values = {**self.values, unused(LIMITS.name, self.spec): kept(np.minimum(most, MOST))}
         made = Control.of(limited(self.spec), values, self.static, self.held, self.checks)
         made.smooth, made.periods = self.smooth, self.periods

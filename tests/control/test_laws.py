@@ -255,6 +255,7 @@ def test_limits_clip_the_sum(arm: sd.Model) -> None:
     q, v = np.zeros(N), np.zeros(N)
     whole = law(arm, 0.0, q, v)
     assert (law.limited_by(most)(arm, 0.0, q, v) == np.clip(whole, -most, most)).all()
+    assert (law.limited_by(3.0)(arm, 0.0, q, v) == np.clip(whole, -3.0, 3.0)).all()
     run = sd.rollout(arm, q, v, dt=1e-3, steps=5, control=law.limited_by(most))
     first = sd.step(arm, q, v, np.clip(whole, -most, most), 1e-3)
     assert abs(run.q[0] - first[0]).max() < ROUNDING
