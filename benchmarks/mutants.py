@@ -17,8 +17,8 @@ that wait for -m slow. A line ``= reason`` in place of tests names a fault that 
 
 First the tests are run without faults, and must pass (--no-check leaves that out). A fault is noticed if a test fails.
 Prints the counts of each room and the faults that were not noticed; the exit status is 1 if fewer are noticed than
-PROMISED. What is found is kept in mutants.json after each fault: what is there is not run again, unless the fault or
-its tests are others or --again is given; --report prints what is there.
+PROMISED: a fault that was not run counts as not noticed. What is found is kept in mutants.json after each fault: what
+is there is not run again, unless the fault or its tests are others or --again is given; --report prints what is there.
 
 A fault in a room of compiled code is tried twice. First kernels compiled without it are read from the cache, as if the
 sources were the same: a test that fails then has noticed what is no part of them, or what they were compiled anew for.
@@ -381,7 +381,7 @@ def report(chosen: Sequence[Fault], found: dict[Fault, tuple[str, float]], slow:
             print(f"of no effect: {x}: {x.same}")
         elif x not in found:
             print(f"not run: line {x.line}, {x}")
-    count = max(1, len(found))
+    count = max(1, sum(not x.same for x in chosen))  # what was not run was not noticed
     shares = {False: sum(by == "quick" for by, _ in found.values()) / count}
     if slow:
         shares[True] = sum(by in ("quick", "slow") for by, _ in found.values()) / count

@@ -36,6 +36,7 @@ from .errors import (
     SpatialDynError,
     StudyError,
     UrdfError,
+    literal,
 )
 from .model.model import Frame, Joint, Model, assemble
 from .model.robot import JointLimits, Robot, Rotor
@@ -273,4 +274,6 @@ def __getattr__(name: str) -> object:
         from .interop.names import suggestion
 
         found = suggestion(name, __all__)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}" + (f", {found}" if found else ""))
+    raise AttributeError(
+        f"module {literal(__name__)} has no attribute {literal(name)}" + (f", {found}" if found else "")
+    )

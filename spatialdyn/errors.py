@@ -33,6 +33,14 @@ def pip_install(extra: str) -> str:
     return " ".join(["pip install", *EXTRAS[extra]])
 
 
+def literal(value: object) -> str:
+    """The value as messages show it: its ``repr``, or its type where that raises, as of an int of 4301 digits."""
+    try:
+        return repr(value)
+    except Exception:  # of any class of the caller's
+        return f"<{type(value).__name__} that cannot be printed>"
+
+
 class SpatialDynError(ValueError):
     """Base of every error on bad input; the message names the thing, its value and what was expected."""
 

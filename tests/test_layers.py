@@ -24,12 +24,13 @@ PACKAGE = Path(spatialdyn.__file__).parent
 # Each room and the rooms right below it. A room may import what is below it, however far down, and nothing else.
 BELOW: dict[str, tuple[str, ...]] = {
     "errors": (),
+    "waiting": (),
     "algebra": (),
     "bodies": ("algebra",),
     "recursions": ("bodies",),
-    "model": ("bodies", "errors"),
+    "model": ("bodies", "errors", "waiting"),
     "urdf": ("model",),
-    "engines": ("recursions", "errors"),
+    "engines": ("recursions", "errors", "waiting"),
     "calls": ("model", "engines"),
     "actuation": ("calls",),
     "constraints": ("calls",),
@@ -57,13 +58,13 @@ BELOW: dict[str, tuple[str, ...]] = {
 # What lies in a room of several, low to high: each may import those before it.
 FLOORS: dict[str, tuple[str, ...]] = {
     "engines": (
-        "locks", "waiting", "threads", "interrupt", "memory", "object_layout", "failed", "compiled", "programs",
+        "locks", "threads", "interrupt", "memory", "object_layout", "failed", "compiled", "programs",
         "numbers", "run", "extended",
     ),
     "compat": ("native", "pinocchio"),
     "compat.pinocchio": ("coverage", "types", "model", "data", "algorithms"),
 }  # fmt: skip
-LOOSE = {"__init__", "__main__", "errors"}  # the only modules at the package's root
+LOOSE = {"__init__", "__main__", "errors", "waiting"}  # the only modules at the package's root
 # Imports that go up nonetheless, made by a function when it is called.
 UPWARD: dict[tuple[str, str], str] = {
     (room, "pictures"): "methods that draw"
@@ -105,7 +106,7 @@ SHARED = {
     "control.inverse_kinematics", "contact.impulses", "contact.impulse_rows", "contact.newton_step", "control.paths",
     "coordinates.coordinate_rates",
 }  # fmt: skip
-TOUCH_FILES = {"urdf", "sources", "engines", "pictures", "docs", "studies", "embedded"}  # meshes, pages, parts, C
+TOUCH_FILES = {"urdf", "sources", "engines", "pictures", "docs", "studies", "embedded", "waiting"}  # and a fork
 # themselves, a script, and loops in TOML; one reads an environment variable
 SAVE = {
     "simulation.trajectory", "identification.recording", "identification.tables",

@@ -23,7 +23,7 @@ from ..engines.compiled.numba_kernels import variant
 from ..engines.extended import LEAST_BATCH
 from ..engines.programs.record import recording
 from ..engines.programs.transform import derived
-from ..errors import InertiaError, NonFiniteError, ShapeError, SpatialDynError
+from ..errors import InertiaError, NonFiniteError, ShapeError, SpatialDynError, literal
 from ..model.model import Model
 from ..recursions import SPECS
 from .references import EACH, LARGEST, MANY, MANY_LEAST, NORMS, error_bound, of_calls, relative, truths
@@ -73,7 +73,7 @@ def call_states(model: Model, task: str, states: Any) -> list[Array]:
     if is_count(states):
         count = STATES if states is None else as_count(states, MOST)
         if not count:
-            raise SpatialDynError(f"states is {states!r}, expected 1 to {MOST}, or arrays {', '.join(names)}")
+            raise SpatialDynError(f"states is {literal(states)}, expected 1 to {MOST}, or arrays {', '.join(names)}")
         return random_call_states(model, task, count, 0)
     given = list(states) if isinstance(states, (tuple, list)) else [states]
     if len(given) != len(names):

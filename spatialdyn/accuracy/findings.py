@@ -7,6 +7,7 @@ import math
 from typing import Any, NamedTuple
 
 from ..model.model import Model
+from ..waiting import watch
 
 SEVERITIES = ("note", "warning", "error")
 
@@ -118,6 +119,7 @@ class Diagnosis(NamedTuple):
             lines.append(f'stiffest joint "{s.joint}" moves {s.inertia:.3g}: explicit Euler is stable to {limit}')
         return "\n".join([*lines, *map(str, self.findings)])
 
+    @watch.call("Diagnosis.report")
     def report(self, path: Any) -> None:
         """Write one HTML page of the diagnosis, which needs no network: robot, findings, digits, how to reproduce it.
 

@@ -20,7 +20,7 @@ from ..calls.dynamics import calls
 from ..calls.progress import Report, Steps
 from ..calls.states import random_configuration
 from ..engines.compiled import numba_kernels
-from ..errors import NonFiniteError, ShapeError, SimulationError, SpatialDynError
+from ..errors import NonFiniteError, ShapeError, SimulationError, SpatialDynError, literal
 from ..model.model import Model
 from ..simulation import integrators, simulate
 from ..simulation.scene import Scene, check_method
@@ -50,7 +50,7 @@ def motion_states(model: Model, states: Any) -> tuple[Array, Array]:
     if is_count(states):
         count = STATES if states is None else as_count(states, MOST)
         if not count:
-            raise SpatialDynError(f"states is {states!r}, expected 1 to {MOST}, or arrays q0, v0")
+            raise SpatialDynError(f"states is {literal(states)}, expected 1 to {MOST}, or arrays q0, v0")
         return random_motion_states(model, count, 0)
     try:
         given = dict(zip(("q0", "v0"), states, strict=True))

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..calls.arguments import as_finite
 from ..simulation.scene import Scene
+from ..waiting import watch
 from .embedding import Embedding
 from .results import figure
 
@@ -167,6 +168,7 @@ class Requirement:
         """All of it as JSON text."""
         return json.dumps(self.to_dict(), indent=2, ensure_ascii=False, allow_nan=False)
 
+    @watch.call("Requirement.plot")
     def plot(self, path: Any = None, ax: Any = None) -> Any:
         """A Matplotlib Figure of change against cost, a point a candidate, the chosen path marked.
 

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..calls.arguments import as_array, as_count, as_number, as_words
 from ..calls.dynamics import calls
 from ..calls.progress import Progress, Steps, check_progress, reporting
-from ..errors import ModelError, NonFiniteError, ShapeError, SpatialDynError
+from ..errors import ModelError, NonFiniteError, ShapeError, SpatialDynError, literal
 from ..identification.motions import motion_of
 from ..identification.recording import Recording
 from ..laws.control import Control, check_control
@@ -30,6 +30,7 @@ from .scene_search import WIDE, Search, Stage, Trial
 Array = NDArray[np.float64]
 SAMPLES = 32
 MOST = 1 << 12
+EPS = float(np.finfo(np.float64).eps)
 TOLERANCE = 1e-3  # rad | m
 SPREAD = 0.01  # [rad | m], [rad/s | m/s]
 
@@ -106,15 +107,15 @@ def requires(
         raise SpatialDynError(f"{'v0' if v0 is None else 'duration'} is None, expected it where q0 is no Recording")
     within, seconds, count = checked_tolerance(tolerance), as_number(duration), as_count(samples, MOST)
     if not math.isfinite(within):
-        raise SpatialDynError(f"tolerance is {tolerance!r}, expected a finite number above 0")
+        raise SpatialDynError(f"tolerance is {literal(tolerance)}, expected a finite number above 0")
     if not model.nv:
         raise ModelError(f'model "{model.name}" has no joint that moves, expected one that does')
     if not 0.0 < seconds < math.inf:
-        raise SpatialDynError(f"duration is {duration!r}, expected a finite number of seconds above 0")
+        raise SpatialDynError(f"duration is {literal(duration)}, expected a finite number of seconds above 0")
     if not count:
-        raise SpatialDynError(f"samples is {samples!r}, expected a number of 1 to {MOST}")
+        raise SpatialDynError(f"samples is {literal(samples)}, expected a number of 1 to {MOST}")
     if dt is not None and not 0.0 < as_number(dt) < math.inf:
-        raise SpatialDynError(f"dt is {dt!r}, expected None or a positive number of seconds")
+        raise SpatialDynError(f"dt is {literal(dt)}, expected None or a positive number of seconds")
     names = None if methods is None else _methods(scene, as_words("methods", methods, integrators))
     wanted = as_words("kinds", kinds, (*KINDS, *PARTS))
     check_progress(progress)
@@ -126,6 +127,12 @@ def requires(
     warn_of_friction(scene, "requires")
     whole = scene.with_(friction=False) if scene.friction is None else scene  # it warns no more
     starts, fresh, middle = _samples(whole, q, v, deviations, count)
+    farthest = max(float(abs(x).max(initial=0.0)) for pair in (starts, fresh) for x in pair)
+    if farthest * EPS > within:
+        raise SpatialDynError(
+            f"a start has position or velocity {farthest:g}, expected less than {within / EPS:.2g}, of which float64 "
+            "tells changes of the tolerance"
+        )
     motion = Motion.of(whole, seconds, torques, law, sees)
     search = Search(motion, within, starts, fresh, *middle, _method(whole))
     found = candidates(whole, search.q0, wanted)
@@ -269,7 +276,7 @@ def _observed(observe: Any) -> Any:
     if isinstance(observe, str) and observe in ("q", "v"):
         return observe
     if not callable(observe) or isinstance(observe, type):
-        raise SpatialDynError(f'observe is {observe!r}, expected "q", "v" or a function of q and v')
+        raise SpatialDynError(f'observe is {literal(observe)}, expected "q", "v" or a function of q and v')
     return observe
 
 
@@ -303,7 +310,7 @@ def _recorded(
     wanted = whole if duration is None else as_number(duration) / log.dt
     steps = round(wanted) if 0.5 < wanted < whole + 0.5 else 0
     if not steps:
-        raise SpatialDynError(f"duration is {duration!r}, expected None or {log.dt:g} to {whole * log.dt:g} s")
+        raise SpatialDynError(f"duration is {literal(duration)}, expected None or {log.dt:g} to {whole * log.dt:g} s")
     tau = log.torques(model)[motion.first : motion.first + steps]
     return motion.states.q[0], motion.states.v[0], steps * log.dt, tau
 

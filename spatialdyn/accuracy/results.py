@@ -9,8 +9,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ..calls.arguments import as_number
-from ..errors import ShapeError, SpatialDynError
+from ..errors import ShapeError, SpatialDynError, literal
 from ..model.model import Model
+from ..waiting import watch
 
 UNITS = {"simulate": "ns a simulated second"}
 INPUTS = {
@@ -152,6 +153,7 @@ class Tradeoff:
     def __repr__(self) -> str:
         return f"<Tradeoff {self.task} of {self.model}: {len(self.options)} options, {len(self.front)} on the front>"
 
+    @watch.call("Tradeoff.plot")
     def plot(self, path: Any = None, *, ax: Any = None) -> Any:
         """A Matplotlib Figure of error against cost with the Pareto front, written to the file ``path`` if given.
 
@@ -164,6 +166,7 @@ class Tradeoff:
 
         return plot_tradeoff(self, ax, path)
 
+    @watch.call("Tradeoff.report")
     def report(self, path: Any) -> None:
         """Write one HTML page of the trade, which needs no network: robot, plot, table, how to reproduce it.
 
@@ -229,7 +232,7 @@ def checked_tolerance(tolerance: Any) -> float:
     """A tolerance as a float. Raises SpatialDynError unless it is a number above 0."""
     number = as_number(tolerance)
     if not 0.0 < number:
-        raise SpatialDynError(f"tolerance is {tolerance!r}, expected a number above 0")
+        raise SpatialDynError(f"tolerance is {literal(tolerance)}, expected a number above 0")
     return number
 
 

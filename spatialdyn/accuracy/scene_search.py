@@ -27,6 +27,7 @@ FREE = 1e-3  # of the tolerance: parts that change less are left out together
 GAIN = 0.02  # share of the cost: less is not told from nothing
 WORSE = 1.1  # times the cost: a simpler scene that costs more is not taken
 FINEST = 1 << 17  # steps
+MOST_STEPS = 1 << 24  # of the first fine scene, of which each takes some 100 ns a sample
 PATIENCE = 4.0  # CPU seconds of one run of the whole scene, beyond which its step is not halved
 DENSE = 64  # times between two records at which limits and gaps are looked at, at most
 STEP = 1e-3  # [s] of the first run, if none is given
@@ -107,6 +108,11 @@ class Search:
         Raises SimulationError where it is not at the first time that is looked at.
         """
         base, made = self.motion.base, lesser(self.scene, Choice(), self.q0)
+        ratio = self.motion.duration / (STEP if dt is None else dt)  # of floats of Python: infinite where it overflows
+        if not ratio <= MOST_STEPS:
+            raise SimulationError(
+                f"duration is {self.motion.duration:g} s, {ratio:.3g} steps of dt, expected at most {MOST_STEPS}"
+            )
         each = max(1, math.ceil(self.motion.duration / (STEP if dt is None else dt) / base - 1e-9))
         steps = base * each
         self.upto = self.motion.records

@@ -17,9 +17,10 @@ from ..calls.specialize import specialize
 from ..calls.states import random_configuration
 from ..engines.compiled import numba_kernels
 from ..engines.programs.record import recording
-from ..errors import ModelError, SpatialDynError
+from ..errors import ModelError, SpatialDynError, literal
 from ..model.changes import lock_values, resting
 from ..model.model import Model
+from ..waiting import watch
 
 Array = NDArray[np.float64]
 
@@ -85,6 +86,7 @@ class Savings(NamedTuple):
         return "\n".join(lines)
 
 
+@watch.call("simplify")
 def simplify(
     model: Model,
     lock: Mapping[str, ArrayLike] | Iterable[str] = (),
@@ -131,7 +133,7 @@ def simplify(
 def _locked(model: Model, lock: Any, lightest: float) -> dict[str, Any]:
     """{joint: coordinates} of the joints to lock."""
     if not 0.0 <= as_number(lightest) < math.inf:
-        raise SpatialDynError(f"merge_lighter_than is {lightest!r}, expected a finite mass >= 0")
+        raise SpatialDynError(f"merge_lighter_than is {literal(lightest)}, expected a finite mass >= 0")
     locked = lock_values(model, lock)
     if lightest > 0.0:
         carried = model.bodies["inertia"]["m"][[j.row for j in model.joints]]

@@ -13,7 +13,7 @@ import numpy as np
 from ..calls.arguments import as_count, as_number, as_word, as_words
 from ..calls.progress import Progress, check_progress, reporting
 from ..engines.compiled import numba_kernels
-from ..errors import ModelError, SpatialDynError
+from ..errors import ModelError, SpatialDynError, literal
 from ..model.model import Model
 from ..simulation import integrators
 from ..simulation.scene import Scene, scene_of
@@ -85,20 +85,20 @@ def trade(
     scene = scene_of(model)
     model = scene.model
     if not isinstance(task, str) or task not in TASKS:
-        raise SpatialDynError(f"task is {task!r}, expected one of {', '.join(TASKS)}")
+        raise SpatialDynError(f"task is {literal(task)}, expected one of {', '.join(TASKS)}")
     if scene.acts and task != "simulate":
         raise SpatialDynError(f'task is "{task}" of a Scene, expected "simulate", or its model in place of the scene')
     if not model.nv:
         raise ModelError(f'model "{model.name}" has no joint that moves, expected one that does')
     samples, seconds = as_count(batch, call_errors.MOST), as_number(duration)
     if not samples:
-        raise SpatialDynError(f"batch is {batch!r}, expected a number of samples of 1 to {call_errors.MOST}")
+        raise SpatialDynError(f"batch is {literal(batch)}, expected a number of samples of 1 to {call_errors.MOST}")
     if not 0.0 < seconds < math.inf:
-        raise SpatialDynError(f"duration is {duration!r}, expected a finite number of seconds above 0")
+        raise SpatialDynError(f"duration is {literal(duration)}, expected a finite number of seconds above 0")
     known = integrators if task == "simulate" else call_errors.TASK_CALLS[task]
     names = None if methods is None else as_words("methods", methods, known)
     if names == ():
-        raise SpatialDynError(f"methods is {methods!r}, expected some of {', '.join(known)}")
+        raise SpatialDynError(f"methods is {literal(methods)}, expected some of {', '.join(known)}")
     check_progress(progress)
     if task == "simulate":
         with reporting(progress, "trade") as report:

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..calls.arguments import as_array, as_number, check_model
 from ..calls.dynamics import checked_call
 from ..calls.failures import joint_of_velocity
-from ..errors import ModelError, ShapeError
+from ..errors import ModelError, ShapeError, literal
 from ..model.model import Model
 from ..recursions.joints.friction import AT_ONCE, FRICTION_REGRESSOR, FRICTION_TORQUE
 
@@ -191,7 +191,9 @@ def _read(name: str, value: Any) -> Any:
         return as_array(name, value)
     for joint, x in value.items():
         if not isinstance(joint, str) or (math.isnan(as_number(x)) and not isinstance(x, (float, np.floating))):
-            raise ModelError(f"friction has {name} {joint!r}: {x!r}, expected the name of a joint and a number")
+            raise ModelError(
+                f"friction has {name} {literal(joint)}: {literal(x)}, expected the name of a joint and a number"
+            )
     return {joint: float(x) for joint, x in value.items()}
 
 
@@ -232,7 +234,7 @@ def check_friction(model: Model, friction: Any) -> Friction:
     if isinstance(friction, (bool, np.bool_)) and friction:
         return Friction.of(model)
     if not isinstance(friction, Friction):
-        raise ModelError(f"friction is {friction!r}, expected a Friction, or True for that of the URDF")
+        raise ModelError(f"friction is {literal(friction)}, expected a Friction, or True for that of the URDF")
     return friction.check(model)
 
 

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..calls.arguments import as_array, check_model
 from ..calls.dynamics import checked_call
-from ..errors import ModelError, ShapeError
+from ..errors import ModelError, ShapeError, literal
 from ..model.model import Model
 from ..recursions.joints.motors import MOTOR_LIMITS
 
@@ -157,7 +157,7 @@ class Motor:
 def check_motor(model: Model, motor: Any) -> Motor:
     """The Motor of an argument, if it fits the model. Raises ModelError, ShapeError."""
     if not isinstance(motor, Motor):
-        raise ModelError(f"motor is {motor!r}, expected a Motor")
+        raise ModelError(f"motor is {literal(motor)}, expected a Motor")
     return motor.check(model)
 
 

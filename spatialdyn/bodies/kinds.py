@@ -7,11 +7,11 @@ A new kind is a code, a record in KINDS and a word in CODES; its S, constant in 
 ``model.joint_rows.subspace``; and its pose X_J(q) in ``joints.place_joint``, or ``joints._general`` if it has more than
 one row. In the group R it then moves and is simulated. A new group needs a tuple of its codes below and a branch
 wherever the groups are told apart: ``_move``, ``_between``, ``twist``, ``put_twist`` and ``_put_tangent`` of
-``recursions.coordinates.configuration``, ``simulation.methods.adaptive.coordinate_rate``, and three functions of
-``simulation.methods.canonical_coordinates``. None refuses an unknown group: a forgotten branch shows in wrong results
-only, so compare the kind with a chain of simpler joints in every call and integrator. Conversions refuse it until
-``interop.states``, ``interop.pinocchio`` and ``validate.peer`` have it. ``tests/bodies/test_kinds.py`` lists groups and
-kinds; ``ModelBuilder.add_body`` and ``Joint`` name them.
+``recursions.coordinates.configuration``, ``recursions.coordinates.coordinate_rates.coordinate_rate``, and three
+functions of ``recursions.momenta.canonical_coordinates``. None refuses an unknown group: a forgotten branch shows in
+wrong results only, so compare the kind with a chain of simpler joints in every call and integrator. Conversions refuse
+it until ``interop.states``, ``interop.pinocchio`` and ``validate.peer`` have it. ``tests/bodies/test_kinds.py`` lists
+groups and kinds; ``ModelBuilder.add_body`` and ``Joint`` name them.
 
 Compiled code reads the tuples at the end: ``NQ[kind]``, ``kind in R1``.
 """

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..bodies.static_table import StaticTable
 from ..engines.memory import empty as empty
-from ..errors import ModelError, NonFiniteError, ShapeError, SpatialDynError
+from ..errors import ModelError, NonFiniteError, ShapeError, SpatialDynError, literal
 from ..model.model import Frame, Model
 from ..model.robot_checks import masked
 from ..recursions.spec import LOCAL, LOCAL_WORLD_ALIGNED, WORLD, Argument, shape_in
@@ -78,6 +78,12 @@ def as_finite(name: str, value: ArrayLike) -> Array:
     return x
 
 
+def within_range(name: str, *results: Array) -> None:
+    """Raise NonFiniteError if results of finite numbers are not finite: they are beyond the range of float64."""
+    if not all(np.isfinite(x).all() for x in results):
+        raise NonFiniteError(f"{name} is beyond the range of float64, expected arguments that are less far from 1")
+
+
 def pose_fault(X: Array) -> str:
     """What keeps matrices (..., 4, 4) from being poses, "" if nothing does."""
     R = X[..., :3, :3]
@@ -94,7 +100,7 @@ def pose_fault(X: Array) -> str:
 def as_flag(name: str, value: Any) -> bool:
     """True or False, Python's or NumPy's. Raises SpatialDynError naming the argument."""
     if not isinstance(value, (bool, np.bool_)):
-        raise SpatialDynError(f"{name} is {value!r}, expected True or False")
+        raise SpatialDynError(f"{name} is {literal(value)}, expected True or False")
     return bool(value)
 
 
@@ -118,7 +124,7 @@ def as_count(value: Any, most: int) -> int:
 def as_word(name: str, value: Any, known: Collection[str]) -> str:
     """One of the strings ``known``. Raises SpatialDynError naming the argument."""
     if not isinstance(value, str) or value not in known:
-        raise SpatialDynError(f"{name} is {value!r}, expected one of {', '.join(known)}")
+        raise SpatialDynError(f"{name} is {literal(value)}, expected one of {', '.join(known)}")
     return value
 
 
@@ -127,10 +133,10 @@ def as_items(name: str, value: Any, kind: type | tuple[type, ...], expected: str
     try:
         given = [value] if isinstance(value, kind) else list(value)
     except TypeError:
-        raise SpatialDynError(f"{name} is {value!r}, expected {expected}") from None
+        raise SpatialDynError(f"{name} is {literal(value)}, expected {expected}") from None
     for x in given:
         if not isinstance(x, kind):
-            raise SpatialDynError(f"{name} has {x!r}, expected {expected}")
+            raise SpatialDynError(f"{name} has {literal(x)}, expected {expected}")
     return given
 
 
@@ -140,7 +146,7 @@ def as_words(name: str, value: Any, known: Collection[str]) -> tuple[str, ...]:
     given = as_items(name, value, str, expected)
     for word in given:
         if word not in known:
-            raise SpatialDynError(f"{name} has {word!r}, expected {expected}")
+            raise SpatialDynError(f"{name} has {literal(word)}, expected {expected}")
     return tuple(given)
 
 
@@ -236,4 +242,4 @@ def reference_code(reference: str) -> int:
     try:
         return REFERENCES[reference]
     except (KeyError, TypeError):
-        raise SpatialDynError(f"reference is {reference!r}, expected one of {', '.join(REFERENCES)}") from None
+        raise SpatialDynError(f"reference is {literal(reference)}, expected one of {', '.join(REFERENCES)}") from None

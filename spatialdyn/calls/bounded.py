@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import DTypeLike
 
-from ..errors import SpatialDynError
+from ..errors import SpatialDynError, literal
 from ..model.model import Frame, Model
 from .specialize_request import Names, read_request
 from .specialized import Specialized, check_program, of_request
@@ -62,7 +62,7 @@ def bounded(
         when called, the errors of the call, naming the first sample and how many
     """
     if not callable(call):
-        raise SpatialDynError(f"call is {call!r}, expected one public call, such as sd.rnea")
+        raise SpatialDynError(f"call is {literal(call)}, expected one public call, such as sd.rnea")
     constants = {} if fixed is None else fixed
     words = (inputs, outputs, frame, reference, classical, constraints)
     request = read_request(model, call, dtype, constants, *words, bounds=True, exact_inputs=exact_inputs)

@@ -23,7 +23,7 @@ from ..engines.programs.llvm.single_call_text import ARRAY, MOST_WORDS, NUMBER, 
 from ..engines.programs.run import batch_kernels, single_call
 from ..engines.programs.run.single_call import Parameter
 from ..engines.threads import set_num_threads
-from ..errors import ModelError
+from ..errors import ModelError, literal
 from ..model.model import Model
 from ..recursions import SPECS
 from ..recursions.spec import Argument, Spec
@@ -373,7 +373,7 @@ calls = Calls(_public_function)
 def __getattr__(name: str) -> Callable[..., Any]:
     if name in SPECS:
         return calls[name]
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    raise AttributeError(f"module {literal(__name__)} has no attribute {literal(name)}")
 
 
 def total_mass(model: Model) -> float:

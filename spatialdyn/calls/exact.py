@@ -19,6 +19,7 @@ from ..errors import ConfigurationError, InertiaError, ModelError, NonFiniteErro
 from ..model.model import Frame, Model
 from ..model.robot_checks import masked
 from ..recursions.spec import Argument, Spec, sizes_of
+from ..waiting import watch
 from .arguments import batch_shape, broadcast, check_model, core_shape
 from .failures import zero_inertia_message
 from .specs import expected_call, spec_of, static_of
@@ -108,6 +109,7 @@ class Exact:
         tables = {name: table(x.rows, arithmetic.number) for name, x in static.items() if isinstance(x, StaticTable)}
         self._static, self._values = {**static, **placed, **tables}, tuple(static.values())
 
+    @watch.call("Exact")
     def __call__(self, *values: Any, **named: Any) -> Any:
         """The call on one sample, or on batches, sample by sample."""
         model, spec = self.model, self._spec

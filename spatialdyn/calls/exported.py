@@ -10,7 +10,7 @@ from ..engines.programs.record.recording import Recording
 from ..engines.programs.transform.derivative import jacobian
 from ..engines.programs.transform.derived import record
 from ..engines.programs.transform.source_code import Shapes, has_meaning
-from ..errors import SpatialDynError
+from ..errors import SpatialDynError, literal
 from ..recursions import SPECS
 from .specialize_request import SpecializeRequest
 
@@ -41,16 +41,16 @@ def exported(request: SpecializeRequest, recorded: Recording, language: str, nam
     """
     name = "_".join(spec.name for spec in request.specs) if name is None else name
     if not (isinstance(name, str) and name.isascii() and name.isidentifier()):
-        raise SpatialDynError(f"name is {name!r}, expected letters, digits and _")
+        raise SpatialDynError(f"name is {literal(name)}, expected letters, digits and _")
     if has_meaning(name, language):
-        raise SpatialDynError(f"name is {name!r}, expected a name that {language.title()} does not reserve")
+        raise SpatialDynError(f"name is {literal(name)}, expected a name that {language.title()} does not reserve")
     inputs: dict[str, tuple[int, ...]] = {}
     numbered = {*request.parameter_names, *("d" + x for x in request.parameter_names)}
     for k, x in enumerate(request.inputs(), start=1):
         kind = x.name.partition(":")[0]
         inputs[f"{kind}_{k}" if x.name in numbered or kind in inputs else kind] = x.shape
     if name in inputs:
-        raise SpatialDynError(f"name is {name!r}, expected none of its arguments: {', '.join(inputs)}")
+        raise SpatialDynError(f"name is {literal(name)}, expected none of its arguments: {', '.join(inputs)}")
     results = request.results()
     outputs = {x.name: x.shape for x in results}
     if len(outputs) < len(results) or {name, *inputs} & set(outputs) or not all(map(str.isidentifier, outputs)):

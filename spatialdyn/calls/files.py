@@ -6,7 +6,7 @@ import re
 from collections.abc import Sequence
 from typing import Any
 
-from ..errors import SpatialDynError
+from ..errors import SpatialDynError, literal
 
 
 def check_ending(name: str, path: Any, endings: Sequence[str]) -> Any:
@@ -18,9 +18,9 @@ def check_ending(name: str, path: Any, endings: Sequence[str]) -> Any:
         return path
     shown = path.__fspath__() if hasattr(path, "__fspath__") else path
     if not isinstance(shown, str):
-        raise SpatialDynError(f"{name} is {path!r}, expected the name of a file")
+        raise SpatialDynError(f"{name} is {literal(path)}, expected the name of a file")
     stem, dot, ending = re.split(r"[/\\]", shown)[-1].rpartition(".")
     if not stem or dot + ending.lower() not in endings:
         known = f"one of {', '.join(endings)}" if len(endings) > 2 else endings[0]
-        raise SpatialDynError(f"{name} is {shown!r}, expected a name that ends in {known}")
+        raise SpatialDynError(f"{name} is {literal(shown)}, expected a name that ends in {known}")
     return path

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..engines import extended
 from ..engines.compiled import numba_kernels
-from ..errors import SpatialDynError
+from ..errors import SpatialDynError, literal
 from ..model.model import Model
 from ..recursions import SPECS
 from ..recursions.spec import Spec
@@ -99,7 +99,7 @@ def forward_dynamics(
         call = calls["aba" if in_double_double else METHODS[method]]
     except (KeyError, TypeError):
         expected = ", ".join((*METHODS, EXTENDED))
-        raise SpatialDynError(f"method is {method!r}, expected one of {expected}") from None
+        raise SpatialDynError(f"method is {literal(method)}, expected one of {expected}") from None
     if not in_double_double:
         a: NDArray[Any] = call(model, q, v, tau, fext, out=out)
         return a

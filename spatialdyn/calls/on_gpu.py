@@ -16,7 +16,7 @@ from ..engines.programs.gpu.arrays import Library, View
 from ..engines.programs.gpu.cuda import Cuda
 from ..engines.programs.gpu.device import Device
 from ..engines.programs.gpu.gpu_kernel import GpuKernel, Rows
-from ..errors import ShapeError, SpatialDynError
+from ..errors import ShapeError, SpatialDynError, literal
 from . import specialize_fallback
 from .arguments import as_flag, broadcast
 from .differentiable import Differentiable
@@ -34,7 +34,7 @@ def as_device(value: Any) -> Device | None:
     if isinstance(value, Device):
         return value
     if not isinstance(value, str) or value not in ("cpu", "cuda"):
-        raise SpatialDynError(f'device is {value!r}, expected "cpu" or "cuda"')
+        raise SpatialDynError(f'device is {literal(value)}, expected "cpu" or "cuda"')
     return _cuda() if value == "cuda" else None
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from ..engines import run
 from ..engines.compiled import numba_kernels
-from ..errors import SpatialDynError
+from ..errors import SpatialDynError, literal
 from ..model.model import Frame, Model
 from ..recursions import SPECS
 from ..recursions.constraints import constrained, constraint_rows
@@ -60,7 +60,7 @@ def compile_calls(
     check_progress(progress)
     specs = _specs(calls, frame is not None, constraints is not None)
     if not isinstance(fext, bool):
-        raise SpatialDynError(f"fext is {fext!r}, expected True or False")
+        raise SpatialDynError(f"fext is {literal(fext)}, expected True or False")
     static_of(model, {x.name for spec in specs for x in spec.present}, frame, reference, classical, constraints)
     tasks = []
     for spec in specs:  # before the first takes long
@@ -83,14 +83,17 @@ def _specs(calls: Any, with_frame: bool, with_constraints: bool) -> list[Spec]:
     if calls is None:
         found = [spec for spec in SPECS.values() if with_frame or not _of_frame(spec)]
         return found + (list(OF_CONSTRAINTS) if with_constraints else [])
-    if not (isinstance(calls, (str, Iterable)) or callable(calls)):
-        raise SpatialDynError(f"calls is {calls!r}, expected public calls such as spatialdyn.rnea, or their names")
-    listed = [calls] if isinstance(calls, str) or callable(calls) else list(calls)
+    try:
+        listed = [calls] if isinstance(calls, str) or callable(calls) else list(calls)
+    except TypeError:
+        raise SpatialDynError(
+            f"calls is {literal(calls)}, expected public calls such as spatialdyn.rnea, or their names"
+        ) from None
     found = []
     for call in listed:
         spec = SPECS.get(call) if isinstance(call, str) else spec_of(call)
         if spec is None:
-            shown = repr(call) if isinstance(call, str) else getattr(call, "__name__", repr(call))
+            shown = literal(call) if isinstance(call, str) else getattr(call, "__name__", literal(call))
             raise SpatialDynError(f"calls has {shown}, expected some of {', '.join(SPECS)}")
         if _of_frame(spec) and not with_frame:
             raise SpatialDynError(f"call {spec.name} has a frame, expected its name, frame=")

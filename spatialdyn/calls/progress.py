@@ -10,8 +10,9 @@ import logging
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 
-from ..engines import locks, waiting
-from ..errors import SpatialDynError
+from .. import waiting
+from ..engines import locks
+from ..errors import SpatialDynError, literal
 
 Report = Callable[[int, int], None]
 Progress = bool | Report
@@ -49,7 +50,7 @@ def messages(show: Callable[[str], None]) -> Iterator[None]:
 def check_progress(progress: object) -> None:
     """Raise SpatialDynError unless it is True, False or a function."""
     if not (isinstance(progress, bool) or callable(progress)):
-        raise SpatialDynError(f"progress is {progress!r}, expected True, False or a function of two numbers")
+        raise SpatialDynError(f"progress is {literal(progress)}, expected True, False or a function of two numbers")
 
 
 @contextmanager

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..bodies.kinds import unit_parts
 from ..engines import locks
 from ..engines.numbers.enclosures import Enclosure, Zeros, rounded
-from ..errors import ShapeError, SpatialDynError
+from ..errors import ShapeError, SpatialDynError, literal
 from .arguments import aligned, as_array, as_number
 from .specialize_request import SpecializeRequest
 from .specialized import Specialized
@@ -42,7 +42,7 @@ def checked_tolerance(tolerance: Any) -> tuple[float, float]:
         relative = absolute = math.nan
     if not (0.0 <= relative < 1.0 and 0.0 <= absolute < math.inf and relative + absolute > 0.0):
         raise SpatialDynError(
-            f"tolerance is {tolerance!r}, expected a number above 0 and below 1, or (relative, absolute)"
+            f"tolerance is {literal(tolerance)}, expected a number above 0 and below 1, or (relative, absolute)"
         )
     return relative, absolute
 
@@ -136,7 +136,7 @@ class Promise:
 
         def __getattr__(self, name: str) -> Any:
             if name.startswith("_") or not hasattr(Specialized, name):
-                raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+                raise AttributeError(f"{literal(type(self).__name__)} object has no attribute {literal(name)}")
             call = self._spec.name
             bounds = f", or with its error sd.bounded(model, sd.{call}).{name}"
             raise AttributeError(

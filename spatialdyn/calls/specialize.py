@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import DTypeLike
 
-from ..errors import SpatialDynError
+from ..errors import SpatialDynError, literal
 from ..model.model import Frame, Model
 from .on_gpu import as_device, on_device
 from .specialize_request import Names, SpecializeRequest, check_derivative, read_request
@@ -148,7 +148,7 @@ def specialize(
     if tolerance is not None:
         if derivative is not None or request.several:
             what = "a derivative" if derivative is not None else "several calls"
-            raise SpatialDynError(f"tolerance is {tolerance!r} with {what}, expected one call alone")
+            raise SpatialDynError(f"tolerance is {literal(tolerance)} with {what}, expected one call alone")
         words: dict[str, Any] = {
             "tolerance": tolerance,
             "dtype": dtype,

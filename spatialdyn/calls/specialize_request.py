@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, DTypeLike, NDArray
 from ..engines.compiled import numba_kernels
 from ..engines.programs.record import parameters, recording
 from ..engines.programs.record.parameters import Parameter
-from ..errors import ConfigurationError, ModelError, NonFiniteError, ShapeError, SpatialDynError
+from ..errors import ConfigurationError, ModelError, NonFiniteError, ShapeError, SpatialDynError, literal
 from ..model.model import Frame, Model
 from ..recursions.spec import Argument, Spec
 from .arguments import as_array, as_flag, check_model, core_shape, frame_row_and_placement
@@ -182,7 +182,7 @@ def check_derivative(derivative: Any, dtype: DTypeLike) -> str | None:
     if derivative is None:
         return None
     if not isinstance(derivative, str) or derivative not in ("jvp", "vjp"):
-        raise SpatialDynError(f'derivative is {derivative!r}, expected "jvp", "vjp" or None')
+        raise SpatialDynError(f'derivative is {literal(derivative)}, expected "jvp", "vjp" or None')
     if dtype_of(dtype) != np.float64:
         raise SpatialDynError("dtype is float32, expected float64 with a derivative: a tangent may be beyond its range")
     return derivative
@@ -195,7 +195,7 @@ def dtype_of(dtype: DTypeLike) -> np.dtype:
         with suppress(TypeError, ValueError, SyntaxError):
             found = np.dtype(dtype)
     if found is None or found not in (np.dtype(np.float64), np.dtype(np.float32)):
-        raise SpatialDynError(f"dtype is {dtype!r}, expected float64 or float32")
+        raise SpatialDynError(f"dtype is {literal(dtype)}, expected float64 or float32")
     return np.dtype(found)
 
 
@@ -223,7 +223,7 @@ def _inputs(
                 raise ModelError(f'model "{model.name}" has rotors, expected none for armatures as inputs')
             chosen[name] = Parameter(name)
         else:
-            raise SpatialDynError(f"inputs has {name!r}, expected {EXTRA_INPUTS}")
+            raise SpatialDynError(f"inputs has {literal(name)}, expected {EXTRA_INPUTS}")
     return optional, tuple(chosen), tuple(chosen.values())
 
 
@@ -232,7 +232,7 @@ def _labels(inputs: Any) -> list[str]:
     if isinstance(inputs, str):
         return [inputs]
     if not isinstance(inputs, Mapping):
-        return [str(name) for name in _as_list("inputs", inputs)]
+        return [name if isinstance(name, str) else literal(name) for name in _as_list("inputs", inputs)]
     labels = []
     for kind, where in inputs.items():
         listed = [where] if where is None or isinstance(where, str) else _as_list(f'inputs["{kind}"]', where)
@@ -244,7 +244,7 @@ def _as_list(name: str, value: Any) -> list[Any]:
     try:
         return list(value)
     except TypeError:
-        raise SpatialDynError(f"{name} is {value!r}, expected names") from None
+        raise SpatialDynError(f"{name} is {literal(value)}, expected names") from None
 
 
 def _payload(model: Model, where: str) -> Parameter:
@@ -325,7 +325,7 @@ def _output_places(
     if not listed:
         raise SpatialDynError("outputs is empty, expected names of joints or indices, or None for all")
     if not any(isinstance(s, str) for spec in specs for s in spec.output.shape):
-        raise SpatialDynError(f"outputs is {outputs!r}, expected None: no result has an entry per joint")
+        raise SpatialDynError(f"outputs is {literal(outputs)}, expected None: no result has an entry per joint")
     wanted = []
     for spec in specs:
         core = core_shape(model, spec.output, static)
@@ -338,9 +338,9 @@ def _output_places(
                 elif isinstance(what, (int, np.integer)) and not isinstance(what, bool) and 0 <= what < size:
                     places.append(int(what))
                 else:
-                    raise SpatialDynError(f"outputs has {what!r}, expected joint names or indices below {size}")
+                    raise SpatialDynError(f"outputs has {literal(what)}, expected joint names or indices below {size}")
             if len(set(places)) < len(places):
-                raise SpatialDynError(f"outputs is {outputs!r}, expected each entry of {spec.output.name} once")
+                raise SpatialDynError(f"outputs is {literal(outputs)}, expected each entry of {spec.output.name} once")
             axes.append(places if isinstance(symbol, str) else list(range(size)))
         flat = np.arange(math.prod(core), dtype=np.intp).reshape(core)
         wanted.append(flat[np.ix_(*axes)])

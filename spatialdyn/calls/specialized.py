@@ -20,7 +20,7 @@ from ..engines.programs.run import batch_kernels, single_call
 from ..engines.programs.run.single_call import Parameter
 from ..engines.programs.transform import derived, float32_range
 from ..engines.programs.transform.source_code import PRINTERS
-from ..errors import InertiaError, NonFiniteError, ShapeError, SpatialDynError
+from ..errors import InertiaError, NonFiniteError, ShapeError, SpatialDynError, literal
 from ..model.model import Model
 from ..model.robot_checks import masked
 from . import specialize_fallback
@@ -57,7 +57,7 @@ def derivative_of(k: Specialized, derivative: str) -> Specialized:
     """
     request = k._request
     if request.bounds or request.derivative:
-        raise SpatialDynError(f"{k!r} has further results, expected results alone to differentiate")
+        raise SpatialDynError(f"{literal(k)} has further results, expected results alone to differentiate")
     request = request._replace(dtype=np.dtype(np.float64), derivative=derivative, several=True)
     return check_program(of_request(request, derivative_of, (k, derivative)), "derivatives")
 
@@ -398,7 +398,9 @@ class Specialized:
             raise NonFiniteError(f"{name} holds {abs(x[np.isfinite(x)]).max()}, expected the range of float32")
         if self._request.exact_inputs and not np.array_equal(made, x, equal_nan=True):
             given = x[(made != x) & ~np.isnan(x)].flat[0]
-            raise SpatialDynError(f"{name} holds {given!r}, expected numbers of float32, as exact_inputs=True says")
+            raise SpatialDynError(
+                f"{name} holds {literal(given)}, expected numbers of float32, as exact_inputs=True says"
+            )
         if name in self._driving and not made.all():
             lost = (made == 0.0) & (x != 0.0)  # only exact zeros may give exact zeros
             made = np.where(lost, np.copysign(float32_range.SMALLEST, made), made)

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from ..bodies.static_table import StaticTable
-from ..errors import ModelError, SpatialDynError
+from ..errors import ModelError, SpatialDynError, literal
 from ..model.model import Frame, Model
 from ..recursions import SPECS
 from ..recursions.spec import Spec
@@ -19,7 +19,7 @@ CHOOSERS = {"forward_dynamics": "aba, crba_solve, aba_refined or aba_square_root
 
 def expected_call(function: Any, example: str) -> str:
     """What an error says of a function that is no call of one recursion."""
-    name = getattr(function, "__name__", repr(function))
+    name = getattr(function, "__name__", literal(function))
     return f"{name}, expected {f'its method: {CHOOSERS[name]}' if name in CHOOSERS else example}"
 
 
@@ -41,7 +41,9 @@ def specs_of(calls: Any) -> tuple[Spec, ...]:
     """The specs of a public call or several. Raises SpatialDynError for anything else."""
     listed = [calls] if callable(calls) else calls
     if not isinstance(listed, (list, tuple)) or not listed:
-        raise SpatialDynError(f"calls is {calls!r}, expected a public call such as spatialdyn.rnea or a list of such")
+        raise SpatialDynError(
+            f"calls is {literal(calls)}, expected a public call such as spatialdyn.rnea or a list of such"
+        )
     specs: list[Spec] = []
     for function in listed:
         spec = spec_of(function)
@@ -72,12 +74,12 @@ def static_of(
             raise ModelError("frame is None, expected the name of one: a call takes it")
         values["row"], values["placement"] = frame_row_and_placement(model, frame)
     elif frame is not None:
-        raise SpatialDynError(f"frame is {frame!r}, expected None: no call takes one")
+        raise SpatialDynError(f"frame is {literal(frame)}, expected None: no call takes one")
     code = reference_code(reference)
     if "reference" in names:
         values["reference"] = code
     elif code != REFERENCES["local"]:
-        raise SpatialDynError(f"reference is {reference!r}, expected the default: no call takes one")
+        raise SpatialDynError(f"reference is {literal(reference)}, expected the default: no call takes one")
     classical = as_flag("classical", classical)
     if "classical" in names:
         values["classical"] = int(classical)
@@ -90,9 +92,9 @@ def static_of(
             fits = isinstance(table, StaticTable) and constraints.model == model and touches == (name == "contacts")
             if not fits or (touches and len(constraints.tables) > 1):
                 raise SpatialDynError(
-                    f"constraints are {constraints!r}, expected {kind} of this model: a call takes them"
+                    f"constraints are {literal(constraints)}, expected {kind} of this model: a call takes them"
                 )
             values[name] = table
     if constraints is not None and not names & {"constraints", "contacts"}:
-        raise SpatialDynError(f"constraints are {constraints!r}, expected None: no call takes them")
+        raise SpatialDynError(f"constraints are {literal(constraints)}, expected None: no call takes them")
     return values

@@ -11,11 +11,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..bodies.kinds import ANGLE, KINDS, PAIR, QUATERNION, SE2, SE3
-from ..errors import NonFiniteError, ShapeError, SpatialDynError
+from ..errors import NonFiniteError, ShapeError, SpatialDynError, literal
 from ..model.model import Frame, Model
 from ..model.robot_checks import masked
 from ..recursions.coordinates.coordinate_rates import TURN
 from ..recursions.spec import FEXT, LOCAL, TAU, WORLD, Argument, Q, V
+from ..waiting import watch
 from .arguments import as_array, batch_shape, broadcast, check_model, reference_code
 from .dynamics import calls, checked_call
 
@@ -27,6 +28,7 @@ FORCE = Argument("force", (6,), "N | N m", "force at a frame, linear first")
 # --- random configurations -------------------------------------------------------------------------------
 
 
+@watch.call("random_configuration")
 def random_configuration(
     model: Model, rng: np.random.Generator | int | None = None, shape: int | tuple[int, ...] = ()
 ) -> Array:
@@ -87,7 +89,7 @@ def _shape(shape: int | tuple[int, ...]) -> tuple[int, ...]:
     except (TypeError, ValueError):
         batch = (-1,)
     if any(n < 0 for n in batch) or math.prod(batch) >= 1 << 48:  # beyond any memory
-        raise ShapeError(f"shape is {shape!r}, expected a size or a tuple of sizes")
+        raise ShapeError(f"shape is {literal(shape)}, expected a size or a tuple of sizes")
     return batch
 
 
@@ -169,10 +171,10 @@ def step(
     try:
         advance = _METHODS[method]
     except (KeyError, TypeError):
-        raise SpatialDynError(f"method is {method!r}, expected one of {', '.join(_METHODS)}") from None
+        raise SpatialDynError(f"method is {literal(method)}, expected one of {', '.join(_METHODS)}") from None
     h = as_array("dt", dt)
     if not np.isfinite(h).all():
-        raise SpatialDynError(f"dt is {dt!r}, expected finite numbers")
+        raise SpatialDynError(f"dt is {literal(dt)}, expected finite numbers")
     specs = [Q, V, TAU] if fext is None else [Q, V, TAU, FEXT]
     values = [q, v, tau] if fext is None else [q, v, tau, fext]
     given = [as_array(x.name, value) for x, value in zip(specs, values, strict=True)]

@@ -19,6 +19,7 @@ from .. import __version__
 from ..calls.progress import messages
 from ..engines.interrupt import INTERRUPTED
 from ..errors import SpatialDynError
+from ..waiting import watch
 
 COMMANDS = {
     "info": "links, joints and limits of a robot, and oddities of its file",
@@ -40,6 +41,7 @@ COMMANDS = {
     "docs": "the pages about this library, as a site in a folder",
 }  # {command, a module of this folder: its help}
 RUN = "run"  # what follows its script is the script's
+GOES_ON = ("view", "example", RUN)  # until Ctrl-C, or as long as a program takes: only work within is named
 LISTS = ("--q0", "--v0", "--q", "--centre")  # options that take numbers separated by commas
 PIPE_CLOSED = 141  # likewise: the reader of stdout, such as head, has closed it
 
@@ -65,7 +67,9 @@ def _status(given: Sequence[str]) -> int:
     words = _joined(given[:known])
     arguments = _parser(words).parse_args(words, argparse.Namespace(rest=given[known:]))
     try:
-        with nullcontext() if getattr(arguments, "quiet", False) else messages(say):
+        quiet = getattr(arguments, "quiet", False)
+        goes_on = arguments.command in GOES_ON or getattr(arguments, "view", False)
+        with nullcontext() if quiet else messages(say), nullcontext() if goes_on else watch.call(arguments.command):
             status: int = arguments.run(arguments)
     except SpatialDynError as error:
         print(f"spatialdyn: {error}", file=sys.stderr)
@@ -102,4 +106,5 @@ def _parser(words: Sequence[str]) -> argparse.ArgumentParser:
         parser = commands.add_parser(name, help=text)
         if name in words:  # importing them all takes as long as many a command runs
             import_module(f".{name}", __package__).add(parser)
+            parser.set_defaults(command=name)
     return whole

@@ -6,6 +6,7 @@ import argparse
 import inspect
 
 from ..examples import gallery
+from ..waiting import watch
 from .printing import Column, print_table
 
 
@@ -31,5 +32,6 @@ def _run(arguments: argparse.Namespace) -> int:
     given = {"quick": arguments.quick, "save": arguments.save, "robot": arguments.robot}
     options = gallery.checked(arguments.name, module.main, **given)
     print(f"{inspect.getdoc(module)}\n")
-    module.main(**options)
+    with watch.call("the example"):
+        module.main(**options)
     return 0

@@ -22,6 +22,7 @@ def add(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--harmonics", type=int, default=5, metavar="N", help="of the Fourier series (default: 5)")
     parser.add_argument("--criterion", choices=CRITERIA, default="logdet", help="default: logdet")
     parser.add_argument("--parameters", default="+".join(DEFAULT), metavar="WORDS", help="as of `spatialdyn identify`")
+    parser.add_argument("--payload", metavar="FRAME", help="excite the load on a frame, the robot being known")
     parser.add_argument("--centre", metavar="Q", help="mean positions (default: in the middle of the limits)")
     parser.add_argument("--acceleration", type=float, metavar="A", help="largest one (default: none)")
     parser.add_argument("--rate", type=float, default=100.0, metavar="HZ", help="of the samples (default: 100)")
@@ -49,7 +50,7 @@ def _run(arguments: argparse.Namespace) -> int:
     path = excitation(
         model, arguments.duration, arguments.harmonics, arguments.criterion, arguments.parameters,
         centre=parse_numbers("--centre", arguments.centre, model.nq), acceleration=arguments.acceleration,
-        seed=arguments.seed,
+        payload=arguments.payload, seed=arguments.seed,
     )  # fmt: skip
     peaks = path.peaks()
     print(f"{model.name}: {path.duration:g} s, speeds up to {np.array2string(peaks.v, precision=3)}")

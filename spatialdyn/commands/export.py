@@ -11,7 +11,7 @@ import numpy as np
 from ..calls.specialize import specialize
 from ..embedded.export import export
 from ..embedded.functions import LAWS, call_of
-from ..errors import SpatialDynError
+from ..errors import SpatialDynError, literal
 from ..model.model import Model
 from ..recursions import SPECS
 from ..simulation.scene import Scene
@@ -40,7 +40,7 @@ def _run(arguments: argparse.Namespace) -> int:
     dtype = np.float32 if arguments.float else np.float64
     names = [name.strip() for name in arguments.calls.split(",")]
     if len(set(names)) < len(names):
-        raise SpatialDynError(f"--calls has {arguments.calls!r}, expected each call once")
+        raise SpatialDynError(f"--calls has {literal(arguments.calls)}, expected each call once")
     with shown("exporting", "functions", arguments.quiet):
         model = load(arguments, mimic=True)
         scene: Model | Scene = model

@@ -111,6 +111,10 @@ def _show(found: Identified) -> None:
     columns = [Column(name, k > 0) for k, name in enumerate(COLUMNS)]
     bad = [k for k, label in enumerate(found.base.labels) if label in found.poor]
     print_table(columns, found.table(), bad)
+    if any(" + " in label for label in found.base.labels):
+        fold(
+            "name + n is a sum of n + 1 parameters, as torques depend on that alone; --report writes the sums", first=""
+        )
     fold("noise of each freedom: " + ", ".join(f"{x:.3g}" for x in found.noise), first="")
     for note in found.notes:
         fold(f"note    {note}", first="")

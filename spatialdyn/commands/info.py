@@ -43,6 +43,7 @@ def _run(arguments: argparse.Namespace) -> int:
     found = named_meshes(robot.source, arguments.package_dir)
     if found.names:
         lost = f"{len(found.missing)} missing: {quoted(found.missing)}" if found.missing else "none missing"
+        lost += f", {len(found.faulty)} broken in part: {quoted(found.faulty)}" if found.faulty else ""
         fold(f"{len(found.names)} of {found.visual} visual and {found.collision} collision shapes, {lost}", "meshes  ")
     print()
     columns = (Column("link"), Column("kg", True), Column("joint"), Column("kind"), Column("v", True))

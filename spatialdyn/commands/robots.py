@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import SpatialDynError
+from ..errors import SpatialDynError, literal
 from ..model.model import Model
 from ..sources.load import load as load_robot
 
@@ -62,7 +62,7 @@ def parse_numbers(option: str, text: str | None, count: int) -> Array | None:
     try:
         x = np.array([float(part) for part in text.split(",")])
     except ValueError:
-        raise SpatialDynError(f"{option} is {text!r}, expected numbers separated by commas") from None
+        raise SpatialDynError(f"{option} is {literal(text)}, expected numbers separated by commas") from None
     if len(x) != count:
         raise SpatialDynError(f"{option} has {len(x)} numbers, expected {count}")
     return x
@@ -73,4 +73,4 @@ def text_of(option: str, path: str) -> str:
     try:
         return Path(path).read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
-        raise SpatialDynError(f"{option} is {path!r}, which cannot be read: {error}") from None
+        raise SpatialDynError(f"{option} is {literal(path)}, which cannot be read: {error}") from None

@@ -18,7 +18,7 @@ from ..calls.prepare import compile_calls
 from ..calls.states import random_configuration
 from ..constraints.loops import close_loops
 from ..constraints.table import Constraints
-from ..errors import SimulationInterrupt, SpatialDynError
+from ..errors import SimulationInterrupt, SpatialDynError, literal
 from ..model.model import Model
 from ..pictures.markup import PAGE_FILES
 from ..pictures.stage import viser_module
@@ -211,7 +211,7 @@ def _friction(model: Model, arguments: argparse.Namespace) -> Friction | None:
         try:
             changes[name.strip()] = float(value)
         except ValueError:
-            raise SpatialDynError(f"--friction has {word!r}, expected NAME=NUMBER") from None
+            raise SpatialDynError(f"--friction has {literal(word)}, expected NAME=NUMBER") from None
     names = [x.name for x in fields(Friction)]
     unknown = [name for name in changes if name not in names]
     if unknown:
@@ -234,7 +234,9 @@ def _write(option: str, path: str, write: Callable[[str], None]) -> None:
     try:
         write(path)
     except OSError as error:
-        raise SpatialDynError(f"{option} is {path!r}: {error.strerror}, expected a file that can be written") from None
+        raise SpatialDynError(
+            f"{option} is {literal(path)}: {error.strerror}, expected a file that can be written"
+        ) from None
 
 
 def _report(model: Model, run: Trajectory, ledger: EnergyLedger | None, limits: bool) -> list[str]:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ..calls.files import check_ending
-from ..errors import SpatialDynError
+from ..errors import SpatialDynError, literal
 from ..pictures.figures import ENDINGS, need_matplotlib
 from ..pictures.markup import PAGE_FILES
 
@@ -25,7 +25,7 @@ def check_plot(path: str | None, option: str = "--plot") -> None:
         figure.savefig(io.BytesIO(), format=Path(path).suffix[1:].lower())
     except Exception as error:
         reason = str(error).partition("\n")[0]
-        raise SpatialDynError(f"{option} is {path!r}, which Matplotlib cannot write: {reason}") from error
+        raise SpatialDynError(f"{option} is {literal(path)}, which Matplotlib cannot write: {reason}") from error
 
 
 def check_report(path: str | None) -> None:
@@ -44,6 +44,6 @@ def check_file(option: str, path: str | None, endings: Sequence[str] = ()) -> No
     if endings:
         check_ending(option, path, endings)
     if Path(path).is_dir():
-        raise SpatialDynError(f"{option} is {path!r}, a directory, expected the name of a file")
+        raise SpatialDynError(f"{option} is {literal(path)}, a directory, expected the name of a file")
     if not Path(path).parent.is_dir():
-        raise SpatialDynError(f"{option} is {path!r}, expected a name in a folder that is there")
+        raise SpatialDynError(f"{option} is {literal(path)}, expected a name in a folder that is there")

@@ -10,7 +10,7 @@ import warnings
 from ..accuracy.references import NORMS
 from ..accuracy.results import EACH_JOINT, Option, Tradeoff, figure
 from ..accuracy.tradeoff import BATCH, TASKS, advice, trade
-from ..errors import SpatialDynError
+from ..errors import SpatialDynError, literal
 from ..simulation import integrators
 from .printing import Column, fold, print_table, shown
 from .robots import add_quiet, add_robot, load
@@ -39,7 +39,7 @@ def add(parser: argparse.ArgumentParser) -> None:
 def _run(arguments: argparse.Namespace) -> int:
     tolerance = arguments.tolerance
     if tolerance is not None and not tolerance > 0.0:
-        raise SpatialDynError(f"--tolerance is {tolerance!r}, expected a number above 0")
+        raise SpatialDynError(f"--tolerance is {literal(tolerance)}, expected a number above 0")
     check_plot(arguments.plot)
     check_report(arguments.report)
     methods = None if arguments.methods is None else arguments.methods.split(",")

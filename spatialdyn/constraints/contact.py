@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import inspect
 import math
+from collections.abc import Callable
 from dataclasses import replace
-from typing import Any, NamedTuple, overload
+from typing import Any, NamedTuple, TypeVar, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,16 +17,18 @@ from ..calls.failures import raise_if_singular
 from ..engines import threads
 from ..engines.compiled import numba_kernels
 from ..engines.compiled.table_kernels import kernel
-from ..errors import ConstraintError, InertiaError, ModelError, ShapeError
+from ..errors import ConstraintError, InertiaError, ModelError, ShapeError, literal
 from ..model.model import Model
 from ..recursions.constraints.constrained import CHOSEN, MOTION
 from ..recursions.constraints.kkt import bordered_inverse, constrained_samples
 from ..recursions.spec import TAU
+from ..waiting import watch
 from .dynamics import ConstrainedImpact, ConstrainedMotion, constrained_impact, constrained_motion
 from .kinds import Constraint
 from .table import Constraints, check_constraints
 
 Array = NDArray[np.float64]
+Result = TypeVar("Result")
 RANKS = (3, 3, 2, 2, 1, 2, 2, 2, 2, 2, 1)  # axes of the kernel's arrays
 
 
@@ -117,8 +120,8 @@ def constrained_dynamics(model: Model, *given: Any, **named: Any) -> Constrained
     (2, True)
     """
     if _of_table(model, given, named):
-        return constrained_motion(model, *given, **named)
-    return _with_jacobian(model, *given, **named)
+        return _called("constrained_dynamics of Constraints", constrained_motion, model, given, named)
+    return _called("constrained_dynamics of a Jacobian", _with_jacobian, model, given, named)
 
 
 constrained_dynamics.spec = replace(  # type: ignore[attr-defined]  # for ``exact``, with equations in their order
@@ -133,6 +136,22 @@ def _of_table(model: Model, given: tuple[Any, ...], named: dict[str, Any]) -> bo
     if "constraints" in named or any(isinstance(x, (Constraint, str)) for x in items):
         check_constraints(model, first)
     return isinstance(first, Constraints)
+
+
+def _called(
+    what: str, function: Callable[..., Result], model: Model, given: tuple[Any, ...], named: dict[str, Any]
+) -> Result:
+    """A function's result. Raises TypeError, naming the public call, for arguments that it does not take."""
+    try:
+        return function(model, *given, **named)
+    except TypeError:
+        signature = inspect.signature(function)
+        try:
+            signature.bind(model, *given, **named)
+        except TypeError as error:
+            expected = ", ".join(signature.parameters)
+            raise TypeError(f"{what}: {error}, expected ({expected})") from None
+        raise
 
 
 def _with_jacobian(
@@ -183,12 +202,8 @@ def impact(model: Model, *given: Any, **named: Any) -> Impact | ConstrainedImpac
     True
     """
     if _of_table(model, given, named):
-        return constrained_impact(model, *given, **named)
-    try:
-        bound = _POINTS.bind(model, *given, **named)
-    except TypeError as error:
-        raise TypeError(f"impact of a Jacobian: {error}, expected (model, q, v, J, restitution, damping)") from None
-    return _impact_of_points(*bound.args, **bound.kwargs)
+        return _called("impact of Constraints", constrained_impact, model, given, named)
+    return _called("impact of a Jacobian", _impact_of_points, model, given, named)
 
 
 def _impact_of_points(
@@ -197,7 +212,7 @@ def _impact_of_points(
     """``impact`` of a Jacobian."""
     elastic = as_number(restitution)
     if not 0.0 <= elastic <= 1.0:
-        raise ConstraintError(f"restitution is {restitution!r}, expected 0 to 1")
+        raise ConstraintError(f"restitution is {literal(restitution)}, expected 0 to 1")
     M, J, v = calls["crba"](model, q), as_array("J", J), as_array("v", v)
     if J.ndim < 2 or v.ndim < 1 or J.shape[-1] != v.shape[-1]:
         raise ShapeError(f"v has shape {v.shape} and J {J.shape}, expected (..., {model.nv}) and (..., m, {model.nv})")
@@ -208,14 +223,11 @@ def _impact_of_points(
         return Impact(v + solved.x, solved.force)
 
 
-_POINTS = inspect.signature(_impact_of_points)
-
-
 def solve(model: Model, M: Array, r: Array, J: Array, gamma: Array, damping: float = 0.0) -> Solved:
     """x (..., nv) and λ (..., m) of M x = r + Jᵀ λ, J x + γ = -damping λ. Raises as ``constrained_dynamics``."""
     softness = as_number(damping)
     if not 0.0 <= softness < math.inf:
-        raise ConstraintError(f"damping is {damping!r}, expected a finite number of 0 or more")
+        raise ConstraintError(f"damping is {literal(damping)}, expected a finite number of 0 or more")
     n, m = model.nv, J.shape[-2] if J.ndim > 1 else 0
     cores = {"q": (M, (n, n)), "tau": (r, (n,)), "J": (J, (m, n)), "drift": (gamma, (m,))}
     for name, (x, core) in cores.items():
@@ -230,9 +242,10 @@ def solve(model: Model, M: Array, r: Array, J: Array, gamma: Array, damping: flo
     factors = np.empty((n, n)), np.empty((m, n)), np.empty((m, m))
     run = kernel(constrained_samples, *RANKS)
     table, soft = getattr(without_mimic(model), numba_kernels.TABLE), np.array([softness])
-    for first, end in threads.slices(count, n + 1, n * n + m * (n + m)):
-        given = (x[first:end] for x in (Ms, Js, rs, gammas))
-        run(table, *given, soft, *factors, *(x[first:end] for x in (out, force, rank)))
+    with watch.work(f"a batch of {count} samples"):
+        for first, end in threads.slices(count, n + 1, n * n + m * (n + m)):
+            given = (x[first:end] for x in (Ms, Js, rs, gammas))
+            run(table, *given, soft, *factors, *(x[first:end] for x in (out, force, rank)))
     if (rank != m).any():
         _raise_rank(model, Ms, m, rank, batch)
     return Solved(out.reshape((*batch, n)), force.reshape((*batch, m)), *factors)

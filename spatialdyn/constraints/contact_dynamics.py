@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..bodies.kinds import SE2, SE3
 from ..calls.arguments import as_array, as_number
 from ..calls.dynamics import calls, checked_call
-from ..errors import SimulationError
+from ..errors import SimulationError, literal
 from ..model.model import Model
 from ..recursions.contact.contact import CONTACT_GAPS, CONTACT_GAPS_OVER, CONTACT_STEP, CONTACT_STEP_OVER
 from ..recursions.coordinates.coordinate_rates import TURN
@@ -72,7 +72,7 @@ def contact_step(
     check_contacts(model, contacts)
     h = as_number(dt)
     if not 0.0 < h < math.inf:
-        raise SimulationError(f"dt is {dt!r}, expected a positive number of seconds")
+        raise SimulationError(f"dt is {literal(dt)}, expected a positive number of seconds")
     given = (q, v, tau, h, contacts.friction, contacts.restitution)
     out = answer(step_spec(contacts), contacts, contacts.tables, given)
     n, k, stops = model.nv, len(contacts), int(contacts.table.sizes["nl"])

@@ -15,7 +15,7 @@ from ..bodies.kinds import R1
 from ..bodies.static_table import StaticTable
 from ..calls.arguments import as_array, as_count, as_number, check_model
 from ..calls.failures import joint_of_velocity
-from ..errors import ConstraintError, ModelError
+from ..errors import ConstraintError, ModelError, literal
 from ..model.model import Model
 from .dilated_ground import dilated, heights_table
 from .kinds import across
@@ -49,9 +49,9 @@ class Plane:
         n = as_array("normal", self.normal)
         size = float(np.linalg.norm(n)) if n.shape == (3,) else math.nan
         if not 0.0 < size < math.inf:
-            raise ConstraintError(f"Plane has normal {self.normal!r}, expected three numbers that are not all 0")
+            raise ConstraintError(f"Plane has normal {literal(self.normal)}, expected three numbers that are not all 0")
         if not math.isfinite(as_number(self.height)):
-            raise ConstraintError(f"Plane has height {self.height!r}, expected a finite number of metres")
+            raise ConstraintError(f"Plane has height {literal(self.height)}, expected a finite number of metres")
         object.__setattr__(self, "normal", tuple((n / size).tolist()))
         object.__setattr__(self, "height", float(self.height))
 
@@ -88,9 +88,9 @@ class Heightfield:
         if not np.isfinite(heights).all():
             raise ConstraintError("Heightfield has heights that are not finite, expected finite numbers of metres")
         if not 0.0 < as_number(spacing) < math.inf:
-            raise ConstraintError(f"Heightfield has spacing {spacing!r}, expected a finite number above 0")
+            raise ConstraintError(f"Heightfield has spacing {literal(spacing)}, expected a finite number above 0")
         if at.shape != (2,) or not np.isfinite(at).all():
-            raise ConstraintError(f"Heightfield has origin {origin!r}, expected two finite numbers")
+            raise ConstraintError(f"Heightfield has origin {literal(origin)}, expected two finite numbers")
         kept, place = heights.copy(), (float(at[0]), float(at[1]))
         kept.flags.writeable = False
         given = (kept, float(spacing), place, heights_table([kept], float(spacing), place))
@@ -185,10 +185,11 @@ class Contacts:
         """See the class."""
         if "sweeps" in others:
             raise ConstraintError(
-                f"sweeps is {others['sweeps']!r}, expected a tolerance [m/s] in its place: steps are solved to that"
+                f"sweeps is {literal(others['sweeps'])}, expected a tolerance [m/s] in its place: steps are "
+                "solved to that"
             )
         if others:
-            raise TypeError(f"Contacts() got an unexpected keyword argument {min(others)!r}")
+            raise TypeError(f"Contacts() got an unexpected keyword argument {literal(min(others))}")
         self._make(model, points, friction, restitution, terrain, tolerance, steps, rounds, False)
 
     def _make(
@@ -197,18 +198,18 @@ class Contacts:
     ) -> None:  # fmt: skip
         check_model(model)
         if not isinstance(points, Mapping):
-            raise ConstraintError(f"points are {points!r}, expected {{frame: radius}}")
+            raise ConstraintError(f"points are {literal(points)}, expected {{frame: radius}}")
         if points and model.mimic_matrix is not None:
             what = f'model "{model.name}" has mimic joints, expected one without (mimic=False) for points'
             raise ModelError(f"{what}; limits act alone")
         ground = Plane() if terrain is None else terrain
         if not isinstance(ground, (Plane, Heightfield)):
-            raise ConstraintError(f"terrain is {terrain!r}, expected a Plane or a Heightfield")
+            raise ConstraintError(f"terrain is {literal(terrain)}, expected a Plane or a Heightfield")
         if not 0.0 < as_number(tolerance) < math.inf:
-            raise ConstraintError(f"tolerance is {tolerance!r}, expected a positive number [m/s | rad/s]")
+            raise ConstraintError(f"tolerance is {literal(tolerance)}, expected a positive number [m/s | rad/s]")
         for what, most in (("steps", steps), ("rounds", rounds)):
             if not as_count(most, MOST):
-                raise ConstraintError(f"{what} is {most!r}, expected a whole number of 1 to {MOST}")
+                raise ConstraintError(f"{what} is {literal(most)}, expected a whole number of 1 to {MOST}")
         names = tuple(points)
         rows = [_point(model, name, points[name]) for name in names]
         held = {
@@ -247,7 +248,7 @@ class Contacts:
     def with_dry(self, dry: NDArray[np.bool_]) -> StaticTable:
         """The table with a row added for each freedom that is True in ``dry`` (nv,) and has no row yet."""
         if not isinstance(dry, np.ndarray) or dry.dtype != bool or dry.shape != (self.model.nv,):
-            raise ConstraintError(f"dry is {dry!r}, expected an array of {self.model.nv} of True and False")
+            raise ConstraintError(f"dry is {literal(dry)}, expected an array of {self.model.nv} of True and False")
         rows = self.table.rows
         more = np.setdiff1d(np.flatnonzero(dry) + 1, rows["row"][1 + len(self) :])
         if not len(more):
@@ -333,7 +334,7 @@ def _point(model: Model, name: Any, radius: Any) -> dict[str, Any]:
         raise ConstraintError(f'point "{name}" does not move, expected a frame on a moving body')
     size = as_number(radius)
     if not 0.0 <= size < math.inf:
-        raise ConstraintError(f'point "{name}" has radius {radius!r}, expected a finite number of 0 or more')
+        raise ConstraintError(f'point "{name}" has radius {literal(radius)}, expected a finite number of 0 or more')
     return {"row": row, "p": tuple(frame.placement[:3, 3].tolist()), "radius": size}
 
 
@@ -352,7 +353,7 @@ def _of_points(what: str, given: Any, names: tuple[str, ...], most: float) -> Ar
         if not 0.0 <= as_number(value) <= most or math.isinf(as_number(value)):
             of = f' of point "{names[k]}"' if isinstance(given, Mapping) else ""
             expected = "a finite number of 0 or more" if math.isinf(most) else f"0 to {most:g}"
-            raise ConstraintError(f"{what}{of} is {value!r}, expected {expected}")
+            raise ConstraintError(f"{what}{of} is {literal(value)}, expected {expected}")
     made = np.array([float(x) for x in values[: len(names)]]) + 0.0
     made.flags.writeable = False
     return made

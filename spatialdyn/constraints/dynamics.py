@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..algebra.scalars import EPS
 from ..calls.arguments import as_array, as_flag, as_number, batch_shape, broadcast
-from ..errors import ConstraintError
+from ..errors import ConstraintError, literal
 from ..model.model import Model
 from ..recursions.constraints import constrained, constraint_rows
 from ..recursions.spec import Spec, V
@@ -160,7 +160,7 @@ def constrained_impact(
     """``impact`` with a table of constraints."""
     elastic = as_number(restitution)
     if not 0.0 <= elastic <= 1.0:
-        raise ConstraintError(f"restitution is {restitution!r}, expected 0 to 1")
+        raise ConstraintError(f"restitution is {literal(restitution)}, expected 0 to 1")
     v, rate = constraint_rate(model, constraints, q, v)
     change, impulse, residual, rank = velocity_response(model, constraints, q, v, -(1.0 + elastic) * rate)
     with np.errstate(invalid="ignore"):  # of samples that are not finite
@@ -235,7 +235,7 @@ def stabilization_time(value: Any) -> float:
     """T in seconds. Raises ConstraintError."""
     time = as_number(value)
     if not 0.0 < time < math.inf:
-        raise ConstraintError(f"stabilization is {value!r}, expected a time in seconds above 0, or None")
+        raise ConstraintError(f"stabilization is {literal(value)}, expected a time in seconds above 0, or None")
     return time
 
 

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..algebra.rotations import UNIT_TOLERANCE
 from ..calls.arguments import as_array, as_number
-from ..errors import ConstraintError
+from ..errors import ConstraintError, literal
 
 Array = NDArray[np.float64]
 Numbers = tuple[float, ...]
@@ -46,7 +46,7 @@ class Constraint:
         for name in names:
             value = getattr(self, name)
             if not isinstance(value, str) and not (value is None and name in ("frame_b", "name")):
-                raise ConstraintError(f"{type(self).__name__} has {name} {value!r}, expected a name")
+                raise ConstraintError(f"{type(self).__name__} has {name} {literal(value)}, expected a name")
 
     def _check_places(self) -> None:
         for name in ("at_a", "at_b"):
@@ -87,7 +87,7 @@ class PointConstraint(Constraint):
             or len({*self.axes}) < len(self.axes)
             or {*self.axes} - {*AXES}
         ):
-            raise ConstraintError(f'{self.label} has axes {self.axes!r}, expected one to three of "xyz"')
+            raise ConstraintError(f'{self.label} has axes {literal(self.axes)}, expected one to three of "xyz"')
 
 
 @dataclass(frozen=True)
@@ -194,7 +194,9 @@ class CouplerConstraint(Constraint):
         for name in ("ratio", "offset"):
             value = as_number(getattr(self, name))
             if not math.isfinite(value):
-                raise ConstraintError(f"{self.label} has {name} {getattr(self, name)!r}, expected a finite number")
+                raise ConstraintError(
+                    f"{self.label} has {name} {literal(getattr(self, name))}, expected a finite number"
+                )
             self._set(name, value)
 
 
@@ -244,7 +246,7 @@ class VelocityConstraint(Constraint):
         self._check_names("name")
         A = np.atleast_2d(as_array("A", self.A))
         if A.ndim != 2 or not A.size or not np.isfinite(A).all() or not A.any(axis=1).all():
-            raise ConstraintError(f"{self.label} has A {self.A!r}, expected finite rows (k, nv), none of zeros")
+            raise ConstraintError(f"{self.label} has A {literal(self.A)}, expected finite rows (k, nv), none of zeros")
         self._set("A", tuple(map(tuple, A.tolist())))
 
 
@@ -280,14 +282,14 @@ def _direction(constraint: Constraint, name: str, value: ArrayLike) -> Numbers:
     given = as_array(name, value)
     norm = math.hypot(*given.tolist()) if given.shape == (3,) else math.nan
     if not 0.0 < norm < math.inf:
-        raise ConstraintError(f"{constraint.label} has {name} {value!r}, expected a nonzero vector (3,)")
+        raise ConstraintError(f"{constraint.label} has {name} {literal(value)}, expected a nonzero vector (3,)")
     return tuple((given / norm).tolist())
 
 
 def _above_zero(constraint: Constraint, name: str, value: Any) -> float:
     number = as_number(value)
     if not 0.0 < number < math.inf:
-        raise ConstraintError(f"{constraint.label} has {name} {value!r}, expected a finite number above 0")
+        raise ConstraintError(f"{constraint.label} has {name} {literal(value)}, expected a finite number above 0")
     return number
 
 

@@ -11,8 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 from ..algebra.scalars import EPS
 from ..calls.arguments import as_array, as_items, as_number
 from ..calls.dynamics import calls
-from ..errors import ConstraintError, ModelError, NonFiniteError, ShapeError
+from ..errors import ConstraintError, ModelError, NonFiniteError, ShapeError, literal
 from ..model.model import Model
+from ..waiting import watch
 from .dynamics import constraint_error, constraint_jacobian, constraint_rate, response, velocity_response
 from .kinds import AXES, Constraint, HingeConstraint, WeldConstraint, placed
 from .table import Constraints, check_constraints
@@ -31,6 +32,7 @@ class Mobility(NamedTuple):
     gruebler: int
 
 
+@watch.call("project_configuration")
 def project_configuration(model: Model, constraints: Constraints, q: ArrayLike, tolerance: float = 1e-12) -> Array:
     """The configuration near q that meets constraints: Newton's steps along M⁻¹ Jᵀ, the shortest in kinetic energy.
 
@@ -90,6 +92,7 @@ def project_velocity(model: Model, constraints: Constraints, q: ArrayLike, v: Ar
     return made
 
 
+@watch.call("close_loops")
 def close_loops(
     model: Model, constraints: Constraints, q: ArrayLike, free: Iterable[str] | None = None, tolerance: float = 1e-12
 ) -> Array:
@@ -234,7 +237,7 @@ def _half_turned(model: Model, x: HingeConstraint | WeldConstraint, q: Array) ->
 def _tolerance(tolerance: Any) -> float:
     number = as_number(tolerance)
     if not 0.0 < number < np.inf:
-        raise ConstraintError(f"tolerance is {tolerance!r}, expected a finite number above 0")
+        raise ConstraintError(f"tolerance is {literal(tolerance)}, expected a finite number above 0")
     return number
 
 

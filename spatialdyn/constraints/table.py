@@ -13,7 +13,7 @@ from ..bodies.constraint_table import ALIGN, CONSTRAINTS, DISTANCE, ORIENT, POIN
 from ..bodies.kinds import R1
 from ..bodies.static_table import StaticTable
 from ..calls.arguments import check_model
-from ..errors import ConstraintError, ModelError, SpatialDynError
+from ..errors import ConstraintError, ModelError, SpatialDynError, literal
 from ..model.model import Model
 from . import kinds
 from .kinds import (
@@ -85,7 +85,7 @@ class Constraints:
         try:
             given = tuple(items)
         except TypeError:
-            raise ConstraintError(f"constraints are {items!r}, expected a list of them") from None
+            raise ConstraintError(f"constraints are {literal(items)}, expected a list of them") from None
         rows: list[dict[str, Any]] = []
         equations: list[Equation] = []
         for x in given:
@@ -132,7 +132,9 @@ class Constraints:
         try:
             given = tomllib.loads(text)
         except (ValueError, RecursionError) as error:  # of integers of thousands of digits, and brackets as deep
-            raise ConstraintError(f"constraints are no TOML: {error}, expected a text and no {text!r:.60}") from None
+            raise ConstraintError(
+                f"constraints are no TOML: {error}, expected a text and no {literal(text):.60}"
+            ) from None
         entries = given.pop("constraint", [])
         if given or not isinstance(entries, list) or not all(isinstance(x, dict) for x in entries):
             found = ", ".join(given) or "one [constraint]"
@@ -151,7 +153,7 @@ class Constraints:
         1
         """
         if not isinstance(entries, list) or not all(isinstance(x, dict) for x in entries):
-            raise ConstraintError(f"entries are {entries!r}, expected a list of dicts, [[constraint]] in TOML")
+            raise ConstraintError(f"entries are {literal(entries)}, expected a list of dicts, [[constraint]] in TOML")
         return cls(model, [_of_entry(k, x) for k, x in enumerate(entries)])
 
     @classmethod
@@ -209,7 +211,7 @@ def _of_entry(k: int, entry: dict[str, Any]) -> Constraint:
     what, arguments = f"constraint {k} of the TOML text", dict(entry)
     kind = known.get(str(arguments.pop("kind", None)))
     if kind is None:
-        raise ConstraintError(f"{what} has kind {entry.get('kind')!r}, expected one of {', '.join(known)}")
+        raise ConstraintError(f"{what} has kind {literal(entry.get('kind'))}, expected one of {', '.join(known)}")
     names = [x.name for x in fields(kind)]
     unknown = sorted({*arguments} - {*names})
     if unknown:

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..actuation.friction import Friction, check_friction
-from ..calls.arguments import as_array, as_number, check_model
+from ..calls.arguments import as_array, as_number, check_model, within_range
 from ..calls.dynamics import calls
-from ..errors import InertiaError, ModelError, NonFiniteError, ShapeError, SimulationError
+from ..errors import InertiaError, ModelError, NonFiniteError, ShapeError, SimulationError, literal
 from ..model.model import Model
 from ..recursions.control.adaptive_specs import adaptive_spec
 from .laws import Law, _is_matrix, _reference, gain_of
@@ -58,13 +58,13 @@ class Adaptive(Law):
         one, two = gain_of("rates", rates, model.nv), gain_of("gain", gain, model.nv)
         zone = as_number(deadzone)
         if not 0.0 <= zone < math.inf:
-            raise SimulationError(f"deadzone is {deadzone!r}, expected 0 or more [rad/s]")
+            raise SimulationError(f"deadzone is {literal(deadzone)}, expected 0 or more [rad/s]")
         values = {"rates": one, "gain": two, **own, "deadzone": np.array([zone])}
         weight, width = as_number(composite), as_number(bandwidth)
         if not 0.0 <= weight < math.inf:
-            raise SimulationError(f"composite is {composite!r}, expected 0 or more")
+            raise SimulationError(f"composite is {literal(composite)}, expected 0 or more")
         if not 0.0 < width < math.inf:
-            raise SimulationError(f"bandwidth is {bandwidth!r}, expected a finite number above 0 [1/s]")
+            raise SimulationError(f"bandwidth is {literal(bandwidth)}, expected a finite number above 0 [1/s]")
         self.predicts = weight > 0.0
         if self.predicts:
             values |= {"composite": np.array([weight]), "bandwidth": np.array([width])}
@@ -162,7 +162,7 @@ class SlotineLi(Adaptive):
         least, most = np.full_like(first, -1e300), np.full_like(first, 1e300)
         if bounds is not None:
             if not isinstance(bounds, Sequence) or len(bounds) != 2:
-                raise SimulationError(f"bounds is {bounds!r}, expected (least, most)")
+                raise SimulationError(f"bounds is {literal(bounds)}, expected (least, most)")
             least, most = (_table(model, "bounds", x, spread=True, finite=False) for x in bounds)
             out = (first < least) | (first > most)
             if out.any():
@@ -225,7 +225,9 @@ class NaturalAdaptation(Adaptive):
             raise ShapeError(f"gamma has shape {given.shape}, expected a number or ({model.njoints},)")
         if not (given > 0.0).all():
             raise SimulationError(f"gamma is {given.tolist()}, expected numbers above 0")
-        step = np.broadcast_to(1.0 / given, (model.njoints,)).copy()
+        with np.errstate(over="ignore"):
+            step = np.broadcast_to(1.0 / given, (model.njoints,)).copy()
+        within_range("1 / gamma", step)
         step[0] = 0.0
         own = {"first": _factors(model, _table(model, "parameters", parameters), step > 0.0), "step": step}
         super().__init__(
@@ -250,7 +252,7 @@ class NaturalAdaptation(Adaptive):
 def _state_of(run: Any, name: str) -> Array:
     states: Any = getattr(run, "states", None)
     if not isinstance(states, Mapping):
-        raise SimulationError(f"run is {run!r}, expected a Trajectory or Rollout of this law")
+        raise SimulationError(f"run is {literal(run)}, expected a Trajectory or Rollout of this law")
     if name not in states:
         raise SimulationError(f"run has states {', '.join(states) or 'none'}, expected one of this law, with {name}")
     return np.asarray(states[name])

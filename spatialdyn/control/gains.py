@@ -8,18 +8,19 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..calls.arguments import as_array, as_count, as_finite, as_flag, as_number, broadcast, check_model
+from ..calls.arguments import as_array, as_count, as_finite, as_flag, as_number, broadcast, check_model, within_range
 from ..calls.dynamics import calls
 from ..calls.states import random_configuration
 from ..constraints.dynamics import constraint_jacobian
 from ..constraints.loops import project_configuration, project_velocity
-from ..errors import NonFiniteError, ShapeError, SimulationError, SpatialDynError, pip_install
+from ..errors import NonFiniteError, ShapeError, SimulationError, SpatialDynError, literal, pip_install
 from ..laws.control import Control
 from ..model.model import Model
 from ..recursions.control.paths import CLOCK
 from ..simulation.rollouts import rollout
 from ..simulation.scene import Scene, scene_of
 from ..simulation.stiff_laws import MOST_STEPS, joint_of_mode, rough, steps_of_periods
+from ..waiting import watch
 from .laws import StateFeedback
 
 Array = NDArray[np.float64]
@@ -42,28 +43,34 @@ def critical_gains(omega: ArrayLike, zeta: ArrayLike = 1.0) -> Gains:
 
     For ``PD`` and laws like it multiply both by the diagonal of M at its largest. With a torque held over steps of
     semi_implicit_euler such a mode is stable below ``largest_step``.
-    Raises SpatialDynError, ShapeError
+    Raises SpatialDynError, ShapeError; NonFiniteError for numbers beyond the range of float64
 
     >>> import spatialdyn as sd
     >>> [float(x) for x in sd.critical_gains(10.0, 0.7)]
     [100.0, 14.0]
     """
     w, z = _modes(omega, zeta)
-    return Gains(w * w + 0.0 * z, 2.0 * z * w)
+    with np.errstate(over="ignore"):
+        found = Gains(w * w + 0.0 * z, 2.0 * z * w)
+    within_range("a gain", *found)
+    return found
 
 
 def largest_step(omega: ArrayLike, zeta: ArrayLike) -> Array:
     """The step [s] below which a mode of frequency ω and damping ζ is stable under a torque held over steps of
     semi_implicit_euler: (2 √(1 + ζ²) - 2 ζ) / ω.
 
-    Raises SpatialDynError, ShapeError
+    Raises SpatialDynError, ShapeError; NonFiniteError for numbers beyond the range of float64
 
     >>> import spatialdyn as sd
     >>> round(float(sd.largest_step(1.0, 0.7)), 3)
     1.041
     """
     w, z = _modes(omega, zeta)
-    return np.asarray((2.0 * np.sqrt(1.0 + z * z) - 2.0 * z) / w)
+    with np.errstate(over="ignore", under="ignore"):
+        found = np.asarray(2.0 / (np.hypot(1.0, z) + z) / w)
+    within_range("a step", found)
+    return found
 
 
 def _modes(omega: ArrayLike, zeta: ArrayLike) -> tuple[Array, Array]:
@@ -80,6 +87,7 @@ def _positive(name: str, value: ArrayLike) -> Array:
     return x
 
 
+@watch.call("gravity_stiffness_bound")
 def gravity_stiffness_bound(model: Model, samples: int = 1000, seed: int = 0) -> float:
     """The largest slope of gravity, max ‖∂g/∂q‖₂ [N m/rad], of random configurations within the limits.
 
@@ -94,7 +102,7 @@ def gravity_stiffness_bound(model: Model, samples: int = 1000, seed: int = 0) ->
     """
     check_model(model)
     if not (n := as_count(samples, 10**7)):
-        raise SpatialDynError(f"samples is {samples!r}, expected a whole number from 1 to 10000000")
+        raise SpatialDynError(f"samples is {literal(samples)}, expected a whole number from 1 to 10000000")
     q = random_configuration(model, seed, (n,))
     slope = np.asarray(calls["generalized_gravity_derivatives"](model, q))
     return float(np.linalg.norm(slope, 2, axis=(-2, -1)).max(initial=0.0))
@@ -115,6 +123,7 @@ class LQR(NamedTuple):
         return StateFeedback(self.K, q, v, tau, joints, held=self.discrete)
 
 
+@watch.call("lqr")
 def lqr(A: ArrayLike, B: ArrayLike, Q: ArrayLike, R: ArrayLike, *, discrete: bool = False) -> LQR:
     """The gain K of u = -K x that minimizes ∫ xᵀQx + uᵀRu along ẋ = A x + B u, or the sum along x⁺ = A x + B u.
 
@@ -199,6 +208,7 @@ class ClosedStep(NamedTuple):
             )
 
 
+@watch.call("closed_step")
 def closed_step(
     scene: Scene | Model, law: Control, q: ArrayLike, v: ArrayLike, dt: float, method: str | None = None
 ) -> ClosedStep:
@@ -222,12 +232,12 @@ def closed_step(
     scene = scene_of(scene)
     model, n = scene.model, scene.model.nv
     if not isinstance(law, Control):
-        raise SimulationError(f"law is {law!r}, expected a Control")
+        raise SimulationError(f"law is {literal(law)}, expected a Control")
     if without := rough(scene):
         raise SimulationError(f"scene of {', '.join(without)} has steps without a derivative, expected smooth effects")
     h = as_number(dt)
     if not 0.0 < h < math.inf:
-        raise SimulationError(f"dt is {dt!r}, expected a finite number above 0")
+        raise SimulationError(f"dt is {literal(dt)}, expected a finite number above 0")
     at, speed = as_finite("q", q), as_finite("v", v)
     for name, x, size in (("q", at, model.nq), ("v", speed, n)):
         if x.shape != (size,):

@@ -24,11 +24,12 @@ from ..calls.arguments import (
 from ..calls.dynamics import calls
 from ..calls.states import random_configuration
 from ..engines.programs.record.mimic_rows import evaluate
-from ..errors import ShapeError, SpatialDynError
+from ..errors import ShapeError, SpatialDynError, literal
 from ..model.model import Frame, Model
 from ..recursions import SPECS
 from ..recursions.control.inverse_kinematics import damped_step, put_error
 from ..recursions.spec import LOCAL_WORLD_ALIGNED, Argument, Spec
+from ..waiting import watch
 from .programs import repeated
 
 Array = NDArray[np.float64]
@@ -62,6 +63,7 @@ class IKResult(NamedTuple):
     solutions: list[Array] | None
 
 
+@watch.call("solve_ik")
 def solve_ik(
     model: Model,
     targets: Mapping[str | Frame, ArrayLike],
@@ -110,12 +112,12 @@ def solve_ik(
         raise ShapeError(f"q0 has shape {start.shape}, expected (..., {model.nq})")
     near = as_number(tolerance)
     if not 0.0 < near < 1.0:
-        raise SpatialDynError(f"tolerance is {tolerance!r}, expected a number between 0 and 1")
+        raise SpatialDynError(f"tolerance is {literal(tolerance)}, expected a number between 0 and 1")
     more = as_count(restarts, 10**6)
     if not more and (as_number(restarts) != 0.0 or isinstance(restarts, (float, np.floating))):
-        raise SpatialDynError(f"restarts is {restarts!r}, expected a whole number from 0 to 1000000")
+        raise SpatialDynError(f"restarts is {literal(restarts)}, expected a whole number from 0 to 1000000")
     if not (steps := as_count(iterations, 10**6)):
-        raise SpatialDynError(f"iterations is {iterations!r}, expected a whole number from 1 to 1000000")
+        raise SpatialDynError(f"iterations is {literal(iterations)}, expected a whole number from 1 to 1000000")
     batch = broadcast(["q0", "targets"], [start.shape[:-1], poses.shape[:-3]])
     calls["potential_energy"](model, start)  # raises ConfigurationError naming the joint
     lead = np.broadcast_to(poses, (*batch, *poses.shape[-3:])).reshape(-1, 16 * len(sizes))
@@ -132,7 +134,7 @@ def solve_ik(
 def _targets(model: Model, targets: Any) -> tuple[tuple[Any, ...], Array, tuple[int, ...]]:
     """Rows and placements of the frames, poses (..., K, 4, 4), and the number of equations of each."""
     if not isinstance(targets, Mapping) or not targets:
-        raise SpatialDynError(f"targets are {targets!r}, expected a mapping of frames to poses or positions")
+        raise SpatialDynError(f"targets are {literal(targets)}, expected a mapping of frames to poses or positions")
     frames: list[Any] = []
     poses: list[Array] = []
     sizes: list[int] = []

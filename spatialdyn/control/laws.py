@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..calls.arguments import as_array, as_word
+from ..calls.arguments import as_array, as_word, within_range
 from ..calls.dynamics import calls
-from ..errors import NonFiniteError, ShapeError, SimulationError
+from ..errors import NonFiniteError, ShapeError, SimulationError, literal
 from ..laws.control import Control
 from ..laws.law_specs import RATE, evaluated, in_step, kept, with_values
 from ..model.model import Model
@@ -247,7 +247,10 @@ class EnergyShaping(Law):
         kinetic = np.asarray(calls["kinetic_energy"](model, q, v))
         if self.potential == "cosine":
             return np.asarray(kinetic + (Kp * (1.0 - np.cos(e))).sum(-1))
-        return np.asarray(kinetic + 0.5 * (e * (Kp * e if Kp.ndim == 1 else e @ Kp)).sum(-1))
+        with np.errstate(over="ignore", invalid="ignore"):
+            found = np.asarray(kinetic + 0.5 * (e * (Kp * e if Kp.ndim == 1 else e @ Kp)).sum(-1))
+        within_range("an energy", found[np.isfinite(kinetic) & np.isfinite(e).all(-1)])
+        return found
 
 
 class PDPlus(Law):
@@ -353,9 +356,9 @@ class StateFeedback(Law):
             as_array("joints", joints)
             at = np.asarray(joints)
             if at.shape != (len(gain),) or at.dtype.kind not in "iu" or not ((at >= 0) & (at < n)).all():
-                raise ShapeError(f"joints are {joints!r}, expected {len(gain)} whole numbers from 0 to {n - 1}")
+                raise ShapeError(f"joints are {literal(joints)}, expected {len(gain)} whole numbers from 0 to {n - 1}")
             if len({*at.tolist()}) < len(at):
-                raise SimulationError(f"joints are {joints!r}, expected each once: a row of K is that of one freedom")
+                raise SimulationError(f"joints are {literal(joints)}, expected each once: one row of K each")
             whole = np.zeros((n, 2 * n))
             whole[at] = gain
             gain = whole

@@ -11,9 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..calls.arguments import as_array, as_number
-from ..errors import NonFiniteError, ShapeError, SimulationError
+from ..errors import NonFiniteError, ShapeError, SimulationError, literal
 from ..simulation.ledger import energy_ledger
 from ..simulation.trajectory import Trajectory
+from ..waiting import watch
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -58,11 +59,12 @@ class PassivityRecord:
         Raises SimulationError for something else than a record.
         """
         if not isinstance(other, PassivityRecord):
-            raise SimulationError(f"other is {other!r}, expected a PassivityRecord of the motion with another dt")
+            raise SimulationError(f"other is {literal(other)}, expected a PassivityRecord of it with another dt")
         if not (self.worst > 0.0 and other.worst > 0.0 and self.dt != other.dt):
             return math.nan
         return math.log(self.worst / other.worst) / math.log(self.dt / other.dt)
 
+    @watch.call("PassivityRecord.plot")
     def plot(self, path: str | None = None) -> Figure:
         """Draw stored and supplied energy, and the excess; path: a file to write too. Returns the Figure."""
         from ..pictures.control_plots import plot_passivity
@@ -70,6 +72,7 @@ class PassivityRecord:
         return plot_passivity(self, path)
 
 
+@watch.call("passivity")
 def passivity(run: Trajectory, storage: Any = None) -> PassivityRecord:
     """Whether a robot stored no more energy than was supplied: V(t) - V(0) <= ∫ vᵀτ dt + work of external forces.
 
@@ -124,6 +127,7 @@ class LyapunovRecord:
         """Whether it never rises, beyond rounding."""
         return self.first is None
 
+    @watch.call("LyapunovRecord.plot")
     def plot(self, path: str | None = None) -> Figure:
         """Draw it over time; path: a file to write too. Returns the Figure."""
         from ..pictures.control_plots import plot_lyapunov
@@ -131,6 +135,7 @@ class LyapunovRecord:
         return plot_lyapunov(self, path)
 
 
+@watch.call("lyapunov")
 def lyapunov(run: Trajectory, V: Any, rounding: float | None = None) -> LyapunovRecord:
     """Whether a function of the state falls along a motion.
 
@@ -150,7 +155,7 @@ def lyapunov(run: Trajectory, V: Any, rounding: float | None = None) -> Lyapunov
     if not isinstance(run, Trajectory):
         raise SimulationError(f"run is a {type(run).__name__}, expected a Trajectory of simulate")
     if rounding is not None and not 0.0 <= as_number(rounding) < math.inf:
-        raise SimulationError(f"rounding is {rounding!r}, expected a finite number of 0 or more")
+        raise SimulationError(f"rounding is {literal(rounding)}, expected a finite number of 0 or more")
     value = _samples("V", V, run)
     least = 1e-12 * float(abs(value).max(initial=0.0)) if rounding is None else as_number(rounding)
     change = np.diff(value)

@@ -13,10 +13,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..calls.arguments import as_array, as_finite, as_word, broadcast, check_model
 from ..calls.dynamics import calls
-from ..errors import ShapeError, SpatialDynError
+from ..errors import ShapeError, SpatialDynError, literal
 from ..model.model import Model
 from ..recursions.control.paths import fourier_spec, polynomial_spec, timed_spec
-from .paths import Path, positive
+from .paths import TIMES, Path, positive
 
 Array = NDArray[np.float64]
 SHORTEST = 1e-50  # s, of a quintic, and its inverse the longest: fifth powers that are no float are beyond
@@ -127,8 +127,8 @@ def trapezoid(
         x = as_array(name, value)
         if x.shape not in ((), way.shape[-1:]):
             raise ShapeError(f"{name} has shape {x.shape}, expected a number or {way.shape[-1:]}")
-        if not (x > 0.0).all() or np.isnan(x).any():
-            raise SpatialDynError(f"{name} is {x.tolist()}, expected numbers above 0")
+        if not (x >= TIMES[0]).all():
+            raise SpatialDynError(f"{name} is {x.tolist()}, expected numbers above 0, {TIMES[0]:g} at least")
         with np.errstate(divide="ignore"):
             most.append((np.broadcast_to(x, way.shape) / abs(way)).min(-1, initial=np.inf))
     still = ~way.any(-1)
@@ -136,7 +136,7 @@ def trapezoid(
         which = f" in sample {int(still.argmax())}" if still.ndim else ""
         raise SpatialDynError(f"q1 is q0{which}, expected another configuration")
     if not np.isfinite(most[1]).all():
-        raise SpatialDynError(f"a_max is {a_max!r}, expected finite numbers")
+        raise SpatialDynError(f"a_max is {literal(a_max)}, expected finite numbers")
     fast, a = most
     rise = np.minimum(fast / a, np.sqrt(1.0 / a))  # s goes from 0 to 1 at a rate of a rise at most
     level, none = np.maximum(0.0, 1.0 / (a * rise) - rise), 0.0 * rise

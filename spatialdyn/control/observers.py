@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..algebra.scalars import EPS
-from ..calls.arguments import as_array, as_finite, as_flag, as_number, broadcast, check_model
+from ..calls.arguments import as_array, as_finite, as_flag, as_number, broadcast, check_model, within_range
 from ..calls.dynamics import calls, checked_call
 from ..engines.compiled.numba_kernels import user_kernel
-from ..errors import ConstraintError, ModelError, ShapeError, SpatialDynError
+from ..errors import ConstraintError, ModelError, ShapeError, SpatialDynError, literal
 from ..model.model import Model
 from ..recursions.control.observer import OBSERVER
 from ..recursions.momenta.base_velocity import BASE, BASE_VELOCITY
@@ -59,7 +59,7 @@ class MomentumObserver:
             raise SpatialDynError(f"gain is {K.tolist()}, expected finite numbers above 0")
         step = as_number(dt)
         if not 0.0 < step < math.inf:
-            raise SpatialDynError(f"dt is {dt!r}, expected a finite number above 0")
+            raise SpatialDynError(f"dt is {literal(dt)}, expected a finite number above 0")
         self.gain: Array = np.broadcast_to(K, (model.nv,)).copy()
         self.dt = step
         self.memory: Array | None = None
@@ -155,7 +155,7 @@ def detection_thresholds(residuals: ArrayLike, sigmas: float = 6.0) -> Array:
         raise ShapeError(f"residuals has shape {x.shape}, expected (..., N, nv) with N of 2 or more")
     k = as_number(sigmas)
     if not 0.0 < k < math.inf:
-        raise SpatialDynError(f"sigmas is {sigmas!r}, expected a finite number above 0")
+        raise SpatialDynError(f"sigmas is {literal(sigmas)}, expected a finite number above 0")
     flat = x.reshape(-1, x.shape[-1])
     found: Array = abs(flat.mean(0)) + k * flat.std(0)
     return found
@@ -203,9 +203,13 @@ def contact_wrench(
     broadcast(["q", "residual"], [J.shape[:-2], r.shape[:-1]])
     size = as_number(length)
     if not 0.0 < size < math.inf:
-        raise SpatialDynError(f"length is {length!r}, expected a finite number above 0")
+        raise SpatialDynError(f"length is {literal(length)}, expected a finite number above 0")
     scale = np.array([1.0, 1.0, 1.0, size, size, size])
-    U, s, Vt = np.linalg.svd(J / scale[:, None], full_matrices=True)  # (..., 6, nv), of scaled wrenches
+    with np.errstate(over="ignore"):
+        scaled = J / scale[:, None]
+    within_range("a Jacobian divided by length", scaled[np.isfinite(J).all((-2, -1))])
+    unknown = ~np.isfinite(scaled).all((-2, -1))  # of samples with NaN, for which no decomposition is found
+    U, s, Vt = np.linalg.svd(np.where(unknown[..., None, None], 0.0, scaled), full_matrices=True)  # of scaled wrenches
     k = min(6, model.nv)
     told = s > max(6, model.nv) * EPS**0.5 * s[..., :1]
     rank = told.sum(-1)

@@ -6,7 +6,6 @@ floating bases move as numbers do (``recursions.control.paths``). Without a mode
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from functools import lru_cache
 from itertools import pairwise
@@ -18,17 +17,19 @@ from numpy.typing import ArrayLike, NDArray
 from ..bodies.kinds import R1
 from ..calls.arguments import as_array, as_finite, as_flag, as_number, broadcast, check_model
 from ..calls.dynamics import checked_call
-from ..errors import ShapeError, SpatialDynError
+from ..errors import ShapeError, SpatialDynError, literal
 from ..model.builder import ModelBuilder
 from ..model.model import Model
 from ..recursions.control.paths import polynomial_spec, timed_spec
 from ..recursions.spec import Spec
+from ..waiting import watch
 from .path_ranges import check_limits, extremes
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
+TIMES = 1e-50, 1e50  # s: beyond, powers of a duration leave the range of float64
 SAMPLES = 1000  # of a segment or period, where extremes have no closed form
 
 
@@ -77,7 +78,7 @@ class Path:
         """See the class; the functions that make paths check what they are given."""
         if not isinstance(spec, Spec) or not isinstance(values, Mapping):
             name, wrong = ("values", values) if isinstance(spec, Spec) else ("spec", spec)
-            raise SpatialDynError(f"{name} is {wrong!r}, expected a Spec and a mapping of its values")
+            raise SpatialDynError(f"{name} is {literal(wrong)}, expected a Spec and a mapping of its values")
         values = {str(name): as_finite(f"{name} of a path", x).copy() for name, x in values.items()}
         if unknown := {*values} ^ {x.name for x in spec.present if x.start is None}:
             raise SpatialDynError(
@@ -111,7 +112,7 @@ class Path:
     def __getitem__(self, b: int | slice) -> Path:
         """Path b of B, or some of them."""
         if not self.batch:
-            raise ShapeError(f"path is one alone, expected several to take {b!r} of")
+            raise ShapeError(f"path is one alone, expected several to take {literal(b)} of")
         sizes = {x.name: len(x.shape) for x in self.spec.present}
         own = {name: x[b] if x.ndim > sizes[name] else x for name, x in self.values.items()}
         duration = float(own["times"][..., -1].max()) if "times" in own else self.duration
@@ -203,6 +204,7 @@ class Path:
                 f'"{model.name}": make it with model=model'
             )
 
+    @watch.call("Path.plot")
     def plot(self, path: str | None = None) -> Figure:
         """Draw q, v and a over time with Matplotlib; path: a file to write too. Returns the Figure.
 
@@ -251,6 +253,8 @@ def _line(n: int) -> Model:
 
 def positive(name: str, value: float) -> float:
     x = as_number(value)
-    if not 0.0 < x < math.inf:
-        raise SpatialDynError(f"{name} is {value!r}, expected a finite number above 0")
+    if not TIMES[0] <= x <= TIMES[1]:
+        raise SpatialDynError(
+            f"{name} is {literal(value)}, expected a finite number above 0, from {TIMES[0]:g} to {TIMES[1]:g}"
+        )
     return x

@@ -12,7 +12,7 @@ from numpy.typing import DTypeLike
 
 from ..calls.arguments import check_model
 from ..calls.specialize_request import dtype_of
-from ..errors import SpatialDynError
+from ..errors import SpatialDynError, literal
 from ..model.model import Model
 from ..simulation.scene import Scene
 from .chip_text import type_of
@@ -70,7 +70,7 @@ def export(
         check_model(scene)
     check_name("name", name)
     if not isinstance(functions, Mapping) or not functions:
-        raise SpatialDynError(f"functions is {functions!r}, expected a dict such as {{'torque': sd.rnea}}")
+        raise SpatialDynError(f"functions is {literal(functions)}, expected a dict such as {{'torque': sd.rnea}}")
     if {"check", "is_fused"} & set(functions):
         raise SpatialDynError("functions have check or is_fused, expected other names: the files have those")
     try:
@@ -78,7 +78,7 @@ def export(
     except TypeError:
         root = Path("\0")
     if "\0" in str(root):
-        raise SpatialDynError(f"folder is {folder!r}, expected the path of a folder")
+        raise SpatialDynError(f"folder is {literal(folder)}, expected the path of a folder")
     kind = type_of(dtype_of(dtype))
     texts = files_of(name, functions_of(scene, functions, dtype), kind, VERSION)
     for path in texts:

@@ -24,7 +24,7 @@ from ..calls.states import random_configuration
 from ..engines.programs.record.operations import INPUT
 from ..engines.programs.record.program import Program
 from ..engines.programs.transform.source_code import C_WORDS, Shapes, has_meaning
-from ..errors import SimulationError, SpatialDynError
+from ..errors import SimulationError, SpatialDynError, literal
 from ..laws.control import Control
 from ..laws.law_specs import RATE, begun_of, check_recordable
 from ..model.model import Model
@@ -77,7 +77,7 @@ class Function(NamedTuple):
 def check_name(what: str, name: Any) -> str:
     """A name in C, C++ and Rust. Raises SpatialDynError."""
     if not isinstance(name, str) or not NAME.fullmatch(name):
-        raise SpatialDynError(f"{what} is {name!r}, expected letters, digits and _")
+        raise SpatialDynError(f"{what} is {literal(name)}, expected letters, digits and _")
     if has_meaning(name, "c") or name in OTHER_WORDS or LOCAL.fullmatch(name):
         raise SpatialDynError(f"{what} is {name!r}, expected a name that C, C++, Rust and the text itself do not use")
     return name
@@ -87,7 +87,7 @@ def _check_array(name: str) -> None:
     """The name of an array, which may be that of a function of the C library. Raises SpatialDynError."""
     words = OTHER_WORDS.union(C_WORDS.split(), MACROS)
     if not NAME.fullmatch(name) or name in words or LOCAL.fullmatch(name):
-        raise SpatialDynError(f"an array is named {name!r}, expected a name that C, C++ and Rust take")
+        raise SpatialDynError(f"an array is named {literal(name)}, expected a name that C, C++ and Rust take")
 
 
 def functions_of(scene: Model | Scene, wanted: Mapping[str, Any], dtype: Any) -> list[Function]:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..recursions.spec import Spec
+from ..waiting import watch
 from . import threads
 from .compiled import numba_kernels
 from .failed import Arrays
@@ -56,11 +57,12 @@ def rewrite(spec: Spec, table: Table, inputs: Arrays, out: NDArray[np.float64], 
     rest, program = np.flatnonzero(left), _numpy_program(spec, table) if left.any() else None
     first = 0
     try:
-        for first, end in threads.slices(len(rest), len(table.bodies), len(table.bodies) ** 2):
-            at = rest[first:end]
-            columns = [np.broadcast_to(x if len(x) == 1 else x[at], (len(at), x.shape[1])) for x in inputs]
-            out[at] = program(np.ascontiguousarray(np.concatenate(columns, axis=1).T))[0].T  # type: ignore[misc]
-            first = end
+        with watch.work(f"a batch of {len(rest)} samples", lambda: f": {first} are done"):
+            for first, end in threads.slices(len(rest), len(table.bodies), len(table.bodies) ** 2):
+                at = rest[first:end]
+                columns = [np.broadcast_to(x if len(x) == 1 else x[at], (len(at), x.shape[1])) for x in inputs]
+                out[at] = program(np.ascontiguousarray(np.concatenate(columns, axis=1).T))[0].T  # type: ignore[misc]
+                first = end
     except KeyboardInterrupt:
         if seen:
             out[rest[first:]] = np.nan

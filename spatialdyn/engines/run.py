@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from ..bodies.static_table import StaticTable
 from ..bodies.table import ANY_NORM
 from ..recursions.spec import Spec
+from ..waiting import watch
 from . import locks, threads
 from .compiled import numba_kernels, tiers
 from .failed import ALL_OK as ALL_OK
@@ -333,26 +334,27 @@ def _in_slices(
     in_place = at is None and columns is None and out.dtype == np.float64
     failed: list[Failed] = []
     first = 0
-    try:
-        for first, end in threads.slices(count, rows, width):
-            here = slice(first, end) if at is None else at[first:end]
-            given = [x[first:end] if len(x) == count else x for x in inputs]
-            flat = out[here] if in_place else np.empty((end - first, width))
-            status = np.empty(end - first, np.int8)
-            compute(slice(first, end), given, flat, status)
-            if not in_place:
-                _store(out, here, flat if columns is None else flat[:, columns], status)
-            rows_failed = np.flatnonzero(status != numba_kernels.OK)
-            if len(rows_failed):
-                finite = np.asarray(np.isfinite(flat[rows_failed]).all(axis=1))
-                samples = rows_failed + first if at is None else at[rows_failed + first]
-                failed_inputs = [x[rows_failed] if len(x) == len(flat) else x for x in given]
-                failed.append(Failed(samples, status[rows_failed], finite, failed_inputs))
-            first = end
-    except KeyboardInterrupt:
-        if seen:
-            out[slice(first, None) if at is None else at[first:]] = np.nan
-        raise
+    with watch.work(f"a batch of {count} samples", lambda: f": {first} are done"):
+        try:
+            for first, end in threads.slices(count, rows, width):
+                here = slice(first, end) if at is None else at[first:end]
+                given = [x[first:end] if len(x) == count else x for x in inputs]
+                flat = out[here] if in_place else np.empty((end - first, width))
+                status = np.empty(end - first, np.int8)
+                compute(slice(first, end), given, flat, status)
+                if not in_place:
+                    _store(out, here, flat if columns is None else flat[:, columns], status)
+                rows_failed = np.flatnonzero(status != numba_kernels.OK)
+                if len(rows_failed):
+                    finite = np.asarray(np.isfinite(flat[rows_failed]).all(axis=1))
+                    samples = rows_failed + first if at is None else at[rows_failed + first]
+                    failed_inputs = [x[rows_failed] if len(x) == len(flat) else x for x in given]
+                    failed.append(Failed(samples, status[rows_failed], finite, failed_inputs))
+                first = end
+        except KeyboardInterrupt:
+            if seen:
+                out[slice(first, None) if at is None else at[first:]] = np.nan
+            raise
     return concatenate_failed(failed)
 
 

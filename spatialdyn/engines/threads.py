@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..errors import SpatialDynError
+from ..errors import SpatialDynError, literal
 from . import locks
 
 if TYPE_CHECKING:
@@ -158,7 +158,7 @@ def default_threads(worker: bool = False) -> tuple[int, bool]:
     own = os.environ.get(VARIABLE, "").strip()
     if own:
         if not (own.isdecimal() and int(own)):
-            raise SpatialDynError(f"{VARIABLE} is {own!r}, expected a whole number of threads, at least 1")
+            raise SpatialDynError(f"{VARIABLE} is {literal(own)}, expected a whole number of threads, at least 1")
         return int(own), True
     processes = sys.modules.get("multiprocessing.process")
     if worker or (processes is not None and processes.parent_process() is not None):
@@ -211,5 +211,5 @@ def set_num_threads(n: int) -> None:
     Raises SpatialDynError unless n is a whole number, at least 1.
     """
     if isinstance(n, bool) or not isinstance(n, (int, np.integer)) or n < 1:
-        raise SpatialDynError(f"n is {n!r}, expected a whole number of threads, at least 1")
+        raise SpatialDynError(f"n is {literal(n)}, expected a whole number of threads, at least 1")
     thread_pool.ask(int(n))

@@ -17,6 +17,7 @@ from spatialdyn.calls.files import check_ending
 from spatialdyn.calls.progress import messages
 from spatialdyn.errors import SpatialDynError, pip_install
 from spatialdyn.pictures.figures import COLOURS, ENDINGS, FILE_DPI, new_figure, tidy
+from spatialdyn.waiting import watch
 
 SHARED = {"gallery", "optimal_control"}  # by examples, and none itself
 CHAPTER = "Lagrange's and Hamilton's mechanics and joint-space dynamics, the text that this library began with"
@@ -87,7 +88,7 @@ def start(main: Callable[..., Any], argv: Sequence[str] | None = None) -> None:
         print(f"{name}: {text}", file=sys.stderr, flush=True)
 
     try:
-        with messages(say):
+        with messages(say), watch.call("the example"):
             main(**checked(name, main, **vars(parser.parse_args(argv))))
     except SpatialDynError as error:
         sys.exit(f"{name}: {error}")

@@ -14,6 +14,7 @@ from ..calls.dynamics import calls
 from ..calls.states import random_configuration
 from ..errors import IdentificationError
 from ..model.model import Model
+from ..waiting import watch
 from .unknowns import Unknowns, floats, unknowns_of, whole_number
 
 Array = NDArray[np.float64]
@@ -67,6 +68,7 @@ class Base:
         return tuple(f"{self.names[j]}{f' + {n}' if n else ''}" for j, n in zip(self.columns, more, strict=True))
 
 
+@watch.call("base_parameters")
 def base_parameters(
     model: Model, parameters: Any = "inertial", rows: str = "all", *, payload: str | None = None, samples: int = 0,
     seed: int = 0,
@@ -97,6 +99,9 @@ def base_parameters(
     if rows == "base" and not floats(model):
         raise IdentificationError(f'rows is "base", expected "all": robot "{model.name}" has no floating base')
     n, start = whole_number("samples", samples, 0), whole_number("seed", seed, 0)
+    least = -(-len(unknowns.names) // (6 if rows == "base" else model.nv))
+    if 0 < n < least:
+        raise IdentificationError(f"samples is {n}, expected 0, or {least} or more: a row of each column")
     return base_of_columns(factor_of_random_motions(unknowns, rows, n, start), unknowns.names)
 
 

@@ -3,7 +3,8 @@
 torque    Y(q, v, a) π = τ at each sample, with accelerations
 momentum  (p(k+1) - p(k)) / h - mean of (Cᵀ v - g) = mean torque of a step, both sides linear in π and without
           accelerations; the mean by Simpson's rule on a cubic. A torque that is held over a step is its mean exactly,
-          the mean of one that is not is that of a cubic through four samples
+          but for what velocities miss of its jumps (``held_weights``); the mean of one that is not is that of a cubic
+          through four samples
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from numpy.typing import NDArray
 from ..actuation.friction import Friction
 from ..calls.dynamics import calls
 from ..errors import IdentificationError
-from .motions import States, cubic_at, means_of_steps, motion_of, shared_by_means
+from .motions import MEANS, States, cubic_at, held_weights, means_of_steps, motion_of, shared_by_means, summed
 from .recording import Recording
 from .unknowns import Unknowns
 
@@ -47,11 +48,6 @@ class Settings:
     def freedoms(self) -> int:
         """How many rows a time has: those of the floating base alone if so."""
         return 6 if self.base_rows else self.unknowns.model.nv
-
-    @property
-    def shared(self) -> tuple[int, float]:
-        """``shared_by_means`` of rows that are means of samples, (1, 1) of those that share none."""
-        return shared_by_means(self.window) if self.form == "momentum" and self.hold is None else (1, 1.0)
 
 
 class Rows(NamedTuple):
@@ -86,26 +82,45 @@ class Equations:
 
     @cached_property
     def torques(self) -> Array:
-        """Torques (N or N - 1, nv) that rows of samples or steps are equal to, by the index of their sample."""
+        """Torques (N or N - 1, nv) that rows are equal to without a delay, by the index of their sample."""
+        return self._acting(0.0)
+
+    def shared(self, delay: float) -> tuple[int, float]:
+        """``shared_by_means`` of the rows; (1, 1) of those that share no sample."""
+        return shared_by_means(self.settings.window, self._weights(self._split(delay)[1]))
+
+    def _split(self, delay: float) -> tuple[int, float]:
+        """Whole samples of a delay, and the part of one that is left."""
+        whole = int(np.floor(delay / self.recording.dt + 1e-9))
+        part = max(0.0, delay / self.recording.dt - whole)
+        return whole, 0.0 if part < 1e-9 else part
+
+    def _weights(self, part: float) -> Array:
+        """Weights of the samples that a row's torque is the sum of."""
+        if self.settings.form == "torque":
+            return np.ones(1)
+        return np.array(MEANS) if self.settings.hold is None else held_weights(self.motion.velocities, part)
+
+    def _acting(self, part: float) -> Array:
+        """Torques (N or N - 1, nv) of samples or steps that begin at ``part`` of one."""
         tau = self.recording.torques(self.model)
         if self.settings.form == "torque":
             return tau
         if self.settings.hold is None:
             return means_of_steps(tau)
-        return tau[:-1] if self.settings.hold == "after" else tau[1:]
+        return summed(tau[:-1] if self.settings.hold == "after" else tau[1:], self._weights(part))
 
     def rows(self, delay: float = 0.0) -> Iterator[Rows]:
         """All rows, in chunks; windows of several rows are means of both sides."""
-        whole = int(np.floor(delay / self.recording.dt + 1e-9))
-        part = max(0.0, delay / self.recording.dt - whole)
-        part = 0.0 if part < 1e-9 else part
+        whole, part = self._split(delay)
+        torques = self._acting(part) if part else self.torques
         window, rest = self.settings.window, None
         at = self.motion.first - whole  # the sample whose torque belongs to the first row
         for W, known, keep in self._left(part):
             n = len(W)
-            first, last = max(0, -at), min(n, len(self.torques) - at)
+            first, last = max(0, -at), min(n, len(torques) - at)
             if last > first:
-                tau = self.torques[at + first : at + last, : known.shape[1]]
+                tau = torques[at + first : at + last, : known.shape[1]]
                 t = self.recording.t[at + first : at + last]
                 made = Rows(W[first:last], tau - known[first:last], keep[first:last], t, tau)
                 if window == 1:
@@ -172,8 +187,7 @@ class Equations:
         rates = [np.asarray(calls["momentum_rate"](model, x.q, x.v, none)) for x in (ends, middle)]
         whole = (p[1:] - p[:-1]) / h - (rates[0][1:] + 4.0 * rates[1] + rates[0][:-1]) / 6.0
         still = (np.minimum(abs(v0), abs(v1)) < self.settings.v_min) | ((v0 == 0.0) & (v1 == 0.0))
-        if self.settings.hold is None:
-            still |= self._turning(start, stop, part)
+        still |= self._turning(start, stop, part)
         if not self.recording.wrenches:
             return self._known(W, whole, v, sign, still, None)
         last = len(self.motion) - (1 if part else 0)
@@ -184,10 +198,12 @@ class Equations:
         return self._known(W, whole, v, sign, still, means)
 
     def _turning(self, start: int, stop: int, part: float) -> NDArray[np.bool_]:
-        """Steps (n, nv) whose mean is of samples before and after a joint turns: there dry friction jumps."""
+        """Steps (n, nv) that are of samples before and after a joint turns: there dry friction jumps."""
         v = self.motion.states.v
         k = np.arange(start, stop)
-        near = np.sign([v[np.clip(k + i, 0, len(v) - 1)] for i in range(-1, 4 if part else 3)])
+        few = self.settings.hold is not None and self.motion.velocities == "measured"
+        first, last = (0, 1) if few else (-1, 2)
+        near = np.sign([v[np.clip(k + i, 0, len(v) - 1)] for i in range(first, last + (2 if part else 1))])
         return np.asarray(near.min(0) != near.max(0))
 
     def _rates(self, x: States) -> Array:

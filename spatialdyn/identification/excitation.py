@@ -14,8 +14,9 @@ from ..calls.arguments import as_array, as_finite, as_flag, as_number, as_word
 from ..calls.dynamics import calls
 from ..control.motions import fourier
 from ..control.paths import Path
-from ..errors import IdentificationError, ShapeError, SpatialDynError
+from ..errors import IdentificationError, ShapeError, SpatialDynError, literal
 from ..model.model import Model
+from ..waiting import watch
 from .base import structural_base
 from .unknowns import DEFAULT, Unknowns, own_joints, unknowns_of, whole_number, words_of
 
@@ -26,9 +27,11 @@ FINE = 1000  # where limits are held
 MARGIN = 0.999  # of a limit: between two points a path goes on by less than the rest
 FREE = (math.pi, 3.0)  # amplitude and speed of a joint without limits [rad, rad/s | m, m/s]
 RIDGE = 1e-9  # of the largest diagonal entry of WᵀW: what is not moved counts as log of this, not as -inf
+PERIODS = 1e-9, 1e9  # s: beyond, squares of accelerations leave the range of float64
 STEP = 1e-6  # of central differences of the regressor
 
 
+@watch.call("excitation")
 def excitation(
     model: Model,
     duration: float = 10.0,
@@ -76,13 +79,15 @@ def excitation(
     if any(row["kind"] not in R1 for row in model.bodies[1:]):
         raise IdentificationError(f'positions of robot "{model.name}" are not all numbers, expected one that has such')
     period, count = as_number(duration), whole_number("harmonics", harmonics, 2, 100)
-    if not 0.0 < period < math.inf:
-        raise IdentificationError(f"duration is {duration!r}, expected a finite number above 0")
+    if not PERIODS[0] <= period <= PERIODS[1]:
+        raise IdentificationError(
+            f"duration is {literal(duration)}, expected a number of {PERIODS[0]:g} to {PERIODS[1]:g} seconds"
+        )
     as_word("criterion", criterion, CRITERIA)
     tried, turns = whole_number("starts", starts, 1), whole_number("steps", steps, 0)
     rng = np.random.default_rng(whole_number("seed", seed, 0))
     if allowed is not None and not callable(allowed):
-        raise IdentificationError(f"allowed is {allowed!r}, expected a function of a Path")
+        raise IdentificationError(f"allowed is {literal(allowed)}, expected a function of a Path")
     columns = structural_base(model, words, payload, None, "all").columns
     search = _Search(unknowns, columns, period, count, criterion, as_flag("limits", limits))
     search.bound(centre, acceleration)
@@ -168,7 +173,9 @@ class _Search:
         self.fast = np.where(np.isfinite(fast) & self.limits, fast, FREE[1])
         most = as_array("acceleration", math.inf if acceleration is None else acceleration)
         if most.shape not in ((), (model.nv,)) or not (most > 0.0).all():
-            raise SpatialDynError(f"acceleration is {acceleration!r}, expected numbers above 0, one or ({model.nv},)")
+            raise SpatialDynError(
+                f"acceleration is {literal(acceleration)}, expected numbers above 0, one or ({model.nv},)"
+            )
         self.most = np.broadcast_to(most, model.nv)
         effort = model.effort_limit
         self.effort = np.where(np.isfinite(effort) & self.limits, effort, math.inf)

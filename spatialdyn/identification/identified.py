@@ -16,6 +16,7 @@ from ..calls.dynamics import calls
 from ..errors import IdentificationError, InertiaError
 from ..model.model import Model
 from ..simulation.scene import Scene
+from ..waiting import watch
 from .base import Base
 from .equations import Equations, Settings
 from .least_squares import whiteness
@@ -207,18 +208,21 @@ class Identified:
             found.viscous if "viscous" in kinds else known.viscous,
         ))  # fmt: skip
 
+    @watch.call("Identified.validate")
     def validate(self, recording: Recording) -> Validation:
         """How well the identified parameters predict the torques of another motion. Raises as ``identify``."""
         if not isinstance(recording, Recording):
             raise IdentificationError(f"recording is a {type(recording).__name__}, expected a Recording")
         recording.check(self.start)
-        t, tau, predicted = predictions(self, [Equations(recording, self.settings)])
+        equations = Equations(recording, self.settings)
+        t, tau, predicted = predictions(self, [equations])
         off = tau - predicted
         rms = np.sqrt(np.nanmean(off**2, axis=0))
-        white = np.array([whiteness(x[np.isfinite(x)], *self.settings.shared)[0] for x in off.T])
+        white = np.array([whiteness(x[np.isfinite(x)], *equations.shared(self.delay))[0] for x in off.T])
         spread = np.maximum(np.nanstd(tau, axis=0), np.finfo(float).tiny)
         return Validation(t, tau, predicted, rms, self.noise, rms / self.noise, rms / spread, white)
 
+    @watch.call("Identified.report")
     def report(self, path: Any, validation: Recording | None = None) -> None:
         """Write one HTML page that needs no network: parameters with intervals, residuals of each joint, what the
         recording does not tell, inertias, and the torques of another motion against those predicted.

@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..calls.arguments import as_count, as_number, as_word
-from ..errors import IdentificationError
+from ..errors import IdentificationError, literal
 from ..model.model import Model
 from ..simulation.scene import Scene, scene_of
+from ..waiting import watch
 from . import log_cholesky, semidefinite
 from .base import ROWS, Base, structural_base
 from .base_fit import BaseFit, fit_base
@@ -25,6 +26,7 @@ from .recording import Recording
 from .unknowns import DEFAULT, floats, freedoms_of, names_of, unknowns_of, words_of
 
 Array = NDArray[np.float64]
+LEAST = 1e-100  # of numbers above 0, by which is divided
 METHODS = ("ols", "wls", "log_cholesky", "sdp")
 TIMES_RANK = 10  # rows that a recording needs at least for each base parameter
 PRIOR = 1.0  # as much as each body's inertia seen once with a deviation of its own size
@@ -33,6 +35,7 @@ MOST_WINDOW = 1 << 20
 LOOK = 2048  # rows of each freedom in which a delay of whole samples is looked for
 
 
+@watch.call("identify")
 def identify(
     recording: Recording | Iterable[Recording],
     model: Model | Scene,
@@ -69,7 +72,8 @@ def identify(
     delay       the torque of time t acts at t + delay [s]; True fits it. Wrenches have none
     window      rows that are averaged, of motion and torque alike: less noise of velocities, fewer equations
     cutoff      [Hz] of a filter without phase for positions whose derivatives were not measured; None for none
-    v_min       a row in which a joint is slower has no part in what its dry friction is in [rad/s | m/s]
+    v_min       a row in which a joint is slower has no part in what its dry friction is in [rad/s | m/s]: above 0 where
+                a joint may stick. Rows in which it turns have none either, but for samples with accelerations
     payload     a frame: the ten parameters of a load there, the robot's own are known
     bodies      names of joints whose bodies are unknown; all by default. With inertial parameters, without payload
     rows        "all", or "base": the six of a floating base, for measured ``wrenches``
@@ -127,6 +131,7 @@ def identify(
     notes: list[str] = []
     kept: list[Equations] = []
     factors: Factors | None = None
+    shared = 1, 1.0
     for log in logs:
         notes += [x for x in log.check(robot) if x not in notes]
         refuse_flight(log, settings)
@@ -136,12 +141,14 @@ def identify(
         kept += [one] * (not once)
         if not fixed:
             factors = added(factors, factors_of(one.rows(late), base.columns))
+            shared = max(shared, one.shared(late))
     extra = 0
     shows = any(bool(one.torques[:, : settings.freedoms].any()) for one in kept)
     if fixed and not shows:
         _refuse("delay", delay, "a number of seconds: the torques of these rows are all 0, wrenches have no delay")
     if fixed:
         late, factors = fitted_delay(kept, base.columns, weighted)
+        shared = max(one.shared(late) for one in kept)
         extra = 1
     assert factors is not None
     if factors.n.sum() < TIMES_RANK * base.rank:
@@ -156,17 +163,17 @@ def identify(
                 f"torques fit best {best} samples, {best * kept[0].recording.dt:g} s, away from the motion: delay=True"
             )
     fit = fit_base(factors, base, extra, weighted, share, method)
-    inflation, white = np.ones(len(factors.R)), np.full(len(factors.R), np.nan)
+    inflation, white = np.full(len(factors.R), shared[1]), np.full(len(factors.R), np.nan)
     residuals, t = np.zeros((0, len(factors.R))), np.zeros(0)
     if kept:
         t, residuals = _residuals(kept, base, fit.beta, late)
-        white, inflation = _white(residuals, factors.floor, settings.shared)
+        white, inflation = _white(residuals, factors.floor, shared)
         freedoms = freedoms_of(robot)
         uneven = [freedoms[k] for k in np.flatnonzero(white < WHITE)]
         if uneven:
             notes.append(
                 f"residuals are not white, intervals are widened for it: {', '.join(uneven[:8])}"
-                f"{' and others' if len(uneven) > 8 else ''}"
+                f"{' and others' if len(uneven) > 8 else ''}{_unused(settings, fixed or bool(late) or not shows)}"
             )
     fit = fit_base(factors, base, extra, weighted, share, method, inflation, fit)
     present = unknowns.present
@@ -213,6 +220,17 @@ def _white(residuals: Array, floor: Array, shared: tuple[int, float]) -> tuple[A
     return found[0], found[1]
 
 
+def _unused(settings: Settings, late: bool) -> str:
+    """What was not tried of what makes residuals even."""
+    dry = any(kind == "coulomb" for kind, _ in settings.unknowns.joints)
+    given = {
+        "hold=": settings.hold is not None, "delay=True": late, "cutoff=": settings.cutoff is not None,
+        "v_min=": settings.v_min > 0.0 or not dry,
+    }  # fmt: skip
+    words = [word for word, used in given.items() if not used]
+    return f"; not tried: {', '.join(words)}" if words else ""
+
+
 def _nearest(base: Base, beta: Array, present: Array) -> Array:
     """π with K π = β, nearest to the model's own, each measured by its size."""
     size = np.maximum(abs(present), 1e-3 * max(1e-9, abs(present).max(initial=0.0)))
@@ -247,7 +265,7 @@ def _recordings(given: Any) -> tuple[Any, bool]:
     """Recordings one by one, and whether they can be gone through once only."""
     if isinstance(given, Recording):
         return [given], False
-    if not isinstance(given, Iterable):
+    if not isinstance(given, Iterable) or getattr(given, "ndim", 1) == 0:
         raise IdentificationError(f"recording is a {type(given).__name__}, expected a Recording, or several")
     return given, not isinstance(given, (list, tuple))
 
@@ -256,8 +274,10 @@ def _peeked(logs: Any) -> tuple[Recording, Any]:
     """The first Recording, and all of them. Raises IdentificationError."""
     walk = iter(logs)
     first = next(walk, None)
+    if first is None:
+        raise IdentificationError("recording is empty, expected one Recording or more")
     if not isinstance(first, Recording):
-        raise IdentificationError(f"recording has {first!r}, expected a Recording")
+        raise IdentificationError(f"recording has {literal(first)}, expected a Recording")
 
     def every() -> Any:
         yield first
@@ -275,7 +295,7 @@ def _form(form: str | None, hold: str | None, first: Recording) -> str:
     as_word("form", form, FORMS)
     if form == "torque" and hold is not None:
         raise IdentificationError(
-            f'form is "torque" and hold {hold!r}, expected "momentum": a held torque is the mean of a step'
+            f'form is "torque" and hold {literal(hold)}, expected "momentum": a held torque is the mean of a step'
         )
     return form
 
@@ -284,13 +304,13 @@ def _prior(method: str, prior: float | None) -> float:
     if prior is None:
         return PRIOR
     if method in ("ols", "wls"):
-        raise IdentificationError(f'prior is {prior!r}, expected None for method "{method}", which has none')
+        raise IdentificationError(f'prior is {literal(prior)}, expected None for method "{method}", which has none')
     return _positive("prior", prior)
 
 
 def _positive(name: str, value: Any) -> float:
     x = as_number(value)
-    return x if 0.0 < x < math.inf else _refuse(name, value, "a finite number above 0")
+    return x if LEAST <= x < math.inf else _refuse(name, value, "a finite number above 0")
 
 
 def _not_negative(name: str, value: Any) -> float:
@@ -299,4 +319,4 @@ def _not_negative(name: str, value: Any) -> float:
 
 
 def _refuse(name: str, value: Any, expected: str) -> Any:
-    raise IdentificationError(f"{name} is {value!r}, expected {expected}")
+    raise IdentificationError(f"{name} is {literal(value)}, expected {expected}")

@@ -18,6 +18,8 @@ from .recording import Recording
 Array = NDArray[np.float64]
 ORDER = 4  # of the Butterworth filter, whose gain is used twice: no phase is left
 ALONE = 0.01  # a smaller correlation is none
+MEANS = (-1.0 / 24.0, 13.0 / 24.0, 13.0 / 24.0, -1.0 / 24.0)  # of four samples, of ``means_of_steps``
+NEAR = 4  # steps: further from a jump nothing is off
 EDGE = 1.0  # of 1/cutoff, left out at both ends, where the filter continues the motion by reflection
 
 
@@ -33,15 +35,17 @@ class States(NamedTuple):
 class Motion:
     """States at even times, those of samples ``first``, ``first`` + 1, ... of a recording.
 
-    model, dt  Model, [s]
-    first      index of the first sample that has a state
-    states     States
+    model, dt   Model, [s]
+    first       index of the first sample that has a state
+    states      States
+    velocities  "measured", "differences" of positions, or "filtered"
     """
 
     model: Model
     dt: float
     first: int
     states: States
+    velocities: str
 
     def __len__(self) -> int:
         return len(self.states.q)
@@ -59,9 +63,14 @@ class Motion:
         q0, v0, v1 = q[start:stop], v[start:stop], v[start + 1 : stop + 1]
         u = np.asarray(calls["difference"](self.model, q0, q[start + 1 : stop + 1]))
         way = (3.0 - 2.0 * s) * s * s * u + h * s * (1.0 - s) * ((1.0 - s) * v0 - s * v1)
-        rate = 6.0 * s * (1.0 - s) * u / h + (1.0 - s) * (1.0 - 3.0 * s) * v0 - s * (2.0 - 3.0 * s) * v1
+        rate = cubic_rate(u, v0, v1, h, s)
         at = np.asarray(calls["integrate"](self.model, q0, way))
         return States(at, rate, None if a is None else cubic_at(a, start, stop, s))
+
+
+def cubic_rate(u: Array, v0: Array, v1: Array, h: float, s: float) -> Array:
+    """Slope at ``s`` of a step h of the cubic that rises by u, with slopes v0 and v1 at its ends."""
+    return 6.0 * s * (1.0 - s) * u / h + (1.0 - s) * (1.0 - 3.0 * s) * v0 - s * (2.0 - 3.0 * s) * v1
 
 
 def cubic_at(x: Array, start: int, stop: int, s: float) -> Array:
@@ -77,16 +86,50 @@ def cubic_at(x: Array, start: int, stop: int, s: float) -> Array:
     )  # fmt: skip
 
 
-def shared_by_means(window: int) -> tuple[int, float]:
-    """What means of ``window`` neighbouring ``means_of_steps`` of white noise have in common.
+def shared_by_means(window: int, of: Array) -> tuple[int, float]:
+    """What means of ``window`` neighbouring sums of white noise, with weights ``of``, have in common.
 
     Returns how many means apart those are that share next to no sample, and the variance of a mean of many of them over
     that of as many white ones.
     """
-    weights = np.convolve(np.array([-1.0, 13.0, 13.0, -1.0]) / 24.0, np.full(window, 1.0 / window))
+    weights = np.convolve(of, np.full(window, 1.0 / window))
     rho = np.correlate(weights, weights, "full")[len(weights) - 1 :: window]
     rho /= rho[0]
     return int(np.flatnonzero(abs(rho) > ALONE)[-1]) + 1, float(2.0 * rho.sum() - 1.0)
+
+
+def held_weights(velocities: str, part: float) -> Array:
+    """Weights (2 n + 1) of held torques, of steps -n .. n, that a change of momentum over step 0 is the sum of.
+
+    A held torque jumps at ``part`` of a step, and the acceleration with it. ``differences`` and the cubic of
+    ``Motion.between`` go on smoothly there: velocities near a jump are off by the jump times the step times a number e,
+    and momenta by e times the jump of the torque, whatever the inertia. The weights are the torque that such momenta
+    see. [1] where velocities were measured at the jumps.
+    """
+    if velocities == "filtered" or (velocities == "measured" and part == 0.0):
+        return np.ones(1)
+    k = np.arange(-2.0 * NEAR, 2.0 * NEAR + 1.0)
+    past = np.maximum(k - part, 0.0)  # of a unit of acceleration, step 1, that begins at part
+    q, true = 0.5 * past * past, np.maximum(k, 0.0)  # the velocity at k + part
+    v = past if velocities == "measured" else _differences(q[:, None], 1.0)[:, 0]
+    at = slice(NEAR, 3 * NEAR + 1)
+    u, v0, v1 = (np.roll(q, -1) - q)[at], v[at], np.roll(v, -1)[at]
+    e = (v0 if part == 0.0 else cubic_rate(u, v0, v1, 1.0, part)) - true[at]  # (2 NEAR + 1,), 0 at both ends
+    rise = np.diff(e)  # of a step: a jump i steps before it is in rise[NEAR + i]
+    weights = np.zeros(2 * NEAR + 1)
+    weights[NEAR] = 1.0
+    weights[1:] += rise[::-1]  # the torque of the step after the jump
+    weights[:-1] -= rise[::-1]  # and of that before it
+    return weights
+
+
+def summed(x: Array, weights: Array) -> Array:
+    """Sums (n, ...) of neighbours of x (n, ...) with ``weights`` (2 k + 1); at the ends the outer ones are the last."""
+    if len(weights) == 1:
+        return x
+    k, n = len(weights) // 2, np.arange(len(x))
+    parts = [w * x[np.clip(n + i, 0, len(x) - 1)] for i, w in enumerate(weights, -k)]
+    return np.asarray(np.sum(parts, axis=0))
 
 
 def means_of_steps(x: Array) -> Array:
@@ -114,12 +157,15 @@ def motion_of(recording: Recording, model: Model, cutoff: float | None, accelera
     if cutoff is not None and cutoff * h >= 0.5:
         raise IdentificationError(f"cutoff is {cutoff:g} Hz, expected one below {0.5 / h:g} Hz, half the sampling rate")
     plain = all(row["kind"] in R1 for row in model.bodies[1:])
+    if cutoff is not None and 1.0 / len(q) > cutoff * h / EDGE:  # then nothing is left
+        raise IdentificationError(f"cutoff is {cutoff:g} Hz, expected one above {EDGE / (len(q) * h):g} Hz")
     if v is None and not plain:
         raise IdentificationError(
             f'recording has no v, expected it of robot "{model.name}", whose positions are not all numbers'
         )
-    trim = 0
+    trim, velocities = 0, "measured" if v is not None else "differences"
     if cutoff is not None and plain:
+        velocities = "filtered"
         filtered = spectral(q, h, cutoff)
         q = filtered[0]
         v = filtered[1] if v is None else spectral(v, h, cutoff)[0]
@@ -138,7 +184,7 @@ def motion_of(recording: Recording, model: Model, cutoff: float | None, accelera
     kept = [None if x is None else np.ascontiguousarray(x[trim:stop]) for x in (q, v, a if accelerations else None)]
     assert kept[0] is not None
     assert kept[1] is not None
-    return Motion(model, h, trim, States(kept[0], kept[1], kept[2]))
+    return Motion(model, h, trim, States(kept[0], kept[1], kept[2]), velocities)
 
 
 def spectral(x: Array, h: float, cutoff: float) -> tuple[Array, Array, Array]:

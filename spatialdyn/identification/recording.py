@@ -11,9 +11,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..calls.arguments import as_array, as_flag, check_model
 from ..calls.files import check_ending
-from ..errors import IdentificationError, ShapeError, SpatialDynError
+from ..errors import IdentificationError, ShapeError, SpatialDynError, literal
+from ..model.joint_rows import Joint
 from ..model.model import Model
 from ..simulation.trajectory import Trajectory
+from ..waiting import watch
 from .tables import KINDS, arrays_of, from_csv, from_parquet
 from .unknowns import floats, own_joints
 
@@ -23,6 +25,9 @@ GAP = 1.5  # median steps: in a longer one samples are missing
 JITTER = 0.01  # of a step: times that are less even are refused
 STUCK = 3  # samples in a row at the largest torque, equal to the bit: a saturated or clipped signal
 LEAST = 5  # samples
+APART = 0.3  # of a motion: velocities whose integral is further from the positions are not theirs
+MOVES = 0.02  # rad or m, deviation of positions: a joint that moves less may be at rest
+BEYOND = 0.01  # of a range of positions
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -66,7 +71,7 @@ class Recording:
         given: dict[str, Any] = {"q": q, "tau": tau, "v": v, "a": a}
         found = {name: np.array(as_array(name, x)) for name, x in given.items() if x is not None}
         if wrenches is not None and not isinstance(wrenches, Mapping):
-            raise IdentificationError(f"wrenches is {wrenches!r}, expected a mapping of frames to arrays (N, 6)")
+            raise IdentificationError(f"wrenches is {literal(wrenches)}, expected a mapping of frames to arrays (N, 6)")
         forces = {str(name): np.array(as_array(f"wrench of {name}", x)) for name, x in (wrenches or {}).items()}
         when = np.array(as_array("t", t))
         if when.ndim != 1 or len(when) < LEAST:
@@ -111,6 +116,7 @@ class Recording:
         return f"<Recording: {len(self)} samples of {self.dt:g} s, {self.tau.shape[1]} torques{also}>"
 
     @classmethod
+    @watch.call("Recording.of")
     def of(cls, run: Trajectory) -> Recording:
         """The Recording of a simulation's samples, of its positions, velocities and torques.
 
@@ -129,6 +135,7 @@ class Recording:
         return made
 
     @classmethod
+    @watch.call("Recording.load")
     def load(cls, path: Any, model: Model | None = None, *, resample: bool = False) -> Recording:
         """The Recording in a table, CSV by NumPy or parquet by pandas.
 
@@ -154,6 +161,7 @@ class Recording:
             raise IdentificationError(f"columns is a {type(columns).__name__}, expected a mapping, or a DataFrame")
         return cls(**arrays_of(columns, None if model is None else check_model(model)), resample=resample)
 
+    @watch.call("Recording.save")
     def save(self, path: Any) -> None:
         """Write the samples to a CSV file that ``load`` reads, all digits of them."""
         check_ending("path", path, (".csv",))
@@ -164,7 +172,7 @@ class Recording:
         try:
             np.savetxt(path, rows, "%.17g", ",", header=",".join(names), comments="")
         except (OSError, ValueError) as error:
-            raise SpatialDynError(f"{path!r} cannot be written: {error}") from error
+            raise SpatialDynError(f"{literal(path)} cannot be written: {error}") from error
 
     def check(self, model: Model) -> tuple[str, ...]:
         """What is odd about the recording for a robot, in words; empty if nothing is.
@@ -195,6 +203,7 @@ class Recording:
                     f'torque of joint "{joint.name}" is {x[0]:.6g} in every sample while it moves, expected a '
                     "measured one: it is saturated, or was not recorded"
                 )
+            notes += self._odd_motion(model, joint)
             if np.ptp(q) > 0.0 and not x.any():
                 notes.append(
                     f'torque of joint "{joint.name}" is 0 in every sample while it moves: it has no drive, or its '
@@ -212,6 +221,28 @@ class Recording:
                 )
         return tuple(notes)
 
+    def _odd_motion(self, model: Model, joint: Joint) -> list[str]:
+        """Notes on positions beyond the limits of a joint of one freedom, and on velocities that are not theirs."""
+        q, notes = self.q[:, joint.idx_q], []
+        low, high = float(model.lower[joint.idx_q]), float(model.upper[joint.idx_q])
+        room = BEYOND * (high - low)
+        if high > low and (q.min() < low - room or q.max() > high + room):
+            notes.append(
+                f'position of joint "{joint.name}" goes from {q.min():.4g} to {q.max():.4g}, beyond its limits '
+                f"{low:.4g} to {high:.4g}: degrees, or another zero?"
+            )
+        if self.v is not None:
+            v = self.v[:, joint.idx_v]
+            way = np.concatenate([[0.0], np.cumsum(0.5 * self.dt * (v[1:] + v[:-1]))])
+            size, off = max(float(q.std()), float(way.std())), float((way - q).std())
+            if size > MOVES and off > APART * size:
+                notes.append(
+                    f'velocity of joint "{joint.name}" is not the slope of its position, {off / size:.0%} off: another '
+                    "unit, sign or joint, or angles that jump by a turn?"
+                )
+        return notes
+
+    @watch.call("Recording.torques")
     def torques(self, model: Model) -> Array:
         """(N, nv) of all freedoms: 0 for a floating base whose torques were left out."""
         missing = check_model(model).nv - self.tau.shape[1]

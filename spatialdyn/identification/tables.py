@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import IdentificationError, SpatialDynError
+from ..errors import IdentificationError, SpatialDynError, literal
 from ..model.model import Model
 from .unknowns import own_joints
 
@@ -95,7 +95,7 @@ def from_csv(path: Any) -> dict[str, Any]:
         with open(path, encoding="utf-8-sig") as file:  # a spreadsheet begins with a byte order mark
             lines = [(k, line.strip("\r\n")) for k, line in enumerate(file, 1) if line.strip()]
     except (OSError, UnicodeDecodeError) as error:
-        raise SpatialDynError(f"{path!r} cannot be read: {error}") from error
+        raise SpatialDynError(f"{literal(path)} cannot be read: {error}") from error
     remarks = 0
     while remarks < len(lines) and lines[remarks][1].startswith("#"):
         remarks += 1
@@ -103,11 +103,11 @@ def from_csv(path: Any) -> dict[str, Any]:
     if rows and not (head and _cells(rows[0][1], _separator(rows[0][1]))[0].strip("+-.")[:1].isdigit()):
         head, rows = rows[:1], rows[1:]
     if not head or not rows:
-        raise SpatialDynError(f"{path!r} is empty, expected a line of names and rows of numbers")
+        raise SpatialDynError(f"{literal(path)} is empty, expected a line of names and rows of numbers")
     first = head[-1][1].removeprefix("#").strip(" ")
     names = _cells(first, separator := _separator(first))
     if re.fullmatch(r"[+-]?[0-9.]+([eE][+-]?[0-9]+)?", names[0]):
-        raise SpatialDynError(f"{path!r} begins with {names[0]}, expected a line of names: t, q0, ...")
+        raise SpatialDynError(f"{literal(path)} begins with {names[0]}, expected a line of names: t, q0, ...")
     refuse_twice([name for name in names if name])
     try:
         table = np.loadtxt([line for _, line in rows], delimiter=separator, ndmin=2)
@@ -124,7 +124,7 @@ def _by_cells(path: Any, names: list[str], rows: list[tuple[int, str]], separato
     for (number, _), own in zip(rows, cells, strict=True):
         if len(own) != len(names):
             raise SpatialDynError(
-                f"{path!r} has {len(own)} cells in line {number} under {len(names)} names, expected as many"
+                f"{literal(path)} has {len(own)} cells in line {number} under {len(names)} names, expected as many"
             )
     table: dict[str, Any] = {}
     for k, name in enumerate(names):
@@ -136,7 +136,7 @@ def _by_cells(path: Any, names: list[str], rows: list[tuple[int, str]], separato
             if wanted:
                 bad = next(i for i, x in enumerate(own_column) if not _is_number(x))
                 raise SpatialDynError(
-                    f"{path!r} has {own_column[bad]!r} in line {rows[bad][0]}, column {name}, expected a number"
+                    f"{path!r} has {literal(own_column[bad])} in line {rows[bad][0]}, column {name}, expected a number"
                 ) from None
             table[name] = np.array(own_column)
     return table
@@ -167,7 +167,7 @@ def from_parquet(path: Any) -> dict[str, Any]:
     try:
         frame = pandas.read_parquet(path)
     except Exception as error:  # of the engine that pandas finds, which has its own errors
-        raise SpatialDynError(f"{path!r} cannot be read: {error}") from error
+        raise SpatialDynError(f"{literal(path)} cannot be read: {error}") from error
     frame = frame.reset_index() if any(frame.index.names) else frame
     refuse_twice([str(name) for name in frame.columns])
     return {str(name): frame[name].to_numpy() for name in frame.columns}

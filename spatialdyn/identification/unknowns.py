@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -12,7 +11,7 @@ from numpy.typing import NDArray
 
 from ..calls.arguments import as_words, check_model
 from ..calls.dynamics import calls
-from ..errors import IdentificationError
+from ..errors import IdentificationError, literal
 from ..model.joint_rows import Joint
 from ..model.model import Model
 from .pseudo_inertia import NAMES, in_body
@@ -108,9 +107,11 @@ def unknowns_of(model: Model, parameters: Any, payload: Any = None, bodies: Any 
     kinds = {*words} | ({"viscous", "coulomb"} if "friction" in words else set())
     made: list[Body] = []
     if bodies is not None and payload is not None:
-        raise IdentificationError(f"bodies is {bodies!r}, expected None beside payload {payload!r}: theirs are known")
+        raise IdentificationError(
+            f"bodies is {literal(bodies)}, expected None beside payload {literal(payload)}: theirs are known"
+        )
     if bodies is not None and "inertial" not in words:
-        raise IdentificationError(f'bodies is {bodies!r}, expected None where parameters has no "inertial"')
+        raise IdentificationError(f'bodies is {literal(bodies)}, expected None where parameters has no "inertial"')
     if payload is not None:
         frame = model.frame(payload)
         if not frame.joint:
@@ -126,7 +127,7 @@ def unknowns_of(model: Model, parameters: Any, payload: Any = None, bodies: Any 
         if x.nv == 1 and (kind != "armature" or _bare(model, x.name))
     ]  # fmt: skip
     if not made and not joints:
-        raise IdentificationError(f"parameters is {parameters!r}, expected some that this robot has")
+        raise IdentificationError(f"parameters is {literal(parameters)}, expected some that this robot has")
     return Unknowns(model, tuple(made), tuple(joints))
 
 
@@ -154,7 +155,7 @@ def floats(model: Model) -> bool:
 def whole_number(name: str, value: Any, least: int, most: int = 1 << 20) -> int:
     """A whole number within bounds. Raises IdentificationError naming the argument."""
     if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or not least <= value <= most:
-        raise IdentificationError(f"{name} is {value!r}, expected a whole number of {least} to {most}")
+        raise IdentificationError(f"{name} is {literal(value)}, expected a whole number of {least} to {most}")
     return int(value)
 
 
@@ -162,9 +163,10 @@ def names_of(argument: str, given: Any) -> list[str]:
     """A name or several. Raises IdentificationError."""
     if isinstance(given, str):
         return [given]
-    if not isinstance(given, Iterable):
-        raise IdentificationError(f"{argument} is {given!r}, expected names of joints")
-    return list(given)
+    try:
+        return list(given)
+    except TypeError:
+        raise IdentificationError(f"{argument} is {literal(given)}, expected names of joints") from None
 
 
 def _bare(model: Model, name: str) -> bool:

@@ -24,7 +24,7 @@ from ..engines.programs.record.operations import (
 )
 from ..engines.programs.record.program import Program
 from ..engines.programs.transform.casadi_code import by_columns, matrix
-from ..errors import SpatialDynError
+from ..errors import SpatialDynError, literal
 from .frameworks import framework
 
 
@@ -32,7 +32,7 @@ def to_casadi(given: Exported, jacobian: Program | None) -> Any:
     """``Specialized.to_casadi``."""
     casadi = framework("casadi")
     if not casadi.Function.check_name(given.name):
-        raise SpatialDynError(f"name is {given.name!r}, expected a name that CasADi takes")
+        raise SpatialDynError(f"name is {literal(given.name)}, expected a name that CasADi takes")
     inputs, outputs = list(given.inputs), list(given.outputs)
     shapes, results = [matrix(x) for x in given.inputs.values()], [matrix(x) for x in given.outputs.values()]
     symbols = [casadi.SX.sym(x, *shape) for x, shape in zip(inputs, shapes, strict=True)]

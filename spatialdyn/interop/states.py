@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..algebra.rotations import NORM_TOLERANCE
 from ..bodies import kinds
 from ..calls.arguments import as_array, batch_shape, broadcast, check_model
-from ..errors import ConfigurationError, SpatialDynError
+from ..errors import ConfigurationError, SpatialDynError, literal
 from ..model.model import Joint, Model
 from ..model.robot_checks import quoted
 from ..recursions.spec import Argument, Q, V
@@ -226,7 +226,7 @@ def _places(
     try:
         order = model.joints[1:] if joints is None else tuple(model.joint(name) for name in tuple(joints))
     except TypeError:
-        raise SpatialDynError(f"joints is {joints!r}, expected all of the model's, each once") from None
+        raise SpatialDynError(f"joints is {literal(joints)}, expected all of the model's, each once") from None
     if {j.name for j in order} != set(model.names[1:]) or len(order) != len(model.names) - 1:
         raise SpatialDynError(f"joints are {quoted(j.name for j in order)}, expected all of the model's, each once")
     places, x, w = [], 0, 0

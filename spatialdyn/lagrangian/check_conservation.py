@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from ..calls.arguments import as_array, as_items, check_model
 from ..calls.dynamics import calls
-from ..errors import NonFiniteError, ShapeError, SpatialDynError
+from ..errors import NonFiniteError, ShapeError, SpatialDynError, literal
 from ..model.model import Model
+from ..waiting import watch
 from .conserved import ConservedQuantity, conserved_quantities
 
 Array = NDArray[np.float64]
@@ -48,6 +49,7 @@ class ConservationReport(tuple[Conservation, ...]):
         return "\n".join(lines)
 
 
+@watch.call("check_conservation")
 def check_conservation(
     trajectory: Any, quantities: list[ConservedQuantity] | None = None, model: Model | None = None
 ) -> ConservationReport:
@@ -75,7 +77,7 @@ def check_conservation(
     """
     for name in ("t", "q"):
         if not hasattr(trajectory, name):
-            raise SpatialDynError(f"trajectory is {trajectory!r:.80}, expected an object with t, q, and p or v")
+            raise SpatialDynError(f"trajectory is {literal(trajectory):.80}, expected an object with t, q, and p or v")
     model = getattr(trajectory, "model", None) if model is None else model
     if quantities is None:
         quantities = conserved_quantities(_needed(model))

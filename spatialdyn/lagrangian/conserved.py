@@ -23,6 +23,7 @@ from ..calls.dynamics import calls
 from ..calls.states import random_configuration
 from ..model.joint_rows import Joint
 from ..model.model import Model
+from ..waiting import watch
 from .hamiltonian import STEP, WEIGHTS, hamilton_equations
 from .lie_brackets import motion_subspace
 
@@ -56,6 +57,7 @@ class ConservedQuantity:
         return f"<{self.name} [{self.unit}]: {self.description}>"
 
 
+@watch.call("conserved_quantities")
 def conserved_quantities(model: Model) -> list[ConservedQuantity]:
     """Quantities that a motion without torques and external forces conserves: energy first, then momenta.
 

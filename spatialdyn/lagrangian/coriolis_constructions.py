@@ -23,12 +23,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..calls import dynamics
 from ..calls.arguments import as_array, as_flag, as_number, batch_shape, broadcast, check_model
-from ..errors import ShapeError, SpatialDynError
+from ..errors import ShapeError, SpatialDynError, literal
 from ..model.model import Model
 from ..recursions.spec import Q, V
+from ..waiting import watch
 from .lie_brackets import structure_constants
 
 Array = NDArray[np.float64]
+LEAST_STEP = 1e-12  # below, M(q + h) - M(q - h) is rounding
 STEP = 5e-3  # of sixth-order differences: h⁶ and eps / h are both about 1e-13 of M
 STENCIL = ((1, 45.0 / 60.0), (2, -9.0 / 60.0), (3, 1.0 / 60.0))
 
@@ -100,6 +102,7 @@ class ChristoffelC:
         """
         return self._koszul(q, v, dynamics.mass_matrix_derivatives(self.model, q))
 
+    @watch.call("ChristoffelC.by_finite_differences")
     def by_finite_differences(self, q: ArrayLike, v: ArrayLike, h: float = STEP) -> Array:
         """The same from ∂M/∂q by central differences of sixth order, for debugging; error about 1e-12 of M.
 
@@ -111,8 +114,8 @@ class ChristoffelC:
         Strong and torsion-free up to the error of the differences; 6 n mass matrices.
         Raises  SpatialDynError if h is not a positive number.
         """
-        if not 0.0 < as_number(h) < np.inf:
-            raise SpatialDynError(f"h is {h!r}, expected a positive number")
+        if not LEAST_STEP <= as_number(h) < np.inf:
+            raise SpatialDynError(f"h is {literal(h)}, expected a positive number, {LEAST_STEP:g} at least")
         q, E = self._given(q), np.eye(self.model.nv)
         dM = np.zeros((*q.shape[:-1], *(self.model.nv,) * 3))
         for steps, weight in STENCIL:
@@ -123,6 +126,7 @@ class ChristoffelC:
             dM += weight / h * np.moveaxis(ahead - behind, -3, -1)
         return self._koszul(q, v, dM)
 
+    @watch.call("ChristoffelC.by_rnea_columns")
     def by_rnea_columns(self, q: ArrayLike, v: ArrayLike) -> Array:
         """Columns ½ (c(v + e_j) - c(v) - c(e_j)) of the quadratic form c(v) = C v: half of ∂(C v)/∂v.
 
@@ -238,6 +242,7 @@ class SkewSymmetry:
         )
 
 
+@watch.call("verify_skew_symmetry")
 def verify_skew_symmetry(
     model: Model, q: ArrayLike, v: ArrayLike, C: ArrayLike | Callable[[Array], ArrayLike] | None = None
 ) -> SkewSymmetry:

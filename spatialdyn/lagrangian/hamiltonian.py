@@ -25,13 +25,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..calls.arguments import as_array, as_number, check_model
 from ..calls.dynamics import calls
-from ..errors import NonFiniteError, ShapeError, SpatialDynError
+from ..errors import NonFiniteError, ShapeError, SpatialDynError, literal
 from ..model.model import Model
+from ..waiting import watch
 from .lie_brackets import structure_constants
 
 Array = NDArray[np.float64]
 Observable = Callable[[Array, Array], float]
 
+LEAST_STEP = 1e-12  # below, differences are rounding
 STEP = 4e-3  # of 6th-order differences: h⁶/140 of truncation is 3e-17 f⁽⁷⁾, rounding 2 eps/h = 1e-13 of f
 WEIGHTS = ((1, 45.0 / 60.0), (2, -9.0 / 60.0), (3, 1.0 / 60.0))  # of f(kh) - f(-kh), over h
 
@@ -66,6 +68,7 @@ def hamilton_equations(
     return rates[..., 0, :], rates[..., 1, :]
 
 
+@watch.call("poisson_bracket")
 def poisson_bracket(
     model: Model, F: Observable, G: Observable, q: ArrayLike, p: ArrayLike, step: float = STEP
 ) -> float:
@@ -98,11 +101,11 @@ def poisson_bracket(
     for name, x, size in (("q", q, model.nq), ("p", p, model.nv)):
         if x.shape != (size,):
             raise ShapeError(f"{name} has shape {x.shape}, expected ({size},): a bracket is of one state")
-    if not 0.0 < as_number(step) < np.inf:
-        raise SpatialDynError(f"step is {step!r}, expected a positive number")
+    if not LEAST_STEP <= as_number(step) < np.inf:
+        raise SpatialDynError(f"step is {literal(step)}, expected a positive number, {LEAST_STEP:g} at least")
     for f, name in ((F, "F"), (G, "G")):
         if not callable(f):
-            raise SpatialDynError(f"{name} is {f!r}, expected a function of (q, p)")
+            raise SpatialDynError(f"{name} is {literal(f)}, expected a function of (q, p)")
     dF, dG = (_gradients(model, f, name, q, p, float(step)) for f, name in ((F, "F"), (G, "G")))
     gyroscopic = np.einsum("m,mij,i,j->", p, structure_constants(model), dF[1], dG[1])
     return float(dF[0] @ dG[1] - dF[1] @ dG[0] - gyroscopic)
@@ -125,7 +128,7 @@ def _number(value: object, name: str) -> float:
     """A value that is one finite number. Raises SpatialDynError naming the function."""
     x = np.asarray(value)
     if x.dtype.kind not in "fiu" or x.size != 1:
-        raise SpatialDynError(f"{name} returned {value!r}, expected a number")
+        raise SpatialDynError(f"{name} returned {literal(value)}, expected a number")
     if not np.isfinite(x).all():
-        raise NonFiniteError(f"{name} returned {value!r}, expected a finite number")
+        raise NonFiniteError(f"{name} returned {literal(value)}, expected a finite number")
     return float(x.reshape(()))

@@ -17,11 +17,12 @@ from numpy.typing import NDArray
 from ..bodies import kinds
 from ..calls.arguments import as_word, check_model, reference_code
 from ..engines.numbers import symbolic as engine
-from ..errors import ModelError, SpatialDynError
+from ..errors import ModelError, SpatialDynError, literal
 from ..model.model import Frame, Model
 from ..recursions import SPECS
 from ..recursions.spec import Argument, Q, shape_in
 from ..urdf.load import load_urdf
+from ..waiting import watch
 from . import printing
 from .exact_model import exact_robot, exact_table
 from .symbolic_matrices import (
@@ -93,6 +94,7 @@ class SymbolicManipulator:
             parameter, or if sympy is not installed; its methods raise SpatialDynError for a quantity beyond the limit
     """
 
+    @watch.call("SymbolicManipulator")
     def __init__(
         self,
         model: Any,
@@ -101,7 +103,7 @@ class SymbolicManipulator:
     ) -> None:
         """Read the robot and choose its symbols."""
         if limit is not None and not (isinstance(limit, (int, float)) and limit > 0):
-            raise SpatialDynError(f"limit is {limit!r}, expected a positive number of products, or None")
+            raise SpatialDynError(f"limit is {literal(limit)}, expected a positive number of products, or None")
         if isinstance(model, str) or hasattr(model, "__fspath__"):
             model = load_urdf(model)
         if check_model(model).mimic_matrix is not None:
@@ -149,6 +151,7 @@ class SymbolicManipulator:
         made: NumberArray = self._results[key]
         return made
 
+    @watch.call("SymbolicManipulator.evaluate")
     def evaluate(
         self, name: Any, frame: str | Frame | None = None, reference: str = "local", classical: bool = False
     ) -> Any:
@@ -225,6 +228,7 @@ class SymbolicManipulator:
             return self._sympy.ImmutableMatrix(x.shape[0], 1 if x.ndim == 1 else x.shape[1], flat)
         return self._sympy.ImmutableDenseNDimArray(flat, x.shape)
 
+    @watch.call("SymbolicManipulator.simplify")
     def simplify(self, expression: Any) -> Any:
         """An expression in the robot's symbols, rational in sines and cosines of sums of its angles, in canonical form.
 
@@ -249,6 +253,7 @@ class SymbolicManipulator:
         """Gravity torque g(q) = ∂V/∂q (nv, 1), by the recursive Newton-Euler algorithm."""
         return self._shown(self._numbers("generalized_gravity"))
 
+    @watch.call("SymbolicManipulator.christoffel")
     def christoffel(self, route: str = "recursion") -> Any:
         """Christoffel symbols of the first kind Γ (nv, nv, nv): C_ij = Σ_k Γ_ijk v_k.
 
@@ -269,6 +274,7 @@ class SymbolicManipulator:
         """∂M_ij/∂q_k (nv, nv, nv) of the entries of M."""
         return gradient(self._ring, self._numbers("crba"), self.q)
 
+    @watch.call("SymbolicManipulator.C")
     def C(self, route: str = "recursion") -> Matrix:
         """Coriolis matrix C(q, v) (nv, nv) of the Christoffel symbols: Ṁ - 2C is skew.
 
@@ -351,6 +357,7 @@ class SymbolicManipulator:
         """
         return self.position_rate(), self.pdot()
 
+    @watch.call("SymbolicManipulator.poisson_bracket")
     def poisson_bracket(self, F: Any, G: Any) -> Expr:
         """{F, G} = Σ ∂F/∂q_i ∂G/∂p_i - ∂F/∂p_i ∂G/∂q_i of two functions of q and p; dF/dt = {F, H} without torques.
 
@@ -360,7 +367,7 @@ class SymbolicManipulator:
         F, G = as_expression("F", F), as_expression("G", G)
         for name, x in {"F": F, "G": G}.items():
             if not isinstance(x, self._sympy.Expr):
-                raise SpatialDynError(f"{name} is {x!r:.80}, expected one expression")
+                raise SpatialDynError(f"{name} is {literal(x):.80}, expected one expression")
         bracket = self._sympy.Add(
             *(F.diff(x) * G.diff(p) - F.diff(p) * G.diff(x) for x, p in zip(self.q, self.p, strict=True))
         )
@@ -380,6 +387,7 @@ class SymbolicManipulator:
 
     # --- exports ------------------------------------------------------------------------------------------
 
+    @watch.call("SymbolicManipulator.quantity")
     def quantity(self, what: Any) -> tuple[str, Any, tuple[str, ...]]:
         """Name, expression and arguments of a quantity, a key of QUANTITIES, or of an expression.
 
@@ -394,7 +402,7 @@ class SymbolicManipulator:
         if isinstance(what, (list, tuple)):
             rows = [[as_expression("quantity", x) for x in (row if isinstance(row, list) else [row])] for row in what]
             if len({len(row) for row in rows}) > 1:
-                raise SpatialDynError(f"quantity is {what!r:.80}, expected rows of one length")
+                raise SpatialDynError(f"quantity is {literal(what):.80}, expected rows of one length")
             what = self._sympy.ImmutableMatrix(rows)
         what = as_expression("quantity", what)
         strange = sorted(what.free_symbols - set(self._ring.plain), key=str)
@@ -408,15 +416,18 @@ class SymbolicManipulator:
         made = {name: getattr(self, name) for name in names}
         return made | ({"parameters": tuple(self.parameters)} if self.parameters else {})
 
+    @watch.call("SymbolicManipulator.text")
     def text(self, what: Any) -> str:
         """A quantity or expression as plain text, a line for each entry that is not 0."""
         name, value, _ = self.quantity(what)
         return printing.text(name, value)
 
+    @watch.call("SymbolicManipulator.latex")
     def latex(self, what: Any) -> str:
         """LaTeX of a quantity or expression; velocities are written with dots."""
         return printing.latex(self.quantity(what)[1], self.v, self.a)
 
+    @watch.call("SymbolicManipulator.lambdify")
     def lambdify(self, what: Any) -> Callable[..., NDArray[np.float64]]:
         """A NumPy function of a quantity or expression: ``f(q)``, ``f(q, v)``, ... on arrays of any batch shape.
 
@@ -428,11 +439,13 @@ class SymbolicManipulator:
         default = None if None in own else np.array([float(x) for x in own if x is not None])
         return printing.function(name, value, self._arguments(arguments), default)
 
+    @watch.call("SymbolicManipulator.python_code")
     def python_code(self, what: Any) -> str:
         """A Python function of a quantity or expression, of one sample, that needs NumPy only."""
         name, value, arguments = self.quantity(what)
         return printing.python_code(name, value, self._arguments(arguments))
 
+    @watch.call("SymbolicManipulator.c_code")
     def c_code(self, what: Any) -> str:
         """A C function of a quantity or expression: ``void M(const double *q, ..., double *out)``, C order, C99."""
         name, value, arguments = self.quantity(what)

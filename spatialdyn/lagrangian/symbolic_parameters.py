@@ -10,10 +10,12 @@ from typing import Any
 
 from ..calls.arguments import as_items
 from ..engines.numbers.symbolic import need_sympy
-from ..errors import SpatialDynError
+from ..errors import SpatialDynError, literal
 from .exact_model import ExactRobot
 
 Expr = Any  # sympy.Expr
+DIGITS = 4000  # of a number; Python prints 4300
+LARGEST = 10**DIGITS
 
 PARAMETER_KINDS = {"mass": "m_", "com": "c_", "inertia": "I_", "origin": "l_", "armature": "J_", "gravity": "g"}
 MEANING = {
@@ -72,7 +74,7 @@ def _expression(name: str, value: Any) -> Expr:
     sympy = need_sympy()
     if isinstance(value, str):
         if not value.isidentifier():
-            raise SpatialDynError(f"parameters has {value!r} for {name}, expected the name of a symbol")
+            raise SpatialDynError(f"parameters has {literal(value)} for {name}, expected the name of a symbol")
         return sympy.Symbol(value, **({"positive": True} if value[0] in "mg" else {"real": True}))
     return as_expression(f"{name} in parameters", value)
 
@@ -83,9 +85,11 @@ def as_expression(name: str, value: Any) -> Any:
     try:
         made = sympy.sympify(value, strict=True)
     except Exception as error:  # SymPy's converters of other types raise what they like
-        raise SpatialDynError(f"{name} is {value!r:.80}, expected an expression: {error!s:.80}") from None
+        raise SpatialDynError(f"{name} is {literal(value):.80}, expected an expression: {literal(error):.80}") from None
     if not isinstance(made, (sympy.Expr, sympy.MatrixBase, sympy.NDimArray)):
-        raise SpatialDynError(f"{name} is {value!r:.80}, expected an expression")
+        raise SpatialDynError(f"{name} is {literal(value):.80}, expected an expression")
+    if isinstance(made, sympy.Rational) and max(abs(int(made.p)), int(made.q)) >= LARGEST:
+        raise SpatialDynError(f"{name} is a number of more than {DIGITS} digits, expected one that can be printed")
     return made
 
 

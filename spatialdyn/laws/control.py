@@ -22,7 +22,7 @@ from ..engines.compiled import numba_kernels
 from ..engines.programs.record import recording
 from ..engines.programs.record.recording import Recording
 from ..engines.programs.run.tiered_program import TieredProgram
-from ..errors import NonFiniteError, ShapeError, SimulationError
+from ..errors import NonFiniteError, ShapeError, SimulationError, literal
 from ..model.model import Model
 from ..recursions.joints.friction import DT
 from ..recursions.spec import TAU, Q, Spec, V
@@ -87,7 +87,9 @@ class Control:
     ) -> Control:  # fmt: skip
         """A law whose Spec is composed of others, with checks of a model. Raises SimulationError."""
         if not isinstance(spec, Spec) or not isinstance(values, Mapping):
-            raise SimulationError(f"a law is of {shown(spec)} and {values!r}, expected a Spec and a mapping of arrays")
+            raise SimulationError(
+                f"a law is of {shown(spec)} and {literal(values)}, expected a Spec and a mapping of arrays"
+            )
         made: Control = Control.__new__(Control)
         made.spec, made.values, made.static, made.checks = spec, dict(values), static, checks
         made._hold(held)
@@ -101,7 +103,7 @@ class Control:
             self.spec, self.values = sampled(self.spec), {**self.values, names[0]: kept(np.array([period]))}
             self.periods, held = (*self.periods, names), False
         elif not isinstance(held, (bool, np.bool_)):
-            raise SimulationError(f"held is {held!r}, expected True, False or a period above 0 [s]")
+            raise SimulationError(f"held is {literal(held)}, expected True, False or a period above 0 [s]")
         self.held = bool(held)
 
     def __repr__(self) -> str:
@@ -273,7 +275,7 @@ def check_control(control: Any) -> Control | None:
 
 def shown(given: Any) -> str:
     """What stands in place of a Control or a Cost: of a Spec, which is long, its name."""
-    return f'the Spec "{given.name}"' if isinstance(given, Spec) else repr(given)
+    return f'the Spec "{given.name}"' if isinstance(given, Spec) else literal(given)
 
 
 # --- kernels and torques --------------------------------------------------------------------------------

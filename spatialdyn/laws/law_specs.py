@@ -18,7 +18,7 @@ from ..calls.arguments import as_array
 from ..engines.compiled.numba_kernels import variant
 from ..engines.programs.record.mimic_rows import MimicRows
 from ..engines.programs.record.tracer import evaluate, table
-from ..errors import ModelError, SimulationError, SpatialDynError
+from ..errors import ModelError, SimulationError, SpatialDynError, literal
 from ..recursions.joints.friction import DT
 from ..recursions.spec import TAU, Argument, Q, Spec, V, shape_in, sizes_of
 
@@ -141,7 +141,7 @@ def evaluated(
 def check_recordable(spec: Any) -> None:
     """Raise SimulationError for what is no Spec, or one that no program can be made of for all values."""
     if not isinstance(spec, Spec):
-        raise SimulationError(f"spec is {spec!r}, expected a Spec")
+        raise SimulationError(f"spec is {literal(spec)}, expected a Spec")
     if not spec.traceable:
         raise SimulationError(f'spec "{spec.name}" branches on values, expected one that can be recorded')
     _refuse_constants(spec)
@@ -153,7 +153,9 @@ def with_values(spec: Spec, given: Mapping[str, Any] | None) -> tuple[Spec, dict
     Raises SimulationError for values that are missing or unknown, or no mapping.
     """
     if given is not None and not isinstance(given, Mapping):
-        raise SimulationError(f'values of spec "{spec.name}" are {given!r}, expected a mapping of names to arrays')
+        raise SimulationError(
+            f'values of spec "{spec.name}" are {literal(given)}, expected a mapping of names to arrays'
+        )
     given = dict(given or {})
     others = {x.name: x for x in spec.present if x.start is None and x.name not in given_by_step(spec)}
     for name in given:
@@ -181,7 +183,9 @@ def _static(name: str, value: Any) -> Any:
     """The value of a static input: an int, or the table of Constraints and their like. Raises SimulationError."""
     found = getattr(value, "table", value)
     if isinstance(found, (bool, np.bool_)) or not isinstance(found, (int, np.integer, StaticTable)):
-        raise SimulationError(f"{name} is {value!r}, expected an int, or an object with a table, as static inputs are")
+        raise SimulationError(
+            f"{name} is {literal(value)}, expected an int, or an object with a table, as static inputs are"
+        )
     return found if isinstance(found, StaticTable) else int(found)
 
 
@@ -205,7 +209,7 @@ def _refuse_constants(spec: Spec) -> None:
         for name, held in _read(function):
             if isinstance(held, NUMBERS) or (name in function.__code__.co_freevars and not isinstance(held, CODE)):
                 raise SimulationError(
-                    f'recursion of spec "{spec.name}" reads {name} = {held!r} in {function.__name__}, expected '
+                    f'recursion of spec "{spec.name}" reads {name} = {literal(held)} in {function.__name__}, expected '
                     f'functions only: make {name} an input, Argument("{name}", ...), and give it in values'
                 )
             if isinstance(held, (types.FunctionType, types.MethodType)) and not held.__module__.startswith(OWN_MODULES):

@@ -271,7 +271,7 @@ class _Steps:
         return np.array(made)
 
     def _check_bounces(self, at: Balance, by_x: Balance, x: Array, impulse: Array, reaction: Array) -> None:
-        """Raise SimulationError for points that bounce, where ``target`` rebounds them."""
+        """Raise SimulationError for points that bounce as ``target`` has it."""
         points = self.laws.sizes[0]
         if not points or not self.laws.bounces.any():
             return

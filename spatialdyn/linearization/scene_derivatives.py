@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..calls.arguments import as_array, batch_shape, broadcast, core_shape
 from ..calls.dynamics import calls, checked_call
 from ..constraints.derivatives import constrained_dynamics_derivatives
-from ..errors import SimulationError
+from ..errors import SimulationError, literal
 from ..recursions import SPECS
 from ..recursions.derivatives.step_derivatives import MOTION
 from ..recursions.joints.springs import SPRING_TORQUE
@@ -72,7 +72,7 @@ def scene_derivatives(
     check_method(scene, method, integrators)
     if method not in EXPLICIT_METHODS:
         what = "springs act" if scene.constraints is None else "constraints act"
-        raise SimulationError(f"method is {method!r} and {what}, expected one of {', '.join(EXPLICIT_METHODS)}")
+        raise SimulationError(f"method is {literal(method)} and {what}, expected one of {', '.join(EXPLICIT_METHODS)}")
     names: list[Argument] = [Q, V, TAU, *([] if fext is None else [FEXT])]
     values = [q, v, tau, *([] if fext is None else [fext])]
     given = [as_array(x.name, y) for x, y in zip(names, values, strict=True)]

@@ -25,7 +25,7 @@ from ..bodies.kinds import LENGTHS, NV
 from ..bodies.table import independent
 from ..calls.arguments import as_array, batch_shape, broadcast, core_shape
 from ..calls.dynamics import calls, checked_call
-from ..errors import SimulationError, SpatialDynError
+from ..errors import SimulationError, SpatialDynError, literal
 from ..model.model import Model
 from ..recursions.derivatives.step_derivatives import MOTION, STEPS, TURNING_STEPS
 from ..recursions.spec import FEXT, TAU, Q, V
@@ -110,7 +110,7 @@ def step_derivatives(
     spec = (TURNING_STEPS if turns else STEPS).get(method) if isinstance(method, str) else None
     if spec is None:
         if law is not NO_LAW and method in integrators:
-            raise SimulationError(f"friction acts and method is {method!r}, expected one of {', '.join(STEPS)}")
+            raise SimulationError(f"friction acts and method is {literal(method)}, expected one of {', '.join(STEPS)}")
         return StepDerivatives(*_implicit(model, q, v, tau, dt, method, fext))
     h = _steps(dt)[..., None]
     if h.ndim == 1 and type(q) is np.ndarray and q.ndim == 2:
@@ -229,7 +229,7 @@ def _steps(dt: ArrayLike) -> Array:
         return np.array(dt)
     h = as_array("dt", dt)
     if not np.isfinite(h).all():
-        raise SpatialDynError(f"dt is {dt!r}, expected finite numbers")
+        raise SpatialDynError(f"dt is {literal(dt)}, expected finite numbers")
     return h
 
 
@@ -252,10 +252,10 @@ def _implicit(
     """``step_derivatives`` of a method that solves equations."""
     known = [name for name, x in integrators.items() if x.family is not None]
     if not isinstance(method, str) or method not in integrators:
-        raise SpatialDynError(f"method is {method!r}, expected one of {', '.join(known)}")
+        raise SpatialDynError(f"method is {literal(method)}, expected one of {', '.join(known)}")
     if method not in known:
         raise SpatialDynError(
-            f"method is {method!r}, whose steps adapt to a tolerance and have no derivative; expected one of "
+            f"method is {literal(method)}, whose steps adapt to a tolerance and have no derivative; expected one of "
             f"{', '.join(known)}"
         )
     specs, values = [Q, V, TAU], [q, v, tau]

@@ -24,7 +24,7 @@ from ..algebra.records import put_vec
 from ..algebra.spatial import Inertia, Pose, add_inertia, compose, identity_pose, inertia_to_parent
 from ..bodies import table
 from ..bodies.kinds import kind_of
-from ..errors import InertiaError, ModelError
+from ..errors import InertiaError, ModelError, literal
 from .joint_rows import Joint, blank, frozen, matrix_from_pose, pose_from_matrix, put_joint, subspace
 from .mimic import mimic_map, resolve_mimics
 from .physical_inertia import parallel_axis
@@ -66,9 +66,9 @@ class Options:
 
     def __post_init__(self) -> None:
         if not isinstance(self.root, str) or self.root not in ("fixed", "floating"):
-            raise ModelError(f'root is {self.root!r}, expected "fixed" or "floating"')
+            raise ModelError(f'root is {literal(self.root)}, expected "fixed" or "floating"')
         if not isinstance(self.continuous, str) or self.continuous not in ("angle", "cos_sin"):
-            raise ModelError(f'continuous is {self.continuous!r}, expected "angle" or "cos_sin"')
+            raise ModelError(f'continuous is {literal(self.continuous)}, expected "angle" or "cos_sin"')
 
 
 class Tables(NamedTuple):

@@ -10,7 +10,7 @@ from typing import Any, ParamSpec, TypeVar
 from numpy.typing import ArrayLike
 
 from ..bodies.kinds import kind_of
-from ..errors import ModelError
+from ..errors import ModelError, literal
 from .model import Model, assemble
 from .robot import JointLimits, Link, Mimic, Robot, RobotJoint, Rotor, Spring
 from .robot_checks import check_inertias, check_tree, floats, make_joint, make_link, pose_matrix
@@ -55,7 +55,8 @@ class ModelBuilder:
     def set_inertia(self, link: str, inertia: tuple[float, ArrayLike, ArrayLike]) -> ModelBuilder:
         """Give a link its inertia: (mass [kg], com (3,) [m], rotational inertia (3, 3) about the com [kg m²])."""
         if not isinstance(link, str) or link not in self._links:
-            raise ModelError(f'link "{link}" is not in robot "{self.name}"')
+            shown = f'"{link}"' if isinstance(link, str) else literal(link)
+            raise ModelError(f'link {shown} is not in robot "{self.name}"')
         self._links[link] = make_link(link, inertia)
         return self
 
@@ -96,6 +97,7 @@ class ModelBuilder:
         Raises ModelError, InertiaError naming the link or joint and the value.
         """
         parent = self._root if parent is None else parent
+        _check_text("name of a link", name)
         joint_name = f"{name}_joint" if joint_name is None else joint_name
         for what, given in {"name": name, "parent": parent, "joint": joint, "joint_name": joint_name}.items():
             _check_text(f'{what} of link "{name}"', given)
@@ -214,7 +216,7 @@ class ModelBuilder:
 
 def _check_text(what: str, given: Any) -> None:
     if not isinstance(given, str):
-        raise ModelError(f"{what} is {given!r}, expected text")
+        raise ModelError(f"{what} is {literal(given)}, expected text")
 
 
 def _mimic(given: Any, what: str) -> Mimic | None:
@@ -223,4 +225,4 @@ def _mimic(given: Any, what: str) -> Mimic | None:
     try:
         return Mimic(**given)
     except TypeError as error:
-        raise ModelError(f"{what} has mimic {given!r}, expected leader, multiplier and offset") from error
+        raise ModelError(f"{what} has mimic {literal(given)}, expected leader, multiplier and offset") from error

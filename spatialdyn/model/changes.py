@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..algebra.rotations import NORM_TOLERANCE
 from ..bodies.kinds import kind_of
-from ..errors import InertiaError, ModelError
+from ..errors import InertiaError, ModelError, literal
 from .assembly import ROOT_JOINT, Options
 from .joint_rows import Joint, joint_transform
 from .physical_inertia import inertia_defect, parallel_axis
@@ -67,13 +67,16 @@ def subtree_robot(robot: Robot, link: str) -> Robot:
 def rigid(model: Model, joints: Any) -> tuple[Robot, Options]:
     """The robot and options of ``Model.rigid``."""
     springs = {j.spring.joint: j for j in model.robot.joints if j.spring is not None}
-    if joints is not None and (isinstance(joints, str) or not isinstance(joints, Iterable)):
-        raise ModelError(f"joints is {joints!r}, expected names of joints behind springs")
-    names = list(springs) if joints is None else list(joints)
+    try:
+        names = list(springs) if joints is None else list(joints if not isinstance(joints, str) else ())
+    except TypeError:
+        names = []
+    if isinstance(joints, str) or (joints is not None and not isinstance(joints, Iterable)):
+        raise ModelError(f"joints is {literal(joints)}, expected names of joints behind springs")
     made = {j.name: j for j in model.robot.joints}
     for name in names:
         if not isinstance(name, str) or name not in springs:
-            raise ModelError(missing("spring of joint", str(name), model.name, springs))
+            raise ModelError(missing("spring of joint", name, model.name, springs))
         turns, joint = springs[name], made[name]
         assert turns.spring is not None
         assert turns.rotor is not None
@@ -145,7 +148,7 @@ def lock_values(model: Model, lock: Any) -> dict[str, Any]:
         names = [lock] if isinstance(lock, str) else list(lock)
     except TypeError:
         expected = "expected names of joints, or a mapping of them to coordinates"
-        raise ModelError(f"lock is {lock!r}, {expected}") from None
+        raise ModelError(f"lock is {literal(lock)}, {expected}") from None
     return {joint.name: resting(model, joint) for joint in map(model.joint, names)}
 
 
@@ -173,9 +176,9 @@ def _at(joint: Joint, continuous: str, value: ArrayLike) -> Array:
     if joint.kind == "continuous" and q.shape == (1,):
         continuous = "angle"
     elif q.shape != (joint.nq,):
-        raise ModelError(f'joint "{joint.name}" is locked at {value!r}, expected {joint.nq} finite numbers')
+        raise ModelError(f'joint "{joint.name}" is locked at {literal(value)}, expected {joint.nq} finite numbers')
     if not np.isfinite(q).all():
-        raise ModelError(f'joint "{joint.name}" is locked at {value!r}, expected {len(q)} finite numbers')
+        raise ModelError(f'joint "{joint.name}" is locked at {literal(value)}, expected {len(q)} finite numbers')
     unit = kind_of(joint.kind, continuous).unit
     if unit is not None and abs(math.hypot(*q[unit]) - 1.0) > NORM_TOLERANCE:
         raise ModelError(f'joint "{joint.name}" is locked at {q.tolist()}, expected a part of unit norm')
@@ -271,7 +274,7 @@ def gravity_of(gravity: ArrayLike) -> tuple[float, ...]:
     """(3,) of gravity. Raises ModelError unless they are finite numbers."""
     g = _numbers(gravity)
     if g.shape != (3,) or not np.isfinite(g).all():
-        raise ModelError(f"gravity is {gravity!r}, expected three finite numbers")
+        raise ModelError(f"gravity is {literal(gravity)}, expected three finite numbers")
     return tuple(g.tolist())
 
 

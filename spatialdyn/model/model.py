@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import ModelError
+from ..errors import ModelError, literal
+from ..waiting import watch
 from .assembly import GRAVITY, IDENTITY, Frame, Options, Tables, tables
 from .changes import changed, gravity_of, locked, rigid, subtree_robot
 from .joint_rows import Joint, frozen
@@ -99,7 +100,8 @@ class Model:
         if not isinstance(robot, Robot) or not isinstance(options, Options):
             given = f"a {type(robot).__name__} and a {type(options).__name__}"
             raise ModelError(f"a Model is made of {given}, expected a Robot and Options: assemble(robot) makes one")
-        self._hold(tables(robot, options), options)
+        with watch.work("making a Model"):
+            self._hold(tables(robot, options), options)
 
     def _hold(self, made: Tables, options: Options) -> None:
         robot = made.robot
@@ -155,7 +157,7 @@ class Model:
         if isinstance(name, Frame):  # perhaps of another model: its name alone counts
             name = f"{name.kind}:{name.name}"
         if not isinstance(name, str):
-            raise ModelError(f'frame is {name!r}, expected the name of one of robot "{self.name}"')
+            raise ModelError(f'frame is {literal(name)}, expected the name of one of robot "{self.name}"')
         for key in (name, f"link:{name}", f"joint:{name}"):
             if key in self._frame_index:
                 return self.frames[self._frame_index[key]]
@@ -267,5 +269,5 @@ def assemble(
 def options_of(root: str, gravity: ArrayLike, continuous: str, mimic: bool) -> Options:
     """The options of ``assemble``. Raises ModelError naming an invalid one and its value."""
     if not isinstance(mimic, (bool, np.bool_, int)) or mimic not in (0, 1):
-        raise ModelError(f"mimic is {mimic!r}, expected True or False")
+        raise ModelError(f"mimic is {literal(mimic)}, expected True or False")
     return Options(root, gravity_of(gravity), continuous, bool(mimic))

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..algebra.rotations import ROTATION_ZERO, UNIT_AXIS
 from ..bodies.kinds import CODES, kind_of
-from ..errors import InertiaError, ModelError
+from ..errors import InertiaError, ModelError, literal
 from .physical_inertia import inertia_defect, nearest_physical, shown_moments, symmetric
 from .robot import JOINT_KINDS, WITH_AXIS, Link, Robot, RobotJoint, Rotor, Spring
 
@@ -107,7 +107,7 @@ def check_inertias(
     Raises InertiaError under "strict", naming the link, its principal moments and the violation.
     """
     if not isinstance(policy, str) or policy not in ("warn", "strict", "repair"):
-        raise InertiaError(f'inertia policy is {policy!r}, expected "warn", "strict" or "repair"')
+        raise InertiaError(f'inertia policy is {literal(policy)}, expected "warn", "strict" or "repair"')
     found: list[str] = []
     links: list[Link] = []
     for link in robot.links:
@@ -165,7 +165,7 @@ def floats(value: Any, count: int, what: str) -> tuple[float, ...]:
     except (TypeError, ValueError):
         x = None
     if x is None or len(x) != count:
-        raise ModelError(f"{what} {value!r}, expected {count} number{'s' * (count > 1)}")
+        raise ModelError(f"{what} {literal(value)}, expected {count} number{'s' * (count > 1)}")
     return tuple(x.tolist())
 
 
@@ -180,7 +180,7 @@ def pose_matrix(placement: Any, what: str) -> Array:
     if isinstance(placement, tuple) and len(placement) == 2 and np.shape(placement[0]) == (3,):
         rpy = floats(placement[1], 3, f"{what} has rpy")
         if not all(map(math.isfinite, rpy)):
-            raise ModelError(f"{what} has rpy {placement[1]!r}, expected finite numbers")
+            raise ModelError(f"{what} has rpy {literal(placement[1])}, expected finite numbers")
         X[:3, :3] = rpy_matrix(*rpy)
         X[:3, 3] = floats(placement[0], 3, f"{what} has xyz")
     else:
@@ -191,7 +191,7 @@ def pose_matrix(placement: Any, what: str) -> Array:
             with np.errstate(over="ignore"):
                 given = given.astype(float)
         except (TypeError, ValueError):
-            raise ModelError(f"{what} is {placement!r}, expected (3,), (4, 4) or a pair xyz, rpy") from None
+            raise ModelError(f"{what} is {literal(placement)}, expected (3,), (4, 4) or a pair xyz, rpy") from None
         if given.shape == (3,):
             X[:3, 3] = given
         elif given.shape == (4, 4):
@@ -248,7 +248,7 @@ def make_link(name: str, inertia: tuple[float, ArrayLike, ArrayLike]) -> Link:
         mass, com, I = float(mass), np.asarray(com, float), np.asarray(I, float)
     except (TypeError, ValueError) as error:
         raise InertiaError(
-            f'link "{name}" has inertia {inertia!r}, expected (mass, com (3,), inertia (3, 3))'
+            f'link "{name}" has inertia {literal(inertia)}, expected (mass, com (3,), inertia (3, 3))'
         ) from error
     if com.shape != (3,) or I.shape != (3, 3):
         raise InertiaError(
@@ -277,7 +277,7 @@ def make_joint(joint: RobotJoint) -> RobotJoint:
     """
     what = f'joint "{joint.name}"'
     if joint.kind not in JOINT_KINDS:
-        raise ModelError(f"{what} has type {joint.kind!r}, expected one of {', '.join(JOINT_KINDS)}")
+        raise ModelError(f"{what} has type {literal(joint.kind)}, expected one of {', '.join(JOINT_KINDS)}")
     axis = np.array(joint.axis)
     if axis.shape != (3,) or not np.isfinite(axis).all():
         raise ModelError(f"{what} has axis {joint.axis}, expected three finite numbers")
@@ -347,7 +347,7 @@ def with_rotor(joint: RobotJoint, rotor: Rotor) -> RobotJoint:
     """
     what = f'joint "{joint.name}"'
     if not isinstance(rotor, Rotor):
-        raise ModelError(f"{what} has rotor {rotor!r}, expected a Rotor")
+        raise ModelError(f"{what} has rotor {literal(rotor)}, expected a Rotor")
     if joint.kind == "fixed" or kind_of(joint.kind).nv != 1:
         raise ModelError(f"{what} is {joint.kind}, expected a joint of one freedom for a rotor")
     (inertia,) = floats(rotor.inertia, 1, f"{what} has a rotor of inertia")
@@ -371,8 +371,9 @@ def with_rotor(joint: RobotJoint, rotor: Rotor) -> RobotJoint:
     return replace(joint, armature=reflected, rotor=Rotor(inertia, ratio, tuple(axis.tolist())))
 
 
-def missing(what: str, name: str, robot: str, names: Iterable[str]) -> str:
+def missing(what: str, name: object, robot: str, names: Iterable[str]) -> str:
     """The message for an unknown name, with similar names."""
-    near = difflib.get_close_matches(str(name), dict.fromkeys(names), 3, 0.5)
+    name = name if isinstance(name, str) else literal(name)
+    near = difflib.get_close_matches(name, dict.fromkeys(names), 3, 0.5)
     hint = f", did you mean {' or '.join(near)}" if near else ""
     return f'{what} "{name}" is not in robot "{robot}"{hint}'

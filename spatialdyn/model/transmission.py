@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import ModelError
+from ..errors import ModelError, literal
 from .robot_checks import floats
 
 Array = NDArray[np.float64]
@@ -108,7 +108,7 @@ def _names(what: str, value: Any) -> tuple[str, ...]:
     except TypeError:
         names = ()
     if not names or not all(isinstance(x, str) for x in names) or len(set(names)) < len(names):
-        raise ModelError(f"{what} of a transmission are {value!r}, expected names, each once")
+        raise ModelError(f"{what} of a transmission are {literal(value)}, expected names, each once")
     return names
 
 
@@ -118,8 +118,8 @@ def listed_transmissions(given: Any) -> list[Transmission]:
     try:
         listed = [given] if isinstance(given, Transmission) else list(given)
     except TypeError:
-        raise ModelError(f"transmissions is {given!r}, {expected}") from None
+        raise ModelError(f"transmissions is {literal(given)}, {expected}") from None
     for x in listed:
         if not isinstance(x, Transmission):
-            raise ModelError(f"transmissions has {x!r}, {expected}")
+            raise ModelError(f"transmissions has {literal(x)}, {expected}")
     return listed

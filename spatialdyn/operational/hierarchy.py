@@ -10,8 +10,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..calls.arguments import as_finite, broadcast, check_model
 from ..calls.dynamics import calls
-from ..errors import ModelError, ShapeError, SpatialDynError
+from ..errors import ModelError, ShapeError, SpatialDynError, literal
 from ..model.model import Model
+from ..waiting import watch
 from .space import times
 from .spectral import DAMPING, LENGTH, axes_of, lengths_of, share_of, spectral_inverse
 from .tasks import ComTask, FrameTask, PostureTask, Rows, Task, rows_of
@@ -36,6 +37,7 @@ class TaskTorque(NamedTuple):
     weak: tuple[Array, ...]
 
 
+@watch.call("task_torque")
 def task_torque(
     model: Model, q: ArrayLike, v: ArrayLike, tasks: Task | Iterable[Task],
     posture: ArrayLike | PostureTask | None = None, *, damping: float = DAMPING, length: float = LENGTH,
@@ -122,13 +124,13 @@ def check_tasks(model: Model, tasks: Any) -> list[Any]:
     try:
         given = [tasks] if hasattr(tasks, "rows") else list(tasks)
     except TypeError:
-        raise SpatialDynError(f"tasks is {tasks!r}, expected {expected}") from None
+        raise SpatialDynError(f"tasks is {literal(tasks)}, expected {expected}") from None
     for task in given:
         if not callable(getattr(task, "rows", None)):
-            raise SpatialDynError(f"tasks has {task!r}, expected {expected}")
+            raise SpatialDynError(f"tasks has {literal(task)}, expected {expected}")
         task.check(model)
     if not given:
-        raise SpatialDynError(f"tasks is {tasks!r}, expected {expected}")
+        raise SpatialDynError(f"tasks is {literal(tasks)}, expected {expected}")
     seen: dict[Any, str] = {}
     for task in given:
         if not isinstance(task, (FrameTask, ComTask)):

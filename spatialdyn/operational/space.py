@@ -11,6 +11,7 @@ from ..calls.arguments import as_finite, check_model, frame_row_and_placement, r
 from ..calls.dynamics import calls, checked_call
 from ..model.model import Frame, Model
 from ..recursions.tree.operational_inertia import COUPLING
+from ..waiting import watch
 from .spectral import ALL_AXES, DAMPING, LENGTH, axes_of, lengths_of, share_of, spectral_inverse
 
 Array = NDArray[np.float64]
@@ -39,6 +40,7 @@ class OperationalSpace(NamedTuple):
     C: Array
 
 
+@watch.call("operational_space")
 def operational_space(
     model: Model, q: ArrayLike, v: ArrayLike, frame: str | Frame, reference: str = "local", axes: str = ALL_AXES, *,
     length: float = LENGTH, damping: float = DAMPING,

@@ -16,17 +16,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..calls.arguments import as_number
-from ..errors import SpatialDynError
+from ..errors import SpatialDynError, literal
 
 Array = NDArray[np.float64]
 ALL_AXES = "xyz rxyz"
 LENGTH = 0.3  # [m] by which rotations are compared with translations: about a link of an arm
+LEAST_SHARE = 1e-100  # of the largest eigenvalue, by which is divided
 DAMPING = 1e-3  # of the largest eigenvalue: below, a direction is weak
 
 
 def axes_of(axes: Any) -> list[int]:
     """The rows of a Jacobian, linear first, that a word like "xyz rz" names. Raises SpatialDynError."""
-    return list(_rows(axes if isinstance(axes, str) else repr(axes)))
+    return list(_rows(axes if isinstance(axes, str) else literal(axes)))
 
 
 class Inverse(NamedTuple):
@@ -49,10 +50,12 @@ def _rows(axes: str) -> tuple[int, ...]:
         turning = word.startswith("r")
         letters = word[turning:]
         if not letters or any(x not in "xyz" for x in letters):
-            raise SpatialDynError(f'axes is {axes!r}, expected letters of xyz, and of rotations after an r: "xyz rz"')
+            raise SpatialDynError(
+                f'axes is {literal(axes)}, expected letters of xyz, and of rotations after an r: "xyz rz"'
+            )
         found += ["xyz".index(x) + 3 * turning for x in letters]
     if not found or len(set(found)) < len(found):
-        raise SpatialDynError(f'axes is {axes!r}, expected one axis or more, each once, as in "xyz rz"')
+        raise SpatialDynError(f'axes is {literal(axes)}, expected one axis or more, each once, as in "xyz rz"')
     return tuple(found)
 
 
@@ -60,15 +63,17 @@ def lengths_of(rows: list[int], length: Any) -> Array:
     """What each row is multiplied by to be a length: 1, of rotations ``length``. Raises SpatialDynError."""
     size = as_number(length)
     if not 0.0 < size < math.inf:
-        raise SpatialDynError(f"length is {length!r}, expected a finite number above 0")
+        raise SpatialDynError(f"length is {literal(length)}, expected a finite number above 0")
     return np.array([size if row >= 3 else 1.0 for row in rows])
 
 
 def share_of(damping: Any) -> float:
     """The share of the largest eigenvalue below which a direction is weak. Raises SpatialDynError."""
     share = as_number(damping)
-    if not 0.0 < share <= 1.0:
-        raise SpatialDynError(f"damping is {damping!r}, expected a number above 0 and at most 1")
+    if not LEAST_SHARE <= share <= 1.0:
+        raise SpatialDynError(
+            f"damping is {literal(damping)}, expected a number above 0 and at most 1, from {LEAST_SHARE:g} on"
+        )
     return share
 
 

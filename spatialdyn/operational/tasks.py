@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..calls.arguments import as_array, as_finite, as_items, as_number, as_word, broadcast, check_model, pose_fault
 from ..calls.dynamics import calls
-from ..errors import ModelError, NonFiniteError, ShapeError, SpatialDynError
+from ..errors import ModelError, NonFiniteError, ShapeError, SpatialDynError, literal
 from ..model.model import Frame, Model
 from .spectral import ALL_AXES, axes_of
 
@@ -111,13 +111,13 @@ def _common(task: Any, name: str) -> None:
     if task.name is None:
         object.__setattr__(task, "name", name)
     if not isinstance(task.name, str) or not task.name:
-        raise SpatialDynError(f"name is {task.name!r}, expected a word")
+        raise SpatialDynError(f"name is {literal(task.name)}, expected a word")
     weight = as_number(task.weight)
     if not 0.0 < weight < math.inf:
-        raise SpatialDynError(f"weight is {task.weight!r}, expected a finite number above 0")
+        raise SpatialDynError(f"weight is {literal(task.weight)}, expected a finite number above 0")
     object.__setattr__(task, "weight", weight)
     if isinstance(task.priority, bool) or not isinstance(task.priority, (int, np.integer)) or task.priority < 0:
-        raise SpatialDynError(f"priority is {task.priority!r}, expected an integer of 0 or more")
+        raise SpatialDynError(f"priority is {literal(task.priority)}, expected an integer of 0 or more")
 
 
 def _fits(task: Any, shapes: dict[str, int]) -> None:
@@ -163,7 +163,7 @@ class FrameTask(Task):
 
     def __post_init__(self) -> None:
         """Check the fields."""
-        _common(self, self.frame.name if isinstance(self.frame, Frame) else str(self.frame))
+        _common(self, self.frame.name if isinstance(self.frame, Frame) else literal(self.frame))
         rows = axes_of(self.axes)
         as_word("reference", self.reference, REFERENCES)
         _numbers(self, "target", "acceleration", "velocity")
@@ -239,7 +239,7 @@ class ComTask(Task):
         _common(self, "centre of mass")
         rows = axes_of(self.axes)
         if max(rows) >= 3:
-            raise SpatialDynError(f"axes is {self.axes!r}, expected letters of xyz: a point does not turn")
+            raise SpatialDynError(f"axes is {literal(self.axes)}, expected letters of xyz: a point does not turn")
         _numbers(self, "target", "acceleration", "velocity")
         _gains(self, self.target is not None, self.velocity is not None)
         m = len(rows)
@@ -288,7 +288,7 @@ class PostureTask(Task):
         if self.joints is not None:
             given = as_items("joints", self.joints, str, "names of joints")
             if not given or len(set(given)) < len(given):
-                raise SpatialDynError(f"joints is {self.joints!r}, expected names, each once")
+                raise SpatialDynError(f"joints is {literal(self.joints)}, expected names, each once")
             object.__setattr__(self, "joints", tuple(given))
         _numbers(self, "target", "acceleration", "velocity")
         _gains(self, self.target is not None, self.velocity is not None)

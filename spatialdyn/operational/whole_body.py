@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..calls.arguments import as_finite, as_number, as_word, as_words, check_model
 from ..calls.dynamics import calls
 from ..constraints.contact_points import Contacts
-from ..errors import ConstraintError, ModelError, ShapeError, SpatialDynError
+from ..errors import ConstraintError, ModelError, ShapeError, SpatialDynError, literal
 from ..recursions.control.whole_body import FAR
 from ..simulation.effects.motor import CURRENT
 from ..simulation.scene import Scene
@@ -330,7 +330,7 @@ def _null(A: Array) -> Array:
 def _positive(name: str, value: Any) -> float:
     x = as_number(value)
     if not 0.0 < x < math.inf:
-        raise SpatialDynError(f"{name} is {value!r}, expected a finite number above 0")
+        raise SpatialDynError(f"{name} is {literal(value)}, expected a finite number above 0")
     return x
 
 

@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 from ..accuracy.results import Tradeoff
 from ..calls.arguments import as_items
 from ..calls.dynamics import calls
-from ..errors import SpatialDynError
+from ..errors import SpatialDynError, literal
 from ..simulation.recorder import scale_of
 from ..simulation.rollout_result import Rollout
 from ..simulation.trajectory import Trajectory
+from ..waiting import watch
 from .coordinates import UNITS, Coordinate, by_unit, chosen, coordinates, title
 from .figures import check_path, colours, plain, written
 from .panels import Panel, dash_of_run, drift, grid, heading, least_span, logarithmic, names_of, padded
@@ -27,6 +28,7 @@ SHARE = 1e-3  # of the energy that a motion exchanges: a smaller change is seen 
 COMPARED = ("q", "v", "tau", "p", "energy", "difference")
 
 
+@watch.call("plot")
 def plot(
     runs: Any,
     what: Any = None,
@@ -58,7 +60,7 @@ def plot(
     """
     if isinstance(runs, (Trajectory, Rollout, Tradeoff)):
         if labels is not None:
-            raise SpatialDynError(f"labels is {labels!r}, expected None for a single {type(runs).__name__}")
+            raise SpatialDynError(f"labels is {literal(labels)}, expected None for a single {type(runs).__name__}")
         if isinstance(runs, Tradeoff):
             if not (what is None and joints is None):
                 raise SpatialDynError("what and joints apply to motions, expected None for a Tradeoff")
@@ -99,7 +101,7 @@ def _runs_of(runs: Any) -> list[Trajectory]:
     except TypeError:
         many = []
     if not many or not all(isinstance(run, Trajectory) for run in many):
-        kinds = ", ".join(type(run).__name__ for run in many) or repr(runs)
+        kinds = ", ".join(type(run).__name__ for run in many) or literal(runs)
         raise SpatialDynError(f"runs are {kinds}, expected trajectories, or one Rollout or Tradeoff")
     for run in many:
         if run.q.shape[1:] != many[0].q.shape[1:] or run.v.shape[1:] != many[0].v.shape[1:]:

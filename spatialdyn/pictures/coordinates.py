@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 from ..bodies.kinds import ANGLE, PAIR, kind_of
-from ..errors import SpatialDynError
+from ..errors import SpatialDynError, literal
 from ..model.model import Model
 from .inertia_shapes import reach
 
@@ -96,11 +96,13 @@ def chosen(columns: Sequence[Coordinate], model: Model | None, joints: Any) -> l
     try:
         names = [joints] if isinstance(joints, str) else list(joints)
     except TypeError:
-        raise SpatialDynError(f"joints is {joints!r}, expected names of joints") from None
+        raise SpatialDynError(f"joints is {literal(joints)}, expected names of joints") from None
     if model is None:
-        raise SpatialDynError(f"joints is {joints!r}, expected None: the trajectory was loaded without its model")
+        raise SpatialDynError(
+            f"joints is {literal(joints)}, expected None: the trajectory was loaded without its model"
+        )
     if not names:
-        raise SpatialDynError(f"joints is {joints!r}, expected at least one name")
+        raise SpatialDynError(f"joints is {literal(joints)}, expected at least one name")
     known = {model.joint(name).name for name in names}
     return [x for x in columns if x.joint in known]
 

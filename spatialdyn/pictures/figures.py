@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..calls.files import check_ending
-from ..errors import SpatialDynError, pip_install
+from ..errors import SpatialDynError, literal, pip_install
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -113,7 +113,7 @@ def given_axes(ax: Any, wanted: Sequence[str]) -> tuple[Figure, list[Axes]] | No
         return None
     found = list(np.ravel(np.array(ax, dtype=object)))
     if not found or not all(hasattr(x, "plot") and hasattr(x, "figure") for x in found):
-        raise SpatialDynError(f"ax is {ax!r}, expected Matplotlib axes")
+        raise SpatialDynError(f"ax is {literal(ax)}, expected Matplotlib axes")
     if len(found) != len(wanted):
         raise SpatialDynError(f"ax holds {len(found)} axes, expected {len(wanted)}: {', '.join(wanted)}")
     return found[0].figure, found

@@ -101,30 +101,69 @@ class NamedMeshes(NamedTuple):
     visual     how many <visual>s are meshes
     collision  how many <collision>s are
     missing    the names that mean no file, and why
+    faulty     the names of COLLADA files with references to what is not there, and which
     """
 
     names: list[str]
     visual: int
     collision: int
     missing: list[str]
+    faulty: list[str]
 
 
 def named_meshes(source: str, package_dirs: Sequence[Folder] = ()) -> NamedMeshes:
-    """The meshes that a URDF file names, none of which is read; ``source``: its path, "" for none."""
+    """The meshes that a URDF file names; ``source``: its path, "" for none. No geometry is read."""
     if not os.path.isfile(source):
-        return NamedMeshes([], 0, 0, [])
+        return NamedMeshes([], 0, 0, [], [])
     path, data = read_source(Path(source))
     robot = StrictReader(Path(path).name, None).outermost(data)
     named = {kind: robot.findall(f"link/{kind}/geometry/mesh") for kind in ("visual", "collision")}
     names = list(dict.fromkeys(mesh.get("filename", "") for meshes in named.values() for mesh in meshes))
-    missing = []
+    missing, faulty = [], []
     for name in names:
         try:
-            if find_mesh(name, Path(path), package_dirs) is None:
-                missing.append(f"{name} is not found")
+            found = find_mesh(name, Path(path), package_dirs)
         except NotDrawnError as error:
             missing.append(str(error))
-    return NamedMeshes(names, len(named["visual"]), len(named["collision"]), missing)
+            continue
+        if found is None:
+            missing.append(f"{name} is not found")
+        elif found.suffix.lower() == ".dae" and (lost := list(lost_references(found))):
+            faulty.append(f"{name}: {', '.join(lost)}")
+    return NamedMeshes(names, len(named["visual"]), len(named["collision"]), missing, faulty)
+
+
+def lost_references(path: Path) -> Iterator[str]:
+    """What a COLLADA file refers to and is not there: surfaces, images, effects, materials, geometries, in words.
+
+    Source: COLLADA 1.4.1 specification (2008), <sampler2D>, <surface>, <image>, <instance_*>.
+    """
+    from lxml import etree
+
+    try:
+        parser = etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False, huge_tree=True)
+        root = etree.parse(os.fspath(path), parser).getroot()
+    except (OSError, etree.XMLSyntaxError) as error:
+        yield said(error)
+        return
+    ids = {x.get("id") for x in root.iter("{*}*") if x.get("id")}
+    for effect in root.iter("{*}effect"):
+        surfaces = {x.get("sid") for x in effect.iter("{*}newparam") if x.find("{*}surface") is not None}
+        for name in (x.text or "" for x in effect.iterfind(".//{*}sampler2D/{*}source")):
+            if name.strip() not in surfaces:
+                yield f'no surface "{name.strip()}" of a texture'
+        for name in (x.text or "" for x in effect.iterfind(".//{*}surface/{*}init_from")):
+            if name.strip() not in ids:
+                yield f'no image "{name.strip()}" of a texture'
+    for name in (x.text or "" for x in root.iterfind(".//{*}image/{*}init_from")):
+        place = unquote(name.strip()).removeprefix("file://")
+        if place and "://" not in place and not (path.parent / place).is_file():
+            yield f'no image file "{name.strip()}"'
+    for kind, key in (("effect", "url"), ("geometry", "url"), ("material", "target")):
+        for x in root.iter(f"{{*}}instance_{kind}"):
+            name = x.get(key, "")
+            if name.startswith("#") and name[1:] not in ids:
+                yield f'no {kind} "{name[1:]}"'
 
 
 class MeshFile(NamedTuple):

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..calls.arguments import as_array, as_number
-from ..errors import NonFiniteError, ShapeError, SpatialDynError
+from ..errors import NonFiniteError, ShapeError, SpatialDynError, literal
 from ..model.model import Model
 from ..simulation import Rollout, Trajectory
 
@@ -48,7 +48,7 @@ def motion_of(model: Model, given: Any, dt: Any = None, sample: Any = None) -> M
     else:
         whole = isinstance(sample, (int, np.integer)) and not isinstance(sample, bool)
         if not (whole and 0 <= sample < len(q)):
-            raise SpatialDynError(f"sample is {sample!r}, expected an index from 0 to {len(q) - 1}")
+            raise SpatialDynError(f"sample is {literal(sample)}, expected an index from 0 to {len(q) - 1}")
         q = q[sample : sample + 1]
     lost = np.flatnonzero(~np.isfinite(q).all((0, 2)))
     if len(lost):
@@ -58,7 +58,7 @@ def motion_of(model: Model, given: Any, dt: Any = None, sample: Any = None) -> M
     if dt is not None:
         step = as_number(dt)
         if not 0.0 < step < np.inf:
-            raise SpatialDynError(f"dt is {dt!r}, expected a positive number of seconds")
+            raise SpatialDynError(f"dt is {literal(dt)}, expected a positive number of seconds")
         return Motion(np.arange(q.shape[1], dtype=np.float64) * step, q)
     t = np.asarray(times, np.float64)
     return Motion(t - t[0], q)
@@ -71,7 +71,7 @@ def frames(t: Array, fps: float, speed: float) -> tuple[NDArray[np.intp], Array]
     """
     for name, value in (("fps", fps), ("speed", speed)):
         if not 0.0 < as_number(value) < np.inf:
-            raise SpatialDynError(f"{name} is {value!r}, expected a positive number")
+            raise SpatialDynError(f"{name} is {literal(value)}, expected a positive number")
     count = int(np.floor((t[-1] - t[0]) * fps / speed + 1e-9)) + 1
     wanted = t[0] + np.arange(count) * (speed / fps)
     after = np.clip(np.searchsorted(t, wanted), 1, max(len(t) - 1, 1))

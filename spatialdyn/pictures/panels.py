@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import SpatialDynError
+from ..errors import SpatialDynError, literal
 from ..model.model import Model
 from ..simulation.trajectory import Trajectory
 from .coordinates import Coordinate, natural_scale
@@ -50,7 +50,7 @@ def names_of(what: Any, known: Sequence[str]) -> list[str]:
     except TypeError:
         names = []
     if not names or not all(isinstance(name, str) and name in known for name in names):
-        raise SpatialDynError(f"plot of {what!r}, expected some of {', '.join(known)}")
+        raise SpatialDynError(f"plot of {literal(what)}, expected some of {', '.join(known)}")
     return names
 
 

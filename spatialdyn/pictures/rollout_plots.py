@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import SpatialDynError
+from ..errors import SpatialDynError, literal
 from ..simulation.rollout_result import Rollout
 from .coordinates import Coordinate, by_unit, chosen, coordinates, title
 from .figures import FAINT, check_path, dash, legend, plain, tidy, written
@@ -28,7 +28,7 @@ def plot_rollout(found: Rollout, what: Any, joints: Any, sample: Any, ax: Any, p
     """``Rollout.plot``."""
     names = names_of(what, ("q", "v"))
     if len(names) != 1:
-        raise SpatialDynError(f"what is {what!r}, expected one of q, v, whose bands are drawn")
+        raise SpatialDynError(f"what is {literal(what)}, expected one of q, v, whose bands are drawn")
     (name,) = names
     check_path(path)
     values = np.asarray(getattr(found, name))
@@ -39,7 +39,7 @@ def plot_rollout(found: Rollout, what: Any, joints: Any, sample: Any, ax: Any, p
         raise SpatialDynError(f"rollout has {name} of shape {values.shape}, expected samples to draw")
     whole = isinstance(sample, (int, np.integer)) and not isinstance(sample, bool)
     if sample is not None and not (whole and 0 <= sample < len(values)):
-        raise SpatialDynError(f"sample is {sample!r}, expected a number from 0 to {len(values) - 1}")
+        raise SpatialDynError(f"sample is {literal(sample)}, expected a number from 0 to {len(values) - 1}")
     columns = chosen(coordinates(found.model, name, values.shape[2]), found.model, joints)
     whole = np.isfinite(values).all(axis=(1, 2))
     bands = {x.column: _band(values[whole, :, x.column].astype(float)) for x in columns}

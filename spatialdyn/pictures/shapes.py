@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import SpatialDynError, UrdfError, pip_install
+from ..errors import SpatialDynError, UrdfError, literal, pip_install
 from ..urdf.sources import read_source
 from .mesh_files import Color, Folder, NotDrawnError, creased, find_mesh, glb, moved, read_mesh, said
 
@@ -64,7 +64,7 @@ def urdf_shapes(source: Any, kind: str = "visual", package_dirs: Sequence[Folder
     """
     yourdfpy = _yourdfpy()
     if kind not in KINDS:
-        raise SpatialDynError(f"kind is {kind!r}, expected one of {', '.join(KINDS)}")
+        raise SpatialDynError(f"kind is {literal(kind)}, expected one of {', '.join(KINDS)}")
     robot, home = (source.robot, None) if isinstance(source, yourdfpy.URDF) else urdf_elements(source)
     palette = {material.name: material.color for material in robot.materials}
     found: list[Shape] = []

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import SpatialDynError, pip_install
+from ..errors import SpatialDynError, literal, pip_install
 from ..model.robot_checks import quoted
 from .mesh_files import Color
 from .shapes import Shape
@@ -246,13 +246,13 @@ def started(host: str, port: int) -> Any:
 def _check_address(host: Any, port: Any) -> None:
     """Raise SpatialDynError unless a server can listen there: viser would wait for it for ever."""
     if isinstance(port, bool) or not isinstance(port, int) or not 0 <= port < 1 << 16:
-        raise SpatialDynError(f"port is {port!r}, expected a whole number of 0 to 65535")
+        raise SpatialDynError(f"port is {literal(port)}, expected a whole number of 0 to 65535")
     try:
         family, kind, protocol, _, address = socket.getaddrinfo(host, 0, type=socket.SOCK_STREAM)[0]
         with socket.socket(family, kind, protocol) as trial:
             trial.bind(address)
     except (OSError, TypeError, UnicodeError) as error:
-        raise SpatialDynError(f"host is {host!r}, expected an address of this machine: {error}") from None
+        raise SpatialDynError(f"host is {literal(host)}, expected an address of this machine: {error}") from None
 
 
 def stop_silently(server: Any) -> None:

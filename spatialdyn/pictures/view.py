@@ -14,10 +14,11 @@ from ..calls.dynamics import calls
 from ..constraints.contact_dynamics import contact_gaps
 from ..constraints.contact_points import Plane
 from ..constraints.loops import close_loops
-from ..errors import ConstraintError, ModelError, SpatialDynError
+from ..errors import ConstraintError, ModelError, SpatialDynError, literal
 from ..model.model import Model
 from ..simulation import Rollout, Trajectory
 from ..simulation.scene import Scene, scene_of
+from ..waiting import watch
 from .acting import impulses_of, scene_of_run
 from .mesh_files import Folder
 from .motions import motion_of
@@ -98,12 +99,13 @@ def view(
     moves = isinstance(given, (Trajectory, Rollout)) or (given is not None and as_array("q", given).ndim > 1)
     motion = motion_of(model, given, dt, sample) if moves else None
     if floor is not None and not np.isfinite(as_number(floor)):
-        raise SpatialDynError(f"floor is {floor!r}, expected its height in metres, or None")
+        raise SpatialDynError(f"floor is {literal(floor)}, expected its height in metres, or None")
     impulses = None
     if motion is not None and own_impulses(scene, given):
         impulses = impulses_of(given, sample or 0)
     start: Any = motion.q[0, 0] if motion is not None else standing(scene) if given is None else given
-    made = View(scene, start, motion, impulses, shapes, urdf, folders, floor, host, port)
+    with watch.call("view"):
+        made = View(scene, start, motion, impulses, shapes, urdf, folders, floor, host, port)
     if open or (open is None and not moves and not in_notebook() and has_screen()):
         made.open_tab()
     return made

@@ -16,7 +16,7 @@ from ..calls.arguments import as_array
 from ..calls.dynamics import calls
 from ..calls.files import check_ending
 from ..engines import locks
-from ..errors import NonFiniteError, ShapeError, SpatialDynError
+from ..errors import NonFiniteError, ShapeError, SpatialDynError, literal
 from ..model.model import Frame
 from ..simulation.scene import Scene
 from .acting import FORCE, MOMENT, Acting
@@ -268,7 +268,9 @@ class View:
         try:
             path.write_text(text, encoding="utf-8")
         except OSError as error:
-            raise SpatialDynError(f"path is {str(path)!r}: {error.strerror}, expected a file to write") from error
+            raise SpatialDynError(
+                f"path is {literal(str(path))}: {error.strerror}, expected a file to write"
+            ) from error
         return path
 
     def close(self) -> None:

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from ..errors import SimulationError
 from ..model.model import Model
+from ..waiting import watch
 from .effects import work as works
 from .trajectory import Trajectory
 
@@ -55,6 +56,7 @@ class EnergyLedger:
             f"work of {parts} J; error {self.error[-1]:.3g} J, at most {abs(self.error).max():.3g} J>"
         )
 
+    @watch.call("EnergyLedger.plot")
     def plot(self, *, kind: str | None = None, ax: Any = None, path: Any = None) -> Any:
         """A Matplotlib Figure: the change of E and the work of each kind over time, and ε on a logarithmic axis.
 
@@ -70,6 +72,7 @@ class EnergyLedger:
         return plot_ledger(self, kind, ax, path)
 
 
+@watch.call("energy_ledger")
 def energy_ledger(trajectory: Trajectory) -> EnergyLedger:
     """The energy ledger of a motion: work of torques, friction, forces, constraints and contacts, and the error ε.
 

@@ -12,7 +12,7 @@ from ..actuation.springs import spring_energy
 from ..calls.arguments import as_number
 from ..calls.dynamics import calls
 from ..calls.specialized import Specialized, results_of_rows
-from ..errors import NonFiniteError, SpatialDynError
+from ..errors import NonFiniteError, SpatialDynError, literal
 from ..laws.control import Control, law_torques
 from ..model.model import Model
 from .plan import Plan
@@ -40,10 +40,12 @@ class Steps:
         for name, x, sense in (("duration", duration, "of 0 or more"), ("dt", dt, "above 0")):
             number = as_number(x)
             if not 0.0 <= number < math.inf or (name == "dt" and number == 0.0):
-                raise SpatialDynError(f"{name} is {x!r}, expected a finite number of seconds {sense}")
+                raise SpatialDynError(f"{name} is {literal(x)}, expected a finite number of seconds {sense}")
         ratio = float(duration) / float(dt)
         if not ratio < 2.0**53:
-            raise SpatialDynError(f"dt is {dt!r} for a duration of {duration!r} s, expected fewer than 2^53 steps")
+            raise SpatialDynError(
+                f"dt is {literal(dt)} for a duration of {literal(duration)} s, expected fewer than 2^53 steps"
+            )
         whole = round(ratio)
         if abs(ratio - whole) <= FIT * max(1.0, ratio):
             return cls(float(dt), whole, 0.0)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ..errors import SimulationError
 from ..model.model import Model
+from ..waiting import watch
 from .contact_record import ContactRecord
 
 if TYPE_CHECKING:
@@ -83,6 +84,7 @@ class Rollout:
     def __repr__(self) -> str:
         return f"<Rollout: q {self.q.shape}, v {self.v.shape}, {self.q.dtype}>"
 
+    @watch.call("Rollout.plot")
     def plot(
         self, what: str = "q", *, joints: str | Sequence[str] | None = None, sample: int | None = None,
         ax: Any = None, path: Any = None,

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, DTypeLike, NDArray
 from ..calls.arguments import as_array, as_flag, as_number, broadcast
 from ..calls.dynamics import calls
 from ..calls.on_gpu import as_device
-from ..errors import NonFiniteError, ShapeError, SimulationError
+from ..errors import NonFiniteError, ShapeError, SimulationError, literal
 from ..laws.control import Control, check_control
 from ..laws.cost import Cost, check_cost, with_cost
 from ..model.model import Model
@@ -34,6 +34,7 @@ from .states import run_states
 from .stiff_laws import warn_of_stiff_law
 
 Array = NDArray[Any]
+MOST_STEPS = 1 << 53  # and bytes of a record; a compiled loop counts to 2^63
 
 
 @effects_in_scene("rollout")
@@ -116,7 +117,7 @@ def rollout(
     warn_of_friction(scene, "rollout")
     number, check = _dtype(dtype), as_flag("check", check)
     if not (_is_number(dt) and math.isfinite(dt) and dt > 0.0):
-        raise SimulationError(f"dt is {dt!r}, expected a positive number of seconds")
+        raise SimulationError(f"dt is {literal(dt)}, expected a positive number of seconds")
     if way.bounded:
         check_stable(model, scene.effects, method, float(dt))
     check_control(control)
@@ -140,6 +141,8 @@ def rollout(
     initial = plan.unstarted if states is None else run_states(model, plan.states, plan.tables, states, B)
     now = [np.ascontiguousarray(np.broadcast_to(x, (B, x.shape[1]))) for x in (*start, *initial.starts)]
     every = _every(1 if record is None else record, T)
+    if 8 * B * (T // every) * sum(x.shape[1] for x in now) >= MOST_STEPS:
+        raise SimulationError(f"{B} samples of {T // every} states are more than memory holds, expected fewer")
     if given is not None:
         check_on_device(plan, now[0], number, kept)
     if B and T and model.nv:
@@ -176,15 +179,15 @@ def rollout(
 
 def _choice(name: str, value: Any, known: dict[str, Any]) -> Any:
     if not isinstance(value, str) or value not in known:
-        raise SimulationError(f"{name} is {value!r}, expected one of {', '.join(known)}")
+        raise SimulationError(f"{name} is {literal(value)}, expected one of {', '.join(known)}")
     return known[value]
 
 
 def _dtype(value: DTypeLike) -> np.dtype[Any]:
     try:
-        name = np.dtype(value).name if isinstance(value, (str, type, np.dtype)) else repr(value)
+        name = np.dtype(value).name if isinstance(value, (str, type, np.dtype)) else literal(value)
     except (TypeError, ValueError, SyntaxError):
-        name = str(value)
+        name = value if isinstance(value, str) else literal(value)
     return _choice("dtype", name, {x: np.dtype(x) for x in ("float64", "float32")})  # type: ignore[no-any-return]
 
 
@@ -250,8 +253,10 @@ def _check_lanes(scene: Scene, number: np.dtype[Any]) -> None:
 
 def _steps(steps: int | None, lengths: dict[str, int]) -> int:
     """T from the argument and from the axes of inputs, by name. Raises ShapeError if they differ."""
+    if steps is not None and _is_number(steps) and steps >= MOST_STEPS:
+        raise SimulationError(f"steps is {literal(steps)}, expected fewer than 2^53")
     if steps is not None and not (_is_number(steps) and math.isfinite(steps) and steps == int(steps) and steps >= 0):
-        raise SimulationError(f"steps is {steps!r}, expected a whole number of 0 or more")
+        raise SimulationError(f"steps is {literal(steps)}, expected a whole number of 0 or more")
     several = {name: k for name, k in lengths.items() if k != 1}
     if steps is not None:
         several["argument steps"] = int(steps)
@@ -291,7 +296,7 @@ def _of_contacts(record: Any) -> tuple[bool, Any]:
     asked = [*record] if isinstance(record, (tuple, list)) else [record]
     rest = [x for x in asked if not (isinstance(x, str) and x == "contacts")]
     if not asked or len(rest) > 1:
-        raise SimulationError(f'record is {record!r}, expected a number of steps or "last", "contacts", or both')
+        raise SimulationError(f'record is {literal(record)}, expected a number of steps or "last", "contacts", or both')
     return len(rest) < len(asked), rest[0] if rest else None
 
 
@@ -300,4 +305,4 @@ def _every(record: Any, steps: int) -> int:
         return max(1, steps)
     if isinstance(record, (int, np.integer)) and not isinstance(record, bool) and record >= 1:
         return min(int(record), steps + 1)  # more have no sample either
-    raise SimulationError(f'record is {record!r}, expected a whole number of steps or "last"')
+    raise SimulationError(f'record is {literal(record)}, expected a whole number of steps or "last"')

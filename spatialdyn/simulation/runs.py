@@ -24,6 +24,7 @@ from ..errors import (
     SimulationError,
     SimulationInterrupt,
     SpatialDynError,
+    literal,
 )
 from ..laws.control import Control, check_control
 from ..model.model import Model
@@ -232,7 +233,7 @@ class _Wanted(NamedTuple):
         numbers = [x for x in asked if not isinstance(x, str)]
         if not asked or len(numbers) > 1 or not {*words} <= {*RECORDED}:
             known = " or ".join(RECORDED)
-            raise SpatialDynError(f"record is {record!r}, expected a number of steps, {known}, or several")
+            raise SpatialDynError(f"record is {literal(record)}, expected a number of steps, {known}, or several")
         return cls(numbers[0] if numbers else None, "work" in words, "contacts" in words)
 
 
@@ -259,7 +260,7 @@ def _every(record: int | None, total: int) -> int:
     if record is None:
         return max(1, math.ceil(total / SAMPLES))
     if isinstance(record, bool) or not isinstance(record, (int, np.integer)) or record < 1:
-        raise SpatialDynError(f"record is {record!r}, expected a whole number of steps of 1 or more")
+        raise SpatialDynError(f"record is {literal(record)}, expected a whole number of steps of 1 or more")
     return min(int(record), 1 << 53)  # kernels count in int64; no run has as many steps
 
 
@@ -284,7 +285,7 @@ def _run(run: _Run, duration: float, dt: float, torque: Any, fext: Any) -> Traje
     model, steps = scene.model, Steps.of(duration, dt)
     for name, x in zip(("rtol", "atol"), run.tolerances, strict=True):
         if not 0.0 < as_number(x) < math.inf:
-            raise SpatialDynError(f"{name} is {x!r}, expected a finite number above 0")
+            raise SpatialDynError(f"{name} is {literal(x)}, expected a finite number above 0")
     if run.progress is not False:
         check_progress(run.progress)
     if run.way.bounded:

@@ -16,7 +16,7 @@ from ..calls.arguments import as_array, as_flag, check_model
 from ..constraints.contact_points import Contacts, check_contacts
 from ..constraints.dynamics import stabilization_time
 from ..constraints.table import Constraints, check_constraints
-from ..errors import NonFiniteError, ShapeError, SimulationError, SpatialDynError
+from ..errors import NonFiniteError, ShapeError, SimulationError, SpatialDynError, literal
 from ..model.model import Model
 from .effects import of_scene
 from .effects.effect import Effect
@@ -108,7 +108,9 @@ class Scene:
             check_constraints(model, constraints)
         if stabilization is not None:
             if constraints is None:
-                raise SimulationError(f"stabilization is {stabilization!r}, expected None: no constraints are given")
+                raise SimulationError(
+                    f"stabilization is {literal(stabilization)}, expected None: no constraints are given"
+                )
             stabilization = stabilization_time(stabilization)
         if contacts is not None:
             check_contacts(model, contacts)
@@ -327,7 +329,7 @@ def _moved(call: str, names: list[str]) -> str:
 def check_method(scene: Scene, method: Any, known: Iterable[str]) -> str:
     """The method of a run, of those that a call knows. Raises SpatialDynError, SimulationError with those that can."""
     if not isinstance(method, str) or method not in known:
-        raise SpatialDynError(f"method is {method!r}, expected one of {', '.join(known)}")
+        raise SpatialDynError(f"method is {literal(method)}, expected one of {', '.join(known)}")
     fit = scene.methods
     if method not in fit:
         if not scene.solves and (reason := scene.unfit(method)):

@@ -11,7 +11,7 @@ from ..calls.arguments import core_shape
 from ..calls.specialize_request import SpecializeRequest, constants_of, dtype_of
 from ..constraints.dynamics import rows_to_keep
 from ..constraints.loops import close_loops
-from ..errors import SpatialDynError
+from ..errors import SpatialDynError, literal
 from ..recursions.spec import Argument
 from .effects import of_structure
 from .effects.constraints import Constrained
@@ -32,7 +32,7 @@ def step_request(given: Any, calls: Any, dtype: Any, fixed: Any, derivative: str
     scene = scene_of(given)
     words, values = (calls.keywords, calls.args) if isinstance(calls, partial) else ({}, ())
     if values or {*words} - {"method"}:
-        raise SpatialDynError(f'calls are {calls!r}, expected functools.partial(sd.step, method="rk4"), say')
+        raise SpatialDynError(f'calls are {literal(calls)}, expected functools.partial(sd.step, method="rk4"), say')
     method = check_method(scene, words.get("method", "semi_implicit_euler"), EXPLICIT_METHODS)
     number = dtype_of(dtype)
     if scene.constraints is not None and number != np.float64:

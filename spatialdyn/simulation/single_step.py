@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..calls import states as free
 from ..calls.arguments import as_array, batch_shape, broadcast, core_shape
-from ..errors import SpatialDynError
+from ..errors import SpatialDynError, literal
 from ..model.model import Model
 from ..recursions.spec import FEXT, TAU, Q, V
 from .rollouts import rollout
@@ -77,7 +77,7 @@ def step(
     """
     if not isinstance(scene, Scene):
         if states is not None:
-            raise SpatialDynError(f"states are {states!r}, expected None: a Model carries none beside q and v")
+            raise SpatialDynError(f"states are {literal(states)}, expected None: a Model carries none beside q and v")
         return free.step(scene, q, v, tau, dt, method, fext)
     model, h = scene.model, as_array("dt", dt)
     if h.ndim:

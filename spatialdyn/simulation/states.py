@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..calls.arguments import as_array, core_shape
-from ..errors import NonFiniteError, ShapeError, SimulationError
+from ..errors import NonFiniteError, ShapeError, SimulationError, literal
 from ..laws.law_specs import own_name
 from ..model.model import Model
 from ..recursions.spec import Argument
@@ -75,7 +75,7 @@ def run_states(
         twice = next(name for k, name in enumerate(names) if name in names[:k])
         raise SimulationError(f"two states of the run are named {twice}, expected different names")
     if given is not None and not isinstance(given, Mapping):
-        raise SimulationError(f"states are {given!r}, expected a dict of arrays by name")
+        raise SimulationError(f"states are {literal(given)}, expected a dict of arrays by name")
     known = [name for name in names if name not in HIDDEN]
     for name in given or {}:
         if name not in known:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ..calls.arguments import as_array
 from ..engines.compiled import numba_kernels
 from ..engines.compiled.numba_settings import is_jitted
-from ..errors import ShapeError, SimulationError
+from ..errors import ShapeError, SimulationError, literal
 from .recorder import Steps
 
 Array = NDArray[np.float64]
@@ -75,7 +75,9 @@ def _writing(function: Callable[..., Any], nv: int) -> Callable[[float, Array, A
     """``f(t, q, v) -> tau`` or ``f(t, q, v, tau)`` as the latter; f gets copies of q and v, which it may keep."""
     writes = not _takes(function, 3)
     if isinstance(function, type) or (writes and not _takes(function, 4)):
-        raise SimulationError(f"torque is {function!r}, expected a function f(t, q, v) -> tau or f(t, q, v, tau)")
+        raise SimulationError(
+            f"torque is {literal(function)}, expected a function f(t, q, v) -> tau or f(t, q, v, tau)"
+        )
 
     def ask(t: float, q: Array, v: Array, tau: Array) -> None:
         if writes:
@@ -107,7 +109,7 @@ def _takes(function: Callable[..., Any], count: int) -> bool:
 def check_force(force: Callable[..., Any]) -> None:
     """Raise SimulationError for a function of external forces that takes no (t, q, v)."""
     if isinstance(force, type) or not _takes(force, 3):
-        raise SimulationError(f"fext is {force!r}, expected a function f(t, q, v) -> (njoints, 6)")
+        raise SimulationError(f"fext is {literal(force)}, expected a function f(t, q, v) -> (njoints, 6)")
 
 
 def with_force(asks: Callable[..., None], force: Callable[[float, Array, Array], Any]) -> Callable[..., None]:

@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 
 from ..calls.arguments import check_model
 from ..calls.files import check_ending
-from ..errors import ModelError, SpatialDynError
+from ..errors import ModelError, SpatialDynError, literal
 from ..model.model import Model
+from ..waiting import watch
 from .contact_record import ContactRecord
 
 if TYPE_CHECKING:
@@ -92,6 +93,7 @@ class Trajectory:
             f"{abs(self.energy - self.energy[0]).max():.3g} J{cut}>"
         )
 
+    @watch.call("Trajectory.save")
     def save(self, path: str | PathLike[str] | IO[bytes]) -> None:
         """Write everything but the robot to a file in NumPy's npz format, which ``Trajectory.load`` reads.
 
@@ -114,9 +116,10 @@ class Trajectory:
             with nullcontext(path) if hasattr(path, "write") else open(path, "wb") as file:
                 np.savez_compressed(file, allow_pickle=False, **parts)
         except (OSError, ValueError) as error:  # the latter of a name that is none
-            raise SpatialDynError(f"{path!r} cannot be written: {error}") from error
+            raise SpatialDynError(f"{literal(path)} cannot be written: {error}") from error
 
     @classmethod
+    @watch.call("Trajectory.load")
     def load(cls, path: str | PathLike[str], model: Model | None = None) -> Trajectory:
         """The Trajectory in a file written by ``save``.
 
@@ -141,12 +144,14 @@ class Trajectory:
             _check_parts(made, parts)
         except Exception as error:  # of damaged bytes zipfile, zlib and NumPy raise much that they do not document
             why = f"it has no part {error}" if isinstance(error, KeyError) else error or type(error).__name__
-            raise SpatialDynError(f"{path!r} holds no trajectory: {why}") from error
+            raise SpatialDynError(f"{literal(path)} holds no trajectory: {why}") from error
         if model is None:
             return made
         if key is None or key != model.key:
             what = f'a run of robot "{made.robot}"' if key is not None else "no scene"
-            raise ModelError(f'{path!r} holds {what}, expected one of this model "{model.name}" with its numbers')
+            raise ModelError(
+                f'{literal(path)} holds {what}, expected one of this model "{model.name}" with its numbers'
+            )
         from .scene import Scene
 
         return replace(made, model=model, scene=Scene.from_toml(model, text))
@@ -163,6 +168,7 @@ class Trajectory:
             columns |= {f"{name}{k}": y for k, y in enumerate(x.reshape((len(x), -1)).T)}
         return pandas.DataFrame(columns, index=pandas.Index(self.t, name="t"))
 
+    @watch.call("Trajectory.plot")
     def plot(
         self, what: str | Sequence[str] = ("q", "v", "energy"), *, joints: str | Sequence[str] | None = None,
         ax: Any = None, path: Any = None,
@@ -184,6 +190,7 @@ class Trajectory:
 
         return plot_trajectory(self, what, joints, ax, path)
 
+    @watch.call("Trajectory.report")
     def report(self, path: str | PathLike[str]) -> None:
         """Write one HTML page of the run, which needs no network: robot, player, plots, numbers, how to reproduce it.
 
@@ -205,7 +212,7 @@ class Trajectory:
 def _file_name(path: Any) -> str | PathLike[str]:
     """The name of a file. Raises SpatialDynError; a number would be an open file of the process."""
     if not isinstance(path, (str, PathLike)):
-        raise SpatialDynError(f"path is {path!r}, expected the name of a file")
+        raise SpatialDynError(f"path is {literal(path)}, expected the name of a file")
     return path
 
 
@@ -230,10 +237,10 @@ def _scene_of(part: Array | None) -> tuple[str | None, str]:
 def _check_parts(run: Trajectory, unknown: Mapping[str, Array]) -> None:
     """Raise ValueError naming a part of a file that no trajectory has, or not in that form."""
     for name in unknown:
-        raise ValueError(f"{name!r} is no part of one")
+        raise ValueError(f"{literal(name)} is no part of one")
     for name, kind in WORDS.items():
         if type(getattr(run, name)) is not kind:
-            raise ValueError(f"{name} is {getattr(run, name)!r}, expected a {kind.__name__}")
+            raise ValueError(f"{name} is {literal(getattr(run, name))}, expected a {kind.__name__}")
     parts: dict[str, tuple[Any, int]] = {name: (getattr(run, name), n) for name, n in zip(ARRAYS, AXES, strict=True)}
     if run.spring_energy is not None:
         parts[SPRINGS] = run.spring_energy, 1

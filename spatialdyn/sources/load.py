@@ -11,11 +11,12 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
-from ..errors import SpatialDynError, UrdfError, pip_install
+from ..errors import SpatialDynError, UrdfError, literal, pip_install
 from ..model.model import Model
 from ..urdf.load import find_robot, load_urdf, robot_names
 from ..urdf.sources import is_yourdfpy
 from ..urdf.strict_xml import SIZE_LIMIT
+from ..waiting import watch
 from .descriptions import description_file, description_names
 from .mjmodel import from_mjmodel, need_mujoco
 from .xacro import is_xacro, urdf_of_xacro
@@ -28,6 +29,7 @@ SDF = (
 )
 
 
+@watch.call("load")
 def load(
     source: Any,
     root: str = "fixed",
@@ -67,7 +69,7 @@ def load(
     urdf = {**options, "gravity": EARTH if gravity is None else gravity, "snap": snap}
     mjcf = {**options, "gravity": gravity}
     if xacro is not None and not isinstance(xacro, Mapping):
-        raise SpatialDynError(f"xacro is {xacro!r}, expected a mapping of arguments to values")
+        raise SpatialDynError(f"xacro is {literal(xacro)}, expected a mapping of arguments to values")
     kind = type(source)
     if kind.__module__.partition(".")[0] == "mujoco" and kind.__name__ in ("MjModel", "MjSpec"):
         return from_mjmodel(source, **_without_snap(mjcf, snap))
@@ -88,7 +90,7 @@ def load(
 
 def _without_snap(options: dict[str, Any], snap: float | None) -> dict[str, Any]:
     if snap is not None:
-        raise SpatialDynError(f"snap is {snap!r}, expected None: it is of URDF alone")
+        raise SpatialDynError(f"snap is {literal(snap)}, expected None: it is of URDF alone")
     return options
 
 

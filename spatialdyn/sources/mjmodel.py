@@ -20,6 +20,7 @@ from ..model.joint_rows import joint_transform
 from ..model.model import Model, assemble
 from ..model.robot import Link, Mimic, Robot, RobotJoint
 from ..model.robot_checks import check_inertias, check_tree, clear_rounding, make_joint, make_link
+from ..waiting import watch
 from .mjmodel_scene import declared
 from .mjmodel_values import FREE, KINDS, XML_NAMES, active_couplers, floats_of, name_of, names_of, pose_of, turned
 
@@ -62,7 +63,8 @@ def from_mjmodel(
     >>> from_mjmodel(mujoco.MjModel.from_xml_string(text)).names
     ('universe', 'pin')
     """
-    robot = robot_of(compiled(mjmodel))
+    with watch.call("from_mjmodel"):
+        robot = robot_of(compiled(mjmodel))
     if (
         isinstance(root, str)
         and root == "floating"

@@ -14,7 +14,7 @@ from ..actuation.motors import Motor
 from ..constraints.contact_points import Contacts, Heightfield, Plane
 from ..constraints.kinds import Constraint
 from ..constraints.table import Constraints
-from ..errors import SimulationError, SpatialDynError
+from ..errors import SimulationError, SpatialDynError, literal
 from ..model.model import Model
 
 PLAIN = ("stabilization", "friction_method", "limits", "drive", "fext")  # options that are values
@@ -67,7 +67,7 @@ def read(model: Model, text: str) -> dict[str, Any]:
     try:
         given = tomllib.loads(text)
     except (ValueError, RecursionError) as error:
-        raise SimulationError(f"the scene is no TOML: {error}, expected a text and no {text!r:.60}") from None
+        raise SimulationError(f"the scene is no TOML: {error}, expected a text and no {literal(text):.60}") from None
     return options_of(model, given)
 
 
@@ -105,7 +105,7 @@ def options_of(model: Model, given: Mapping[str, Any]) -> dict[str, Any]:
 def _table(name: str, given: Any, known: tuple[str, ...]) -> dict[str, Any]:
     """A copy of a table. Raises SimulationError for another value, and unknown keys."""
     if not isinstance(given, dict):
-        raise SimulationError(f"{name} of the scene is {given!r}, expected a table [{name}]")
+        raise SimulationError(f"{name} of the scene is {literal(given)}, expected a table [{name}]")
     unknown = [x for x in given if x not in known]
     if unknown:
         raise SimulationError(f"[{name}] of the scene has {unknown[0]}, expected some of {', '.join(known)}")

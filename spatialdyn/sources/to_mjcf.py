@@ -12,12 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..calls.arguments import check_model
-from ..errors import SpatialDynError
+from ..errors import SpatialDynError, literal
 from ..model.assembly import IDENTITY, ROOT_JOINT
 from ..model.model import Model
 from ..model.physical_inertia import parallel_axis
 from ..model.robot import Link, Robot, RobotJoint
 from ..model.robot_checks import quoted
+from ..waiting import watch
 from .to_urdf import NO_TEXT, numbers
 
 Array = NDArray[np.float64]
@@ -61,7 +62,7 @@ def to_mjcf(model: Model) -> str:
         _refuse(joint, robot.root)
     for what in (robot.name, *(x.name for x in robot.links), *(x.name for x in robot.joints)):
         if NO_TEXT.search(what):
-            raise SpatialDynError(f"{what!r} has a character that XML cannot hold, expected a name without it")
+            raise SpatialDynError(f"{literal(what)} has a character that XML cannot hold, expected a name without it")
     links, children = {x.name: x for x in robot.links}, robot.children
     solid = _solid(robot)
     if WORLD in links and (robot.root != WORLD or floats or links[WORLD].mass):
@@ -81,28 +82,29 @@ def to_mjcf(model: Model) -> str:
     first = [Placed(RobotJoint(ROOT_JOINT, "floating", "", robot.root, IDENTITY), np.eye(4))] if floats else []
     # still to write: a link with its place and joints, or the line that closes a body
     stack: list[tuple[str, Array, list[Placed]] | str] = [(robot.root, base, first)]
-    while stack:
-        item = stack.pop()
-        if isinstance(item, str):
-            lines.append(item)
-            continue
-        name, X, joints = item
-        if joints and (behind := _goes_on(links[name], joints, children[name])) is not None:
-            Y = np.reshape(behind.placement, (4, 4))
-            back = np.linalg.inv(Y)
-            earlier = [Placed(x.joint, back @ x.X) for x in joints]
-            stack.append((behind.child, X @ Y, [*earlier, Placed(behind, np.eye(4))]))
-            continue
-        pad = "    "
-        if name != WORLD:
-            lines.append(
-                f'{pad}<body name={quoteattr(name)} pos="{numbers(X[:3, 3])}" quat="{numbers(_quaternion(X))}">'
-            )
-            lines += [pad + "  " + x for x in (*_inertial(solid[name]), *map(_joint, joints))]
-            stack.append(f"{pad}</body>")
-        for joint in reversed(children[name]):
-            made = [] if joint.kind == "fixed" else [Placed(joint, np.eye(4))]
-            stack.append((joint.child, np.reshape(joint.placement, (4, 4)), made))
+    with watch.call("to_mjcf"):
+        while stack:
+            item = stack.pop()
+            if isinstance(item, str):
+                lines.append(item)
+                continue
+            name, X, joints = item
+            if joints and (behind := _goes_on(links[name], joints, children[name])) is not None:
+                Y = np.reshape(behind.placement, (4, 4))
+                back = np.linalg.inv(Y)
+                earlier = [Placed(x.joint, back @ x.X) for x in joints]
+                stack.append((behind.child, X @ Y, [*earlier, Placed(behind, np.eye(4))]))
+                continue
+            pad = "    "
+            if name != WORLD:
+                lines.append(
+                    f'{pad}<body name={quoteattr(name)} pos="{numbers(X[:3, 3])}" quat="{numbers(_quaternion(X))}">'
+                )
+                lines += [pad + "  " + x for x in (*_inertial(solid[name]), *map(_joint, joints))]
+                stack.append(f"{pad}</body>")
+            for joint in reversed(children[name]):
+                made = [] if joint.kind == "fixed" else [Placed(joint, np.eye(4))]
+                stack.append((joint.child, np.reshape(joint.placement, (4, 4)), made))
     lines.append("  </worldbody>")
     moves = {j.name for j in robot.joints if j.kind != "fixed"}
     followers = [j for j in robot.joints if j.mimic is not None and {j.name, j.mimic.leader} <= moves]

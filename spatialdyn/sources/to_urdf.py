@@ -13,10 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..calls.arguments import check_model
-from ..errors import SpatialDynError
+from ..errors import SpatialDynError, literal
 from ..model.model import Model
 from ..model.robot import Link, Robot, RobotJoint
 from ..model.robot_checks import rpy_matrix, rpy_of
+from ..waiting import watch
 
 Array = NDArray[np.float64]
 KINDS = ("fixed", "revolute", "continuous", "prismatic", "floating", "planar")
@@ -54,13 +55,14 @@ def to_urdf(model: Model) -> str:
         _refuse(joint)
     for what in (robot.name, *(x.name for x in robot.links), *(x.name for x in robot.joints)):
         if NO_TEXT.search(what):
-            raise SpatialDynError(f"{what!r} has a character that XML cannot hold, expected a name without it")
+            raise SpatialDynError(f"{literal(what)} has a character that XML cannot hold, expected a name without it")
     _warn_of_order(robot)
     lines = [f"<robot name={quoteattr(robot.name)}>"]
-    for link in robot.links:
-        lines += _link(link)
-    for joint in robot.joints:
-        lines += _joint(joint)
+    with watch.call("to_urdf"):
+        for link in robot.links:
+            lines += _link(link)
+        for joint in robot.joints:
+            lines += _joint(joint)
     return "\n".join([*lines, "</robot>", ""])
 
 

@@ -6,7 +6,7 @@ import os
 from collections.abc import Mapping
 from typing import Any
 
-from ..errors import SpatialDynError, pip_install
+from ..errors import SpatialDynError, literal, pip_install
 
 
 def is_xacro(path: str) -> bool:
@@ -38,4 +38,7 @@ def urdf_of_xacro(data: bytes | None, path: str, arguments: Mapping[str, Any]) -
 
 
 def _word(value: Any) -> str:
-    return str(value).lower() if isinstance(value, bool) else str(value)
+    try:
+        return str(value).lower() if isinstance(value, bool) else str(value)
+    except Exception as error:  # of any class of the caller's; of an int of 4301 digits
+        raise SpatialDynError(f"a value in xacro is {literal(value)}: {error}") from error

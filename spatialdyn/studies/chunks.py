@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from ..engines.compiled.stamp import STAMP
 from ..engines.programs.llvm import host_cpu
 from ..engines.threads import set_num_threads
-from ..errors import StudyError
+from ..errors import StudyError, literal
 from ..simulation.scene import Scene
 from .folder import Folder
 from .reductions import Reduction, array_of
@@ -171,5 +171,5 @@ def path_of(folder: Any) -> str:
     except TypeError:
         text = b""
     if not isinstance(text, str) or not text or "\0" in text:
-        raise StudyError(f"folder is {folder!r}, expected the path of a folder")
+        raise StudyError(f"folder is {literal(folder)}, expected the path of a folder")
     return os.path.abspath(text)

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..calls.arguments import as_finite, as_flag
-from ..errors import StudyError
+from ..errors import StudyError, literal
 
 Array = NDArray[Any]
 State = dict[str, Array]
@@ -138,10 +138,10 @@ class Quantiles:
         names_of("output", [self.output])
         at = np.atleast_1d(as_finite("at", self.at))
         if at.ndim > 1 or not len(at) or not ((at >= 0.0) & (at <= 1.0)).all():
-            raise StudyError(f"at is {self.at!r}, expected quantiles in [0, 1]")
+            raise StudyError(f"at is {literal(self.at)}, expected quantiles in [0, 1]")
         object.__setattr__(self, "at", tuple(at.tolist()))
         if not is_whole(self.bits, 1) or self.bits > MOST_BITS:
-            raise StudyError(f"bits is {self.bits!r}, expected 1 to {MOST_BITS}")
+            raise StudyError(f"bits is {literal(self.bits)}, expected 1 to {MOST_BITS}")
 
     def of(self, arrays: Mapping[str, Array], first: int) -> State:
         """The state of a chunk."""
@@ -233,7 +233,7 @@ class Worst:
         object.__setattr__(self, "beside", names_of("beside", self.beside))
         object.__setattr__(self, "least", as_flag("least", self.least))
         if not is_whole(self.count, 1):
-            raise StudyError(f"count is {self.count!r}, expected a number of samples, at least 1")
+            raise StudyError(f"count is {literal(self.count)}, expected a number of samples, at least 1")
 
     def of(self, arrays: Mapping[str, Array], first: int) -> State:
         """The state of a chunk."""
@@ -312,7 +312,7 @@ def names_of(what: str, given: Any) -> tuple[str, ...]:
     """Names of outputs, or one, as a tuple. Raises StudyError."""
     names = (given,) if isinstance(given, str) else given
     if not isinstance(names, (tuple, list)) or not all(isinstance(x, str) and x for x in names):
-        raise StudyError(f"{what} is {given!r}, expected names of outputs")
+        raise StudyError(f"{what} is {literal(given)}, expected names of outputs")
     return tuple(names)
 
 
@@ -325,7 +325,7 @@ def _check(names: tuple[str, ...], *states: Any) -> None:
     """Raise StudyError unless they are states, which have arrays of these names."""
     for x in states:
         if not isinstance(x, dict) or not all(isinstance(x.get(name), (np.ndarray, np.generic)) for name in names):
-            raise StudyError(f"a state is {x!r}, expected what of() or merge() returned")
+            raise StudyError(f"a state is {literal(x)}, expected what of() or merge() returned")
 
 
 def array_of(arrays: Mapping[str, Array], name: str) -> Array:
@@ -338,9 +338,9 @@ def array_of(arrays: Mapping[str, Array], name: str) -> Array:
 def numbers(arrays: Mapping[str, Array], name: str, first: int) -> Array:
     """An output as finite float64. Raises StudyError that names a sample."""
     if not isinstance(arrays, Mapping):
-        raise StudyError(f"arrays is {arrays!r}, expected a dict of arrays (n, ...)")
+        raise StudyError(f"arrays is {literal(arrays)}, expected a dict of arrays (n, ...)")
     if not is_whole(first, 0):
-        raise StudyError(f"first is {first!r}, expected the number of a sample")
+        raise StudyError(f"first is {literal(first)}, expected the number of a sample")
     given = np.asarray(array_of(arrays, name))
     if given.dtype.kind not in "fiub":
         raise StudyError(f"{name} has dtype {given.dtype}, expected real numbers")
@@ -358,10 +358,10 @@ def reductions_of(reduce: Any) -> dict[str, Reduction]:
     given = reduce if isinstance(reduce, Mapping) else {getattr(reduce, "output", "result"): reduce}
     for label, one in given.items():
         if not isinstance(label, str) or not label or "/" in label:
-            raise StudyError(f"reduce has the label {label!r}, expected a name without a slash")
+            raise StudyError(f"reduce has the label {literal(label)}, expected a name without a slash")
         lacks = [name for name in ("of", "merge", "finish") if not callable(getattr(one, name, None))]
         if lacks or isinstance(one, type):
-            raise StudyError(f'reduce of "{label}" is {one!r}, expected a reduction such as sd.Moments("tau")')
+            raise StudyError(f'reduce of "{label}" is {literal(one)}, expected a reduction such as sd.Moments("tau")')
     return dict(given)
 
 

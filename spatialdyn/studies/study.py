@@ -13,7 +13,7 @@ import numpy as np
 
 from ..calls.arguments import as_flag, check_model
 from ..calls.progress import Progress, Steps, check_progress, reporting
-from ..errors import StudyError
+from ..errors import StudyError, literal
 from ..simulation.scene import Scene
 from .chunks import Function, Job, Outcome, host_of, manifest_of, path_of, run_chunk
 from .folder import Folder, Stored
@@ -85,12 +85,14 @@ class Study:
     ) -> None:
         """See ``study``."""
         if not callable(fn):
-            raise StudyError(f"fn is {fn!r}, expected a function of a scene, a numpy Generator and a number of samples")
+            raise StudyError(
+                f"fn is {literal(fn)}, expected a function of a scene, a numpy Generator and a number of samples"
+            )
         if not isinstance(scene, Scene):
             check_model(scene)
         for name, value, least in (("samples", samples, 1), ("chunk", chunk, 1), ("seed", seed, 0)):
             if not is_whole(value, least):
-                raise StudyError(f"{name} is {value!r}, expected an integer, at least {least}")
+                raise StudyError(f"{name} is {literal(value)}, expected an integer, at least {least}")
         self._job = Job(
             fn, scene, int(samples), int(chunk), int(seed), path_of(folder), _names(keep), reductions_of(reduce),
             host_of(),
@@ -169,13 +171,17 @@ class Study:
 
     def _run(self, chunks: tuple[int, ...], executor: Any, progress: Progress, threads: int | None) -> None:
         if threads is not None and (isinstance(threads, bool) or not isinstance(threads, int) or threads < 1):
-            raise StudyError(f"threads is {threads!r}, expected a number of threads or None")
+            raise StudyError(f"threads is {literal(threads)}, expected a number of threads or None")
         if threads is not None and executor is None:
-            raise StudyError(f"threads is {threads} without an executor, expected sd.set_num_threads for this process")
+            raise StudyError(
+                f"threads is {literal(threads)} without an executor, expected None, or sd.set_num_threads here"
+            )
         given = getattr(executor, "get_executor", None)
         executor = executor if given is None else given()
         if executor is not None and not callable(getattr(executor, "submit", None)):
-            raise StudyError(f"executor is {executor!r}, expected one with submit, such as of concurrent.futures")
+            raise StudyError(
+                f"executor is {literal(executor)}, expected one with submit, such as of concurrent.futures"
+            )
         self._check()
         self._folder.begin(self._manifest)
         job = replace(self._job, threads=threads)
@@ -207,7 +213,9 @@ class Study:
     def __getitem__(self, name: str) -> Stored:
         """A kept output of all samples, an array on disk. Raises StudyError if it is not kept or chunks are missing."""
         if name not in self._job.keep:
-            raise StudyError(f"{name!r} is not kept, expected one of {', '.join(self._job.keep) or 'none: keep=()'}")
+            raise StudyError(
+                f"{literal(name)} is not kept, expected one of {', '.join(self._job.keep) or 'none: keep=()'}"
+            )
         self._all()
         return Stored(self._folder, name, tuple(self._job.length(i) for i in range(self._count)))
 
@@ -239,7 +247,7 @@ def _names(keep: Any) -> tuple[str, ...]:
     given = names_of("keep", keep)
     for name in given:
         if not name.isidentifier() or name in RESERVED:
-            raise StudyError(f"keep holds {name!r}, expected names of outputs, no {', '.join(RESERVED)}")
+            raise StudyError(f"keep holds {literal(name)}, expected names of outputs, no {', '.join(RESERVED)}")
     return given
 
 

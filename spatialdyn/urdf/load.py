@@ -16,7 +16,7 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import InertiaError, ModelError, UrdfError
+from ..errors import InertiaError, ModelError, UrdfError, literal
 from ..model.model import Model, options_of
 from ..model.physical_inertia import symmetric
 from ..model.robot import WITH_AXIS, Link, Mimic, Robot, RobotJoint
@@ -32,6 +32,7 @@ from ..model.robot_checks import (
     rpy_matrix,
     rpy_of,
 )
+from ..waiting import watch
 from .robot_files import example_robots, find_robot, robot_names
 from .sources import bytes_of, file_of, is_yourdfpy
 from .strict_xml import (
@@ -89,10 +90,11 @@ def load_urdf(
     1
     """
     options = options_of(root, gravity, continuous, mimic)
-    robot, where = _read(source, inertia, snap, stacklevel=4)
-    if options.mimic:
-        _check_leaders(robot, where)
-    return Model(robot, options)
+    with watch.call("load_urdf"):
+        robot, where = _read(source, inertia, snap, stacklevel=4)
+        if options.mimic:
+            _check_leaders(robot, where)
+        return Model(robot, options)
 
 
 def read_urdf(source: Any, inertia: str = "warn", snap: float | None = None, skip_leftovers: bool = False) -> Robot:
@@ -100,7 +102,8 @@ def read_urdf(source: Any, inertia: str = "warn", snap: float | None = None, ski
 
     skip_leftovers  True leaves out elements of xacro and of undeclared prefixes that ``load_urdf`` refuses, and warns
     """
-    return _read(source, inertia, snap, 4, skip_leftovers)[0]
+    with watch.call("read_urdf"):
+        return _read(source, inertia, snap, 4, skip_leftovers)[0]
 
 
 def _read(
@@ -109,7 +112,7 @@ def _read(
     """The robot, and the function that gives the file and line of its links and joints."""
     real = isinstance(snap, (int, float, np.integer, np.floating))
     if snap is not None and not (real and 0.0 <= snap < 0.5 * RIGHT):
-        raise UrdfError(f"snap is {snap!r}, expected an angle from 0 to pi/4, or None")
+        raise UrdfError(f"snap is {literal(snap)}, expected an angle from 0 to pi/4, or None")
     if is_yourdfpy(source):
         robot = _robot(source.robot, nowhere, [], snap)
         return check_inertias(robot, inertia, stacklevel=stacklevel), nowhere
@@ -245,7 +248,7 @@ def _robot(description: Any, where: Where, notes: list[str], snap: float | None)
     for kind, things in (("robot", [description]), ("link", description.links), ("joint", description.joints)):
         for thing in things:
             if not isinstance(thing.name, str) or not thing.name.strip():
-                raise UrdfError(f"{where('', '')}a {kind} has name {thing.name!r}, expected a name")
+                raise UrdfError(f"{where('', '')}a {kind} has name {literal(thing.name)}, expected a name")
     angles: list[float] = []
     links = [_at(where("link", link.name), _link, link, snap, angles) for link in description.links]
     joints = [_at(where("joint", joint.name), _joint, joint, snap, angles) for joint in description.joints]
@@ -302,7 +305,7 @@ def _link(link: Any, snap: float | None, angles: list[float]) -> Link:
 def _joint(joint: Any, snap: float | None, angles: list[float]) -> RobotJoint:
     """A RobotJoint, without what its kind does not use, such as the limits of a continuous joint."""
     if joint.type not in URDF_KINDS:
-        raise UrdfError(f'joint "{joint.name}" has type {joint.type!r}, expected one of {", ".join(URDF_KINDS)}')
+        raise UrdfError(f'joint "{joint.name}" has type {literal(joint.type)}, expected one of {", ".join(URDF_KINDS)}')
     limit, dynamics, mimic = joint.limit, joint.dynamics, joint.mimic
     lower, upper = -math.inf, math.inf
     if limit is not None and joint.type in LIMITED:

@@ -9,7 +9,7 @@ from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
-from ..errors import UrdfError, pip_install
+from ..errors import UrdfError, literal, pip_install
 from ..model.robot_checks import quoted
 
 SHORT_NAMES = {  # of robots of which example-robot-data has several files: the one that README and benchmarks mean
@@ -100,7 +100,7 @@ def find_robot(name: str) -> Path:
     hint = f"; close names are {quoted(close)}" if close else ""
     hint += "" if example_robots() else f"; example-robot-data is not installed; {pip_install('validate')}"
     shown = name if len(name) <= 60 else name[:57] + "..."
-    raise UrdfError(f"{shown!r} is neither a file nor the name of a robot, expected one of them{hint}")
+    raise UrdfError(f"{literal(shown)} is neither a file nor the name of a robot, expected one of them{hint}")
 
 
 def _in_order(some: Sequence[str], of: Sequence[str]) -> bool:

@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from ..errors import UrdfError
+from ..errors import UrdfError, literal
 from .robot_files import find_robot
 from .strict_xml import SIZE_LIMIT, sane_text
 
@@ -80,7 +80,7 @@ def _path_of(source: str) -> Path:
     path = Path(source)
     if len(source) > LONGEST_NAME:
         raise UrdfError(
-            f"source is {source[:40]!r}... of {len(source)} characters, expected URDF text, a path or a name"
+            f"source is {literal(source[:40])}... of {len(source)} characters, expected URDF text, a path or a name"
         )
     if os.path.isfile(source) or path.suffix in (".urdf", ".xml", ".xacro") or path.is_absolute():
         return path

@@ -14,7 +14,7 @@ from collections import Counter
 from collections.abc import Iterable
 from typing import Any, NamedTuple, NoReturn
 
-from ..errors import UrdfError
+from ..errors import UrdfError, literal
 from ..model.robot import WITH_AXIS
 from ..model.robot_checks import is_number, quoted
 
@@ -88,12 +88,14 @@ def sane_text(label: str, text: str | bytes) -> tuple[str, bytes]:
     if not head:
         raise UrdfError(f"{label}: is empty, expected a <robot> element")
     if not head.startswith(b"<") or b"\0" in text:
-        raise UrdfError(f"{label}: starts with {head!r} and is no XML text, expected a <robot> element")
+        raise UrdfError(f"{label}: starts with {literal(head)} and is no XML text, expected a <robot> element")
     at = _root_at(start)
     if start[at : at + 9].upper() == b"<!DOCTYPE":
         shown = start[at : at + 40].split(b"\n")[0].decode("utf-8", errors="replace")
         line = start.count(b"\n", 0, at) + 1
-        raise UrdfError(f"{label}:{line}: has the document type {shown!r}, expected none (no entity is ever read)")
+        raise UrdfError(
+            f"{label}:{line}: has the document type {literal(shown)}, expected none (no entity is ever read)"
+        )
     return label, start
 
 

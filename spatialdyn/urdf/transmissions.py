@@ -18,10 +18,11 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import ModelError
+from ..errors import ModelError, literal
 from ..model.model import Model
 from ..model.robot_checks import quoted
 from ..model.transmission import Transmission
+from ..waiting import watch
 from .sources import bytes_of, is_yourdfpy
 from .strict_xml import StrictReader
 
@@ -66,7 +67,8 @@ def read_transmissions(source: Any) -> tuple[Transmission, ...]:
         raise ModelError("source is a yourdfpy.URDF, expected a path or text: it has no transmissions")
     label, data = bytes_of(source)
     reader = StrictReader(label, None)
-    kinds = {p.values["name"]: p.values["type"] for p in reader.read(data).children if p.tag == "joint"}
+    with watch.call("read_transmissions"):
+        kinds = {p.values["name"]: p.values["type"] for p in reader.read(data).children if p.tag == "joint"}
     made: list[Transmission] = []
     left: list[str] = []
     driven: set[str] = set()
@@ -143,7 +145,7 @@ def _number(element: Any, tags: tuple[str, ...], default: float) -> float:
     except ValueError:
         value = math.nan
     if not math.isfinite(value):
-        raise _UnsoundError(f"has {tags[0]} {texts[0][:40]!r}, expected a finite number")
+        raise _UnsoundError(f"has {tags[0]} {literal(texts[0][:40])}, expected a finite number")
     return value
 
 

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from ..calls.arguments import as_count, as_flag, as_items
 from ..calls.progress import Progress, Steps, check_progress, reporting
 from ..calls.states import generator
-from ..errors import InertiaError, NonFiniteError, SpatialDynError
+from ..errors import InertiaError, NonFiniteError, SpatialDynError, literal
 from ..model.model import Model
 from ..urdf.load import load_urdf
 from .calls import BY_LABEL, CALLS, FORWARD, Call, ours_of
@@ -88,7 +88,7 @@ def compare_with_pinocchio(
     asked = _asked(calls)
     count = as_count(samples, MOST_SAMPLES)
     if not count:
-        raise SpatialDynError(f"samples is {samples!r}, expected a whole number of 1 to {MOST_SAMPLES}")
+        raise SpatialDynError(f"samples is {literal(samples)}, expected a whole number of 1 to {MOST_SAMPLES}")
     rng, timed = generator("seed", seed), as_flag("timing", timing)
     check_progress(progress)
     model, pin_model = _both_models(source, root, continuous)
@@ -116,7 +116,7 @@ def _asked(names: Collection[str] | None) -> Sequence[Call]:
     for name in names:
         if name not in known:
             near = difflib.get_close_matches(str(name), known, 3, 0.5) or sorted(known)
-            raise SpatialDynError(f"calls has {name!r}, expected some of {', '.join(near)}")
+            raise SpatialDynError(f"calls has {literal(name)}, expected some of {', '.join(near)}")
     return [call for call in CALLS if call.name in names]
 
 
@@ -139,7 +139,7 @@ def _both_models(source: Any, root: str | None, continuous: str | None) -> tuple
         for name, value in (("root", root), ("continuous", continuous)):
             if value not in (None, getattr(source.options, name)):
                 own = getattr(source.options, name)
-                raise SpatialDynError(f'{name} is {value!r}, expected "{own}", which the Model was made with')
+                raise SpatialDynError(f'{name} is {literal(value)}, expected "{own}", which the Model was made with')
         return source, pinocchio_twin(source)
     root = "fixed" if root is None else root
     with warnings.catch_warnings():

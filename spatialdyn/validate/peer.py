@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ..bodies.kinds import ANGLE, PAIR, kind_of
 from ..calls.arguments import core_shape
-from ..errors import SpatialDynError, pip_install
+from ..errors import SpatialDynError, literal, pip_install
 from ..model.model import Frame, Joint, Model
 from ..recursions import SPECS
 from ..urdf.load import find_robot
@@ -50,7 +50,7 @@ def pinocchio_model(source: Any, root: str = "fixed") -> Any:
     except (ValueError, RuntimeError) as error:
         if isinstance(error, SpatialDynError):
             raise
-        raise SpatialDynError(f"Pinocchio refuses {str(source)[:80]!r}: {str(error).splitlines()[0]}") from None
+        raise SpatialDynError(f"Pinocchio refuses {literal(str(source)[:80])}: {str(error).splitlines()[0]}") from None
 
 
 def pinocchio_twin(model: Model) -> Any:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import pickle
 from typing import Any
 
@@ -129,9 +130,35 @@ def test_motors_are_compared_by_content() -> None:
         ({"torque_constant": [K, np.nan]}, "freedom 1: torque constant is nan"),
     ],
 )
-def test_bad_values_are_refused_when_made(changes: dict[str, Any], words: str) -> None:
+def test_the_refusal_names_freedom_value_and_what_was_expected(changes: dict[str, Any], words: str) -> None:
     with pytest.raises(sd.ModelError, match=words):
         motor(**changes)
+
+
+@pytest.mark.parametrize(
+    ("field", "bad", "good"),
+    [
+        ("torque_constant", (-1.0, np.inf), (0.0, 1.0)),
+        ("resistance", (-1.0, 0.0, np.inf), (1e-3,)),
+        ("voltage", (-1.0, 0.0, np.inf), (1e-3,)),
+        ("ratio", (0.0, np.inf, -np.inf), (-50.0, 1e-3)),
+        ("back_emf", (-1.0, np.inf), (0.0, 1.0)),
+        ("current", (-1.0, 0.0), (1e-3, np.inf)),
+        ("torque", (-1.0, 0.0), (1e-3, np.inf)),
+        ("efficiency", (-1.0, 0.0, 1.001, np.inf), (1e-3, 1.0)),
+    ],
+)
+def test_each_value_has_a_range(field: str, bad: tuple[float, ...], good: tuple[float, ...]) -> None:
+    for x in (*bad, np.nan):
+        with pytest.raises(sd.ModelError, match=f"freedom 1: {field.replace('_', ' ')} is {x:g}"):
+            motor(**{field: [good[0], x]})
+    for x in good:
+        assert getattr(motor(**{field: x}), field)[0] == x
+
+
+def test_every_value_of_a_motor_is_here() -> None:
+    (mark,) = test_each_value_has_a_range.pytestmark  # type: ignore[attr-defined]
+    assert [row[0] for row in mark.args[1]] == [x.name for x in dataclasses.fields(sd.Motor)]
 
 
 def test_one_motor_is_that_of_every_joint(arm: sd.Model) -> None:

@@ -102,8 +102,35 @@ def test_info_counts_the_meshes_and_names_those_that_are_missing(
         shown = f"meshes  3 of 4 visual and 1 collision shapes, {len(missing)} missing: {lost}\n"
         assert shown in run(capsys, "info", str(file), *more)[1]
         record = json.loads(run(capsys, "info", str(file), "--json", *more)[1])
-        assert record["meshes"] == {"names": names[:3], "visual": 4, "collision": 1, "missing": missing}
+        assert record["meshes"] == {"names": names[:3], "visual": 4, "collision": 1, "missing": missing, "faulty": []}
     assert "meshes" not in run(capsys, "info", "two_link")[1]
+
+
+def test_info_names_what_a_mesh_refers_to_and_is_not_there(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    """As a foot of ANYmal, whose texture's surface has another name."""
+    text = """<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema"><library_images><image id="i">
+        <init_from>a%20b.png</init_from></image></library_images><library_effects><effect id="e"><profile_COMMON>
+        <newparam sid="s"><surface><init_from>i</init_from></surface></newparam>
+        <newparam sid="t"><sampler2D><source>s</source></sampler2D></newparam></profile_COMMON></effect>
+        </library_effects><instance_effect url="#e"/></COLLADA>"""
+    file = tmp_path / "arm.urdf"
+    mesh = '<visual><geometry><mesh filename="a.dae"/></geometry></visual>'
+    file.write_text(f'<robot name="arm"><link name="l">{mesh}</link></robot>')
+    (tmp_path / "a b.png").write_bytes(b"")
+    for old, new, fault in (
+        ("", "", ""),
+        ("<source>s", "<source>z", 'no surface "z" of a texture'),
+        ("<init_from>i", "<init_from>j", 'no image "j" of a texture'),
+        ("a%20b.png", "c.png", 'no image file "c.png"'),
+        ('url="#e"', 'url="#f"', 'no effect "f"'),
+        ("</COLLADA>", "", "Premature end"),
+    ):
+        (tmp_path / "a.dae").write_text(text.replace(old, new) if old else text)
+        (found,) = json.loads(run(capsys, "info", str(file), "--json")[1])["meshes"]["faulty"] or [""]
+        assert found.startswith(f"a.dae: {fault}" if fault else "")
+        assert bool(found) == bool(fault)
+        shown = " ".join(run(capsys, "info", str(file))[1].split())
+        assert ('none missing, 1 broken in part: "a.dae: ' in shown) == bool(fault)
 
 
 def test_json_of_info_is_the_model(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:

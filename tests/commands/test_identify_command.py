@@ -26,6 +26,7 @@ def test_a_path_a_log_a_page_and_a_urdf(tmp_path: Path, capsys: Any) -> None:
     assert main([*words, "--report", where["page.html"], "--save", where["model.urdf"], "--validate", words[2]]) == 0
     out = capsys.readouterr().out
     assert "joint2.Iyy" in out
+    assert "name + n is a sum of n + 1 parameters" in out
     assert "times the noise" in out
     assert "<h2>Parameters</h2>" in Path(where["page.html"]).read_text(encoding="utf-8")
     np.testing.assert_allclose(sd.load_urdf(where["model.urdf"]).damping, 0.2, atol=0.01)
@@ -46,6 +47,8 @@ def test_a_path_a_log_a_page_and_a_urdf(tmp_path: Path, capsys: Any) -> None:
     assert "delay is 'soon'" in capsys.readouterr().err
     assert main([*words, "--save", str(tmp_path / "model.txt")]) == 2
     assert "expected a name that ends in .urdf" in capsys.readouterr().err
+    assert main(["excite", "two_link", "--payload", "nowhere"]) == 2
+    assert "nowhere" in capsys.readouterr().err
     assert main(["excite", "two_link", "--rate", "0.9"]) == 2
     assert "--rate is 0.9, expected 1 or more, twice the highest harmonic" in capsys.readouterr().err
     assert main(["excite", "two_link", "--save", str(tmp_path / "path.txt")]) == 2

@@ -12,14 +12,14 @@ from typing import Any
 import pytest
 
 import spatialdyn as sd
+from spatialdyn import waiting
 from spatialdyn.calls import progress
 from spatialdyn.calls.progress import LOGGER, reporting
 from spatialdyn.commands import cli
-from spatialdyn.engines import waiting
 from spatialdyn.engines.compiled import numba_kernels
 from spatialdyn.engines.programs.llvm import host_cpu
 from spatialdyn.engines.programs.run import batch_kernels
-from spatialdyn.engines.waiting import watch
+from spatialdyn.waiting import watch
 
 
 class Said(list[str]):
@@ -35,6 +35,12 @@ class Said(list[str]):
 
     def wait(self) -> bool:
         return self._any.wait(30.0)
+
+
+@pytest.fixture
+def arm() -> sd.Model:
+    """Asked for before ``said``, to which loading may take long."""
+    return sd.load_urdf("two_link")
 
 
 @pytest.fixture
@@ -100,10 +106,23 @@ def test_a_call_that_compiles_is_named_once_with_what_compiles(said: Said) -> No
     assert list(said) == ["simulate takes more than 0.02 s: compiling crba; it is kept"]
 
 
+def test_the_innermost_call_is_named_with_the_outermost(said: Said) -> None:
+    """As the command line names a call that it makes, and not its own name twice."""
+    with watch.call("excite"), watch.call("excitation"), watch.work("recording fourier"):
+        assert said.wait()
+    with watch.call("trade"), reporting(False, "trade") as report:
+        report(3, 9)
+        while len(said) < 2:
+            pause()
+    assert list(said) == [
+        "excite takes more than 0.02 s: recording fourier",
+        "trade takes more than 0.02 s: 3 of 9 steps are done",
+    ]
+
+
 @pytest.mark.skipif(numba_kernels.PLAIN, reason="NUMBA_DISABLE_JIT: nothing compiles")
 @pytest.mark.parametrize("way", ["program", "kernel"])
-def test_what_compiles_is_named(said: Said, way: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    arm = sd.load_urdf("two_link")
+def test_what_compiles_is_named(arm: sd.Model, said: Said, way: str, monkeypatch: pytest.MonkeyPatch) -> None:
     if way == "program":
         right = host_cpu._object_code
 
@@ -131,7 +150,7 @@ def test_the_logger_is_the_packages_and_silent_by_itself() -> None:
     assert any(isinstance(x, logging.NullHandler) for x in LOGGER.handlers)
     code = """
 import threading, spatialdyn
-from spatialdyn.engines import waiting
+from spatialdyn import waiting
 waiting.LONG = 0.01
 with waiting.watch.work("waiting"):
     threading.Event().wait(0.1)
@@ -156,7 +175,7 @@ def test_the_command_line_prints_it_unless_quiet(
 
     monkeypatch.setattr(command, "compile_calls", work)
     assert cli.main(["compile", "two_link", *words]) == 0
-    assert ("spatialdyn: knitting takes more than 0.02 s\n" in capsys.readouterr().err) == (not words)
+    assert ("spatialdyn: compile takes more than 0.02 s" in capsys.readouterr().err) == (not words)
 
 
 def test_an_example_prints_it(soon: None, capsys: pytest.CaptureFixture[str]) -> None:
@@ -168,4 +187,4 @@ def test_an_example_prints_it(soon: None, capsys: pytest.CaptureFixture[str]) ->
 
     main.__module__ = first_steps.__name__
     gallery.start(main, [])
-    assert capsys.readouterr().err == "first_steps: knitting takes more than 0.02 s\n"
+    assert capsys.readouterr().err == "first_steps: the example takes more than 0.02 s: knitting\n"

@@ -91,6 +91,12 @@ def test_ranks_of_larger_robots_and_other_gravity() -> None:
         assert len(bases[0].names) == 130
 
 
+def test_fewer_rows_than_columns_are_refused() -> None:
+    assert sd.base_parameters(loaded("two_link"), samples=10).rank == 6
+    with pytest.raises(sd.IdentificationError, match="samples is 9, expected 0, or 10 or more"):
+        sd.base_parameters(loaded("two_link"), samples=9)
+
+
 def test_pivots_without_a_gap_are_refused() -> None:
     R = np.diag([1.0, 1.0, 1.0])
     R[0, 1], R[1, 1] = 1.0, 5e-9

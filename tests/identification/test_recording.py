@@ -58,6 +58,20 @@ def test_a_torque_that_is_one_number_or_stands_at_its_extreme_is_named() -> None
         sd.Recording(T, Q, Q).check(sd.load_urdf("pendulum"))
 
 
+def test_positions_and_velocities_that_do_not_fit_are_noted() -> None:
+    model, slope = sd.load_urdf("two_link"), np.stack([np.cos(T), -np.sin(T)], 1)
+    assert not sd.Recording(T, Q, Q, slope).check(model)
+    for v in (-slope, np.degrees(slope), slope[:, ::-1], 0.0 * slope):
+        notes = sd.Recording(T, Q, Q, v).check(model)
+        assert 'velocity of joint "joint1" is not the slope of its position' in notes[0]
+    still = 1e-6 * np.random.default_rng(0).normal(size=Q.shape)
+    assert not sd.Recording(T, Q * [1.0, 0.0] + still, Q, slope * [1.0, 0.0] + 1e3 * still).check(model)
+    limited = sd.ModelBuilder("arm").add_body("b", None, "revolute", (0, 1, 0), limits=(-1.0, 1.0)).build()
+    assert not sd.Recording(T, Q[:, :1], Q[:, :1]).check(limited)
+    (note,) = sd.Recording(T, np.degrees(Q[:, :1]), Q[:, :1]).check(limited)
+    assert 'position of joint "b_joint" goes from 0 to 48.21, beyond its limits -1 to 1: degrees' in note
+
+
 def test_files_give_the_bits_back(tmp_path: Path) -> None:
     log = sd.Recording(T, Q, 2.0 * Q, 3.0 * Q, 4.0 * Q)
     log.save(tmp_path / "log.csv")

@@ -247,3 +247,14 @@ def test_damping_and_friction_that_do_not_act_are_warned_of() -> None:
         sd.rollout(*start, dt=1e-3, steps=1)
     for friction in (True, False):
         scenes.rollout(*start, dt=1e-3, steps=1, friction=friction)
+
+
+@pytest.mark.parametrize("steps", [2**53, 2**64 + 1, 10**5000], ids=["2^53", "2^64 + 1", "10^5000"])
+def test_more_steps_than_a_compiled_loop_counts_are_refused(steps: int) -> None:
+    """2^64 and more ended the process: of an int a kernel takes the low 64 bits."""
+    arm = sd.load_urdf("two_link")
+    for record in ("last", 2**40, 1):
+        with pytest.raises(sd.SimulationError, match=r"steps is .*, expected (fewer than 2\^53|a whole number)"):
+            sd.rollout(arm, np.zeros((2, 2)), np.zeros((2, 2)), dt=1e-3, steps=steps, record=record)
+    with pytest.raises(sd.SimulationError, match="2 samples of 1125899906842624 states are more than memory holds"):
+        sd.rollout(arm, np.zeros((2, 2)), np.zeros((2, 2)), dt=1e-3, steps=2**50)

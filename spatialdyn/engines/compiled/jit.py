@@ -18,8 +18,8 @@ from numba.np import arrayobj
 
 from ...algebra.scalars import compiled_as, inline, register
 from ...bodies.table import BODIES
+from ...waiting import watch
 from ..interrupt import interruptible
-from ..waiting import watch
 from . import disk_cache
 from .numba_cache import NumbaCache
 from .numba_settings import PLAIN

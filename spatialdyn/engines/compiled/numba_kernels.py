@@ -26,8 +26,8 @@ import numpy as np
 
 from ...recursions import SPECS
 from ...recursions.spec import Argument, Spec, flat, gather, is_record
+from ...waiting import watch
 from .. import locks
-from ..waiting import watch
 from . import disk_cache
 from .checks import all_finite, no_overlap, pivots_regular, unit_norm
 from .generated import function_from_text

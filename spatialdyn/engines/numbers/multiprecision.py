@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from ...algebra import scalars
 from ...bodies.kinds import KINDS
-from ...errors import SpatialDynError, pip_install
+from ...errors import SpatialDynError, literal, pip_install
 
 LEAST = 53  # bits of float64
 MOST = 1 << 20  # bits at which a product takes milliseconds
@@ -128,7 +128,7 @@ class Rationals:
         try:
             return ExactRational(x.item() if isinstance(x, np.generic) else x)
         except (TypeError, ValueError, OverflowError):
-            raise SpatialDynError(f"{x!r} is no rational number, expected a finite one") from None
+            raise SpatialDynError(f"{literal(x)} is no rational number, expected a finite one") from None
 
     def coordinates(self, bodies: NDArray[Any], q: NDArray[Any]) -> NDArray[Any]:
         """Coordinates (nq,) for the recursions; the entries of angles are tan(q/2)."""
@@ -174,7 +174,9 @@ class Digits:
                 return self._work.make_mpf(x._mpf_)
             return make(x.item() if isinstance(x, np.generic) else x)
         except (TypeError, ValueError):
-            raise SpatialDynError(f"{x!r} is no real number, expected a float, a Fraction or mpmath's mpf") from None
+            raise SpatialDynError(
+                f"{literal(x)} is no real number, expected a float, a Fraction or mpmath's mpf"
+            ) from None
 
     def coordinates(self, bodies: NDArray[Any], q: NDArray[Any]) -> NDArray[Any]:
         """Coordinates for the recursions, unchanged."""
@@ -218,7 +220,9 @@ def arithmetic(bits: int | None) -> Arithmetic:
     if bits is None:
         return Rationals()
     if isinstance(bits, bool) or not isinstance(bits, (int, np.integer)) or not LEAST <= bits <= MOST:
-        raise SpatialDynError(f"bits is {bits!r}, expected at least {LEAST}, at most {MOST}, or None for rationals")
+        raise SpatialDynError(
+            f"bits is {literal(bits)}, expected at least {LEAST}, at most {MOST}, or None for rationals"
+        )
     return Digits(int(bits))
 
 

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...algebra import regions, scalars
-from ...errors import SpatialDynError, pip_install
+from ...errors import SpatialDynError, literal, pip_install
 from ...recursions.spec import Spec, shape_in
 from ..programs.record.tracer import evaluate
 from .fourier import fourier, length
@@ -128,7 +128,9 @@ class Number:
 
 def _unknown(name: str) -> Any:
     def refuse(x: Number, *others: Any) -> Number:
-        raise SpatialDynError(f"{name} of the symbolic {x!r} has no closed form here, expected sums and products")
+        raise SpatialDynError(
+            f"{name} of the symbolic {literal(x)} has no closed form here, expected sums and products"
+        )
 
     return refuse
 
@@ -301,6 +303,8 @@ class Ring:
         if e.is_Rational:
             return Number(self, self.polynomials(sympy.QQ(int(e.p), int(e.q))))
         if e.is_Float:
+            if not math.isfinite(float(e)):
+                raise SpatialDynError(f"{e!s:.40} is beyond the range of float64, expected a number within it")
             return self.of(sympy.Rational(repr(float(e))))
         if e.is_Add or e.is_Mul:
             total = self.of(e.args[0])

@@ -43,7 +43,7 @@ class Turned(NamedTuple):
 
 
 @inline
-def coordinate_rate(bodies: Bodies, q: Config, v: Vector, dq: Config) -> int:
+def coordinate_rate(bodies: Bodies, q: Config, v: Vector, dq: Config) -> None:
     """dq (nq) = dq/dt of joints that move with v."""
     for i in range(1, len(bodies)):
         b = bodies[i]
@@ -71,7 +71,6 @@ def coordinate_rate(bodies: Bodies, q: Config, v: Vector, dq: Config) -> int:
             dq[k], dq[k + 1] = c * m.v.x - s * m.v.y, s * m.v.x + c * m.v.y
         else:
             dq[k] = m.w.z
-    return 0
 
 
 @inline

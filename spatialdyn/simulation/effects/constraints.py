@@ -37,7 +37,7 @@ from ...constraints.dynamics import (
 from ...constraints.kinds import HingeConstraint, WeldConstraint
 from ...constraints.loops import raise_if_open
 from ...constraints.table import Constraints
-from ...errors import ConstraintError, SimulationError
+from ...errors import ConstraintError, SimulationError, literal
 from ...model.model import Model
 from ...recursions.constraints import constrained
 from ...recursions.constraints.constrained_friction import HELD_BRISTLES
@@ -271,7 +271,7 @@ def constrained_of(scene: Any, q: Array, v: Array, dt: float) -> Constrained:
         rate = 1.0 / scene.stabilization
         if rate * dt * LEAST_STEPS > 1.0:
             least = f"{LEAST_STEPS:g} dt = {LEAST_STEPS * dt:g} s: shorter times are unstable"
-            raise SimulationError(f"stabilization is {scene.stabilization!r} s, expected at least {least}")
+            raise SimulationError(f"stabilization is {literal(scene.stabilization)} s, expected at least {least}")
     solved = scene.contacts is not None or scene.limits or (scene.solves and scene.friction_method != "lugre")
     phi = call(ERROR, model, constraints, q)
     turns = any(isinstance(x, (HingeConstraint, WeldConstraint)) for x in constraints.items)  # by half, perhaps

@@ -20,7 +20,7 @@ from ...actuation.motors import Motor, check_motor
 from ...algebra.scalars import select
 from ...calls.dynamics import calls
 from ...calls.failures import joint_of_velocity
-from ...errors import SimulationError
+from ...errors import SimulationError, literal
 from ...model.model import Model
 from ...recursions.joints.friction import (
     BRISTLE_STEP,
@@ -216,9 +216,9 @@ def friction_effects(
             way needs; ModelError naming the joint, ShapeError.
     """
     if not isinstance(way, str) or way not in WAYS:
-        raise SimulationError(f"friction_method is {way!r}, expected one of {', '.join(WAYS)}")
+        raise SimulationError(f"friction_method is {literal(way)}, expected one of {', '.join(WAYS)}")
     if not isinstance(drive, str) or drive not in DRIVES:
-        raise SimulationError(f"drive is {drive!r}, expected one of {', '.join(DRIVES)}")
+        raise SimulationError(f"drive is {literal(drive)}, expected one of {', '.join(DRIVES)}")
     if motor is None and drive != CURRENT:
         raise SimulationError(f'drive is "{drive}" and no motor is given, expected motor=Motor(...) with it')
     if motor is None and friction is None and way != IMPLICIT:

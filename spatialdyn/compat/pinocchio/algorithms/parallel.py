@@ -15,6 +15,7 @@ import numpy as np
 from ....calls import dynamics as library
 from ....engines.threads import slices
 from ....errors import ShapeError, SpatialDynError
+from ....waiting import watch
 from ..model.library_model import library_model
 from ..model.model import Model
 from ..types.arguments import NUMBERS, ArgumentError, Array, described, expected
@@ -131,7 +132,8 @@ def _in_parallel(
         found = call(sd_model, *rows)
     else:
         found = np.empty((n, model.nv))
-        with ThreadPoolExecutor(parts) as workers:  # in slices, for Ctrl-C is handled when the threads have ended
+        long = watch.work(f"a batch of {n} samples")
+        with long, ThreadPoolExecutor(parts) as workers:  # in slices, for Ctrl-C is handled when the threads have ended
             for first, end in slices(n, len(sd_model.bodies), model.nv, LEAST * parts):
                 cuts = pairwise([first + (end - first) * k // parts for k in range(parts + 1)])
                 jobs = [workers.submit(call, sd_model, *(x[i:j] for x in rows), out=found[i:j]) for i, j in cuts]

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ....errors import SpatialDynError, pip_install
+from ....errors import SpatialDynError, literal, pip_install
 from .arrays import CUDA
 from .device import Device, Loaded, Text
 from .kernel_text import BLOCK, NVPTX
@@ -71,7 +71,7 @@ def _done(call: str, found: Any) -> Any:
     """The result of a call of the driver. Raises SpatialDynError naming the call."""
     error, *rest = found
     if int(error) != 0:
-        raise SpatialDynError(f"{call} of the CUDA driver failed: {error!r}")
+        raise SpatialDynError(f"{call} of the CUDA driver failed: {literal(error)}")
     return rest[0] if len(rest) == 1 else rest
 
 

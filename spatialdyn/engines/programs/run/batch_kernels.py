@@ -21,11 +21,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....recursions.spec import Spec
+from ....waiting import watch
 from ... import locks
 from ...compiled import disk_cache
 from ...compiled.stamp import STAMP, names
 from ...threads import PIECES, thread_pool
-from ...waiting import watch
 from ..llvm import host_cpu, simd
 from ..llvm.llvm_entry import DATA_OFFSET, buffer_size
 from ..record import structure

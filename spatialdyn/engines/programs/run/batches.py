@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ....waiting import watch
 from ...threads import thread_pool
 
 NONE = np.empty(0, np.intp)
@@ -76,12 +77,13 @@ class Batches(ABC):
         found: list[NDArray[np.intp]] = []
         done = 0
         try:
-            while done < n:
-                end = min(done + reach * self.lanes, n)
-                part = [*self._cut(inputs, done, end, n), *(y[done:end] for y in outputs)]
-                some = self._part(end - done, part, threads)
-                found += [] if some is None else [some + done]
-                done = end
+            with watch.work(f"a batch of {n} samples", lambda: f": {done} are done"):
+                while done < n:
+                    end = min(done + reach * self.lanes, n)
+                    part = [*self._cut(inputs, done, end, n), *(y[done:end] for y in outputs)]
+                    some = self._part(end - done, part, threads)
+                    found += [] if some is None else [some + done]
+                    done = end
         except KeyboardInterrupt:
             _forget(outputs if seen else (), done, found)
             raise

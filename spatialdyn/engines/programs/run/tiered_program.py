@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....recursions.spec import Spec
+from ....waiting import watch
 from ... import locks
-from ...waiting import watch
 from ..record.recording import ALL, ProgramOptions, Recording
 from . import batch_kernels, single_call
 from .batches import Batches

@@ -12,11 +12,19 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
+from typing import NamedTuple
 
 LONG = 3.0  # seconds
 LOOKS = 8  # in LONG seconds; after as many at nothing the thread waits for work
 
-Part = tuple[str, Callable[[], str]]  # what is done, and the end of its text
+
+class Part(NamedTuple):
+    """Work within other work: what is done, the end of its text, whether its own parts are named in its place."""
+
+    what: str
+    more: Callable[[], str]
+    parts: bool
+
 
 _within: ContextVar[list[Part] | None] = ContextVar("_within", default=None)  # what is done in the work, if any is on
 
@@ -81,12 +89,13 @@ class Watch:
         """Name what is done within, if it takes long and is no part of other such work.
 
         more   the end of the text
-        parts  whether the text ends with the work that goes on within, if there is some
+        parts  whether the text ends with the work that goes on within, if there is some, and so on
         """
         outer = _within.get()
         if outer is not None:
             known = outer[:]
-            outer[:] = known or [(what, more)]
+            if not known or known[-1].parts:
+                outer.append(Part(what, more, parts))
             try:
                 yield
             finally:
@@ -96,8 +105,8 @@ class Watch:
 
         def text() -> str:
             said = f"{what} takes more than {LONG:g} s"
-            for part, end in within[:1] if parts else []:
-                return f"{said}: {part}{end()}"
+            for part in within[-1:] if parts else []:
+                return f"{said}{'' if part.what == what else f': {part.what}'}{part.more()}"
             return said + more()
 
         reset = _within.set(within)
@@ -106,6 +115,15 @@ class Watch:
                 yield
         finally:
             _within.reset(reset)
+
+    @contextmanager
+    def call(self, name: str) -> Iterator[None]:
+        """Name a call that may take long, and the work within it that does.
+
+        Without ``with`` it decorates the call's function, where no warning counts frames.
+        """
+        with self.work(name, parts=True):
+            yield
 
 
 watch = Watch()
