@@ -123,8 +123,8 @@ class Control:
         return made
 
     def limited_by(self, limits: ArrayLike) -> Control:
-        """This law with its torques within -limits to limits, a number or (nv,), above 0 [N m | N]: effort limits, as of
-        a Model, infinite where there is none.
+        """This law with its torques within -limits to limits, a number or (nv,), above 0 [N m | N]: effort limits, as
+        of a Model, infinite where there is none.
 
         Raises SimulationError for limits that are not above 0
         """
