@@ -260,6 +260,9 @@ class _Attempts(NamedTuple):
         row = np.arange(n)
         square = np.maximum(after[:, :, nq], after[:, :, nq + 1])  # written out: a max over two takes half the time
         square[np.isnan(square)] = np.inf
+        more = most - self.step  # steps that may yet be taken, where a round takes STEPS
+        if len(more) and more.min() < STEPS:
+            square[np.arange(STEPS) > more[:, None]] = np.inf
         good = square <= tolerance * tolerance
         done = good.any(1)
         k = np.where(done, good.argmax(1), square.argmin(1))  # of the states before the steps, the one to keep
@@ -270,9 +273,9 @@ class _Attempts(NamedTuple):
         stuck = ~done & ~(lowest < PROGRESS * self.least)
         step = self.step + STEPS
         why = np.where(done, CONVERGED, np.where(stuck, STUCK, EXHAUSTED))
-        steps, least = self.steps + np.where(done, k, STEPS), np.minimum(self.least, lowest)
+        steps, least = self.steps + np.where(done, k, np.minimum(more, STEPS)), np.minimum(self.least, lowest)
         made = self._replace(state=after[:, -1], step=step, steps=steps, least=least, q=q, left=left, why=why)
-        return made, done | stuck | (step >= most)
+        return made, done | stuck | (step > most)
 
 
 class _Search(NamedTuple):

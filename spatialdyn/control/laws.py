@@ -28,21 +28,26 @@ ROUNDING = 1e-9  # of a matrix's largest entry: how far from symmetric it may be
 
 
 class Law(Control):
-    """A ``Control`` of this module: its gains, its reference and how it is held."""
+    """A ``Control`` of this module: its gains, its reference and how it is held.
 
+    line  Spec of its torque by gains and references q_ref, v_ref and a_ref, whatever gives these
+    """
+
+    line: Spec
     path: Path | None = None
     smooth = True
 
     def __init__(self, core: Spec, gains: dict[str, Array], reference: Any, held: bool | float) -> None:
         """Of the Spec of a law, its gains by name, and a Path, or arrays q_ref, v_ref and a_ref by name."""
         if isinstance(reference, Path):
-            self.path = reference
+            self.path, self.line = reference, core
             own = {name: kept(x) for name, x in gains.items()}
             spec, values, self.static = following(core, reference.spec), {**own, **reference.rows}, ()
             self.checks = (reference.check_model,)
         else:
             given = {**gains, **{name: x for name, x in reference.items() if x is not None}}
             spec, values, self.static = with_values(core, given)
+            self.line = spec
         self.spec, self.values = spec, values
         self._hold(held)
 

@@ -19,6 +19,7 @@ from ..recursions.control.paths import fourier_spec, polynomial_spec, timed_spec
 from .paths import TIMES, Path, positive
 
 Array = NDArray[np.float64]
+SHORTEST = 1e-50  # s, of a quintic, and its inverse the longest: fifth powers that are no float are beyond
 TURN = 3.0  # rad from the centre of a path: beyond π its displacement is not unique
 
 
@@ -96,7 +97,8 @@ def quintic(q0: ArrayLike, q1: ArrayLike, T: float, model: Model | None = None, 
     >>> sd.quintic([0.0], [1.0], 2.0)(1.0).q
     array([0.5])
     """
-    T = positive("T", T)
+    if not SHORTEST <= (T := positive("T", T)) <= 1.0 / SHORTEST:
+        raise SpatialDynError(f"T is {T:g}, expected a time from {SHORTEST:g} to {1.0 / SHORTEST:g} s")
     start, way = _way(model, q0, q1)
     s = np.array([[0.0, 0.0, 0.0, 10.0 / T**3, -15.0 / T**4, 6.0 / T**5]])
     return _timed(model, start, way, np.array([0.0, T]), s, limits)

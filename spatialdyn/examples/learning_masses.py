@@ -5,7 +5,8 @@ Learn    sd.SlotineLi and sd.NaturalAdaptation follow a path with parameters tha
 Look at  the least eigenvalue of the pseudo-inertias: the Euclidean law tracks with bodies that no mass could have, the
          natural one never leaves those that exist. And V = ½ sᵀM s of a law whose parameters are right: it falls with
          Christoffel's C, and rises with another, whose C q̇ is the same. Parameters converge where the motion shows
-         them: of 30 it shows fewer.
+         them: of 30 it shows fewer. The chapter's 10.5 has two signs of the error of the parameters on its way; its law
+         is the right one, rates -Γ Yᵀs of the estimate beside τ = Y θ - K s.
 Needs    pip install example-robot-data for the UR5
 """
 

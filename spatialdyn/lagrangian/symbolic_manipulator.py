@@ -20,6 +20,7 @@ from ..engines.numbers import symbolic as engine
 from ..errors import ModelError, SpatialDynError, literal
 from ..model.model import Frame, Model
 from ..recursions import SPECS
+from ..recursions.spec import Argument, Q, shape_in
 from ..urdf.load import load_urdf
 from ..waiting import watch
 from . import printing
@@ -115,12 +116,13 @@ class SymbolicManipulator:
 
         self.q, self.v, self.a = named("q", model.nq), named("v", model.nv), named("a", model.nv)
         self.p, self.tau = named("p", model.nv), named("tau", model.nv)
-        known = exact_robot(model)
+        self._known = known = exact_robot(model)
         self.assumptions = tuple(known.assumptions)
-        values = chosen_values(known, parameters)
+        self._values = values = chosen_values(known, parameters)
         self.parameters, self.meaning = meanings(known, values, model.names)
         angles = [(kinds.KINDS[row["kind"]].angle, int(row["q_index"])) for row in model.bodies[1:]]
-        turning = [self.q[at + angle] for angle, at in angles if angle is not None]
+        self._turns = [at + angle for angle, at in angles if angle is not None]
+        turning = [self.q[at] for at in self._turns]
         units = [tuple(self.q[k] for k in part) for part in kinds.unit_parts(model.bodies)]
         plain = (*self.q, *self.v, *self.a, *self.p, *self.tau, *self.parameters)
         if len(set(plain)) < len(plain):
@@ -151,14 +153,25 @@ class SymbolicManipulator:
 
     @watch.call("SymbolicManipulator.evaluate")
     def evaluate(
-        self, name: str, frame: str | Frame | None = None, reference: str = "local", classical: bool = False
+        self, name: Any, frame: str | Frame | None = None, reference: str = "local", classical: bool = False
     ) -> Any:
         """The result of a public call, by its name, on the symbols: ``s.evaluate("frame_placement", frame="tip")``.
 
+        name  of the call, or a control law: its torque, with its other inputs as symbols (``kp_1``, of a matrix
+              ``kp_12``); of a law on a path those of the path's q, v and a (``q_ref_1``, ``v_ref_1``, ``a_ref_1``)
+
         Its inputs are q, v, a, tau; external forces are left out. A vector is returned as a matrix of one column.
 
-        Raises SpatialDynError for an unknown call or one with other inputs, or a result without closed form
+        Raises SpatialDynError for an unknown call or one with other inputs, or a result without closed form, such as
+        that of a law within limits
+
+        >>> import spatialdyn as sd
+        >>> s = SymbolicManipulator(sd.load_urdf("pendulum"))
+        >>> s.evaluate(sd.PDGravity(9.0, 6.0, [0.5]))[0]
+        -kd_1*v_1 - kp_1*q_1 + kp_1*q_ref_1 + 981*sin(q_1)/200
         """
+        if not isinstance(name, str) and hasattr(name, "torque_spec"):
+            return self._torque(getattr(name, "line", name.torque_spec))
         as_word("call", name, SPECS)
         static: dict[str, Any] = {}
         for x in SPECS[name].present:
@@ -179,9 +192,35 @@ class SymbolicManipulator:
                 static["classical"] = int(classical)
         return self._shown(self._numbers(name, **static))
 
-    def _shown(self, x: NumberArray) -> Any:
+    def _torque(self, spec: Any) -> Any:
+        """The torque of a control law, its inputs beside q, v and tau as symbols of their names."""
+        sizes = {"nq": self.model.nq, "nv": self.model.nv, "njoints": self.model.njoints}
+        known: dict[str, Any] = {"q": self.q, "v": self.v, "tau": self.tau}
+        own = [x for x in spec.present if x.name not in known]
+        if fixed := [x.name for x in own if x.static]:
+            raise SpatialDynError(f'law "{spec.name}" has {", ".join(fixed)}, expected gains and references')
+        shapes = {x.name: shape_in(x.shape, sizes) for x in own}
+        for x in own:
+            known[x.name] = [self._symbol(x, at) for at in np.ndindex(shapes[x.name])]
+        turning = [known[x.name][at] for x in own if x.shape == Q.shape for at in self._turns]
+        ring = self._ring.extended(turning, [symbol for name in shapes for symbol in known[name]])
+        rows = exact_table(self.model, self._known, ring, self._values)
+        inputs = {name: _array([ring.of(x) for x in given]) for name, given in known.items()}
+        inputs |= {name: inputs[name].reshape(shape) for name, shape in shapes.items()}
+        return self._shown(engine.run(spec, ring, rows, sizes, inputs), ring)
+
+    def _symbol(self, x: Argument, at: tuple[int, ...]) -> Expr:
+        """An entry of a law's input, of one number alone without an index."""
+        index = "_" + ("" if self.model.nv < 5 else "_").join(str(k + 1) for k in at)  # of a gain (nv, 2 nv) too
+        symbol = self._sympy.Symbol(x.name if x.shape in ((), (1,)) else x.name + index, real=True)
+        if symbol in self._ring.plain:
+            raise SpatialDynError(f"input {symbol} of the law has the name of the robot's, expected another")
+        return symbol
+
+    def _shown(self, x: NumberArray, ring: Any = None) -> Any:
         """Numbers as expressions: a scalar, a column, a matrix or an array."""
-        flat = [self._ring.expression(e) for e in x.ravel()]
+        ring = self._ring if ring is None else ring
+        flat = [ring.expression(e) for e in x.ravel()]
         self._budget.spent = 0  # for the next quantity
         if x.ndim == 0:
             return flat[0]

@@ -126,14 +126,14 @@ class Control:
         return made
 
     def limited_by(self, limits: ArrayLike) -> Control:
-        """This law with its torques within -limits to limits (nv,), above 0 [N m | N]: effort limits, as of a Model,
-        infinite where there is none.
+        """This law with its torques within -limits to limits, a number or (nv,), above 0 [N m | N]: effort limits, as
+        of a Model, infinite where there is none.
 
         Raises SimulationError for limits that are not above 0, and for a composite adaptive law
         """
         most = as_array("limits", limits)
-        if most.ndim != 1 or not (most > 0.0).all():
-            raise SimulationError(f"limits is {most.tolist()}, expected (nv,) numbers above 0")
+        if most.ndim > 1 or not (most > 0.0).all():
+            raise SimulationError(f"limits is {most.tolist()}, expected a number or (nv,) numbers above 0")
         self._acts("within limits")
         values = {**self.values, unused(LIMITS.name, self.spec): kept(np.minimum(most, MOST))}
         made = Control.of(limited(self.spec), values, self.static, self.held, self.checks)
@@ -223,8 +223,9 @@ class Control:
 
     @property
     def torque_spec(self) -> Spec:
-        """The Spec of its torque alone at the beginning of a step, which ``sd.exact`` and ``sd.specialize`` take a law
-        for: its inputs are q, v, what the law reads besides, its clock among them, and ``values`` by name.
+        """The Spec of its torque alone at the beginning of a step, which ``sd.exact``, ``sd.specialize`` and
+        ``SymbolicManipulator`` take a law for: its inputs are q, v, what the law reads besides, its clock among them,
+        and ``values`` by name.
         """
         return _torque(self.spec)
 

@@ -2,7 +2,8 @@
 
 Explicit methods take ``steps.advance``. Methods in momenta evaluate torques where they evaluate forces; states of a
 control law move in half a step before and half a step after theirs (Strang), each by the midpoint rule, so that both
-together have order 2; work is summed by the method's own stages, or by the trapezoidal rule.
+together have order 2, but for its clock, which is that of each stage; work is summed by the method's own stages, or by
+the trapezoidal rule.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 from ..calls.dynamics import calls
 from ..errors import SimulationError
 from ..laws.law_specs import own_name
+from ..recursions.control.paths import CLOCK
 from ..recursions.joints.friction import DT
 from ..recursions.spec import FEXT
 from .arithmetic import Computed
@@ -127,6 +129,7 @@ class KernelSteps:
         law = None if feedback is None else feedback.law(at)
         held, now, after = None, dict(own), dict(own)
         stages: list[dict[str, Any]] = []
+        clocks: list[str] = []
 
         def given(system: System, when: float, q: Any, v: Any) -> Array:
             """The torque of the arguments."""
@@ -138,7 +141,8 @@ class KernelSteps:
         def asked(system: System, when: float, q: Any, v: Any) -> None:
             tau = given(system, when, q, v)
             if law is not None:
-                tau = tau + (held if held is not None else law(q, v, tau, now)[0])
+                states = {**now, **{x: own[x] + (when - t) for x in clocks}}
+                tau = tau + (held if held is not None else law(q, v, tau, states)[0])
             if plan.force is not None:
                 at.given[FEXT.name] = forces_at(plan.force, when, q, v, self.forces.shape)
             if works:
@@ -158,6 +162,7 @@ class KernelSteps:
             tau = given(system, t, state.q, state.v)
             wanted, made = law(state.q.copy(), state.v.copy(), tau, own)
             held = wanted if feedback.held else None
+            clocks += [x for x in feedback.integrated if own_name(x) == CLOCK.name and made[x].item() == 1.0]
             after |= {name: x.reshape(own[name].shape) for name, x in made.items() if name not in feedback.integrated}
             now = self._after_half(law, h, state, tau, now)
         first = power(t) if works else {}

@@ -104,13 +104,14 @@ def simulate(
     turns it to order 1 only. Explicit methods refuse a dt at which springs or smooth friction are unstable. The
     recorded ``tau`` leaves springs out; with motors it is the commanded one.
     In methods in momenta, states of a law that have rates are integrated for half a step before and half a step after
-    the motion, to order 2. Work is integrated as the motion is; in methods in momenta by their stages, or the
-    trapezoidal rule. Explicit methods, and those in momenta where nothing but tau and fext acts, step a robot by one
-    program if neither torque nor fext is a function and the robot is short enough: its freedoms times the evaluations
-    of ``integrators`` at most 128. The program is compiled once per scene and method, 0.1 s for a two-link arm, 0.6 s
-    for a Panda, 3 s for a humanoid by rk4, and cached on disk. All else runs in the table kernel, or, with effects, and
-    in momenta with a function, in Python. This choice, and so every bit of the result, depends neither on the number of
-    steps nor, except for SciPy's methods, on the number of samples in a ``rollout``.
+    the motion, to order 2, but for a clock, which is that of each stage. Work is integrated as the motion is; in
+    methods in momenta by their stages, or the trapezoidal rule. Explicit methods, and those in momenta where
+    nothing but tau and fext acts, step a robot by one program if neither torque nor fext is a function and the
+    robot is short enough: its freedoms times the evaluations of ``integrators`` at most 128. The program is
+    compiled once per scene and method, 0.1 s for a two-link arm, 0.6 s for a Panda, 3 s for a humanoid by rk4, and
+    cached on disk. All else runs in the table kernel, or, with effects, and in momenta with a function, in Python.
+    This choice, and so every bit of the result, depends neither on the number of steps nor, except for SciPy's
+    methods, on the number of samples in a ``rollout``.
 
     Returns Trajectory.
     Raises  ShapeError; SpatialDynError for an invalid dt, duration or method, and for an effect given as an argument;

@@ -90,6 +90,16 @@ def test_what_is_out_of_reach_is_approached_and_said() -> None:
     assert found.residual[1] == 0.0  # no rotation was asked for
 
 
+def test_no_more_steps_are_taken_than_are_allowed() -> None:
+    model = sd.load_urdf("ur5")
+    goal = sd.frame_placement(model, [0.1, -1.0, 1.2, 0.3, 0.5, 0.2], "tool0")
+    whole = sd.solve_ik(model, {"tool0": goal}, restarts=0)
+    for most in range(1, int(whole.iterations) + 1):
+        found = sd.solve_ik(model, {"tool0": goal}, restarts=0, iterations=most)
+        assert found.iterations <= most
+        assert found.converged == (most == whole.iterations)
+
+
 def test_solve_ik_refuses_what_is_no_target() -> None:
     model = sd.load_urdf("ur5")
     with pytest.raises(sd.ModelError, match="nowhere"):

@@ -146,6 +146,13 @@ def test_symplectic_methods_keep_their_order_under_a_law(method: str, arm: sd.Mo
     assert np.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.1)
 
 
+def test_gauss_follows_a_path_to_its_order(arm: sd.Model) -> None:
+    """The clock is that of each stage: half a step of it before the motion and half after would make it order 2."""
+    law, rest = sd.ComputedTorque(*sd.critical_gains(8.0), sd.quintic(np.zeros(N), [1.0, 0.5, -0.4], 1.0)), np.zeros(N)
+    ends = [sd.simulate(arm, rest + 0.1, rest, 0.16, dt, "gauss4", control=law).q[-1] for dt in (0.08, 0.04, 0.02)]
+    assert np.log2(abs(ends[1] - ends[0]).max() / abs(ends[2] - ends[1]).max()) == pytest.approx(4.0, abs=0.3)
+
+
 def test_lyapunov_functions_of_the_laws_fall(arm: sd.Model) -> None:
     """V' = -ė·Kd ė of PD+, -s·K s of passivity-based control, -v·Kd v of energy shaping."""
     path = sd.fourier([[1.0, 0.5, -0.5]], [[0.2, -0.4, 0.6]], 0.5, [0.1, 0.2, 0.3])
@@ -248,6 +255,7 @@ def test_limits_clip_the_sum(arm: sd.Model) -> None:
     q, v = np.zeros(N), np.zeros(N)
     whole = law(arm, 0.0, q, v)
     assert (law.limited_by(most)(arm, 0.0, q, v) == np.clip(whole, -most, most)).all()
+    assert (law.limited_by(3.0)(arm, 0.0, q, v) == np.clip(whole, -3.0, 3.0)).all()
     run = sd.rollout(arm, q, v, dt=1e-3, steps=5, control=law.limited_by(most))
     first = sd.step(arm, q, v, np.clip(whole, -most, most), 1e-3)
     assert abs(run.q[0] - first[0]).max() < ROUNDING

@@ -239,6 +239,32 @@ def test_frames_in_closed_form() -> None:
     assert is_zero(J[:3, :] - X[:3, 3].jacobian(s.q))
 
 
+def test_control_laws_are_their_lines_in_the_textbook() -> None:
+    """On a path, whose q, v and a are symbols, with a matrix and a diagonal of gains; and numbers by substitution."""
+    s, path = two_link(), sd.quintic([0.0, 0.0], [1.0, 0.5], 2.0)
+    made = [sympy.symbols(f"{name}_1:3", real=True) for name in ("kd", "q_ref", "v_ref", "a_ref")]
+    Kd, (q_d, v_d, a_d) = sympy.diag(*made[0]), (sympy.Matrix(x) for x in made[1:])
+    Kp = sympy.Matrix(2, 2, lambda i, j: sympy.Symbol(f"kp_{i + 1}{j + 1}", real=True))
+    q, v = sympy.Matrix(s.q), sympy.Matrix(s.v)
+    springs = Kp * (q_d - q) + Kd * (v_d - v)
+    gains = np.eye(2), 1.0
+    for law, line in (
+        (sd.PDPlus(*gains, path), s.M() * a_d + s.C() * v_d + s.g() + springs),
+        (sd.ComputedTorque(*gains, path), s.M() * (a_d + springs) + s.C() * v + s.g()),
+    ):
+        assert is_zero(s.evaluate(law) - line)
+    law, numbers = sd.EnergyShaping(3.0, 2.0, [0.1, 0.2], "cosine") + sd.Gravity(), two_link("numbers")
+    values = dict.fromkeys(("kp_1", "kp_2"), 3) | dict.fromkeys(("kd_1", "kd_2"), 2)
+    values |= {"q_ref_1": 0.1, "q_ref_2": 0.2, "q_1": 0.5, "q_2": 0.7, "v_1": 0.3, "v_2": -0.4}
+    found = numbers.evaluate(law).subs({sympy.Symbol(name, real=True): x for name, x in values.items()})
+    want = 2.0 * sd.generalized_gravity(numbers.model, [0.5, 0.7]) - 3.0 * np.sin([0.4, 0.5]) - [0.6, -0.8]
+    assert abs(np.array(found, float)[:, 0] - want).max() < ROUNDING * abs(want).max()
+    with pytest.raises(sd.SpatialDynError, match=r"select of the symbolic .* has no closed form"):
+        numbers.evaluate(law.limited_by([1.0, 1.0]))
+    with pytest.raises(sd.SpatialDynError, match=r'"impedance" has row, expected gains'):
+        numbers.evaluate(sd.Impedance(numbers.model, "tip", np.eye(4), 10.0, 1.0))
+
+
 # --- Hamilton --------------------------------------------------------------------------------------------
 
 
