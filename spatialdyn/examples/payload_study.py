@@ -1,4 +1,4 @@
-"""What torques must a panda hold? Ten million payloads and poses, of which a few numbers are kept.
+"""What torques must a panda hold? Five million payloads and poses, of which a few numbers are kept.
 
 Learn    sd.study runs a function on random samples, chunk by chunk, here or on any executor (a Dask client, MPI): what
          fits in no memory becomes moments, quantiles and the worst cases. Killed, it goes on where it ended; on other
@@ -34,13 +34,13 @@ def holding(model: sd.Model, rng: np.random.Generator, n: int) -> dict[str, Any]
 
 
 def main(quick: bool = False, save: str | None = None) -> dict[str, Any]:
-    """Print what the torques come to in 10 000 000 samples, or 200 000; returns the results."""
-    samples, fingers = 200_000 if quick else 10_000_000, ["panda_finger_joint1", "panda_finger_joint2"]
+    """Print what the torques come to in 5 000 000 samples, or 200 000; returns the results."""
+    samples, fingers = 200_000 if quick else 5_000_000, ["panda_finger_joint1", "panda_finger_joint2"]
     model = sd.load_urdf("panda").reduced(fingers)
     wanted = {"part": sd.Quantiles("part", AT), "worst": sd.Worst("most", 1, ("q", "mass")), "mean": sd.Moments("part")}
     with TemporaryDirectory() as folder:
         study = sd.study(holding, model, samples, 50_000, 7, f"{folder}/study", reduce=wanted)
-        found = study.run(progress=not quick).result()
+        found = study.run().result()
     worst, joint, mean = found["worst"], int(found["part"][-1].argmax()), found["mean"]
     print(f"{mean.samples} samples: joint {joint + 1} needs {mean.mean[joint]:.0%} of its motor's torque on average,")
     print(f"in one of a thousand samples more than {found['part'][-1, joint]:.0%}; at worst {worst.value[0]:.0%},")
