@@ -1,8 +1,9 @@
-"""What torques must a panda hold? Ten million payloads and poses, of which a few numbers are kept.
+"""What torques must a panda hold? Five million payloads and poses, of which a few numbers are kept.
 
 Learn    sd.study runs a function on random samples, chunk by chunk, here or on any executor (a Dask client, MPI): what
          fits in no memory becomes moments, quantiles and the worst cases. Killed, it goes on where it ended; on other
-         machines it gives the same bits. ``spatialdyn study payload_study.py --folder F`` runs this file's ``study``.
+         machines it gives the same bits. ``spatialdyn study payload_study.py --folder F`` runs this file's ``study``,
+         of ten million.
 Look at  the picture: the second joint bears the arm and its load, and comes near its motor's limit; the others have
          half of theirs to spare in 99.9 % of samples, the first and the last, which are upright or short, all of it.
 Needs    pip install example-robot-data for the panda
@@ -41,9 +42,9 @@ def study(folder: str, samples: int = 10_000_000) -> sd.Study:
 
 
 def main(quick: bool = False, save: str | None = None) -> dict[str, Any]:
-    """Print what the torques come to in 10 000 000 samples, or 200 000; returns the results."""
+    """Print what the torques come to in 5 000 000 samples, or 200 000; returns the results."""
     with TemporaryDirectory() as folder:
-        found = study(f"{folder}/study", 200_000 if quick else 10_000_000).run(progress=not quick).result()
+        found = study(f"{folder}/study", 200_000 if quick else 5_000_000).run(progress=not quick).result()
     worst, joint, mean = found["worst"], int(found["part"][-1].argmax()), found["mean"]
     print(f"{mean.samples} samples: joint {joint + 1} needs {mean.mean[joint]:.0%} of its motor's torque on average,")
     print(f"in one of a thousand samples more than {found['part'][-1, joint]:.0%}; at worst {worst.value[0]:.0%},")

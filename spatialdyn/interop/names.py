@@ -93,7 +93,7 @@ NAMES: dict[str, Aliases] = {
         "external_force fext apply_force", "", "mj_applyFT xfrc_applied", "", "", "applyExternalForce"
     ),
     "step": Aliases("", "", "mj_step", "", "", "stepSimulation"),
-    "simulate": Aliases("ode45 odeint solve_ivp run", "", "", "fdyn nofriction"),
+    "simulate": Aliases("ode45 odeint solve_ivp run simulator simulation", "", "", "fdyn nofriction"),
     "friction_torque": Aliases("joint_friction coulomb_friction", "", "qfrc_passive frictionloss", "friction"),
     "constrained_dynamics": Aliases("contact_dynamics", "forwardDynamics constraintDynamics"),
     "constrained_dynamics_derivatives": Aliases("", "computeConstraintDynamicsDerivatives"),

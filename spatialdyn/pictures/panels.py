@@ -50,7 +50,8 @@ def names_of(what: Any, known: Sequence[str]) -> list[str]:
     except TypeError:
         names = []
     if not names or not all(isinstance(name, str) and name in known for name in names):
-        raise SpatialDynError(f"plot of {literal(what)}, expected some of {', '.join(known)}")
+        file = f"; plot(path={literal(what)}) writes a file" if isinstance(what, str) and "." in what else ""
+        raise SpatialDynError(f"plot of {literal(what)}, expected some of {', '.join(known)}{file}")
     return names
 
 

@@ -149,8 +149,10 @@ class Quantiles:
         flat = np.ascontiguousarray(x.reshape(len(x), -1))
         size = flat.view(np.int64) & np.int64(2**63 - 1)
         code = np.where(flat < 0.0, -1, 1) * (size >> (MANTISSA - self.bits))
-        column = np.broadcast_to(np.arange(flat.shape[1]), flat.shape)
-        return self._counted(column.ravel(), code.ravel(), np.ones(flat.size, np.int64), np.array(x.shape[1:], int))
+        found = [np.unique(x, return_counts=True) for x in code.T]  # half a sort of both keys at once
+        column = np.repeat(np.arange(len(found)), [len(codes) for codes, _ in found])
+        codes, counts = (np.concatenate([np.empty(0, np.int64), *(x[k] for x in found)]) for k in (0, 1))
+        return {"column": column, "code": codes, "shape": np.array(x.shape[1:], int), "count": counts}
 
     def merge(self, a: State, b: State) -> State:
         """Of both."""
