@@ -213,7 +213,7 @@ def test_what_cannot_be_drawn_is_named(mixed: sd.Model, what: Any) -> None:
         motion(mixed).plot(what)
 
 
-def test_a_file_in_place_of_a_quantity_is_told_where_it_goes(mixed: sd.Model) -> None:
+def test_a_file_in_place_of_a_quantity_names_the_argument_it_goes_to(mixed: sd.Model) -> None:
     with pytest.raises(SpatialDynError, match=r"plot of 'a.png', .*; plot\(path='a.png'\) writes a file"):
         motion(mixed).plot("a.png")
 
