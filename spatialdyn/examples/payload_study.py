@@ -44,7 +44,7 @@ def study(folder: str, samples: int = 10_000_000) -> sd.Study:
 def main(quick: bool = False, save: str | None = None) -> dict[str, Any]:
     """Print what the torques come to in 5 000 000 samples, or 200 000; returns the results."""
     with TemporaryDirectory() as folder:
-        found = study(f"{folder}/study", 200_000 if quick else 5_000_000).run(progress=not quick).result()
+        found = study(f"{folder}/study", 200_000 if quick else 5_000_000).run().result()
     worst, joint, mean = found["worst"], int(found["part"][-1].argmax()), found["mean"]
     print(f"{mean.samples} samples: joint {joint + 1} needs {mean.mean[joint]:.0%} of its motor's torque on average,")
     print(f"in one of a thousand samples more than {found['part'][-1, joint]:.0%}; at worst {worst.value[0]:.0%},")
