@@ -128,7 +128,7 @@ EXAMPLES: dict[str, str] = {  # of the gallery: words for what it shows that no 
     "mppi_on_lanes": "mppi mpc",
     "gravity_compensation": "gravity_compensation",
     "gradient_of_a_design": "grad gradient gradients autodiff autograd",
-    "c_export": "c_code codegen export export_c",
+    "c_export": "c_code codegen export_c",
     "casadi_export": "casadi to_casadi",
     "vector_environment": "gym gymnasium env environment",
     "own_loop": "jit njit",
