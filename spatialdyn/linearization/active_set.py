@@ -26,6 +26,7 @@ BOUNCES, GLANCES = "bounces", "glances"  # without and with sliding
 FREE, LOWER, UPPER = "free", "lower limit", "upper limit"
 STEPS = 30  # of Newton, of which a solved step needs a few
 SETTLED = 1e-13  # relative change of velocities at which they end
+SOLVED = 1e-6  # relative part that may be left of the laws of points and joints
 SHARED = 1e-8  # relative singular value of impulses that others may take, and their least part of such a change
 RANK = 1e-11  # relative singular value of an equation that depends on others
 CONTRADICTS = 1e-7  # of the terms of equations, what others leave of one
@@ -206,16 +207,22 @@ class ActiveSet:
 
     def undetermined(self) -> list[bool]:
         """Of points and joints: whether a point slides whose load others could take."""
-        _, u, _ = self.state()
         found = [False] * len(self.names)
         sliding = [p for p in range(self.points) if self.names[p] in (SLIDES, GLANCES) and self.mu[p] > 0.0]
-        if not sliding:
-            return found
+        if sliding:
+            shared = self.shared()
+            for p in sliding:
+                found[p] = bool(shared[p])
+        return found
+
+    def shared(self) -> NDArray[np.bool_]:
+        """(np) whether others could take the load of a point."""
+        _, u, _ = self.state()
         _, sizes, ways = np.linalg.svd(self.scaled(self.system(self.names, u)[0])[0])
         free = ways[sizes <= SHARED * sizes[0]]
-        for p in sliding:
-            found[p] = bool((abs(free[:, len(self.x) + 3 * p]) > SHARED).any())
-        return found
+        normals = len(self.x) + 3 * np.arange(self.points)
+        made: NDArray[np.bool_] = (abs(free[:, normals]) > SHARED).any(axis=0)
+        return made
 
     def scaled(self, K: Array) -> tuple[Array, Array, Array]:
         """K in one scale, and the scales of equations and unknowns."""
@@ -251,7 +258,12 @@ class ActiveSet:
             self.names = names
         else:
             return False
-        _, u, _ = self.state()
+        momentum, u, closing = self.state()
+        left = self.left(self.names, u, momentum, closing)[nv : nv + rows]  # of a direction of sliding that turns back
+        if abs(left).max(initial=0.0) > SOLVED * (
+            abs(u).max(initial=0.0) + (self.own * abs(self.impulse)).max(initial=0.0)
+        ):
+            return False
         names, margins = self.classify(u)
         self.switching = [bool(x <= self.switch) for x in margins]
         return True

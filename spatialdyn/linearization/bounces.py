@@ -1,11 +1,13 @@
 """Derivatives of steps in which points bounce, by Poisson's phases (``recursions.contact.impulses``).
 
-Each phase is a solve of the same form (``active_set``): the first brings the points to rest, with impulses λ_c, and each
-that follows adds impulses whose normals are at least a share of those before. Their derivatives are chained: λ and the
-least of a phase are functions of the state, as is what of λ_c only answers to forces. The phases that a step goes
+Each phase is a solve of the same form (``active_set``): the first brings the points to rest, with impulses λ_c, and
+each that follows adds impulses whose normals are at least a share of those before. Their derivatives are chained: λ and
+the least of a phase are functions of the state, as is what of λ_c only answers to forces. The phases that a step goes
 through are part of its state: where they are about to change, it is at a switch.
 
-The derivative is that of the step, whose hits act at its end: no step resolves the time at which a point falls.
+The derivative is that of the step, whose hits act at its end: no step resolves the time at which a point falls. Points
+of a rigid body that hit at once and could take each other's load are refused: how far each rebounds follows from its
+share, which no law determines.
 """
 
 from __future__ import annotations
@@ -15,11 +17,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..errors import SimulationError
 from ..recursions.contact.contact_rows import BOUNCING, PRESSED, REST
 from ..recursions.contact.impulses import PHASES
 from .active_set import SMALL, ActiveSet
 
 Array = NDArray[Any]
+SWEEPS = 50  # of friction before Newton's steps of a phase
 
 
 class Phase(NamedTuple):
@@ -95,6 +99,8 @@ def last_phase(
         if not again.any() or count == PHASES - 1:
             steps.phase = phase._replace(switching=switching)
             return solved
+        if (open_to_all := again & solved.shared()).any():
+            _refuse(steps, open_to_all)
         moved = steps.derivative(0, solved)[1]
         by_hit = moved[normal] - (by_load if count == 0 else phase.by_lower)
         lower = np.where(again, each * hit, 0.0)
@@ -105,10 +111,35 @@ def last_phase(
         impulse = solved.impulse.copy()
         impulse[: 3 * points] = 0.0
         impulse[normal] = lower
-        x = solved.x + np.linalg.solve(M, J[normal].T @ lower)
+        x = _rubbed(solved, solved.x + np.linalg.solve(M, J[normal].T @ lower), impulse)
         solution = x, impulse, solved.reaction
         at = steps.values(*(y[None] for y in (x, first + impulse, solved.reaction)))
     raise AssertionError
+
+
+def _rubbed(solved: ActiveSet, x: Array, impulse: Array) -> Array:
+    """x as friction of the points' normals changes it, in sweeps, from which Newton's steps begin: they turn back no
+    direction of sliding. Tangential parts of ``impulse`` are written.
+    """
+    answers = np.linalg.solve(solved.M, solved.J.T)
+    for _ in range(SWEEPS):
+        for p in range(solved.points):
+            across, most = slice(3 * p + 1, 3 * p + 3), solved.mu[p] * impulse[3 * p]
+            wanted = impulse[across] - solved.J[across] @ x / solved.friction[p]
+            size = float(np.linalg.norm(wanted))
+            wanted = wanted * (most / size if size > most else 1.0)
+            x = x + answers[:, across] @ (wanted - impulse[across])
+            impulse[across] = wanted
+    return x
+
+
+def _refuse(steps: Any, points: NDArray[np.bool_]) -> None:
+    """Raise SimulationError for points that hit at once and could take each other's load."""
+    names = [steps.laws.labels[p] for p in np.flatnonzero(points)]
+    raise SimulationError(
+        f"{steps.where(0)}{', '.join(names)} bounce at once and could take each other's load, expected points of which "
+        "each has a load of its own: the law does not say how far each of them rebounds"
+    )
 
 
 def _load(steps: Any, hits: Hits, by_x: Any, p: int, kept: NDArray[np.bool_]) -> tuple[float, Array]:

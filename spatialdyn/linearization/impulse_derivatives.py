@@ -283,7 +283,7 @@ class _Steps:
         return self._with_torques(by, x, k)
 
     def derivative(self, k: int, s: ActiveSet, closing: Array | None = None) -> tuple[Array, Array]:
-        """δx (nv, m), δλ (rows, m) by the state; ``closing`` (nc, m) is added to the slope of what constraints leave."""
+        """δx (nv, m), δλ (rows, m) by the state; ``closing`` (nc, m) adds to the slope of what constraints leave."""
         phase = self.phase
         by = self.by_state(k, s.x, s.impulse + phase.first, s.reaction)
         if closing is not None:

@@ -76,7 +76,9 @@ def step_derivatives(
 
     Steps by impulses are differentiated at their solution, by the implicit function theorem: points and joints keep
     their state there, and the result says which, and where one is about to change. A robot that stands still is often
-    at a switch: its points are neither above the ground nor in it. Steps in which a point bounces are refused.
+    at a switch: its points are neither above the ground nor in it. A point that bounces
+    does so at the end of the step, as in ``step``: no step resolves the time of a hit. With bristles the state is
+    (δq, δv, δz), A (..., 3 nv, 3 nv) and B (..., 3 nv, nv).
 
     Batches of the explicit methods run on SIMD lanes, of any size; those of models of 26 freedoms or more, 17 with
     velocity_verlet and 12 with rk4, by the table kernel. Implicit methods are solved and differentiated on lanes.
@@ -85,7 +87,7 @@ def step_derivatives(
             ``switching`` and ``undetermined`` of what acts by impulses. NaN or infinity in a sample's state, torque or
             forces gives NaN in that sample alone, where it counts.
     Raises  SpatialDynError for another method or a dt that is not finite; SimulationError
-            for bristles, motors, a point that bounces, a step that does not converge, and a joint of several
+            for points that bounce at once and share their load, a step that does not converge, and a joint of several
             freedoms that turns by π or more in a step, each naming the first sample and how many; the errors of
             ``aba``, and of ``step`` under constraints.
 

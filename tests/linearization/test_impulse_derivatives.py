@@ -246,6 +246,101 @@ def test_continuous_time_under_constraints_is_the_limit_of_a_step() -> None:
     np.testing.assert_allclose(by_tau / h, B, rtol=0, atol=1e-6 * abs(B).max())
 
 
+# --- motors, bristles, bounces --------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("drive", ["current", "voltage"])
+@pytest.mark.parametrize("more", [{}, {"current": 1.9}, {"torque": 3.0}])
+def test_motors_act_on_the_branch_on_which_they_are(drive: str, more: dict[str, float]) -> None:
+    """As they drive or brake, within the limits of supply, current and gear, and at them; between, at a switch."""
+    motor = sd.Motor(0.05, 1.0, 24.0, 20.0, efficiency=0.8, **more)
+    scene = sd.Scene(pendulum(), motor=motor, drive=drive, friction=sd.Friction(0.2, 0.1, 0.3, 0.3))
+    found = set()
+    for tau, v in itertools.product((0.1, 1.8, 40.0), (0.7, -0.3)):
+        by = agree(scene, np.array([0.4]), np.array([v]), np.array([tau]), 1e-2)
+        assert by.labels == ('friction of joint "rod_joint"', 'motor of joint "rod_joint"')
+        found.add(by.active[1])
+        assert (abs(by.B).max() == 0.0) == (by.active[1] == "saturated")
+    assert found == {"commanded", "saturated"}
+    edge = 24.0 if drive == "voltage" and not more else 1.9 * 20 * 0.05 + 400 * 0.0025 * 0.7 * (drive == "voltage")
+    if "torque" not in more and (more or drive == "voltage"):
+        by = sd.step_derivatives(scene, [0.4], [0.7], [edge], 1e-2)
+        assert by.switching.tolist() == [False, True]
+
+
+def with_bristles(scene: sd.Scene, q: Array, v: Array, tau: Array, z: Array, dt: float, e: float = 1e-6) -> Any:
+    """The derivatives by (q, v, z), which differences of steps agree with."""
+    model, n = scene.model, scene.model.nv
+    found = sd.step_derivatives(scene, q, v, tau, dt, states={"bristles": z})
+    assert (found.A.shape, found.B.shape) == ((3 * n, 3 * n), (3 * n, n))
+    unit = e * np.concatenate([np.eye(4 * n), -np.eye(4 * n)])
+    moved = sd.integrate(model, np.broadcast_to(q, (8 * n, model.nq)), np.ascontiguousarray(unit[:, :n]))
+    bent = {"bristles": z + unit[:, 2 * n : 3 * n]}
+    ends = sd.step(scene, moved, v + unit[:, n : 2 * n], tau + unit[:, 3 * n :], dt, states=bent)
+    end = sd.step(scene, q, v, tau, dt, states={"bristles": z})[0]
+    both = np.hstack([sd.difference(model, np.broadcast_to(end, ends[0].shape), ends[0]), ends[1], ends[2]["bristles"]])
+    wanted = (both[: 4 * n] - both[4 * n :]).T / (2.0 * e)
+    np.testing.assert_allclose(np.hstack(found), wanted, rtol=0, atol=DIFFERENCE * max(1.0, abs(wanted).max()))
+    assert not found.switching.any()
+    return found
+
+
+LUGRE = {"bristle_stiffness": 1e3, "bristle_damping": 2.0}
+
+
+@pytest.mark.parametrize("limits", [False, True])
+def test_bristles_are_a_state_of_the_linear_system(limits: bool) -> None:
+    """Alone by the program of the step, beside limits by the laws of impulses."""
+    rubs = sd.Friction(1.0, 0.1, 1.5, 0.3, **LUGRE)
+    scene = sd.Scene(pendulum(), friction=rubs, friction_method="lugre", limits=limits)
+    q, v, tau, z = np.array([0.4]), np.array([0.7]), np.array([0.1]), np.array([3e-4])
+    found = with_bristles(scene, q, v, tau, z, 1e-2)
+    assert found.active.tolist() == ["free"] * limits + ["bends"]
+    still = sd.step_derivatives(scene, q, [0.0], tau, 1e-2)  # bristles at 0
+    assert still.switching.tolist() == [False] * limits + [True]
+
+
+@pytest.mark.slow(quick="test_bristles_are_a_state_of_the_linear_system")
+def test_a_quadruped_stands_on_joints_with_bristles() -> None:
+    model, feet, q, tau = standing()
+    legs, rng = np.r_[np.zeros(6), np.ones(12)], np.random.default_rng(1)
+    rubs = sd.Friction(0.5 * legs, 0.1 * legs, **LUGRE)
+    contacts = sd.Contacts(model, feet, friction=0.8, tolerance=EXACT)
+    scene = sd.Scene(model, contacts=contacts, friction=rubs, friction_method="lugre")
+    v, z = 0.05 * rng.normal(size=18), 1e-4 * legs * rng.normal(size=18)
+    assert with_bristles(scene, q, v, tau, z, DT).active.tolist() == ["sticks"] * 4 + ["bends"] * 12
+
+
+@pytest.mark.parametrize("e", [0.5, 1.0])
+def test_a_ball_bounces_and_glances(e: float) -> None:
+    """Two phases, chained; what holds it against its weight is not given back."""
+    model, _ = ball()
+    q, states = np.array([0.0, 0.0, 0.1003, 0.0, 0.6, 0.0, 0.8]), []
+    for mu, v in itertools.product((0.5, 0.05), ([0.3, 0.2, -1.0, 1.0, 2.0, 0.5], [0.0, 0.0, -0.05, 3.0, 0.0, 0.0])):
+        contacts = sd.Contacts(model, {"ball": 0.1}, friction=mu, restitution=e, tolerance=EXACT)
+        states += agree(sd.Scene(model, contacts=contacts), q, np.array(v), dt=1e-2).active.tolist()
+    assert set(states) == {"bounces", "glances"}
+    contacts = sd.Contacts(model, {"ball": 0.1}, friction=0.0, restitution=e)
+    A, _ = sd.step_derivatives(sd.Scene(model, contacts=contacts), sd.neutral(model) + 0.1003 * np.eye(7)[2],
+                               [0, 0, -1.0, 0, 0, 0], np.zeros(6), 1e-2)  # fmt: skip
+    assert A[8, 8] == pytest.approx(-e, abs=1e-12)
+
+
+def test_a_box_bounces_on_a_corner() -> None:
+    """Its friction may turn back as it bounces."""
+    model, corners = grounded.box(0.1)
+    rng, found = np.random.default_rng(3), []
+    for _ in range(8):
+        contacts = sd.Contacts(model, dict.fromkeys(corners, 0.0), friction=0.3, restitution=0.5, tolerance=1e-12)
+        q = sd.integrate(model, sd.neutral(model), np.r_[0, 0, 0, 0.02 * rng.normal(size=3)])
+        q[2] -= sd.contact_gaps(model, contacts, q).min() - 1e-4
+        v, scene = np.r_[rng.normal(size=2), -1.0, 0.3 * rng.normal(size=3)], sd.Scene(model, contacts=contacts)
+        if not (by := sd.step_derivatives(scene, q, v, np.zeros(6), DT)).switching.any():
+            found.append(by.active)
+            agree(scene, q, v, e=1e-7)
+    assert len(found) >= 6
+
+
 # --- springs, and loads that are shared -----------------------------------------------------------------
 
 
@@ -294,10 +389,14 @@ def test_a_batch_is_its_samples_and_nan_stays_in_its_own() -> None:
 
 def test_what_has_no_derivative_is_named() -> None:
     model, _ = ball()
-    bounces = sd.Contacts(model, {"ball": 0.1}, friction=0.5, restitution=0.5)
     q, v, tau = [0, 0, 0.1, 0, 0, 0, 1], [0, 0, -1.0, 0, 0, 0], [0.0] * 6
-    with pytest.raises(sd.SimulationError, match=r'^point "ball" bounces in the step, expected none with restitution'):
-        sd.step_derivatives(sd.Scene(model, contacts=bounces), q, v, tau, DT)
+    box, corners = grounded.box(0.1)
+    flat = sd.Scene(box, contacts=sd.Contacts(box, dict.fromkeys(corners, 0.0), friction=0.5, restitution=0.5))
+    start = on_the_ground(box, flat.contacts, sd.neutral(box))
+    with pytest.raises(sd.SimulationError, match=r"bounce at once and could take each other's load, expected points"):
+        sd.step_derivatives(flat, start, [0.4, -0.6, -1.0, 0.1, -0.5, 0.4], tau, DT)
+    with pytest.raises(sd.SimulationError, match=r"states have bristles, expected none"):
+        sd.step_derivatives(flat, start, v, tau, DT, states={"bristles": [0.0] * 6})
     scene = sd.Scene(model, contacts=sd.Contacts(model, {"ball": 0.1}))
     with pytest.raises(sd.SimulationError, match="contacts acts in the scene, expected constant forces, and constr"):
         sd.linearize(scene, q, v, tau)
