@@ -115,7 +115,6 @@ def test_ctrl_c_in_view_ends_with_one_line_and_status_130() -> None:
     with subprocess.Popen(
         [sys.executable, "-m", "spatialdyn", "view", "two_link"],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=quiet, cwd=PACKAGE.parent,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
     ) as running:  # fmt: skip
         assert running.stdout is not None
         line = running.stdout.readline()

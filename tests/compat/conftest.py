@@ -17,6 +17,7 @@ def _soon() -> Iterator[None]:
     """Compile sooner than a person's process would; ``test_tiers`` has both ways, whose bits are the same."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(tiers, "COMPILE_SECONDS", SECONDS)
+        patch.setattr(tiers.Tier, "compile_seconds", SECONDS)
         yield
 
 
