@@ -94,7 +94,8 @@ class ThreadWriter(Writer):
             self.finite[0] = t.poisoned_unless(whole, self.finite[0])
         if self.program.regions:  # what is computed within one is not known behind it
             self._read_all(t)
-        self.finite[0] = self._operations(t, self.schedule.chunks[0], self.finite[0], inside=False)
+        angles = self._operations(t, self.schedule.chunks[0], ZERO, inside=False)  # which checks columns and pivots too
+        self.finite[0] = t.binary("fadd", self.finite[0], angles)
         results = [[self._result(t, place) for place in places] for places in self.layout.outputs]
         for a, places in enumerate(self.layout.outputs):
             for c, place in enumerate(places):

