@@ -121,4 +121,5 @@ def test_ctrl_c_in_view_ends_with_one_line_and_status_130() -> None:
         running.send_signal(signal.SIGINT)
         out, err = running.communicate()
     assert line.startswith("shown   http://localhost:")
-    assert (running.returncode, out, err) == (130, "", "spatialdyn: interrupted\n")
+    said = [x for x in err.splitlines() if not x.endswith("takes more than 3 s")]  # on a machine with other work
+    assert (running.returncode, out, said) == (130, "", ["spatialdyn: interrupted"])
