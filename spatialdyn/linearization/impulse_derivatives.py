@@ -277,7 +277,7 @@ class _Steps:
 
     def by_state(self, k: int, x: Array, impulse: Array, reaction: Array) -> Balance:
         """Slopes of step k by the state, those of torques among them."""
-        slopes = self.slopes(*(np.array(y)[None] for y in (x, impulse, reaction)), ("q", "v"))
+        slopes = self.slopes(x[None].copy(), impulse[None].copy(), reaction[None].copy(), ("q", "v"))
         rest = self.m - 2 * self.nv
         by = Balance(*(np.concatenate([y[0], np.zeros((y.shape[1], rest))], axis=1) for y in slopes))
         return self._with_torques(by, x, k)
