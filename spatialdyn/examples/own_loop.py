@@ -45,7 +45,7 @@ def first_flips(bodies, starts, dt, steps, flips):  # type: ignore[no-untyped-de
 
 def main(quick: bool = False, save: str | None = None) -> dict[str, np.ndarray]:
     """Simulate a grid of starts and print how many flip; returns the grid and the times."""
-    model, n, dt = sd.load_urdf("two_link"), 24 if quick else 80, 0.02
+    model, n, dt = sd.load_urdf("two_link"), 24 if quick else 56, 0.02
     angle = np.pi * (2.0 * (np.arange(n) + 0.5) / n - 1.0)  # middles of n cells: the picture's pixels
     starts = np.stack(np.meshgrid(angle, angle), -1).reshape(-1, 2)
     flips = np.empty(len(starts))
