@@ -1,9 +1,9 @@
 """Write what README.md and the pages of figures take from the code and the kept results of benchmarks.
 
-    python benchmarks/readme.py              README's table and counts, the pages of figures
-    python benchmarks/readme.py --measure    run the benchmarks behind them first, which wants a quiet machine
-    python benchmarks/readme.py --measure run.py studies.py    run these alone
-    python benchmarks/readme.py --check      write nothing; exit status 1 unless README is as it would be written
+python benchmarks/readme.py              README's table and counts, the pages of figures
+python benchmarks/readme.py --measure    run the benchmarks behind them first, which wants a quiet machine
+python benchmarks/readme.py --measure run.py studies.py    run these alone
+python benchmarks/readme.py --check      write nothing; exit status 1 unless README is as it would be written
 """
 
 from __future__ import annotations
@@ -87,7 +87,7 @@ def main() -> int:
     """Write the table, the counts and the pages, or compare. Returns 1 if --check finds other text, else 0."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     known = [x.split()[0] for x in MEASURED]
-    parser.add_argument("--measure", nargs="*", choices=known, metavar="SCRIPT", help="run all benchmarks first, or these")
+    parser.add_argument("--measure", nargs="*", choices=known, metavar="SCRIPT", help="run all of them first, or these")
     parser.add_argument("--check", action="store_true", help="write nothing; exit status 1 where README would change")
     given = parser.parse_args()
     text = README.read_text(encoding="utf-8")
