@@ -47,7 +47,7 @@ def urdf_of_xacro(data: bytes | None, path: str, arguments: Mapping[str, Any]) -
 
 
 class Arguments(dict[str, str]):
-    """Arguments of a xacro file, and the names that it asks for: xacro takes others in silence."""
+    """Arguments for a xacro file, and the names of those that it reads: xacro ignores all others."""
 
     def __init__(self, given: Iterable[tuple[str, str]]) -> None:
         super().__init__(given)
