@@ -64,7 +64,7 @@ class Stage:
 
 @dataclass
 class Search:
-    """A search: of a motion, from states to judge by and fresh ones to verify by.
+    """A search for the least scene of a motion, from states to judge by and fresh ones to verify by.
 
     starts  (q, v) of states to judge by; fresh, others
     q0, v0  the middle of them; v0 is None of states that are not to be moved to where a joint is locked

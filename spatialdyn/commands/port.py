@@ -74,7 +74,7 @@ def _script(path: Path) -> Script:
 
 
 def _folder(folder: Path) -> tuple[list[Script], list[str]]:
-    """The scripts below a folder, and the faults of those that are no Python; hidden folders are left out."""
+    """The scripts below a folder, and the faults of those that cannot be parsed; hidden folders are left out."""
     scripts, faults = [], []
     for path in sorted(folder.rglob("*.py")):
         parts = path.relative_to(folder).parts[:-1]
