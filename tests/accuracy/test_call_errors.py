@@ -105,7 +105,9 @@ def test_forward_dynamics_with_a_heavy_tip(m: float, states: int, spatial: bool)
 
 
 @pytest.mark.parametrize("spatial", [False, True])
-@pytest.mark.parametrize(("m", "states"), slow_but({(1e9, FEW)}, [(1e9, FEW), *((m, HUNDRED) for m in TIP if m <= 1e9)]))
+@pytest.mark.parametrize(
+    ("m", "states"), slow_but({(1e9, FEW)}, [(1e9, FEW), *((m, HUNDRED) for m in TIP if m <= 1e9)])
+)
 def test_refinement_keeps_every_digit_of_a_heavy_tip_that_the_inputs_have(m: float, states: int, spatial: bool) -> None:
     found = errors(m, states, spatial, "refined")
     assert np.quantile(found, 0.9) <= REFINED

@@ -12,12 +12,13 @@ from typing import Any
 import numpy as np
 import pytest
 from inputs import options, random_inputs
+from plain import by_table
 from trees import random_tree
 
 import spatialdyn as sd
 from spatialdyn.calls.dynamics import calls
 from spatialdyn.engines import run
-from spatialdyn.engines.compiled import numba_kernels, tiers
+from spatialdyn.engines.compiled import numba_kernels
 from spatialdyn.recursions import SPECS
 from spatialdyn.recursions.spec import Spec
 
@@ -139,14 +140,6 @@ def test_neither_do_programs_and_motions(tmp_path: Path) -> None:
     assert max(spent.values()) <= 3 * MOST_SECONDS, spent  # several calls each, which compile their own programs
 
 
-def in_plain_python(name: str, model: sd.Model, given: list[Any], shape: tuple[int, ...]) -> Any:
-    """A sample by the table kernel, in plain Python: of the same bits, and compiled in no time."""
-    kernel, out = tiers.TableKernel(bare(name)), np.empty(shape or (1,))
-    with np.errstate(all="ignore"):
-        kernel._source(True)(model.address, *given, out)
-    return out.reshape(shape)
-
-
 @COMPILED
 @pytest.mark.parametrize(
     "name", ["rnea", "aba", "crba", "integrate", "frame_velocity", "kinetic_energy", "christoffel_symbols"]
@@ -161,7 +154,7 @@ def test_a_sample_beyond_the_program_has_the_table_kernels_meaning(name: str) ->
     np.testing.assert_array_equal(found[[0, 2, 5]], plain[[0, 2, 5]])
     if "row" in {x.name for x in SPECS[name].present}:
         return
-    table = np.stack([in_plain_python(name, model, [x[k] for x in given], found[k].shape) for k in (1, 3, 4)])
+    table = np.stack([by_table(model, name, [x[k] for x in given], found[k].shape) for k in (1, 3, 4)])
     shown, sound = found[[1, 3, 4]], np.isfinite(table)
     np.testing.assert_array_equal(np.isfinite(shown), sound)
     for x, y, of in zip(shown, table, sound, strict=True):
