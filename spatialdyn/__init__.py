@@ -191,7 +191,7 @@ __all__ = [
     "to_urdf", "torque_limits", "trade", "trapezoid", "verify_skew_symmetry", "view", "wrench_at",
 ]  # fmt: skip
 
-_LATE = {  # {module: public names}, imported when one is asked for: half the time of an import
+_LATE = {  # {module: public names}, imported when one is asked for, so that an import is short
     "accuracy.diagnose": "diagnose", "accuracy.findings": "Diagnosis Finding",
     "accuracy.requirement": "Requirement", "accuracy.requires": "requires",
     "accuracy.results": "Option Recommendation Tradeoff", "accuracy.simplify": "simplify",

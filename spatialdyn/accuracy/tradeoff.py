@@ -60,7 +60,7 @@ def trade(
     batch     samples of a timed call; 1 times calls of one sample
     duration  of a simulation [s], without torques
     methods   names of integrators of simulations, or of calls of the table, by default all but ``aba_square_root``:
-              it has no program, and its kernel compiles for 20 s or more at its first use on a machine
+              it has no program, and its kernel takes long to compile at its first use on a machine
     progress  True for a bar (needs rich), or a function of the number of steps done and their total
 
     The reference of calls is computed in double-double and checked against the exact engine; that of every method of

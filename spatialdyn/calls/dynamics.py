@@ -159,7 +159,7 @@ def table_call(name: str, model: Model, *values: Any) -> Any:
 def _program_call(spec: Spec, model: Any, values: tuple[Any, ...], static: tuple[Any, ...], out: Any) -> Any:
     """The result of a batch of float64 arrays (B, n) by its program. Returns None if not applicable.
 
-    The program checks sizes and layout itself; the checks of ``checked_call`` took a third of the RNEA of 8192 arms.
+    The program checks sizes and layout itself, faster than ``checked_call``.
     """
     first = values[0] if values else None
     if type(first) is not np.ndarray or first.ndim != 2 or not len(first) or type(model) is not Model:

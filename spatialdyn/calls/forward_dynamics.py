@@ -65,7 +65,7 @@ def forward_dynamics(
 
             "extended" is ABA in double-double, rounded at the end. Its error is half an ulp; in batches of 512 or more,
             for robots of up to 32 degrees of freedom, at most four times the change of the exact answer by an ulp of q,
-            v and tau (sines are of angles up to two ulp away). The first batch compiles for 1 to 7 s. Oblique frames,
+            v and tau (sines are of angles up to two ulp away). The first batch compiles for seconds. Oblique frames,
             as in the second table, double the cost, as they double that of "aba". It raises where ABA raises.
 
             Light links cost no digits in any method; long chains do in "crba" (n = 100: 1e-11, the others 1e-14),

@@ -84,11 +84,10 @@ class SymbolicManipulator:
 
     limit       largest number of products of terms for one quantity; None for no limit
 
-    Closed forms grow exponentially with the number of joints about different axes. Measured once on one core, with the
-    robots' numbers: an arm of three joints takes 0.1 s for all quantities but ṗ, which takes 5 s. The ur5 (six joints,
-    three of them parallel) takes 0.1 s for M, 1400 operations, and 2 s for C, 7200. The panda (seven joints) takes 0.5
-    s for g, 40 000 operations; its M, beyond the limit as is C, takes 25 s and has 660 000. ``specialize(model,
-    sd.crba).c_code()`` gives unsimplified code of any robot and call at once.
+    Closed forms grow exponentially with the number of joints about different axes. With the robots' numbers M of the
+    ur5 (six joints, three of them parallel) has 1400 operations and C 7200; of the panda (seven joints) g has 40 000,
+    and M, beyond the limit as is C, 660 000. ``specialize(model, sd.crba).c_code()`` gives unsimplified code of any
+    robot and call at once.
 
     Raises  ModelError for mimic joints; UrdfError for a robot that cannot be read; SpatialDynError naming an unknown
             parameter, or if sympy is not installed; its methods raise SpatialDynError for a quantity beyond the limit

@@ -108,7 +108,7 @@ def simulate(
     methods in momenta by their stages, or the trapezoidal rule. Explicit methods, and those in momenta where
     nothing but tau and fext acts, step a robot by one program if neither torque nor fext is a function and the
     robot is short enough: its freedoms times the evaluations of ``integrators`` at most 128. The program is
-    compiled once per scene and method, 0.1 s for a two-link arm, 0.6 s for a Panda, 3 s for a humanoid by rk4, and
+    compiled once per scene and method, which takes longer the more joints and stages there are, and
     cached on disk. All else runs in the table kernel, or, with effects, and in momenta with a function, in Python.
     This choice, and so every bit of the result, depends neither on the number of steps nor, except for SciPy's
     methods, on the number of samples in a ``rollout``.

@@ -4,8 +4,8 @@ By default Numba compiles every function to machine code, C wrappers included, b
 callers. An ``inline`` function never runs by itself, so that step is left out. LLVM optimizes it all the same: without
 that, compiling would be faster still, but LLVM would fuse other products and answers change in the last digit.
 
-A kernel is made of some hundred such functions, two thirds of its time, so their LLVM code is kept on the disk: the
-next process compiles what is the kernel's own alone.
+A kernel is made of some hundred such functions, which take most of the time that it compiles. So their LLVM code is
+kept on the disk, and the next process compiles the kernel's own alone.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Numba's part of the compiled kernels: the only module that makes Numba functions.
 
-Importing it imports Numba, which takes 0.2 s, so other modules import it in the function that compiles.
+Importing it imports Numba, which takes time, so other modules import it in the function that compiles.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What is asked of Numba without importing it, which takes 0.2 s: its settings, and whether it made a function."""
+"""What is asked of Numba without importing it, which takes time: its settings, and whether it made a function."""
 
 from __future__ import annotations
 
