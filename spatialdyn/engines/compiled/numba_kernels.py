@@ -79,7 +79,7 @@ def _size_checks(spec: Spec, argument: Argument) -> list[str]:
     ]
 
 
-def _scratch(spec: Spec) -> dict[str, tuple[list[str], str]]:
+def scratch_of(spec: Spec) -> dict[str, tuple[list[str], str]]:
     """Shapes, as expressions in the kernel's names, and dtypes of a recursion's scratch, in its order."""
     found = {} if spec.work is None else {"work": (["len(bodies)"], "WORK")}
     if spec.pivots:
@@ -93,7 +93,7 @@ def _scratch_names(spec: Spec) -> list[str]:
     return [f"scratch{k}" for k, _ in enumerate(flat(spec.scratch))]
 
 
-def _call_of(kind: type, values: list[str | None]) -> str:
+def call_of(kind: type, values: list[str | None]) -> str:
     """The text that makes a record."""
     return f"{kind.__name__}({', '.join(x or 'None' for x in values)})"
 
@@ -103,8 +103,17 @@ def _records(spec: Spec) -> dict[str, type]:
     return {type(x).__name__: type(x) for x in (*spec.inputs, spec.parts, *spec.scratch) if is_record(x)}
 
 
-def statements(spec: Spec, fail: Callable[[int], str], plain: bool = PLAIN) -> list[str]:
-    """The statements around a recursion; ``fail(status)`` is the statement that ends the kernel."""
+def statements(
+    spec: Spec, fail: Callable[[int], str], plain: bool = PLAIN, on_lanes: bool = False
+) -> list[str]:
+    """The statements around a recursion; ``fail(status)`` is the statement that ends the kernel.
+
+    on_lanes  the recursion runs on lanes of one sample, which round as those of more do (``lane_kernels``)
+    """
+
+    def number(name: str) -> str:
+        return f"lanes_of({name})" if on_lanes else name
+
     arrays = [x for x in spec.present if x.shape]
     mismatch = " or ".join(c for x in (*arrays, spec.output) if not x.optional for c in _size_checks(spec, x))
     lines = ["stamp", *(f"{x.name}_rows = rows_at({x.name}, {x.name}_dtype)" for x in spec.present if x.table)]
@@ -121,33 +130,40 @@ def statements(spec: Spec, fail: Callable[[int], str], plain: bool = PLAIN) -> l
         lines += [f"if {' or '.join(overlaps)}:", f"    {fail(SHAPE)}"]
     for x in spec.present:
         if x.unit_norm:
-            lines += [f"if not unit_norm(bodies, {x.name}):", f"    {fail(UNIT)}"]
+            lines += [f"if not unit_norm(bodies, {number(x.name)}):", f"    {fail(UNIT)}"]
     turned = {x.name for x in spec.present if x.turned and not plain}
-    scratch = {f"{name}_turned": (["3", extent(spec, "nq")], "FLOAT") for name in turned} | _scratch(spec)
+    scratch = {f"{name}_turned": (["3", extent(spec, "nq")], "FLOAT") for name in turned} | scratch_of(spec)
     for name, (shape, dtype) in scratch.items():
         lines.append(f"{name}_size = {' * '.join(f'({x})' for x in shape)} * {dtype}_SIZE")
         lines.append(f"{name}_memory = memory({name}_size)")
-        lines.append(f"{name} = array_at({name}_memory, ({', '.join(shape)},), {dtype})")
+        made = f"array_at({name}_memory, ({', '.join(shape)},), {dtype})"
+        if on_lanes and not name.endswith("_turned"):
+            made = f"{'works' if dtype == 'WORK' else f'lanes{len(shape)}'}({name}_memory, ({', '.join(shape)},))"
+        lines.append(f"{name} = {made}")
     lines += [f"turn({name}, {name}_turned)" for name in turned]
     passed: list[str | None] = ["bodies"] if spec.work is None else ["bodies", "work"]
     ends_of = dict.fromkeys(turned, "_turned") | {x.name: "_rows" for x in spec.present if x.table}
-    passed += gather(spec.inputs, lambda x: x.name + ends_of.get(x.name, ""), _call_of)
-    passed += [] if spec.parts else [spec.output.name]
+    passed += gather(
+        spec.inputs,
+        lambda x: x.name + ends_of.get(x.name, "") if x.static else number(x.name + ends_of.get(x.name, "")),
+        call_of,
+    )
+    passed += [] if spec.parts else [number(spec.output.name)]
     parts: list[str | None] = []
     for k, part in enumerate(spec.parts):
         lines.append(f"end{k} = {f'end{k - 1} + ' if k else ''}{extent(spec, *part.shape)}")
-        parts.append(f"{spec.output.name}[{f'end{k - 1}' if k else '0'}:end{k}]")
-    passed += [_call_of(type(spec.parts), parts)] if is_record(spec.parts) else parts
+        parts.append(number(f"{spec.output.name}[{f'end{k - 1}' if k else '0'}:end{k}]"))
+    passed += [call_of(type(spec.parts), parts)] if is_record(spec.parts) else parts
     names = iter(_scratch_names(spec))
-    passed += ["pivots"] * spec.pivots + gather(spec.scratch, lambda _: next(names), _call_of)
+    passed += ["pivots"] * spec.pivots + gather(spec.scratch, lambda _: next(names), call_of)
     lines.append(f"recursion({', '.join(x or 'None' for x in passed)})")
     if spec.pivots:
-        lines.append("regular = pivots_regular(bodies, q, pivots)")
+        lines.append(f"regular = pivots_regular(bodies, {number('q')}, pivots)")
     lines += [f"release({name}_memory, {name}_size)" for name in scratch]
     if spec.pivots:
         lines += ["if not regular:", f"    {fail(PIVOT)}"]
     if spec.output.unit_norm:
-        lines += [f"if not unit_norm(bodies, {spec.output.name}):", f"    {fail(UNIT)}"]
+        lines += [f"if not unit_norm(bodies, {number(spec.output.name)}):", f"    {fail(UNIT)}"]
     return [*lines, f"if not all_finite({spec.output.name}):", f"    {fail(NONFINITE)}"]
 
 
@@ -227,12 +243,15 @@ def _named(spec: Spec) -> AbstractContextManager[None]:
 def sample_kernel(spec: Spec) -> Callable[..., int]:
     """``(table, *inputs, output) -> status`` of one sample; inputs of any layout, none modified."""
     with _LOCK, _named(spec):  # a fork waits for the import too
-        from . import jit
+        from . import jit, lane_kernels
 
+        on_lanes = lane_kernels.fits(spec)
         parameters = ["table", *(x.name for x in spec.present), spec.output.name]
-        body = ["bodies = table_at(table)", *statements(spec, lambda status: f"return {status}"), f"return {OK}"]
-        function = kernel_from_text(label(spec), parameters, body, scope(spec))
-        return jit.compile_signature(function, signature(spec), keep=names(spec))
+        inside = statements(spec, lambda status: f"return {status}", on_lanes=on_lanes)
+        body = ["bodies = table_at(table)", *inside, f"return {OK}"]
+        known = lane_kernels.scope(spec, 1) if on_lanes else scope(spec)
+        function = kernel_from_text(label(spec), parameters, body, known)
+        return jit.compile_signature(function, signature(spec), keep=names(spec), contract=not on_lanes)
 
 
 def signature(spec: Spec) -> tuple[Any, ...]:
@@ -273,8 +292,6 @@ def batch_kernel(spec: Spec) -> Callable[..., int]:
 
 def batches_of(spec: Spec, one: Callable[..., int], suffix: str) -> Callable[..., int]:
     """A ``batch_kernel`` of a compiled ``sample_kernel``; ``suffix`` of its name."""
-    from numba import types
-
     from . import jit
 
     varying = [x for x in spec.present if not x.static]
@@ -296,12 +313,19 @@ def batches_of(spec: Spec, one: Callable[..., int], suffix: str) -> Callable[...
         "return failed",
     ]
     function = kernel_from_text(f"{label(spec)}_{suffix}", parameters, body, {"sample_kernel": one})
+    return jit.compile_signature(function, batch_signature(spec), keep=names(spec))
+
+
+def batch_signature(spec: Spec) -> tuple[Any, ...]:
+    """The types of the arguments of a ``batch_kernel``."""
+    from numba import types
+
     kinds: list[Any] = [types.intp, types.int64]
-    for x in varying:
-        kinds += [_type(x, 1, layout="C"), types.int64]
-    kinds += [_type(x, 0) for x in static]
-    kinds += [_type(spec.output, 1, True, "C"), types.Array(types.int8, 1, "C")]
-    return jit.compile_signature(function, tuple(kinds), keep=names(spec))
+    for x in spec.present:
+        if not x.static:
+            kinds += [_type(x, 1, layout="C"), types.int64]
+    kinds += [_type(x, 0) for x in spec.present if x.static]
+    return *kinds, _type(spec.output, 1, True, "C"), types.Array(types.int8, 1, "C")
 
 
 _MESSAGES = {
