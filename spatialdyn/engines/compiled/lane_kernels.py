@@ -19,6 +19,7 @@ from .numba_settings import PLAIN
 
 LINE = 64  # bytes of a cache line, to which scratch is aligned
 NAMES = {"rnea", "nonlinear_effects", "generalized_gravity", "static_torque", "aba", "crba"}
+MOST_BYTES = 16 << 20  # of tiles and scratch: where they leave the CPU caches, lanes are no faster
 RETRY = -1  # status of a sample that the kernel leaves to the caller
 
 
@@ -67,7 +68,7 @@ def _lines(spec: Spec, width: int) -> tuple[list[str], list[str]]:
         lines.append(f"size += (8 * {width} * {name}_columns + {LINE - 1}) // {LINE} * {LINE}")
     if spec.work is not None:
         lines += ["work_first = size", f"size += {width} * WORK_SIZE * len(bodies)"]
-    lines += [f"size += {LINE}", "block = memory(size)"]
+    lines += [f"size += {LINE}", f"if size > {MOST_BYTES}:", "    return -1", "block = memory(size)"]
     for name, shape in tiles.items():
         lines.append(f"{name}_tile = lanes{len(shape)}(aligned(block, {name}_first), ({', '.join(shape)},))")
     if spec.work is not None:
