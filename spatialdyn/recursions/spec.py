@@ -112,6 +112,7 @@ class Spec:
                 back aba's tau, or whose product with its output is 1, as crba's with minverse's; and of that with M⁻¹
     large       its table kernel takes half a minute to compile: steps run it as its program, as calls do, and calls
                 that have no program are computed in NumPy
+    mirrored    the output is a symmetric matrix, which the recursion writes in both triangles and does not read
     source      where the recursion comes from
     """
 
@@ -133,6 +134,7 @@ class Spec:
     residual: tuple[str, ...] = ()
     composed: bool = False
     large: bool = False
+    mirrored: bool = False
     stamped: bool = True
 
     @cached_property  # read a dozen times by each call of a rollout

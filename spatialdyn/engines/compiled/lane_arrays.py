@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 from functools import cache
 from typing import Any, cast
 
@@ -10,10 +11,12 @@ from llvmlite import ir
 from numba import types
 from numba.core import cgutils
 from numba.core.datamodel import models, register_default
-from numba.extending import intrinsic
+from numba.core.typing.templates import AbstractTemplate, infer_global, signature
+from numba.extending import intrinsic, lower_builtin
 from numba.np import arrayobj
 
-from .lanes import F8, I8, I32, Lanes, every, size, constant, vector
+from .checks import LARGEST
+from .lanes import F8, I8, I32, TRUTH, Lanes, constant, every, size, vector
 
 LINE = 64  # bytes that scratch is aligned to
 
@@ -98,6 +101,123 @@ def _aligned(typing_context: Any, memory: Any, skipped: Any) -> Any:
 aligned: Any = intrinsic(_aligned)
 
 
+# --- symmetric matrices -------------------------------------------------------------------------------------
+
+
+class Lower(types.Type):  # type: ignore[misc]
+    """A matrix of lanes that is written in both triangles alike: what goes above the diagonal is not kept."""
+
+    mutable = True
+
+    def __init__(self, width: int) -> None:
+        """Of so many samples."""
+        self.width = width
+        super().__init__(f"lower{width}")
+
+
+@register_default(Lower)
+class _LowerModel(models.PrimitiveModel):  # type: ignore[misc]
+    def __init__(self, dmm: Any, kind: Any) -> None:
+        super().__init__(dmm, kind, vector(F8, kind.width).as_pointer())
+
+
+@infer_global(operator.setitem)
+class _Set(AbstractTemplate):  # type: ignore[misc]
+    def generic(self, args: Any, kws: Any) -> Any:
+        matrix, place, _ = args
+        if isinstance(matrix, Lower) and isinstance(place, types.BaseTuple) and len(place) == 2:
+            return signature(types.none, matrix, types.UniTuple(types.intp, 2), Lanes(matrix.width))
+        return None
+
+
+def _triangle(builder: Any, row: Any) -> Any:
+    """The numbers of the rows before a row."""
+    return builder.lshr(builder.mul(row, builder.add(row, I8(1))), I8(1))
+
+
+@lower_builtin(operator.setitem, Lower, types.BaseTuple, Lanes)
+def _set_lower(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+    data, place, x = args
+    row, column = (builder.extract_value(place, k) for k in range(2))
+    with builder.if_then(builder.icmp_signed("<=", column, row)):
+        at = builder.add(_triangle(builder, row), column)
+        builder.store(x, builder.gep(data, [at]), align=8 * sig.args[0].width)
+    return context.get_dummy_value()
+
+
+@cache
+def lower(width: int) -> Any:
+    """An intrinsic (memory) -> Lower."""
+
+    def at(typing_context: Any, memory: Any) -> Any:
+        kind: Any = Lower(width)
+
+        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            return builder.bitcast(arguments[0], vector(F8, width).as_pointer())
+
+        return kind(memory), generate
+
+    return intrinsic(at)
+
+
+@cache
+def mirror(width: int) -> Any:
+    """As ``drain``, an intrinsic (tile, address, n, first, last) of the matrices (n, n) of a Lower, in blocks."""
+    kind = vector(F8, width)
+
+    def write(typing_context: Any, tile: Any, address: Any, n: Any, first: Any, last: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            tile, address, n, first, last = arguments
+            rows = _rows(builder, address, builder.mul(n, n), first, last, width)
+            of = builder.bitcast(tile, kind.as_pointer())
+            finite = _Finite(builder, width)
+
+            def read(row: Any, column: Any) -> Any:
+                at = builder.add(_triangle(builder, row), column)
+                return builder.load(builder.gep(of, [at]), align=8 * width)
+
+            def put(xs: Any, row: Any, column: Any) -> None:
+                at = builder.add(builder.mul(row, n), column)
+                for sample, x in zip(rows, _transposed(builder, xs), strict=True):
+                    builder.store(x, _at(builder, sample, at, kind), align=8)
+
+            def one_by_one(row: Any, start: Any, count: Any) -> None:
+                with cgutils.for_range(builder, count) as loop:
+                    column = builder.add(start, loop.index)
+                    x = read(row, column)
+                    finite.note([x])
+                    places = builder.add(builder.mul(row, n), column), builder.add(builder.mul(column, n), row)
+                    for lane, sample in enumerate(rows):
+                        number = builder.extract_element(x, I32(lane))
+                        for at in places:
+                            builder.store(number, builder.gep(sample, [at]))
+
+            size, steps = I8(width), [I8(k) for k in range(width)]
+            blocks = builder.sdiv(n, size)
+            with cgutils.for_range(builder, blocks) as down:
+                row = builder.mul(down.index, size)
+                with cgutils.for_range(builder, down.index) as along:
+                    column = builder.mul(along.index, size)
+                    with cgutils.for_range(builder, size) as inside:
+                        here = builder.add(row, inside.index)
+                        xs = [read(here, builder.add(column, k)) for k in steps]
+                        finite.note(xs)
+                        put(xs, here, column)
+                        there = builder.add(column, inside.index)
+                        put([read(builder.add(row, k), there) for k in steps], there, row)
+                with cgutils.for_range(builder, size) as inside:  # the block on the diagonal
+                    one_by_one(builder.add(row, inside.index), row, builder.add(inside.index, I8(1)))
+            done = builder.mul(blocks, size)
+            with cgutils.for_range(builder, builder.sub(n, done)) as left:
+                row = builder.add(done, left.index)
+                one_by_one(row, I8(0), builder.add(row, I8(1)))
+            return finite.all()
+
+        return types.boolean(types.voidptr, types.intp, types.intp, types.intp, types.intp), generate
+
+    return intrinsic(write)
+
+
 # --- tiles --------------------------------------------------------------------------------------------------
 
 
@@ -128,16 +248,33 @@ def _transposed(builder: Any, rows: list[Any]) -> list[Any]:
     return rows
 
 
+class _Finite:
+    """Whether all numbers that it notes are finite."""
+
+    def __init__(self, builder: Any, width: int) -> None:
+        self._builder, self._width = builder, width
+        self._found = cgutils.alloca_once_value(builder, TRUTH(1))
+
+    def note(self, xs: Any) -> None:
+        """Take some vectors of numbers into account."""
+        builder, good = self._builder, None
+        for x in xs:
+            one = builder.fcmp_ordered("<=", size(builder, x), constant(LARGEST, self._width))
+            good = one if good is None else builder.and_(good, one)
+        builder.store(builder.and_(builder.load(self._found), every(builder, good)), self._found)
+
+    def all(self) -> Any:
+        """The truth."""
+        return self._builder.load(self._found)
+
+
 def _at(builder: Any, pointer: Any, index: Any, kind: Any) -> Any:
     return builder.bitcast(builder.gep(pointer, [index]), kind.as_pointer())
 
 
 @cache
 def fill(width: int) -> Any:
-    """An intrinsic (address, columns, first, last, tile's address) that reads the rows of W samples into a tile.
-
-    It returns whether all numbers are finite.
-    """
+    """An intrinsic (address, columns, first, last, tile) that reads the rows of W samples into a tile."""
     kind = vector(F8, width)
 
     def read(typing_context: Any, address: Any, columns: Any, first: Any, last: Any, tile: Any) -> Any:
@@ -173,40 +310,32 @@ def drain(width: int) -> Any:
     It returns whether all numbers are finite.
     """
     kind = vector(F8, width)
-    largest = 1.7976931348623157e308
 
     def write(typing_context: Any, tile: Any, address: Any, columns: Any, first: Any, last: Any) -> Any:
         def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
             tile, address, columns, first, last = arguments
             rows = _rows(builder, address, columns, first, last, width)
             of = builder.inttoptr(builder.ptrtoint(tile, I8), F8.as_pointer())
-            finite = cgutils.alloca_once_value(builder, ir.IntType(1)(1))
+            finite = _Finite(builder, width)
 
             def tile_at(at: Any) -> Any:
                 return builder.load(_at(builder, of, builder.mul(at, I8(width)), kind), align=8 * width)
-
-            def note(xs: Any) -> None:
-                good = None
-                for x in xs:
-                    one = builder.fcmp_ordered("<=", size(builder, x), constant(largest, width))
-                    good = one if good is None else builder.and_(good, one)
-                builder.store(builder.and_(builder.load(finite), every(builder, good)), finite)
 
             blocks = builder.sdiv(columns, I8(width))
             with cgutils.for_range(builder, blocks) as loop:
                 at = builder.mul(loop.index, I8(width))
                 found = [tile_at(builder.add(at, I8(k))) for k in range(width)]
-                note(found)
+                finite.note(found)
                 for row, x in zip(rows, _transposed(builder, found), strict=True):
                     builder.store(x, _at(builder, row, at, kind), align=8)
             done = builder.mul(blocks, I8(width))
             with cgutils.for_range(builder, builder.sub(columns, done)) as loop:
                 at = builder.add(done, loop.index)
                 x = tile_at(at)
-                note([x])
+                finite.note([x])
                 for lane, row in enumerate(rows):
                     builder.store(builder.extract_element(x, I32(lane)), builder.gep(row, [at]))
-            return builder.load(finite)
+            return finite.all()
 
         return types.boolean(types.voidptr, types.intp, types.intp, types.intp, types.intp), generate
 

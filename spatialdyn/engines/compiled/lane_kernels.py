@@ -63,13 +63,20 @@ def _lines(spec: Spec, width: int) -> tuple[list[str], list[str]]:
     scratch = numba_kernels.scratch_of(spec)
     tiles |= {name: shape for name, (shape, dtype) in scratch.items() if dtype == "FLOAT"}
     lines.append("size = 0")
+    if spec.mirrored:
+        side = tiles[out.name][0]
+        tiles[out.name] = [f"({side}) * ({side} + 1) // 2"]
     for name, shape in tiles.items():
         lines += [f"{name}_columns = {' * '.join(f'({s})' for s in shape)}", f"{name}_first = size"]
         lines.append(f"size += (8 * {width} * {name}_columns + {LINE - 1}) // {LINE} * {LINE}")
     if spec.work is not None:
         lines += ["work_first = size", f"size += {width} * WORK_SIZE * len(bodies)"]
     lines += [f"size += {LINE}", f"if size > {MOST_BYTES}:", "    return -1", "block = memory(size)"]
+    if spec.mirrored:
+        lines.append(f"{out.name}_tile = lower(aligned(block, {out.name}_first))")
     for name, shape in tiles.items():
+        if spec.mirrored and name == out.name:
+            continue
         lines.append(f"{name}_tile = lanes{len(shape)}(aligned(block, {name}_first), ({', '.join(shape)},))")
     if spec.work is not None:
         lines.append("work_tile = works(aligned(block, work_first), (len(bodies),))")
@@ -107,8 +114,9 @@ def _lines(spec: Spec, width: int) -> tuple[list[str], list[str]]:
         inside.append("sound = sound and pivots_regular(bodies, q_tile, pivots_tile)")
     if out.unit_norm:
         inside.append(f"sound = sound and unit_norm(bodies, {out.name}_tile)")
+    drain, columns = ("mirror", side) if spec.mirrored else ("drain", f"{out.name}_columns")
     inside += [
-        f"sound = drain(aligned(block, {out.name}_first), {out.name}_at, {out.name}_columns, s, n - 1) and sound",
+        f"sound = {drain}(aligned(block, {out.name}_first), {out.name}_at, {columns}, s, n - 1) and sound",
         f"for k in range(s, min(s + {width}, n)):",
         f"    status[k] = {OK} if sound else {RETRY}",
         "    failed += 0 if sound else 1",
@@ -131,6 +139,7 @@ def scope(spec: Spec, width: int) -> dict[str, Any]:
     from .lane_turn import turn_lanes
 
     tiles = {"fill": lane_arrays.fill(width), "drain": lane_arrays.drain(width), "aligned": lane_arrays.aligned}
+    tiles |= {"lower": lane_arrays.lower(width), "mirror": lane_arrays.mirror(width)}
     return found | tiles | {"ANY_NORM": ANY_NORM, "turn_lanes": turn_lanes}
 
 
