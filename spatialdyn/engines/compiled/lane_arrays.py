@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import operator
+from collections.abc import Callable
 from functools import cache
 from typing import Any, cast
 
@@ -162,7 +163,7 @@ def lower(width: int) -> Any:
 
 @cache
 def mirror(width: int) -> Any:
-    """As ``drain``, an intrinsic (tile, address, n, first, last) of the matrices (n, n) of a Lower, in blocks."""
+    """As ``drain``, an intrinsic (tile, address, n, first, last) of the matrices (n, n) of a Lower, row by row."""
     kind = vector(F8, width)
 
     def write(typing_context: Any, tile: Any, address: Any, n: Any, first: Any, last: Any) -> Any:
@@ -176,41 +177,40 @@ def mirror(width: int) -> Any:
                 at = builder.add(_triangle(builder, row), column)
                 return builder.load(builder.gep(of, [at]), align=8 * width)
 
-            def put(xs: Any, row: Any, column: Any) -> None:
+            def larger(x: Any, y: Any) -> tuple[Any, Any]:
+                above = builder.icmp_signed(">", x, y)
+                return builder.select(above, x, y), builder.select(above, y, x)
+
+            def block(row: Any, column: Any, place: Callable[[Any], tuple[Any, Any]]) -> None:
+                xs = [read(*place(builder.add(column, I8(k)))) for k in range(width)]
+                finite.note(xs)
                 at = builder.add(builder.mul(row, n), column)
                 for sample, x in zip(rows, _transposed(builder, xs), strict=True):
                     builder.store(x, _at(builder, sample, at, kind), align=8)
 
-            def one_by_one(row: Any, start: Any, count: Any) -> None:
-                with cgutils.for_range(builder, count) as loop:
-                    column = builder.add(start, loop.index)
-                    x = read(row, column)
+            count = I8(width)
+            blocks = builder.sdiv(n, count)
+            done = builder.mul(blocks, count)
+            with cgutils.for_range(builder, n) as down:
+                row = down.index
+                below = builder.sdiv(builder.add(row, I8(1)), count)  # blocks up to the diagonal
+                below = builder.select(builder.icmp_signed("<", below, blocks), below, blocks)
+                past = builder.sdiv(builder.add(row, I8(width - 1)), count)  # the first block from it on
+                past = builder.select(builder.icmp_signed("<", past, blocks), past, blocks)
+                for start, end, place in (
+                    (I8(0), below, lambda column: (row, column)),
+                    (below, past, lambda column: larger(row, column)),
+                    (past, blocks, lambda column: (column, row)),
+                ):
+                    with cgutils.for_range(builder, builder.sub(end, start)) as along:
+                        block(row, builder.mul(builder.add(start, along.index), count), place)
+                with cgutils.for_range(builder, builder.sub(n, done)) as left:
+                    column = builder.add(done, left.index)
+                    x = read(*larger(row, column))
                     finite.note([x])
-                    places = builder.add(builder.mul(row, n), column), builder.add(builder.mul(column, n), row)
+                    at = builder.add(builder.mul(row, n), column)
                     for lane, sample in enumerate(rows):
-                        number = builder.extract_element(x, I32(lane))
-                        for at in places:
-                            builder.store(number, builder.gep(sample, [at]))
-
-            size, steps = I8(width), [I8(k) for k in range(width)]
-            blocks = builder.sdiv(n, size)
-            with cgutils.for_range(builder, blocks) as down:
-                row = builder.mul(down.index, size)
-                with cgutils.for_range(builder, down.index) as along:
-                    column = builder.mul(along.index, size)
-                    with cgutils.for_range(builder, size) as inside:
-                        here = builder.add(row, inside.index)
-                        xs = [read(here, builder.add(column, k)) for k in steps]
-                        finite.note(xs)
-                        put(xs, here, column)
-                        there = builder.add(column, inside.index)
-                        put([read(builder.add(row, k), there) for k in steps], there, row)
-                with cgutils.for_range(builder, size) as inside:  # the block on the diagonal
-                    one_by_one(builder.add(row, inside.index), row, builder.add(inside.index, I8(1)))
-            done = builder.mul(blocks, size)
-            with cgutils.for_range(builder, builder.sub(n, done)) as left:
-                row = builder.add(done, left.index)
-                one_by_one(row, I8(0), builder.add(row, I8(1)))
+                        builder.store(builder.extract_element(x, I32(lane)), builder.gep(sample, [at]))
             return finite.all()
 
         return types.boolean(types.voidptr, types.intp, types.intp, types.intp, types.intp), generate

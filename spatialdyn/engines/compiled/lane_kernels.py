@@ -19,7 +19,7 @@ from .numba_settings import PLAIN
 
 LINE = 64  # bytes of a cache line, to which scratch is aligned
 NAMES = {"rnea", "nonlinear_effects", "generalized_gravity", "static_torque", "aba", "crba"}
-MOST_BYTES = 16 << 20  # of tiles and scratch: where they leave the CPU caches, lanes are no faster
+MOST_BYTES = 48 << 20  # of tiles and scratch of a thread: of larger ones lanes are no faster
 RETRY = -1  # status of a sample that the kernel leaves to the caller
 
 

@@ -146,7 +146,7 @@ def test_one_sample_answers_until_compiling_pays(monkeypatch: pytest.MonkeyPatch
 
 def test_results_larger_than_the_caches_are_left_to_one_sample() -> None:
     """The table is empty but for its sizes: none of it is read."""
-    spec, n = numba_kernels.variant(SPECS["crba"], ()), 1100
+    spec, n = numba_kernels.variant(SPECS["crba"], ()), 2600
     bodies = np.zeros(n + 1, BODIES)
     bodies[0]["q_index"] = bodies[0]["last_row"] = n
     kernel = lane_kernels.kernel(spec, lane_kernels.width())
