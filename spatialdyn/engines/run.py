@@ -21,7 +21,7 @@ from ..bodies.table import ANY_NORM
 from ..recursions.spec import Spec
 from ..waiting import watch
 from . import locks, threads
-from .compiled import lane_batches, lane_kernels, numba_kernels, tiers
+from .compiled import lane_batches, lane_names, numba_kernels, tiers
 from .failed import ALL_OK as ALL_OK
 from .failed import Arrays as Arrays
 from .failed import Failed as Failed
@@ -213,7 +213,7 @@ def preview(spec: Spec, table: Table, inputs: Arrays, static: tuple[Any, ...], c
         or not spec.traceable  # which compiles when it pays
         or table.bodies["leader"].any()  # which have no table kernel
         or numba_kernels.is_made(spec)
-        or (lane_kernels.fits(spec) and lane_batches.batches(spec).is_made)
+        or (lane_names.fits(spec) and lane_batches.batches(spec).is_made)
         or count > _few(spec, table, static)
         or program(spec, table, hashable(static)) is not None
     ):
@@ -263,13 +263,13 @@ def _run_table_kernel(
         else:
             _one_by_one(spec, rows, given, static, results, status)
 
-    least = lane_kernels.width() if lane_kernels.fits(spec) else 1
+    least = lane_names.width() if lane_names.fits(spec) else 1
     return _in_slices(compute, len(table.bodies), math.prod(core), inputs, out, at, columns, seen, least)
 
 
 def compile_table_kernel(spec: Spec) -> None:
     """Compile what computes batches of a call without a program."""
-    if lane_kernels.fits(spec):
+    if lane_names.fits(spec):
         lane_batches.batches(spec).compile_now()
     else:
         _kernel(spec, MANY_ALONE)
@@ -277,7 +277,7 @@ def compile_table_kernel(spec: Spec) -> None:
 
 def _kernel(spec: Spec, count: int) -> Callable[..., int] | None:
     """The table kernel of batches; None for few samples of a recursion that runs in plain Python so far."""
-    if lane_kernels.fits(spec):
+    if lane_names.fits(spec):
         made = lane_batches.batches(spec)
         made.prepare(count)
         return made

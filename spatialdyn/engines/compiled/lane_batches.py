@@ -15,7 +15,7 @@ import numpy as np
 
 from ...recursions.spec import Spec
 from .. import locks
-from . import lane_kernels, numba_kernels
+from . import lane_kernels, lane_names, numba_kernels
 
 COMPILE_SECONDS = 6.0  # expected to compile a kernel on lanes
 
@@ -24,7 +24,7 @@ class LaneBatches:
     """A ``numba_kernels.batch_kernel``."""
 
     def __init__(self, spec: Spec) -> None:
-        """Of a call that ``lane_kernels.fits``."""
+        """Of a call that ``lane_names.fits``."""
         self._spec = spec
         self._lanes: Callable[..., int] | None = None
         self._looked = False
@@ -39,11 +39,11 @@ class LaneBatches:
     def prepare(self, count: int) -> None:
         """Get what computes a batch of so many samples, on the calling thread."""
         with self._lock:
-            if self._lanes is None and 2 * count > lane_kernels.width():
+            if self._lanes is None and 2 * count > lane_names.width():
                 first, self._looked = not self._looked, True
-                stored = first and lane_kernels.is_stored(self._spec, lane_kernels.width())
+                stored = first and lane_kernels.is_stored(self._spec, lane_names.width())
                 if stored or self._spent >= COMPILE_SECONDS:
-                    self._lanes = lane_kernels.kernel(self._spec, lane_kernels.width())
+                    self._lanes = lane_kernels.kernel(self._spec, lane_names.width())
         if self._lanes is None:
             numba_kernels.batch_kernel(self._spec)
 
@@ -51,11 +51,11 @@ class LaneBatches:
         """Compile both, whether that pays or not."""
         numba_kernels.batch_kernel(self._spec)
         self._spent = COMPILE_SECONDS
-        self.prepare(lane_kernels.width())
+        self.prepare(lane_names.width())
 
     def __call__(self, table: int, n: int, *arguments: Any) -> int:
         lanes = self._lanes
-        if lanes is None or 2 * n <= lane_kernels.width():
+        if lanes is None or 2 * n <= lane_names.width():
             start = perf_counter()
             failed = numba_kernels.batch_kernel(self._spec)(table, n, *arguments)
             self._spent += perf_counter() - start

@@ -13,34 +13,12 @@ from typing import Any
 
 from ...bodies.table import ANY_NORM
 from ...recursions.spec import Spec, flat, gather, is_record
-from . import disk_cache, numba_kernels
+from . import disk_cache, lane_names, numba_kernels
 from .numba_kernels import OK
-from .numba_settings import PLAIN
 
 LINE = 64  # bytes of a cache line, to which scratch is aligned
-NAMES = {"rnea", "nonlinear_effects", "generalized_gravity", "static_torque", "aba", "crba"}
 MOST_BYTES = 48 << 20  # of tiles and scratch of a thread: of larger ones lanes are no faster
 RETRY = -1  # status of a sample that the kernel leaves to the caller
-
-
-def fits(spec: Spec) -> bool:
-    """Whether a call runs on lanes."""
-    return not PLAIN and spec.name in NAMES and numba_kernels.names(spec) and _fused()
-
-
-@cache
-def _fused() -> bool:
-    """Whether the processor has fused multiply-add, without which the polynomials of lanes have no range."""
-    from .target import target
-
-    return target().fused
-
-
-def width() -> int:
-    """How many samples a vector of this processor holds."""
-    from .target import target
-
-    return 8 if target().has("avx512f") else 4 if target().has("avx2") else 2
 
 
 def _lines(spec: Spec, width: int) -> tuple[list[str], list[str]]:
@@ -125,45 +103,27 @@ def _lines(spec: Spec, width: int) -> tuple[list[str], list[str]]:
     return parameters, lines
 
 
-def scope(spec: Spec, width: int) -> dict[str, Any]:
-    """The names of a kernel's text."""
-    from . import lane_arrays, lanes
-
-    kind = lanes.Lanes(width)
-    found = numba_kernels.scope(spec)
-    found |= {f"lanes{axes}": lane_arrays.array_of(kind, axes) for axes in (1, 2, 3)}
-    if spec.work is not None:
-        found["works"] = lane_arrays.array_of(lane_arrays.record(spec.work, width), 1)
-    if width == 1:
-        return found | {"lanes_of": lane_arrays.lanes_of}
-    from .lane_turn import turn_lanes
-
-    tiles = {"fill": lane_arrays.fill(width), "drain": lane_arrays.drain(width), "aligned": lane_arrays.aligned}
-    tiles |= {"lower": lane_arrays.lower(width), "mirror": lane_arrays.mirror(width)}
-    return found | tiles | {"ANY_NORM": ANY_NORM, "turn_lanes": turn_lanes}
-
-
 @cache
 def kernel(spec: Spec, width: int) -> Callable[..., int]:
     """A ``batch_kernel`` on lanes, compiled or from the disk: the samples of status RETRY are left; -1 if all are."""
-    from . import jit
+    with numba_kernels.compiling(spec):
+        from . import jit
 
-    return jit.compile_signature(
-        source(spec, width), numba_kernels.batch_signature(spec), keep=numba_kernels.names(spec), contract=False
-    )
+        return jit.compile_signature(source(spec, width), numba_kernels.batch_signature(spec), contract=False)
 
 
 def source(spec: Spec, width: int) -> Callable[..., int]:
     """The kernel's function."""
     parameters, lines = _lines(spec, width)
     name = f"{numba_kernels.label(spec)}_lanes{width}"
-    return numba_kernels.kernel_from_text(name, parameters, lines, scope(spec, width))
+    scope = numba_kernels.scope(spec) | lane_names.known(spec, width) | {"ANY_NORM": ANY_NORM}
+    return numba_kernels.kernel_from_text(name, parameters, lines, scope)
 
 
 def is_stored(spec: Spec, width: int) -> bool:
     """Whether the compiled kernel is on disk."""
     from . import jit, tiers
 
-    if not numba_kernels.names(spec) or disk_cache.folder() is None:
+    if disk_cache.folder() is None:
         return False
     return tiers.is_stored(jit.numba_jit(source(spec, width), contract=False), numba_kernels.batch_signature(spec))

@@ -22,10 +22,8 @@ from numba.extending import intrinsic, lower_builtin, lower_cast, overload
 
 from ...algebra import scalars
 from ..polynomials import COSINE, HALF_PI, MAGIC, MAX_ANGLE, SINE
-from .target import target
 
 F8, I8, I32, TRUTH = ir.DoubleType(), ir.IntType(64), ir.IntType(32), ir.IntType(1)
-FUSED = target().fused  # else llvm.fma would call the C library
 
 
 class Lanes(types.Type):
@@ -101,15 +99,13 @@ def call(builder: Any, name: str, *arguments: Any) -> Any:
     """An intrinsic function of LLVM, whose arguments and result have one type."""
     kind, n = arguments[0].type, width_of(arguments[0].type)
     full = f"llvm.{name}.f64" if n == 1 else f"llvm.{name}.v{n}f64"
-    function = cgutils.get_or_insert_function(
-        builder.module, ir.FunctionType(kind, [kind] * len(arguments)), full
-    )
+    function = cgutils.get_or_insert_function(builder.module, ir.FunctionType(kind, [kind] * len(arguments)), full)
     return builder.call(function, arguments)
 
 
 def fma(builder: Any, a: Any, b: Any, c: Any) -> Any:
-    """a b + c, rounded once where the processor can."""
-    return call(builder, "fma", a, b, c) if FUSED else builder.fadd(builder.fmul(a, b), c)
+    """a b + c, rounded once."""
+    return call(builder, "fma", a, b, c)
 
 
 def product(builder: Any, a: Any, b: Any) -> Any:
@@ -120,7 +116,7 @@ def product(builder: Any, a: Any, b: Any) -> Any:
 
 
 def _fusible(x: Any) -> bool:
-    return FUSED and getattr(x, "of_lanes", False)
+    return getattr(x, "of_lanes", False)
 
 
 def add(builder: Any, x: Any, y: Any) -> Any:
@@ -397,10 +393,10 @@ def _unify(self: Any, typing_context: Any, other: Any) -> Any:
 
 
 def _convertible(self: Any, typing_context: Any, other: Any) -> Any:
-    if isinstance(other, types.BaseNamedTuple) and other.instance_class is self.instance_class:
-        if all(typing_context.can_convert(a, b) is not None for a, b in zip(self, other, strict=True)):
-            return Conversion.safe
-    return None
+    if not isinstance(other, types.BaseNamedTuple) or other.instance_class is not self.instance_class:
+        return None
+    can = typing_context.can_convert
+    return Conversion.safe if all(can(a, b) is not None for a, b in zip(self, other, strict=True)) else None
 
 
 for _kind in (types.NamedUniTuple, types.NamedTuple):  # which Numba unifies with nothing

@@ -5,7 +5,8 @@ Each recursion becomes three kernels, generated from its Spec:
 sample_kernel  one sample: checks the arguments, allocates scratch, runs the recursion, checks the result, and
                returns a status. It has one explicit signature, so no input makes it compile again, and it takes the
                table by its address, which is cheaper to pass than an array.
-batch_kernel   many samples, through ``sample_kernel``; an input that does not vary has a step of 0.
+batch_kernel   many samples, through ``sample_kernel``; an input that does not vary has a step of 0. ``lane_kernels``
+               has those of calls that run on SIMD lanes.
 user_kernel    one sample, for a user's own jitted code: raises instead of returning a status.
 
 They are compiled when first called and cached on disk (``numba_cache``) by a digest of their text and what they
@@ -16,8 +17,8 @@ A user's own function in Numba's cache, whose key is its own file only, must cap
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
-from contextlib import AbstractContextManager
+from collections.abc import Callable, Collection, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import cache
 from typing import Any
@@ -28,7 +29,7 @@ from ...recursions import SPECS
 from ...recursions.spec import Argument, Spec, flat, gather, is_record
 from ...waiting import watch
 from .. import locks
-from . import disk_cache
+from . import disk_cache, lane_names
 from .checks import all_finite, no_overlap, pivots_regular, unit_norm
 from .generated import function_from_text
 from .numba_settings import PLAIN as PLAIN
@@ -103,9 +104,7 @@ def _records(spec: Spec) -> dict[str, type]:
     return {type(x).__name__: type(x) for x in (*spec.inputs, spec.parts, *spec.scratch) if is_record(x)}
 
 
-def statements(
-    spec: Spec, fail: Callable[[int], str], plain: bool = PLAIN, on_lanes: bool = False
-) -> list[str]:
+def statements(spec: Spec, fail: Callable[[int], str], plain: bool = PLAIN, on_lanes: bool = False) -> list[str]:
     """The statements around a recursion; ``fail(status)`` is the statement that ends the kernel.
 
     on_lanes  the recursion runs on lanes of one sample, which round as those of more do (``lane_kernels``)
@@ -235,21 +234,24 @@ def label(spec: Spec) -> str:
     return "_".join([spec.name, *(x.name for x in spec.present)])
 
 
-def _named(spec: Spec) -> AbstractContextManager[None]:
-    return watch.work(f"compiling the table kernel of {spec.name}", disk_cache.kept)
+@contextmanager
+def compiling(spec: Spec) -> Iterator[None]:
+    """One thread compiles at a time, and says so where it takes long."""
+    with _LOCK, watch.work(f"compiling the table kernel of {spec.name}", disk_cache.kept):
+        yield
 
 
 @cache
 def sample_kernel(spec: Spec) -> Callable[..., int]:
     """``(table, *inputs, output) -> status`` of one sample; inputs of any layout, none modified."""
-    with _LOCK, _named(spec):  # a fork waits for the import too
-        from . import jit, lane_kernels
+    with compiling(spec):  # a fork waits for the import too
+        from . import jit
 
-        on_lanes = lane_kernels.fits(spec)
+        on_lanes = lane_names.fits(spec)
         parameters = ["table", *(x.name for x in spec.present), spec.output.name]
         inside = statements(spec, lambda status: f"return {status}", on_lanes=on_lanes)
         body = ["bodies = table_at(table)", *inside, f"return {OK}"]
-        known = lane_kernels.scope(spec, 1) if on_lanes else scope(spec)
+        known = scope(spec) | (lane_names.known(spec, 1) if on_lanes else {})
         function = kernel_from_text(label(spec), parameters, body, known)
         return jit.compile_signature(function, signature(spec), keep=names(spec), contract=not on_lanes)
 
@@ -284,7 +286,7 @@ def batch_kernel(spec: Spec) -> Callable[..., int]:
 
     Arrays are C-ordered with the samples first; an input with step 0 has one row, which serves all samples.
     """
-    with _LOCK, _named(spec):  # a fork waits for the import too
+    with compiling(spec):  # a fork waits for the import too
         made = batches_of(spec, sample_kernel(spec), "batch")
         _made.add(spec)
         return made

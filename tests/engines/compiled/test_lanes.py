@@ -15,14 +15,14 @@ from trees import random_tree
 import spatialdyn as sd
 from spatialdyn.bodies.table import BODIES
 from spatialdyn.engines import run
-from spatialdyn.engines.compiled import lane_batches, lane_kernels, numba_kernels
+from spatialdyn.engines.compiled import lane_batches, lane_kernels, lane_names, numba_kernels
 from spatialdyn.engines.compiled.numba_settings import PLAIN
 from spatialdyn.engines.numbers.samples import Evaluation
 from spatialdyn.engines.programs.record import recording
 from spatialdyn.recursions import SPECS
 from spatialdyn.recursions.spec import Spec
 
-pytestmark = pytest.mark.skipif(PLAIN or not lane_kernels.fits(SPECS["crba"]), reason="no lanes here")
+pytestmark = pytest.mark.skipif(PLAIN or not lane_names.fits(SPECS["crba"]), reason="no lanes here")
 COUNT = 13  # samples: no multiple of a width
 ROUNDING = 1e-13  # of the largest entry of a result, over 15 random joints; measured 3e-15
 SCALES = {"aba": 1e3}  # a solve in a badly conditioned tree
@@ -69,11 +69,11 @@ def check(spec: Spec, width: int) -> None:
 
 @pytest.mark.parametrize("name", ["generalized_gravity", "crba"])
 def test_lanes_have_the_bits_of_one_sample_and_are_right(name: str) -> None:
-    check(numba_kernels.variant(SPECS[name], ()), lane_kernels.width())
+    check(numba_kernels.variant(SPECS[name], ()), lane_names.width())
 
 
 @pytest.mark.slow(quick="test_lanes_have_the_bits_of_one_sample_and_are_right")
-@pytest.mark.parametrize("name", sorted(lane_kernels.NAMES))
+@pytest.mark.parametrize("name", [x.name for x in SPECS.values() if x.on_lanes])
 def test_every_call_on_lanes_of_every_width(name: str) -> None:
     of = SPECS[name]
     for present in {(), tuple(x.name for x in of.present if x.optional)}:
@@ -141,7 +141,7 @@ def test_one_sample_answers_until_compiling_pays(monkeypatch: pytest.MonkeyPatch
     tiers.prepare(1)
     assert not asked  # one sample has no use for lanes
     tiers.prepare(COUNT)
-    assert asked == [lane_kernels.width()]
+    assert asked == [lane_names.width()]
 
 
 def test_results_larger_than_the_caches_are_left_to_one_sample() -> None:
@@ -149,7 +149,7 @@ def test_results_larger_than_the_caches_are_left_to_one_sample() -> None:
     spec, n = numba_kernels.variant(SPECS["crba"], ()), 2600
     bodies = np.zeros(n + 1, BODIES)
     bodies[0]["q_index"] = bodies[0]["last_row"] = n
-    kernel = lane_kernels.kernel(spec, lane_kernels.width())
+    kernel = lane_kernels.kernel(spec, lane_names.width())
     given = np.zeros((1, n)), 1, np.empty((1, n, n)), np.empty(1, np.int8)
     assert kernel(bodies.ctypes.data, 1, *given) == -1
 
