@@ -192,7 +192,7 @@ def slices(n: int, rows: int, results: int, least: int = 1) -> Iterator[tuple[in
         end = done + count if n - done - count >= least else n
         yield done, end
         spent = max(time.perf_counter() - began, 1e-6)
-        count = max(least, int(min(10.0 * count, count * SLICE_SECONDS / spent)))
+        count = least * max(1, int(min(10.0 * count, count * SLICE_SECONDS / spent)) // least)
 
 
 thread_pool = ThreadPool()
