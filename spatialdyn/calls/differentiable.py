@@ -1,19 +1,105 @@
-"""A program with its gradients, as frameworks that differentiate ask for both."""
+"""A program with its derivatives, as frameworks that differentiate ask for them."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..engines.programs.run import batch_kernels
+from ..errors import SpatialDynError
+from . import specialize_fallback
 from .arguments import aligned
-from .specialize_request import SpecializeRequest
+
+if TYPE_CHECKING:
+    from ..engines.programs.run.xla_handler import Registered
+    from .specialized import Specialized
+
+MOST_ORDER = 2  # of derivatives: each further one has some three times the operations
+
+
+class Node:
+    """The results of a program, or a derivative of them, as a function of arrays with equal leading axes, or of size 1.
+
+    directions  how many directions the derivative is along; 0 and not weighted: the results themselves
+    weighted    whether it is of Σ weight · result, by each input; else of the results
+    inputs      names of the inputs, ``directions`` times those of the program, then weights if weighted, then results
+    cores       shape of one sample of each; ``results`` of each result
+    hinted      whether the results themselves are the last inputs
+
+    Derivatives are symmetric in their directions, and linear in each and in the weights.
+    """
+
+    def __init__(self, made: Differentiable, directions: int, weighted: bool) -> None:
+        """Of a program; its derivatives are recorded and compiled at first use."""
+        self.made, self.directions, self.weighted = made, directions, weighted
+        request = made.request_of(directions, weighted)
+        self.inputs, self.cores = [x.name for x in request.inputs()], [x.shape for x in request.inputs()]
+        self.results, self.hinted = [x.shape for x in request.results()], request.takes_results
+        self.name = made.name + "".join(["_along"] * directions + ["_weighted"] * weighted)
+        self._handlers: dict[Any, Registered] = {}
+
+    @cached_property
+    def program(self) -> Specialized:
+        """The Specialized. Raises SpatialDynError without a program."""
+        return self.made.program_of(self.directions, self.weighted)
+
+    @property
+    def groups(self) -> list[slice]:
+        """The inputs of the program, of each direction, the weights, and the results that are known, as slices."""
+        n, m = len(self.made.names), len(self.made.results)
+        ends = [0, *(n * (k + 1) for k in range(self.directions + 1))]
+        for _ in range(self.weighted + self.hinted):
+            ends.append(ends[-1] + m)
+        return [slice(a, b) for a, b in zip(ends, ends[1:], strict=False)]
+
+    def further(self, directions: int, weighted: bool) -> Node:
+        """Another derivative of the same program."""
+        return self.made.node(directions, weighted)
+
+    def lead(self, shapes: Sequence[tuple[int, ...]]) -> tuple[int, ...]:
+        """The leading axes of the results for inputs of these shapes."""
+        leads = (tuple(shape[: len(shape) - len(core)]) for shape, core in zip(shapes, self.cores, strict=True))
+        return np.broadcast_shapes(*leads)
+
+    def shapes(self, shapes: Sequence[tuple[int, ...]]) -> list[tuple[int, ...]]:
+        """The shapes of the results for inputs of these shapes."""
+        lead = self.lead(shapes)
+        return [(*lead, *core) for core in self.results]
+
+    def compute(self, inputs: Sequence[NDArray[Any]]) -> list[NDArray[Any]]:
+        """The results, in the program's dtype."""
+        found = self.program(*inputs)
+        return [np.asarray(x) for x in (found if isinstance(found, tuple) else (found,))]
+
+    def handler(self, dtype: Any) -> Registered | None:
+        """What XLA calls for arrays of a dtype. Returns None if not applicable: without a compiled program, and for
+        float64 into a program of float32, whose range the inputs may leave.
+        """
+        from ..engines.programs.run import xla_handler
+
+        k, dtype = self.program, np.dtype(dtype)
+        if k._kernel is None or dtype.itemsize > k.dtype.itemsize or not self.cores:
+            return None
+        if dtype not in self._handlers:
+            request = k._request
+            inputs, shapes = list(zip(k._inputs, self.cores, strict=True)), self.cores
+
+            def recompute(given: Any, found: Any, batch: Any, samples: Any) -> None:
+                rows = [x.reshape(len(x), *(core or (1,))) for x, (_, core) in zip(given, inputs, strict=True)]
+                arrays = [x for x, _ in inputs]
+                specialize_fallback.compute(request, arrays, rows, found, batch, samples, seen=False)
+
+            key = "\n".join((batch_kernels.name_of(*k._named()), request.model.name, *request.model.names))
+            self._handlers[dtype] = xla_handler.registered(key, k._kernel, shapes, self.results, dtype, recompute)
+        return self._handlers[dtype]
 
 
 class Differentiable:
-    """A Specialized, and the derivatives of a weighted sum of its results by each entry of its inputs.
+    """A Specialized, and its derivatives by the entries of its inputs.
 
     name     of its calls
     text     its signature
@@ -25,44 +111,32 @@ class Differentiable:
 
     def __init__(
         self,
-        request: SpecializeRequest,
+        program: Specialized,
         text: str,
-        plain: Callable[..., Any],
-        backward: Callable[..., Any],
-        along: Callable[[], Callable[..., Any]],
+        request_of: Callable[[int, bool], Any],
+        derivative: Callable[[int, bool], Specialized],
     ) -> None:
-        """``plain`` computes the results, ``backward`` of inputs and weights the results and derivatives, what
-        ``along()`` makes of inputs and tangents.
-        """
-        self._plain, self._backward, self._along, self.text = plain, backward, along, text
+        """``request_of`` and ``derivative`` of directions and weights: what a derivative is of, and its program."""
+        request = request_of(0, False)
+        self._program, self._derivative, self.request_of, self.text = program, derivative, request_of, text
         self.name = "_".join(spec.name for spec in request.specs)
         self.names, self.cores = [x.name for x in request.inputs()], [x.shape for x in request.inputs()]
         self.results, self.several = [x.shape for x in request.results()], request.several
+        self._nodes: dict[tuple[int, bool], Node] = {}
 
     def aligned(self, shapes: Sequence[tuple[int, ...]]) -> list[tuple[int, ...]]:
         """``arguments.aligned`` of the inputs."""
         return aligned(self.names, self.cores, shapes)
 
-    def shapes(self, shapes: Sequence[tuple[int, ...]]) -> list[tuple[int, ...]]:
-        """The shapes of the results for inputs of these aligned shapes."""
-        leads = [shape[: len(shape) - len(core)] for shape, core in zip(shapes, self.cores, strict=True)]
-        return [(*np.broadcast_shapes(*leads), *core) for core in self.results]
+    def node(self, directions: int = 0, weighted: bool = False) -> Node:
+        """The results, or a derivative of them. Raises SpatialDynError for more than MOST_ORDER."""
+        if directions + weighted > MOST_ORDER:
+            raise SpatialDynError(f"a third derivative of {self.name} is not available, expected first and second ones")
+        key = directions, bool(weighted)
+        if key not in self._nodes:
+            self._nodes[key] = Node(self, *key)
+        return self._nodes[key]
 
-    def values(self, inputs: Sequence[NDArray[Any]]) -> list[NDArray[Any]]:
-        """The results."""
-        found = self._plain(*inputs)
-        return [np.asarray(x) for x in (found if self.several else (found,))]
-
-    def gradients(self, inputs: Sequence[NDArray[Any]], weights: Sequence[NDArray[Any]]) -> list[NDArray[np.float64]]:
-        """The derivatives of Σ weight · result by each input, in its shape: summed over samples that share it."""
-        found = self._backward(*inputs, *weights)[len(self.results) :]
-        summed = []
-        for x, given, core in zip(found, inputs, self.cores, strict=True):
-            shared = tuple(k for k in range(given.ndim - len(core)) if given.shape[k] == 1)
-            summed.append(np.asarray(x).sum(axis=shared, keepdims=True))
-        return summed
-
-    def tangents(self, inputs: Sequence[NDArray[Any]], along: Sequence[NDArray[Any]]) -> list[NDArray[np.float64]]:
-        """The derivatives of the results along tangents of the inputs, each in the shape of its input."""
-        found = self._along()(*inputs, *along)
-        return [np.asarray(x) for x in found[len(self.results) :]]
+    def program_of(self, directions: int, weighted: bool) -> Specialized:
+        """The Specialized of a node."""
+        return self._derivative(directions, weighted) if directions or weighted else self._program

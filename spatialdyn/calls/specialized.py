@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Sequence
-from functools import cache, cached_property, partial
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -49,17 +49,26 @@ def of_request(
     return made
 
 
-def derivative_of(k: Specialized, derivative: str) -> Specialized:
-    """The program of another with derivatives, of a configuration by its entries instead of displacements, in float64:
-    "gradient", of Σ weight · result by its inputs, or "tangent", of its results along tangents of its inputs.
+def derivative_of(k: Specialized, directions: int, weighted: bool) -> Specialized:
+    """The program of a derivative of another by the entries of its inputs, in float64: along so many directions, and
+    ``weighted`` of Σ weight · result by each input. Raises SpatialDynError without one.
+    """
+    arguments = (k, directions, weighted)
+    return check_program(of_request(derivative_request(*arguments), derivative_of, arguments), "derivatives")
 
-    Raises SpatialDynError for one without a program, or with bounds or derivatives of its own.
+
+def derivative_request(k: Specialized, directions: int, weighted: bool) -> SpecializeRequest:
+    """The request of ``derivative_of``, or without directions and weights that of the program itself.
+
+    Raises SpatialDynError for one with bounds or derivatives of its own.
     """
     request = k._request
     if request.bounds or request.derivative:
         raise SpatialDynError(f"{literal(k)} has further results, expected results alone to differentiate")
-    request = request._replace(dtype=np.dtype(np.float64), derivative=derivative, several=True)
-    return check_program(of_request(request, derivative_of, (k, derivative)), "derivatives")
+    if not (directions or weighted):
+        return request
+    derivative = f"along {directions}" + (" weighted" if weighted else "")
+    return request._replace(dtype=np.dtype(np.float64), derivative=derivative, several=True)
 
 
 def results_of_rows(k: Specialized, rows: Sequence[NDArray[Any]]) -> list[NDArray[Any]] | None:
@@ -260,7 +269,7 @@ class Specialized:
         """
         from ..interop.jax import to_jax
 
-        return to_jax(self._differentiable())
+        return to_jax(self._differentiable)
 
     def to_torch(self) -> Callable[..., Any]:
         """The program as a function of PyTorch tensors on the CPU, for autograd in both modes, torch.func and vmap.
@@ -275,11 +284,22 @@ class Specialized:
         """
         from ..interop.torch import to_torch
 
-        return to_torch(self._differentiable())
+        return to_torch(self._differentiable)
 
+    @cached_property
     def _differentiable(self) -> Differentiable:
-        along = cache(partial(derivative_of, self, "tangent"))
-        return Differentiable(self._request, self.signature, self, derivative_of(self, "gradient"), along)
+        request_of = partial(derivative_request, self)
+        if recording.fits(self._request.specs, self.model.bodies, 1, self._request.tables) and not numba_kernels.PLAIN:
+            self.program  # raises without one
+        else:
+            derivative_of(self, 0, True)
+        return Differentiable(self, self.signature, request_of, partial(derivative_of, self))
+
+    def _named(self) -> tuple[Any, ...]:
+        """The arguments of ``batch_kernels.name_of``."""
+        request = self._request
+        static = tuple(request.static.values())
+        return request.specs, request.model.key, static, request.dtype, request.options, lambda: self._recorded
 
     def python_code(self, name: str | None = None) -> str:
         """As ``c_code``, a Python function of arrays of any batch shape that needs NumPy only.
