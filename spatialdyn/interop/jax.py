@@ -93,15 +93,19 @@ def known_to_xla(name: str, address: int) -> bool:
     jax = framework("jax")
     try:
         jax.ffi.register_ffi_target(name, jax.ffi.pycapsule(address), platform="cpu")
-    except Exception as error:  # noqa: BLE001: of a JAX that this library does not know
-        reason = " ".join(str(error).split())
-        warnings.warn(
-            f"JAX {jax.__version__} calls programs through Python, some 0.3 ms a call, for XLA does not take compiled "
-            f"ones: {reason}",
-            stacklevel=2,
-        )
+    except Exception as error:  # of a JAX that this library does not know
+        _say(jax.__version__, " ".join(str(error).split()))
         return False
     return True
+
+
+@cache
+def _say(version: str, reason: str) -> None:
+    """Warn once."""
+    warnings.warn(
+        f"JAX {version} calls programs through Python, some 0.3 ms a call: XLA does not take compiled ones: {reason}",
+        stacklevel=3,
+    )
 
 
 def _called_back(*arrays: Any, node: Node) -> Any:
@@ -135,7 +139,9 @@ def _jvp(primals: Sequence[Any], tangents: Sequence[Any], *, node: Node) -> tupl
             continue
         further = node.further(node.directions + 1, node.weighted)
         known = [results] if further.hinted else []  # of the first order, where the results are those of the program
-        terms.append(bound(further, _flat([*parts[: node.directions + 1], rates, *parts[node.directions + 1 : count], *known])))
+        terms.append(
+            bound(further, _flat([*parts[: node.directions + 1], rates, *parts[node.directions + 1 : count], *known]))
+        )
     if not terms:
         return results, [ad.Zero.from_primal_value(x) for x in results]
     return results, [sum(x[1:], x[0]) for x in zip(*terms, strict=True)]

@@ -8,7 +8,6 @@ Source: OpenXLA, xla/ffi/api/c_api.h, which jaxlib has in ``jax.ffi.include_dir(
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 from .llvm_entry import ALIGNMENT, DATA_OFFSET, round_up
@@ -29,7 +28,13 @@ FIELDS = {
 SIZES = {"frame": 168, "args": 40, "buffer": 48, "metadata": 36, "api": 144, "version": 24, "error": 28, "task": 40}
 WORDS = ("count", "bits", "rank", "dims")  # that the callback gets before addresses of inputs and rows, and of outputs
 _CLOSED = 1 << 32  # in a call's word ``entered``: threads that come later find nothing left
-_STATE = ("refs", "entered", "finished", "piece", "failed")  # words of a call that threads share, behind an array's head
+_STATE = (
+    "refs",
+    "entered",
+    "finished",
+    "piece",
+    "failed",
+)  # words of a call that threads share, behind an array's head
 
 
 class Handler(NamedTuple):
@@ -40,7 +45,7 @@ class Handler(NamedTuple):
     lanes, share     samples of a tile, and least tiles that a thread runs
     buffer           bytes of ``buffer_size``
     run, numbers     addresses of ``batch_entry``, and of an array object of the program's numbers
-    callback         address of ``i64 callback(words)``, which recomputes rejected samples: 0, or the address of a message
+    callback         address of ``i64 callback(words)``, which recomputes rejected samples: 0, or a message's address
     allocate, free, give_way  addresses of functions as malloc, free and sched_yield
     threads          address of the most threads, a word
     """
@@ -280,7 +285,8 @@ def _entry(made: Handler) -> str:
     c.branch(c.compare("slt", "%other", threads), "schedule", "run", then="schedule")
     context = c.field("%frame", "frame.ctx", "ptr")
     for kind, value, place in (
-        ("i64", str(SIZES["task"]), 0), ("ptr", "null", 8), ("ptr", context, 16), ("ptr", "@task", 24), ("ptr", state, 32),
+        ("i64", str(SIZES["task"]), 0), ("ptr", "null", 8), ("ptr", context, 16), ("ptr", "@task", 24),
+        ("ptr", state, 32),
     ):  # fmt: skip
         c.store(kind, value, c.byte(given, place))
     refused = c.put(f"call ptr {c.field(api, 'api.schedule', 'ptr')}(ptr {given})")

@@ -124,8 +124,8 @@ def _callback(kernel: Kernel, recompute: Recompute) -> Callable[[int], int]:
             given = [array(*x) for x in zip(at, rows, kernel.inputs, strict=False)]
             found = [array(x, n, columns) for x, columns in zip(rows[several:], kernel.outputs, strict=True)]
             recompute(given, found, tuple(object_layout.words_at(dims, rank)), samples)
-        except BaseException as error:  # noqa: BLE001: it goes through XLA, as text
-            _message.text = f"{type(error).__name__}: {error}".encode() + b"\0"
+        except BaseException as error:  # it goes through XLA, as text
+            _message.text = f"a program refuses its inputs\n{type(error).__name__}: {error}".encode() + b"\0"
             return ctypes.cast(ctypes.c_char_p(_message.text), ctypes.c_void_p).value or 0
         return 0
 

@@ -181,7 +181,9 @@ def _by_inverse(spec: Spec, bodies: NDArray[Any], weighted: bool) -> Recording:
     forces = forces.only(range(n))
     given = (nq, n, n, n, n) if weighted else (nq, n, n, nq, n, n, n)  # those of the call, what it is along, the result
     tape = Tape()
-    parts = [[tape.input(k) for k in range(a, b)] for a, b in itertools.pairwise(itertools.accumulate(given, initial=0))]
+    parts = [
+        [tape.input(k) for k in range(a, b)] for a, b in itertools.pairwise(itertools.accumulate(given, initial=0))
+    ]
     q, v, a = parts[0], parts[1], parts[-1]
 
     def solved(force: Sequence[Any]) -> list[Any]:
