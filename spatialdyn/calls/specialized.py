@@ -26,7 +26,7 @@ from ..model.robot_checks import masked
 from . import specialize_fallback
 from .arguments import as_array, as_flag, broadcast, empty, flatten_batch
 from .differentiable import Differentiable
-from .exported import exported, jacobian_of
+from .exported import derivatives_of, exported, jacobian_of
 from .specialize_request import Array, SpecializeRequest
 
 
@@ -230,9 +230,11 @@ class Specialized:
     def to_casadi(self, name: str | None = None, jacobian: bool = True) -> Any:
         """The program as a ``casadi.Function`` of one sample, with named inputs and results.
 
-        It takes numbers, SX and MX; in an MX graph it is one node, whose Jacobian is that of ``c_code``: of rnea and
-        aba by their own recursions, in about half the operations of CasADi's. Inputs are named as in ``c_code``: a
-        payload that is the fourth is ``payload_4``. It has no argument checks and no range: a joint with zero
+        It takes numbers, SX and MX; in MX graphs, nested ones and those of ``factory`` too, it is one node, whose
+        Jacobian is that of ``c_code``: of rnea and aba by their own recursions, in about half the operations of
+        CasADi's. One direction, forwards or backwards, is a program of its own, of the size of some two or three calls,
+        and a Hessian is CasADi's derivative of that one: of aba in two fifths of the operations. Inputs are named as in
+        ``c_code``: a payload that is the fourth is ``payload_4``. It has no argument checks and no range: a joint with zero
         articulated inertia divides by zero. The same holds for ``bounded``: where its program has an infinite bound
         (angles above 1e5, joints of hardly any articulated inertia, numbers beyond the range), the exported function
         returns a finite number that bounds nothing. Derivatives with respect to a configuration are by its entries, as
@@ -240,7 +242,7 @@ class Specialized:
         so that everything stays in coordinates.
 
         name      as of ``c_code``
-        jacobian  False leaves the Jacobian to CasADi, also in an MX graph: it is made in a fraction of the time
+        jacobian  False leaves the derivatives to CasADi, also in an MX graph: it is made in a fraction of the time
 
         Raises SpatialDynError as ``c_code`` with derivatives, and where CasADi is not installed (extra "casadi")
         """
@@ -248,7 +250,7 @@ class Specialized:
 
         own = as_flag("jacobian", jacobian)
         given = exported(self._request, self._recorded, "c", name)
-        return to_casadi(given, jacobian_of(self._request, given) if own else None)
+        return to_casadi(given, derivatives_of(self._request, given) if own else None)
 
     def to_jax(self) -> Callable[..., Any]:
         """The program as a function of JAX arrays, for jit, vmap, grad, vjp and jacrev.
