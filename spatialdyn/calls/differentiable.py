@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import cached_property
+from itertools import accumulate, pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -29,6 +30,7 @@ class Node:
     inputs      names of the inputs, ``directions`` times those of the program, then weights if weighted, then results
     cores       shape of one sample of each; ``results`` of each result
     hinted      whether the results themselves are the last inputs
+    groups      the inputs as slices: of the program, of each direction, weights, known results
 
     Derivatives are symmetric in their directions, and linear in each and in the weights.
     """
@@ -51,14 +53,47 @@ class Node:
     def groups(self) -> list[slice]:
         """The inputs of the program, of each direction, the weights, and the results that are known, as slices."""
         n, m = len(self.made.names), len(self.made.results)
-        ends = [0, *(n * (k + 1) for k in range(self.directions + 1))]
-        for _ in range(self.weighted + self.hinted):
-            ends.append(ends[-1] + m)
-        return [slice(a, b) for a, b in zip(ends, ends[1:], strict=False)]
+        sizes = [n] * (self.directions + 1) + [m] * (self.weighted + self.hinted)
+        return [slice(a, b) for a, b in pairwise(accumulate(sizes, initial=0))]
 
-    def further(self, directions: int, weighted: bool) -> Node:
-        """Another derivative of the same program."""
-        return self.made.node(directions, weighted)
+    def along(self, k: int, arrays: Sequence[Any], results: Sequence[Any], rates: Sequence[Any]) -> tuple[Node, Any]:
+        """The derivative of the results along rates of the inputs of group k, as a node and its inputs."""
+        own, weights, _ = parts = self._parts(arrays)
+        if k:
+            groups = [*own, *filter(None, parts[1:])]
+            return self, _flat([*groups[:k], rates, *groups[k + 1 :]])
+        further = self.made.node(self.directions + 1, self.weighted)
+        return further, _flat([*own, rates, weights, results if further.hinted else []])
+
+    def back(self, k: int, arrays: Sequence[Any], results: Sequence[Any], seeds: Sequence[Any]) -> tuple[Node, Any]:
+        """The derivative of Σ seed · result by the inputs of group k, as a node and its inputs."""
+        own, weights, known = self._parts(arrays)
+        n, node = self.directions, self.made.node
+        if k > n:  # linear in the weights
+            return node(n + 1, False), _flat([*own, seeds, known])
+        if self.weighted:  # symmetric in its directions and the input that it is by
+            return (self, _flat([*own[:k], seeds, *own[k + 1 :], weights, known])) if k else (
+                node(n + 1, True), _flat([*own, seeds, weights])
+            )  # fmt: skip
+        if k:
+            return node(n - 1, True), _flat([*own[:k], *own[k + 1 :], seeds, known])
+        further = node(n, True)
+        return further, _flat([*own, seeds, results if further.hinted else []])
+
+    def _parts(self, arrays: Sequence[Any]) -> tuple[list[list[Any]], list[Any], list[Any]]:
+        """The inputs of the program and each direction, the weights, and known results."""
+        found = [list(arrays[group]) for group in self.groups]
+        n = self.directions + 1
+        return found[:n], found[n] if self.weighted else [], found[-1] if self.hinted else []
+
+    @property
+    def key(self) -> str:
+        """What its program depends on, as text."""
+        request = self.made.request_of(self.directions, self.weighted)
+        static = tuple(request.static.values())
+        named = request.specs, request.model.key, static, request.dtype, request.options
+        digest = batch_kernels.name_of(*named, lambda: self.program._recorded)
+        return "\n".join((digest, request.model.name, *request.model.names))
 
     def lead(self, shapes: Sequence[tuple[int, ...]]) -> tuple[int, ...]:
         """The leading axes of the results for inputs of these shapes."""
@@ -93,9 +128,13 @@ class Node:
                 arrays = [x for x, _ in inputs]
                 specialize_fallback.compute(request, arrays, rows, found, batch, samples, seen=False)
 
-            key = "\n".join((batch_kernels.name_of(*k._named()), request.model.name, *request.model.names))
-            self._handlers[dtype] = xla_handler.registered(key, k._kernel, shapes, self.results, dtype, recompute)
+            made = xla_handler.registered(self.key, k._kernel, shapes, self.results, dtype, recompute)
+            self._handlers[dtype] = made
         return self._handlers[dtype]
+
+
+def _flat(parts: Sequence[Sequence[Any]]) -> list[Any]:
+    return [x for part in parts for x in part]
 
 
 class Differentiable:

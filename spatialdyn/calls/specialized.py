@@ -297,12 +297,6 @@ class Specialized:
             derivative_of(self, 0, True)
         return Differentiable(self, self.signature, request_of, partial(derivative_of, self))
 
-    def _named(self) -> tuple[Any, ...]:
-        """The arguments of ``batch_kernels.name_of``."""
-        request = self._request
-        static = tuple(request.static.values())
-        return request.specs, request.model.key, static, request.dtype, request.options, lambda: self._recorded
-
     def python_code(self, name: str | None = None) -> str:
         """As ``c_code``, a Python function of arrays of any batch shape that needs NumPy only.
 

@@ -124,49 +124,25 @@ def _called_back(*arrays: Any, node: Node) -> Any:
 def _jvp(primals: Sequence[Any], tangents: Sequence[Any], *, node: Node) -> tuple[Any, Any]:
     """The derivative of a node along tangents: linear in directions and weights, another node in the other inputs."""
     ad = framework("jax.interpreters.ad")
-    results = bound(node, primals)
+    results, terms = bound(node, primals), []
     groups = node.groups
-    count = len(groups) - node.hinted
-    parts = [list(primals[group]) for group in groups]
-    terms = []
-    for k, group in enumerate(groups[:count]):
-        moved = tangents[group]
-        if all(isinstance(x, ad.Zero) for x in moved):
-            continue
-        rates = [ad.instantiate_zeros(x) for x in moved]
-        if k:
-            terms.append(bound(node, _flat([*parts[:k], rates, *parts[k + 1 :]])))
-            continue
-        further = node.further(node.directions + 1, node.weighted)
-        known = [results] if further.hinted else []  # of the first order, where the results are those of the program
-        terms.append(
-            bound(further, _flat([*parts[: node.directions + 1], rates, *parts[node.directions + 1 : count], *known]))
-        )
+    for k, group in enumerate(groups[: len(groups) - node.hinted]):
+        if not all(isinstance(x, ad.Zero) for x in tangents[group]):
+            rates = [ad.instantiate_zeros(x) for x in tangents[group]]
+            terms.append(bound(*node.along(k, primals, results, rates)))
     if not terms:
         return results, [ad.Zero.from_primal_value(x) for x in results]
     return results, [sum(x[1:], x[0]) for x in zip(*terms, strict=True)]
 
 
 def _transpose(cotangents: Sequence[Any], *arrays: Any, node: Node) -> list[Any]:
-    """What is linear in one direction, or in the weights, as a function of the results' weights.
-
-    A derivative of Σ weight · result is symmetric in its directions and the input that it is by.
-    """
+    """What is linear in one direction, or in the weights, as a function of the results' weights."""
     ad = framework("jax.interpreters.ad")
-    groups = node.groups
-    parts = [list(arrays[group]) for group in groups]
-    k = next(k for k, part in enumerate(parts) if any(map(ad.is_undefined_primal, part)))
     if all(isinstance(x, ad.Zero) for x in cotangents):
         return [ad.Zero(x.aval) if ad.is_undefined_primal(x) else None for x in arrays]
-    given = [ad.instantiate_zeros(x) for x in cotangents]
-    own, known = parts[: node.directions + 1], parts[len(parts) - node.hinted :]
-    weights = parts[node.directions + 1 : len(parts) - node.hinted]
-    if k > node.directions:  # by the weights
-        found = bound(node.further(node.directions + 1, False), _flat([*own, given, *known]))
-    elif node.weighted:
-        found = bound(node, _flat([*own[:k], given, *own[k + 1 :], *weights, *known]))
-    else:
-        found = bound(node.further(node.directions - 1, True), _flat([*own[:k], *own[k + 1 :], given, *known]))
+    groups = node.groups
+    k = next(k for k, group in enumerate(groups) if any(map(ad.is_undefined_primal, arrays[group])))
+    found = bound(*node.back(k, arrays, (), [ad.instantiate_zeros(x) for x in cotangents]))
     answers: list[Any] = [None] * len(arrays)
     for at, x in zip(range(len(arrays))[groups[k]], found, strict=True):
         if ad.is_undefined_primal(arrays[at]):
@@ -186,7 +162,3 @@ def _batched(arrays: Sequence[Any], axes: Sequence[Any], *, node: Node) -> tuple
     moved = [x[None] if at is None else numpy.moveaxis(x, at, 0) for x, at in zip(arrays, axes, strict=True)]
     found = bound(node, moved)
     return found, [0] * len(found)
-
-
-def _flat(parts: Sequence[Sequence[Any]]) -> list[Any]:
-    return [x for part in parts for x in part]
