@@ -49,7 +49,7 @@ class Node:
         """The Specialized. Raises SpatialDynError without a program."""
         return self.made.program_of(self.directions, self.weighted)
 
-    @property
+    @cached_property
     def groups(self) -> list[slice]:
         """The inputs of the program, of each direction, the weights, and the results that are known, as slices."""
         n, m = len(self.made.names), len(self.made.results)

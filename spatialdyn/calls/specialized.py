@@ -234,12 +234,12 @@ class Specialized:
         Jacobian is that of ``c_code``: of rnea and aba by their own recursions, in about half the operations of
         CasADi's. One direction, forwards or backwards, is a program of its own, of the size of some two or three calls,
         and a Hessian is CasADi's derivative of that one: of aba in two fifths of the operations. Inputs are named as in
-        ``c_code``: a payload that is the fourth is ``payload_4``. It has no argument checks and no range: a joint with zero
-        articulated inertia divides by zero. The same holds for ``bounded``: where its program has an infinite bound
-        (angles above 1e5, joints of hardly any articulated inertia, numbers beyond the range), the exported function
-        returns a finite number that bounds nothing. Derivatives with respect to a configuration are by its entries, as
-        always in CasADi: with quaternions or (cos, sin) pairs export the next configuration too, by ``sd.integrate``,
-        so that everything stays in coordinates.
+        ``c_code``: a payload that is the fourth is ``payload_4``. It has no argument checks and no range: a joint with
+        zero articulated inertia divides by zero. The same holds for ``bounded``: where its program has an infinite
+        bound (angles above 1e5, joints of hardly any articulated inertia, numbers beyond the range), the exported
+        function returns a finite number that bounds nothing. Derivatives with respect to a configuration are by its
+        entries, as always in CasADi: with quaternions or (cos, sin) pairs export the next configuration too, by
+        ``sd.integrate``, so that everything stays in coordinates.
 
         name      as of ``c_code``
         jacobian  False leaves the derivatives to CasADi, also in an MX graph: it is made in a fraction of the time
@@ -253,13 +253,15 @@ class Specialized:
         return to_casadi(given, derivatives_of(self._request, given) if own else None)
 
     def to_jax(self) -> Callable[..., Any]:
-        """The program as a function of JAX arrays, for jit, vmap, grad, vjp and jacrev.
+        """The program as a function of JAX arrays, for jit, vmap, scan, pmap, and first and second derivatives.
 
-        It runs on the host, on lanes, wherever JAX runs; samples may have leading axes that broadcast. Inputs that
-        are all float32 give float32, others JAX's default float; derivatives are computed in float64, by entries of
-        a configuration. There is no forward mode (``jacfwd``, ``jvp``: take ``jacrev``, or ``derivative="jvp"`` outside
-        of JAX) and no second derivative: asking for one raises. Errors of values, such as a joint without inertia,
-        reach the caller as a JaxRuntimeError whose last line is this library's message.
+        On the CPU XLA calls the compiled program itself, in some microseconds; elsewhere, and where it does not take it
+        (which a warning says), it calls Python on the host, in 0.3 ms. Samples may have leading axes that broadcast.
+        Inputs that are all float32 give float32, others JAX's default float; derivatives are computed in float64, by
+        entries of a configuration, each by a program that is compiled when it is first asked for: of the second order
+        it is some six times as long. A third derivative raises. Samples beyond the program's range are recomputed as
+        in a call; errors of values, such as a joint without inertia, reach the caller as a JaxRuntimeError whose last
+        line is this library's message. What XLA has been given stays in memory until the process ends.
 
         >>> import spatialdyn as sd
         >>> import jax  # doctest: +SKIP
@@ -276,10 +278,11 @@ class Specialized:
     def to_torch(self) -> Callable[..., Any]:
         """The program as a function of PyTorch tensors on the CPU, for autograd in both modes, torch.func and vmap.
 
-        Samples may have leading axes that broadcast. Inputs that are all float32 give float32; float32 beside float64
-        is promoted to float64, as in torch's own operations, and so is all else. Derivatives are computed in float64,
-        by entries of a configuration, and have the dtype of their input. The program for forward mode (``jvp``,
-        ``jacfwd``) is compiled at its first use. There is no second derivative: asking for one raises.
+        ``torch.compile`` and ``torch.export`` hold it as one operator. Samples may have leading axes that broadcast.
+        Inputs that are all float32 give float32; float32 beside float64 is promoted to float64, as in torch's own
+        operations, and so is all else. Derivatives are computed in float64, by entries of a configuration, and have the
+        dtype of their input; each is a program that is compiled when it is first asked for: of the second order it is
+        some six times as long. A third derivative raises, and so does a second one within ``torch.compile``.
 
         Raises SpatialDynError without a program, for one with bounds or derivatives of its own, for tensors that are
             not on the CPU, and where PyTorch is not installed (extra "torch")

@@ -10,6 +10,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable, Sequence
 from functools import cache
+from inspect import signature
 from typing import Any
 
 import numpy as np
@@ -160,6 +161,7 @@ def function_of(node: Node) -> Any:
         def vmap(info: Any, in_dims: Any, *tensors: Any) -> Any:
             return Derivable.apply(*_in_front(node, tensors, in_dims)), (0,) * len(node.results)
 
+    vars(Derivable.forward)["__signature__"] = signature(Derivable.forward)  # else found out at each call
     return Derivable
 
 

@@ -266,8 +266,8 @@ def _entry(made: Handler) -> str:
         data[f"{x}.buffer"], data[x] = data[x], c.byte(state, own_at[x])
     for k, x in enumerate(ins):
         if converts:
-            count = c.times(rows[x], arrays[x][0])
-            _converted(c, f"read.{x}", data[f"{x}.buffer"], made.buffers, data[x], made.size, count)
+            numbers = c.times(rows[x], arrays[x][0])
+            _converted(c, f"read.{x}", data[f"{x}.buffer"], made.buffers, data[x], made.size, numbers)
         c.store("i64", rows[x], at(f"rows{k}"))
     for x in arrays:
         c.store("ptr", data[x], at(x))
@@ -324,8 +324,8 @@ def _entry(made: Handler) -> str:
     message = c.put(f"call i64 {c.address(made.callback)}(ptr {words})")
     c.branch(c.compare("eq", message, 0), "fine", "wrong", then="fine")
     for x in outs if converts else ():
-        count = c.times(rows[x], arrays[x][0])
-        _converted(c, f"write.{x}", data[x], made.size, data[f"{x}.buffer"], made.buffers, count)
+        numbers = c.times(rows[x], arrays[x][0])
+        _converted(c, f"write.{x}", data[x], made.size, data[f"{x}.buffer"], made.buffers, numbers)
     c.do(f"call void @release(ptr {state})")
     c.jump("none", then="none")
     c.do("ret ptr null")

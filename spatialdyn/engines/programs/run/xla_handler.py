@@ -110,8 +110,8 @@ def _callback(kernel: Kernel, recompute: Recompute) -> Callable[[int], int]:
     several, results = len(kernel.inputs), len(kernel.outputs)
 
     def array(address: int, rows: int, columns: int) -> NDArray[Any]:
-        held = (ctypes.c_byte * (rows * columns * kernel.dtype.itemsize)).from_address(address)
-        return np.frombuffer(held, kernel.dtype).reshape(rows, columns)
+        held: Any = (ctypes.c_byte * (rows * columns * kernel.dtype.itemsize)).from_address(address)
+        return np.asarray(np.frombuffer(held, kernel.dtype)).reshape(rows, columns)
 
     def call(address: int) -> int:
         try:
@@ -119,7 +119,7 @@ def _callback(kernel: Kernel, recompute: Recompute) -> Callable[[int], int]:
             n, bits, rank, dims = words[: len(WORDS)]
             at, rows = words[len(WORDS) :], words[len(WORDS) + several :]
             tiles = -(-n // kernel.lanes)
-            held = (ctypes.c_uint16 * tiles).from_address(bits)
+            held: Any = (ctypes.c_uint16 * tiles).from_address(bits)
             samples = rejected(np.frombuffer(held, np.uint16), kernel.lanes, n)
             given = [array(*x) for x in zip(at, rows, kernel.inputs, strict=False)]
             found = [array(x, n, columns) for x, columns in zip(rows[several:], kernel.outputs, strict=True)]

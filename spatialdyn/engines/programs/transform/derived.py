@@ -135,7 +135,7 @@ def _derivative_alone(
 
     Of the first order it has the results as further inputs, behind all others: what is solved for needs them.
     """
-    directions, weighted = along(options.derivative)
+    directions, weighted = along(options.derivative) or (0, False)
     if directions + weighted == 1 and inverse_of(specs, bodies, options):
         return _by_inverse(specs[0], bodies, weighted)
     program, layout = recording.record(specs, bodies, static, options._replace(derivative="", ranged=False), dtype)
