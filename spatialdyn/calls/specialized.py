@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+import warnings
 from collections.abc import Callable, Sequence
 from functools import cached_property, partial
 from typing import Any
@@ -134,6 +135,7 @@ class Specialized:
         self.compile_seconds = 0.0
         self._kernel = None
         self._single_due = False
+        self._watches_bounds = request.bounds and narrow_only
 
     @property
     def _fits(self) -> bool:
@@ -400,11 +402,24 @@ class Specialized:
                     rows = [flatten_batch(a, batch, x.shape) for x, a in zip(self._inputs, arrays, strict=True)]
                 seen, has_program = out is not None, self._kernel is not None
                 specialize_fallback.compute(request, self._inputs, rows, flat, batch, samples, seen, has_program)
+            if self._watches_bounds:
+                self._say_infinite(*flat)
         if out is None and not batch:
             number = float if request.dtype == np.float64 else np.float32
             shown: tuple[Any, ...] = tuple(x if x.ndim else number(x) for x in results)
             return shown if request.several else shown[0]
         return results if request.several else results[0]
+
+    def _say_infinite(self, values: NDArray[Any], bounds: NDArray[Any]) -> None:
+        """Warn once where most samples have infinite bounds in float32."""
+        infinite = int((np.isfinite(values).all(axis=1) & np.isinf(bounds).any(axis=1)).sum())
+        if 2 * infinite > len(values):
+            self._watches_bounds = False
+            warnings.warn(
+                f'{self.calls[0]} of "{self.model.name}" has infinite bounds in float32 in {infinite} of {len(values)} '
+                "samples, expected dtype=float64 for a model and states as these",
+                stacklevel=4,
+            )
 
     def _read(self, name: str, value: Any) -> NDArray[Any]:
         dtype = self._request.dtype
