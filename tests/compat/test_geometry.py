@@ -17,7 +17,7 @@ from robots import ROBOTS
 import spatialdyn as sd
 import spatialdyn.compat.pinocchio as ours
 from spatialdyn.compat.pinocchio.coverage import coal_package, versions
-from spatialdyn.compat.pinocchio.model.coal_shapes import Box, Cylinder, MissingMeshError, Sphere
+from spatialdyn.compat.pinocchio.model.coal_shapes import Box, Capsule, Cylinder, MissingMeshError, Sphere
 
 theirs = pytest.importorskip("pinocchio", minversion="4.1")
 coal = pytest.importorskip("coal")
@@ -266,6 +266,20 @@ def test_reduced_models_keep_their_geometry() -> None:
 # --- what is missing -------------------------------------------------------------------------------------
 
 
+@pytest.mark.parametrize("kind", ["Manipulator", "Humanoid"])
+def test_shapes_of_the_sample_models_are_the_wheels(kind: str) -> None:
+    made = [
+        getattr(pin, f"buildSampleGeometryModel{kind}")(getattr(pin, f"buildSampleModel{kind}")())
+        for pin in (ours, theirs)
+    ]
+    for wrong in (x for x in made[1].geometryObjects if x.name == "chest2_object"):
+        wrong.meshPath = "CAPSULE"  # of a capsule, which the wheel calls a sphere
+    assert_same_geometry(*made)
+    assert all(x.geometry == y.geometry for x, y in zip(*(m.geometryObjects for m in made), strict=True))
+    with pytest.raises(sd.ModelError, match="expected a sample model"):
+        getattr(ours, f"buildSampleGeometryModel{kind}")(ours.Model())
+
+
 def test_nothing_is_said_of_no_geometry(drawn: Path) -> None:
     empty = ours.GeometryModel()
     for call in (ours.computeCollisions, ours.computeDistances):
@@ -296,6 +310,8 @@ def test_without_coal_shapes_are_data_and_collisions_name_it(drawn: Path, monkey
     assert box.geometry.halfSide.tolist() == [0.5, 1.0, 1.5]
     assert cylinder.geometry == Cylinder(0.5, 1.0)
     assert collision.geometryObjects[0].geometry == Sphere(1.0)
+    arm = ours.buildSampleGeometryModelManipulator(ours.buildSampleModelManipulator())
+    assert arm.geometryObjects[3].geometry == Capsule(0.05, 0.4)
     with pytest.raises(NotImplementedError, match='the mesh of geometry object "b_0" takes the package coal'):
         mesh.geometry
     collision.addAllCollisionPairs()

@@ -1,7 +1,7 @@
 """Shapes of geometry objects: what a URDF says of each, and the object of the package coal that computes with it.
 
-coal is imported, and a mesh file read, when a shape is first needed. Without coal boxes, cylinders and spheres are
-records of the same names; meshes and collisions raise an error that names the package.
+coal is imported, and a mesh file read, when a shape is first needed. Without coal boxes, cylinders, capsules and
+spheres are records of the same names; meshes and collisions raise an error that names the package.
 """
 
 from __future__ import annotations
@@ -35,6 +35,14 @@ class Cylinder:
 
 
 @dataclass(frozen=True)
+class Capsule:
+    """A cylinder along z between two half balls, as coal names its numbers [m]."""
+
+    radius: float
+    halfLength: float
+
+
+@dataclass(frozen=True)
 class Sphere:
     """A sphere, as coal names its numbers [m]."""
 
@@ -45,8 +53,8 @@ class Sphere:
 class Described:
     """What a URDF says of a shape.
 
-    kind   "box", "cylinder", "sphere" or "mesh"
-    sizes  (3,) sides; radius and length; radius; scales (3,) of a mesh
+    kind   "box", "cylinder", "capsule", "sphere", "ellipsoid", "plane" or "mesh"
+    sizes  (3,) sides; radius and length; radius; radii; none; scales (3,) of a mesh
     path   of a mesh's file, or its name in the URDF where no file is found
     found  whether there is a file
     """
@@ -61,15 +69,20 @@ class Described:
         if self.kind == "mesh":
             return self._mesh(name)
         if not has_coal():
-            return self._record()
+            return self._record(name)
         package = coal_for("a shape")
-        kinds = {"box": package.Box, "cylinder": package.Cylinder, "sphere": package.Sphere}
-        return kinds[self.kind](*self.sizes)
+        if self.kind == "plane":
+            return package.Halfspace(np.array([0.0, 0.0, 1.0]), 0.0)
+        return getattr(package, self.kind.capitalize())(*self.sizes)
 
-    def _record(self) -> Box | Cylinder | Sphere:
+    def _record(self, name: str) -> Any:
         if self.kind == "box":
             return Box(0.5 * np.array(self.sizes))
-        return Sphere(*self.sizes) if self.kind == "sphere" else Cylinder(self.sizes[0], 0.5 * self.sizes[1])
+        if self.kind == "sphere":
+            return Sphere(*self.sizes)
+        if self.kind in ("cylinder", "capsule"):
+            return (Cylinder if self.kind == "cylinder" else Capsule)(self.sizes[0], 0.5 * self.sizes[1])
+        return coal_for(f"the {self.kind} of {name}")  # which is not installed: raises
 
     def _mesh(self, name: str) -> Any:
         package = coal_for(f"the mesh of {name}")
