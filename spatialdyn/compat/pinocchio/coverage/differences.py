@@ -194,6 +194,8 @@ buildModelFromMJCF: gravity, the place of a joint in its body (pos), bodies besi
     MuJoCo's own, of the model that it compiles
 buildGeomFromMJCF, buildModelsFromMJCF: meshes, colours without rgba, the turn of round geoms about their axis | the
     mesh file, white, its own | MuJoCo's triangles, its grey, its own
+buildModelFromMJCF, buildModelsFromMJCF of what MuJoCo refuses, as a connect without an anchor | read in part |
+    SpatialDynError with MuJoCo's message
 buildGeomFromMJCF, buildModelsFromMJCF of a height field or an SDF | an error or nothing | SpatialDynError naming it
 buildSampleGeometryModelHumanoid: meshPath of chest2_object, a capsule | SPHERE | CAPSULE
 Random, setRandom, sample models | Eigen's random numbers | NumPy's; pin.seed starts them
