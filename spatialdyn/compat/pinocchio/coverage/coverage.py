@@ -153,6 +153,8 @@ def _has(at: Any, member: str) -> bool:
     """Whether an object has a member; a class also if a new object of it does."""
     if hasattr(at, member) or not isinstance(at, type):
         return hasattr(at, member)
+    if member in getattr(at, "__annotations__", {}):
+        return True
     try:
         return hasattr(at(), member)
     except (TypeError, NotImplementedError, SpatialDynError):

@@ -13,7 +13,6 @@ from ..coverage.coverage import COLLISIONS, Partial
 from ..types.arguments import by_name, expected
 from ..types.frame import Enum
 from ..types.se3 import SE3
-from .coal_shapes import Described
 from .model import Model
 
 __all__ = [
@@ -75,7 +74,7 @@ class GeometryObject(_Bookkeeping):
     """
 
     _instead = _beyond("physicsMaterial")
-    _described: Described | None = None
+    _described: Any = None  # what builds it: Described, or another with its ``build``
     _geometry: Any = None
 
     def __init__(self, name: Any, parent_joint: Any = None, *arguments: Any, **named: Any) -> None:
@@ -245,6 +244,8 @@ class GeometryData(_Bookkeeping):
 
     _instead = _beyond("""collision_functors contactPatchRequests contactPatchResults contact_patch_functors
         distance_functors fillInnerOuterObjectMaps radius""")
+    oMg: list[SE3]
+    activeCollisionPairs: list[bool]
     _kept: dict[str, list[Any]]
 
     def __init__(self, geometry_model: GeometryModel) -> None:
