@@ -4,8 +4,9 @@
     python benchmarks/clients.py --tests pinocchio/unittest/python
 
 Takes files, and folders of repositories that were cloned, whose scripts and notebooks import pinocchio. Each runs to
-its end in a process of its own under either module, seeded and without a screen; then all numbers that it prints, and
-leaves in its global names, are compared. Prints a line for each: whether it ran, and the largest difference by the
+its end in a process of its own under either module, in its folder, with what the folder given and the file's own folder
+hold to import, seeded and without a screen; then all numbers that it prints, and leaves in its global names, are
+compared. Prints a line for each: whether it ran, and the largest difference by the
 largest entry of its array. ``--tests`` counts the tests that pass under each instead, and names those that pass under
 Pinocchio alone.
 """
@@ -51,11 +52,13 @@ def source(path: Path) -> str:
     return "\n".join(lines)
 
 
-def clients(paths: Sequence[Path]) -> Iterator[Path]:
-    """The files, and those in the folders that import pinocchio."""
+def clients(paths: Sequence[Path]) -> Iterator[tuple[Path, Path]]:
+    """The files, and those in the folders that import pinocchio, each with the folder of its repository."""
     for path in paths:
         found = [path] if path.is_file() else sorted([*path.rglob("*.py"), *path.rglob("*.ipynb")])
-        yield from (x for x in found if x == path or "import pinocchio" in source(x) or "from pinocchio" in source(x))
+        root = path.parent if path.is_file() else path
+        files = (x for x in found if x.is_file())
+        yield from ((x, root) for x in files if x == path or re.search(r"(import|from) pinocchio", source(x)))
 
 
 def numbers(scope: dict[str, Any]) -> dict[str, np.ndarray]:
@@ -73,7 +76,7 @@ def numbers(scope: dict[str, Any]) -> dict[str, np.ndarray]:
     return found
 
 
-def run(path: Path, module: str, report: Path) -> None:
+def run(path: Path, root: Path, module: str, report: Path) -> None:
     """Run a file in this process, and write its numbers."""
     if module == "ours":
         __import__(MODULES[module], fromlist=["install"]).install()
@@ -82,7 +85,7 @@ def run(path: Path, module: str, report: Path) -> None:
     random.seed(0)
     np.random.seed(0)
     __import__("pinocchio").seed(0)
-    sys.argv, sys.path[0] = [str(path)], str(path.parent)
+    sys.argv, sys.path[:1] = [str(path)], [str(path.parent), str(root)]
     scope: dict[str, Any] = {"__name__": "__main__", "__file__": str(path), "display": lambda *given: None}
     with redirect_stdout(StringIO()) as said:
         exec(compile(source(path), str(path), "exec"), scope)
@@ -102,11 +105,11 @@ def test(folder: Path, module: str, report: Path) -> None:
     pytest.main([*options, *map(str, sorted(folder.glob("*.py")))])  # by name: of any pattern
 
 
-def outcome(what: str, path: Path, module: str, seconds: float) -> tuple[str, bytes]:
+def outcome(what: str, path: Path, root: Path, module: str, seconds: float) -> tuple[str, bytes]:
     """The last line of a run's errors, "" if it ended well, and what it wrote."""
     with TemporaryDirectory() as where:
         report = Path(where) / "report"
-        command = [sys.executable, __file__, str(path), "--run", what, module, str(report)]
+        command = [sys.executable, __file__, str(path), str(root), "--run", what, module, str(report)]
         place = path if path.is_dir() else path.parent
         environment = {**os.environ, "MPLBACKEND": "Agg", "PYTHONWARNINGS": "ignore"}
         try:
@@ -139,9 +142,9 @@ def difference(found: dict[str, np.ndarray], wanted: dict[str, np.ndarray]) -> t
 def print_scripts(paths: Sequence[Path], seconds: float) -> None:
     """A line for each client."""
     ran = equal = total = 0
-    for path in clients(paths):
+    for path, root in clients(paths):
         total += 1
-        (fault, wanted), (ours, found) = (outcome("script", path, module, seconds) for module in MODULES)
+        (fault, wanted), (ours, found) = (outcome("script", path, root, module, seconds) for module in MODULES)
         if fault or ours:
             print(f"{path}: wheel {fault or 'ran'}; ours {ours or 'ran'}", flush=True)
             continue
@@ -167,7 +170,7 @@ def print_tests(folders: Sequence[Path], seconds: float) -> None:
     for folder in folders:
         done = {}
         for module in MODULES:
-            fault, report = outcome("tests", folder, module, seconds)
+            fault, report = outcome("tests", folder, folder, module, seconds)
             if fault:
                 print(f"{folder}: under {module} {fault}")
                 break
@@ -194,7 +197,10 @@ def main() -> None:
             parser.error(f"there is no {path}")
     if given.run:
         what, module, report = given.run
-        (run if what == "script" else test)(paths[0], module, Path(report))
+        if what == "script":
+            run(paths[0], paths[1], module, Path(report))
+        else:
+            test(paths[0], module, Path(report))
     else:
         (print_tests if given.tests else print_scripts)(paths, given.seconds)
 

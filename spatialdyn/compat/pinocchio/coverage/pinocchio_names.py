@@ -30,8 +30,8 @@ geometry and collisions: computeCollisions, computeDistances, and the classes of
     {,Tree}BroadPhaseManager_{DynamicAABBTree,DynamicAABBTreeArray,IntervalTree,Naive,SSaP,SaP}CollisionManager
     StdVec_{,Tree}BroadPhaseManager_DynamicAABBTreeCollisionManager {,StdVec_}Distance* {,StdVec_}DistanceResult
     Collision{C,G,O,R}* CollisionCallBack{Base,Collect,Default} CollisionGeometry {,StdVec_}Collision{Object,Result}
-    {,StdVec_}Compute* {,StdVec_}Compute{Collision,Distance} StdVec_{Collision,coal,Geometry}* StdVec_CollisionPair
-    StdVec_coal_CollisionObjectPointer StdVec_Geometry{Data,Model,Object} GeometryPool Mesh* {,Cached}MeshLoader
+    {,StdVec_}Compute* {,StdVec_}Compute{Collision,Distance} StdVec_{coal,GeometryD,GeometryM}*
+    StdVec_coal_CollisionObjectPointer StdVec_Geometry{Data,Model} GeometryPool Mesh* {,Cached}MeshLoader
     Physics* PhysicsMaterial{,Type} buildGeom* computeCollision* computeCollisionsInParallel
     computeContactPatch* computeContactPatch{,es} computeBodyRadius CONCRETE ICE METAL PLASTIC WOOD
 second derivatives of kinematics: finite differences of getJointJacobian

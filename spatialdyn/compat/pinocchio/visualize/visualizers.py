@@ -376,6 +376,10 @@ class MeshcatVisualizer(ViserVisualizer):
     """A visualizer that draws in viser, its window under MeshCat's names; without viser it shows nothing."""
 
     viewerRootNodeName = "pinocchio"
+    viewerVisualGroupName = property(lambda self: f"{self.viewerRootNodeName}/visuals", doc="Path of the visuals.")
+    viewerCollisionGroupName = property(
+        lambda self: f"{self.viewerRootNodeName}/collisions", doc="Path of the collision geometry."
+    )
 
     def _window(self, server: Any) -> Any:
         return MeshcatWindow(server, self._scene(), self)
