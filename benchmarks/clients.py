@@ -5,10 +5,10 @@
 
 Takes files, and folders of repositories that were cloned, whose scripts and notebooks import pinocchio. Each runs to
 its end in a process of its own under either module, in its folder, with what the folder given and the file's own folder
-hold to import, seeded and without a screen; then all numbers that it prints, and leaves in its global names, are
-compared. Prints a line for each: whether it ran, and the largest difference by the
-largest entry of its array. ``--tests`` counts the tests that pass under each instead, and names those that pass under
-Pinocchio alone.
+hold to import, without a screen, with random numbers and configurations of NumPy's, seeded; then all numbers that it
+prints, and leaves in global names and in those of its functions, are compared. Prints a line for each: whether it ran,
+and the largest difference by the largest entry of its array. ``--tests`` counts the tests that pass under each instead,
+and names those that pass under Pinocchio alone.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ import re
 import subprocess
 import sys
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import redirect_stdout
 from io import StringIO
 from pathlib import Path
@@ -32,6 +32,7 @@ import numpy as np
 
 MODULES = {"wheel": "pinocchio", "ours": "spatialdyn.compat.pinocchio"}
 SECONDS = 300.0
+RETURNS = 50  # of a function that are recorded
 SAME = 1e-6  # relative to the largest entry: what an optimizer of a client stops at
 PRINTED, NUMBER = "(printed)", r"(?<![\w.])[-+]?\d+\.?\d*(?:e[-+]?\d+)?(?![\w.])"
 SKIPPED = ("%", "!", "?")  # lines of notebooks that are not Python
@@ -76,6 +77,36 @@ def numbers(scope: dict[str, Any]) -> dict[str, np.ndarray]:
     return found
 
 
+def of_functions(path: Path, found: dict[str, np.ndarray]) -> Callable[..., None]:
+    """A profile function that keeps the numbers of the local names of the file's functions as they return."""
+    seen: dict[str, int] = {}
+
+    def watch(frame: Any, event: str, argument: Any) -> None:
+        code = frame.f_code
+        if event != "return" or code.co_filename != str(path) or code.co_name[0] == "<":
+            return
+        seen[code.co_name] = seen.get(code.co_name, 0) + 1
+        if seen[code.co_name] <= RETURNS:
+            found.update({f"{code.co_name}.{name}": x for name, x in numbers(dict(frame.f_locals)).items()})
+
+    return watch
+
+
+def draw_from_numpy(pin: Any) -> None:
+    """Let a module draw configurations and placements from NumPy: each library's own random numbers are others."""
+    rng = np.random.default_rng(0)
+
+    def configuration(model: Any, *limits: Any) -> Any:
+        given = limits or (model.lowerPositionLimit, model.upperPositionLimit)
+        low, high = (np.clip(np.nan_to_num(np.ravel(x), posinf=1.0, neginf=-1.0), -10.0, 10.0) for x in given)
+        return pin.normalize(model, low + (high - low) * rng.random(model.nq))
+
+    def placement() -> Any:
+        return pin.SE3(pin.exp3(rng.uniform(-1.0, 1.0, 3)), rng.uniform(-1.0, 1.0, 3))
+
+    pin.randomConfiguration, pin.SE3.Random = configuration, staticmethod(placement)
+
+
 def run(path: Path, root: Path, module: str, report: Path) -> None:
     """Run a file in this process, and write its numbers."""
     if module == "ours":
@@ -84,13 +115,18 @@ def run(path: Path, root: Path, module: str, report: Path) -> None:
 
     random.seed(0)
     np.random.seed(0)
-    __import__("pinocchio").seed(0)
+    draw_from_numpy(__import__("pinocchio"))
     sys.argv, sys.path[:1] = [str(path)], [str(path.parent), str(root)]
     scope: dict[str, Any] = {"__name__": "__main__", "__file__": str(path), "display": lambda *given: None}
+    inside: dict[str, np.ndarray] = {}
     with redirect_stdout(StringIO()) as said:
-        exec(compile(source(path), str(path), "exec"), scope)
+        sys.setprofile(of_functions(path, inside))
+        try:
+            exec(compile(source(path), str(path), "exec"), scope)
+        finally:
+            sys.setprofile(None)
     printed = np.array([float(x) for x in re.findall(NUMBER, said.getvalue())])
-    report.write_bytes(pickle.dumps(numbers(scope) | ({PRINTED: printed} if printed.size else {})))
+    report.write_bytes(pickle.dumps(numbers(scope) | inside | ({PRINTED: printed} if printed.size else {})))
 
 
 def test(folder: Path, module: str, report: Path) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 from ....errors import ModelError, ShapeError
 from ..coverage.coal_package import coal_for
 from ..coverage.coverage import COLLISIONS, Partial
-from ..types.arguments import by_name, expected
+from ..types.arguments import by_name, expected, row
 from ..types.containers import StdVec_Bool, StdVec_SE3, list_class
 from ..types.frame import Enum
 from ..types.se3 import SE3
@@ -190,12 +190,7 @@ class GeometryModel(_Bookkeeping):
     __hash__ = object.__hash__
 
     def __repr__(self) -> str:
-        kinds = [
-            x.meshPath or ("mesh" if x._geometry is None else type(x._geometry).__name__) for x in self.geometryObjects
-        ]
-        named = zip(self.geometryObjects, kinds, strict=True)
-        shown = [f"{x.name}: {kind} on joint {x.parentJoint}" for x, kind in named]
-        return "\n".join([f"Nb geometry objects = {self.ngeoms}, pairs = {len(self.collisionPairs)}", *shown])
+        return f"Nb geometry objects = {self.ngeoms}\n" + "".join(map(_shown, self.geometryObjects))
 
     ngeoms = property(lambda self: len(self.geometryObjects), doc="Number of geometry objects.")
 
@@ -373,6 +368,16 @@ class GeometryData(_Bookkeeping):
     def distanceResults(self) -> list[Any]:
         """coal's DistanceResults, of ``computeDistances``."""
         return self._of_pairs("distanceResults")
+
+
+def _shown(x: GeometryObject) -> str:
+    """An object as Pinocchio prints it."""
+    parts = {
+        "Name": x.name, "Parent frame ID": x.parentFrame, "Parent joint ID": x.parentJoint,
+        "Position in parent frame": x.placement, "Absolute path to mesh file": x.meshPath,
+        "Scale for transformation of the mesh": row(x.meshScale), "Disable collision": int(x.disableCollision),
+    }  # fmt: skip
+    return "".join(f"{name}: \t \n{value}\n" for name, value in parts.items()) + "\n\n"
 
 
 class PerPair(list[Any]):
