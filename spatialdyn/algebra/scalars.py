@@ -152,6 +152,26 @@ def series_or_closed(x: Scalar, series: Scalar, closed: Scalar) -> Scalar:
     return select(x, series, closed)
 
 
+def anywhere(truth: Any) -> Any:
+    """A truth; of several samples, whether it holds for one of them."""
+    return truth
+
+
+def everywhere(truth: Any) -> Any:
+    """A truth; of several samples, whether it holds for all of them."""
+    return truth
+
+
+@compiled_as(anywhere)
+def _anywhere(truth):  # type: ignore[no-untyped-def]
+    return (lambda truth: truth) if str(truth) == "bool" else None
+
+
+@compiled_as(everywhere)
+def _everywhere(truth):  # type: ignore[no-untyped-def]
+    return (lambda truth: truth) if str(truth) == "bool" else None
+
+
 @compiled_as(sin)
 def _sin(x):  # type: ignore[no-untyped-def]  # Numba compares the argument lists
     return lambda x: math.sin(x)

@@ -70,7 +70,11 @@ WRITERS: dict[str, tuple[Any, tuple[str, ...]]] = {
     "plot": (lambda path: sd.plot([run()], path=path), ENDINGS),
 }
 READERS = {"Recording.load", "Trajectory.load"}
-LARGE = {"Trajectory.save", "Trajectory.report", "Path.plot"}  # that write a name in large letters too, one of each kind
+LARGE = {
+    "Trajectory.save",
+    "Trajectory.report",
+    "Path.plot",
+}  # that write a name in large letters too, one of each kind
 
 
 def test_the_table_has_every_call_that_takes_a_path() -> None:

@@ -192,6 +192,12 @@ references to Model.armature after addJoint, or to a frame or joint after its re
 buildModelFromMJCF: gravity, the place of a joint in its body (pos), bodies beside the first of the world, those
     without a name, the place and sites of a fixed first body, limits of a free joint's position | left out, or 1.01 |
     MuJoCo's own, of the model that it compiles
+buildGeomFromMJCF, buildModelsFromMJCF: meshes, colours without rgba, the turn of round geoms about their axis | the
+    mesh file, white, its own | MuJoCo's triangles, its grey, its own
+buildModelFromMJCF, buildModelsFromMJCF of what MuJoCo refuses, as a connect without an anchor | read in part |
+    SpatialDynError with MuJoCo's message
+buildGeomFromMJCF, buildModelsFromMJCF of a height field or an SDF | an error or nothing | SpatialDynError naming it
+buildSampleGeometryModelHumanoid: meshPath of chest2_object, a capsule | SPHERE | CAPSULE
 Random, setRandom, sample models | Eigen's random numbers | NumPy's; pin.seed starts them
 """
 
