@@ -107,7 +107,7 @@ def _sum(x: float, y: float) -> float:
 
 
 def _product(x: float, y: float) -> Constant:
-    """With ``_two_product`` and ``_fast_two_sum`` written out, as most of the time of recording a model's numbers is spent here."""
+    """With ``_two_product`` and ``_fast_two_sum`` written out: recording a model's numbers is mostly this."""
     a, low, off = (x.high, x.low, x.off) if type(x) is Constant else (float(x), 0.0, 0.0)
     b, other, more = (y.high, y.low, y.off) if type(y) is Constant else (float(y), 0.0, 0.0)
     p, t, u = a * b, SPLITTER * a, SPLITTER * b
