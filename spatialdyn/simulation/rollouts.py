@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from ..calls.arguments import as_array, as_flag, as_number, broadcast
-from ..calls.dynamics import calls
 from ..calls.devices import as_device
+from ..calls.dynamics import calls
 from ..errors import NonFiniteError, ShapeError, SimulationError, literal
 from ..laws.control import Control, check_control
 from ..laws.cost import Cost, check_cost, with_cost

@@ -10,7 +10,6 @@ Swevers et al., Optimal robot excitation and identification (1997), for the seri
 
 from __future__ import annotations
 
-
 from ...algebra.euclidean import add, neg, rotate
 from ...algebra.lie import Tangent, exp_jacobian, log_jacobian_times_derivative
 from ...algebra.scalars import Scalar, cos, inline, select, sin

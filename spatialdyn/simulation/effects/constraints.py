@@ -78,17 +78,14 @@ class Constrained(Effect):
 
     @property
     def inputs(self) -> Any:
-        """See ``Effect``."""
         return (CONSTRAINTS_ARGUMENT, RANK, *(() if self.rate is None else (RATE,)))
 
     @property
     def tables(self) -> tuple[StaticTable, ...]:
-        """See ``Effect``."""
         return (self.constraints.table,)
 
     @property
     def values(self) -> dict[str, Array]:
-        """See ``Effect``."""
         made = {"rank": self.rank.reshape((-1, 1, 1)).astype(float)}
         return made if self.rate is None else {**made, "rate": np.full((1, 1, 1), self.rate)}
 
@@ -99,7 +96,6 @@ class Constrained(Effect):
 
     @property
     def form(self) -> tuple[Any, ...]:
-        """See ``Effect``."""
         return (self.chooses,)
 
     @property

@@ -33,7 +33,7 @@ from . import work
 from .constraints import Constrained
 from .effect import Effect, Forces, find
 from .external import external_torque
-from .friction import IMPLICIT, LUGRE, JointFriction, bent, dry, law_of, named
+from .friction import IMPLICIT, LUGRE, JointFriction, bent, dry, law_of, named, with_torques
 from .motor import geared
 
 Array = NDArray[Any]
@@ -70,7 +70,6 @@ class Contact(Effect):
 
     @property
     def form(self) -> Any:
-        """See ``Effect``."""
         return self.way, self.held
 
     @property
@@ -80,7 +79,6 @@ class Contact(Effect):
 
     @property
     def states(self) -> Any:
-        """See ``Effect``."""
         return (self.own, IMPULSES) if self.warm else (self.own,)
 
     @property
@@ -90,7 +88,6 @@ class Contact(Effect):
 
     @property
     def work(self) -> Any:
-        """See ``Effect``."""
         return work.CONTACTS if self.table.sizes["np"] + self.table.sizes["nl"] else None
 
     @property
@@ -100,7 +97,6 @@ class Contact(Effect):
 
     @property
     def inputs(self) -> Any:
-        """See ``Effect``."""
         return (*(CONTACTS_ARGUMENT, HEIGHTS_ARGUMENT)[: len(self.tables)], *self._coefficients)
 
     @property
@@ -109,7 +105,6 @@ class Contact(Effect):
 
     @property
     def values(self) -> dict[str, Array]:
-        """See ``Effect``."""
         rows = self.contacts.friction, self.contacts.restitution
         return {x.name: y[None, None] for x, y in zip(self._coefficients, rows, strict=False)}
 
@@ -123,11 +118,9 @@ class Contact(Effect):
 
     @property
     def solves(self) -> bool:
-        """See ``Effect``."""
         return True
 
     def solve(self, at: Arithmetic, acting: tuple[Effect, ...], tau: Any) -> tuple[Any, dict[str, Any], Forces]:
-        """See ``Effect``."""
         given, v, push = at.given, at.given["v"], tau
         constrained = find(acting, Constrained)
         lost, law = None, None
@@ -136,11 +129,7 @@ class Contact(Effect):
             lost = push - tau if push is not tau else None
         pushed = given.get(FEXT.name) is not None
         general = self.way is not None or constrained is not None
-        forces: Forces = {}
-        for effect in acting:
-            made = effect.torque(at, given["q"], v)
-            if made is not None and effect.work is not None:
-                push, forces[effect.work.name] = push + made, made
+        push, forces = with_torques(at, acting, push)
         if pushed and not general:
             made = external_torque(at, given["q"])
             push, forces[work.EXTERNAL.name] = push + made, made
@@ -204,7 +193,6 @@ class Contact(Effect):
             constrained.check_rank(int(rank), at.given["rank"])
 
     def failure(self, states: dict[str, Array], dt: float, t: float) -> str:
-        """See ``Effect``."""
         own = states[self.own.name]
         worst, which, step = own[1], int(own[2]), int(own[3])
         if not worst > UNSOLVED:
