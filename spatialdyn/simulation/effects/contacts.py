@@ -231,13 +231,14 @@ def contact_of(
 
     Raises  SimulationError for contacts that are recorded and do not act
     """
-    contacts, stops, friction = scene.contacts, scene.limits, find(acting, JointFriction)
-    if contacts is None and not stops and records:
-        raise SimulationError('record has "contacts", expected contacts or limits=True in the scene')
+    friction, given = find(acting, JointFriction), scene.unilateral
+    nothing = scene.contacts is None and not given.stops  # limits of a robot that has none are nothing
+    if nothing and records:
+        expected = "expected contacts, or limits=True of joints that have limits, in the scene"
+        raise SimulationError(f'record has "contacts", {expected}')
     solved = friction.way if friction is not None and friction.way in (IMPLICIT, LUGRE) else None
-    if contacts is None and not stops and (constrained is None or solved != IMPLICIT):
+    if nothing and (constrained is None or solved != IMPLICIT):
         return None
-    given = scene.unilateral
     table = given.with_dry(dry(acting, scene.model.nv))
     made = Contact(given, records, table, solved, constrained is not None)
     return made if len(table.rows) > 1 or constrained is not None else None
