@@ -54,23 +54,23 @@ CONTRADICTS = 1e-4  # of the motion: what no step leaves of equations that agree
 class Contact(Effect):
     """Points on the ground, and limits of joints.
 
-    contacts  Contacts, perhaps of joint limits alone, or of nothing beside constraints
-    records   whether impulses are recorded
-    table     of the contacts and of freedoms that rub dry
-    way       of friction that is solved for together with them, None for none
-    held      whether constraints are
+    contacts     Contacts, perhaps of joint limits alone, or of nothing beside constraints
+    records      whether impulses are recorded
+    table        of the contacts and of freedoms that rub dry
+    way          of friction that is solved for together with them, None for none
+    constrained  whether constraints are
     """
 
     contacts: Contacts
     records: bool
     table: StaticTable
     way: str | None = None
-    held: bool = False
+    constrained: bool = False
     name = "contacts"
 
     @property
     def form(self) -> Any:
-        return self.way, self.held
+        return self.way, self.constrained
 
     @property
     def own(self) -> Argument:
@@ -113,7 +113,7 @@ class Contact(Effect):
         """Whether programs of its steps are too long: those that hold rows in turn, and those of many points."""
         points, rows = len(self.contacts), len(self.table.rows) - 1
         heights = sum(len(x.rows) - 1 for x in self.tables[1:])
-        several = (self.way is not None or self.held) and rows + 2 * points > MOST_ROWS
+        several = (self.way is not None or self.constrained) and rows + 2 * points > MOST_ROWS
         return several or points > MOST_POINTS or heights > MOST_TABLE
 
     @property

@@ -154,13 +154,13 @@ class LuGreFriction(JointFriction):
 
     def solve(self, at: Arithmetic, acting: tuple[Effect, ...], tau: Any) -> tuple[Any, dict[str, Any], Forces]:
         push, forces = with_torques(at, acting, tau)
-        held = find(acting, Constrained)
-        if held is None:
+        constrained = find(acting, Constrained)
+        if constrained is None:
             (made,) = at.evaluate(BRISTLE_STEP, tau=push).values()
             after, bristles = made
         else:
-            after, bristles, force = held.after_bristles(at, push)
-            forces[work.CONSTRAINTS.name] = lambda way: force * held.rates(at, at.given["q"], way)
+            after, bristles, force = constrained.after_bristles(at, push)
+            forces[work.CONSTRAINTS.name] = lambda way: force * constrained.rates(at, at.given["q"], way)
         forces[work.FRICTION.name] = bent(at.given, law_of(at.given), after, bristles)
         return after, {BRISTLES.name: bristles}, forces
 
