@@ -34,13 +34,12 @@ from .programs.run import batch_kernels
 from .programs.run.batches import NONE
 from .programs.run.tiered_program import TieredProgram
 
-SHARE = 10**9 if numba_kernels.PLAIN else 128  # least samples of a thread: some 100 µs
-FEW, FEW_NUMBERS = 512, 1 << 20  # most samples, and numbers of their results, that NumPy computes in some 10 ms to 1 s
-FEW_ALONE = 16  # of a recursion that branches on values, which takes them one by one, 1 to 20 ms each
-MANY_ALONE = 512  # samples of a recursion that branches on values, 20 ms each in plain Python, that compile it at once
-MOST_STEPS = 200_000  # rows of the table times numbers of a result, 2 us each at most, that NumPy is given
-MOST_BESIDE_LANES = 1 << 12  # results of a program where the table kernel runs on lanes: of the mass matrix of a chain
-# of 90 links a batch takes a tenth longer by its program, one sample 4 times as long, and it compiles for 8 s
+SHARE = 10**9 if numba_kernels.PLAIN else 128  # least samples of a thread: fewer take less time than waking it
+FEW, FEW_NUMBERS = 512, 1 << 20  # most samples, and numbers of their results, that NumPy is given
+FEW_ALONE = 16  # of a recursion that branches on values, which takes them one by one
+MANY_ALONE = 512  # samples of a recursion that branches on values that compile it at once
+MOST_STEPS = 200_000  # rows of the table times numbers of a result that NumPy is given
+MOST_BESIDE_LANES = 1 << 12  # numbers of a result of a program, where the table kernel runs on lanes
 MANY = 8192  # samples of a batch to prepare for
 _lock = locks.new()
 STATIC = "rows" if numba_kernels.PLAIN else "address"  # the attribute of a StaticTable that kernels take

@@ -55,7 +55,7 @@ class NumbaCache(_Cache):
         )
         if payload is None:
             return None
-        rtsys.initialize(target_context)  # all that code links to; Numba's registries, 0.2 s, serve the compiler alone
+        rtsys.initialize(target_context)  # all that code links to; Numba's registries serve the compiler alone
         rebuild: Any = compiler.CompileResult._rebuild
         return rebuild(target_context, *pickle.loads(payload))
 
