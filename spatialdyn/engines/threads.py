@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from concurrent.futures import ThreadPoolExecutor
 
 SLICE_SECONDS = 0.05  # seconds of a slice, after which Ctrl-C is handled, for samples outside of programs
-FIRST_SLICE = 1 << 18  # rows² or rows times results, in all samples of the first slice: 2 to 30 ms
+FIRST_SLICE = 1 << 18  # rows² or rows times results, in all samples of the first slice
 
 PIECES = 4  # of a thread's share of a batch: a thread that comes late leaves its own to the others
 IDLE = 0.5  # of the time it works: a thread that waits longer for the others, or for a core, is on a busy machine
@@ -202,7 +202,7 @@ def slices(n: int, rows: int, results: int, least: int = 1) -> Iterator[tuple[in
         end = done + count if n - done - count >= least else n
         yield done, end
         spent = max(time.perf_counter() - began, 1e-6)
-        count = max(least, int(min(10.0 * count, count * SLICE_SECONDS / spent)))
+        count = least * max(1, int(min(10.0 * count, count * SLICE_SECONDS / spent)) // least)
 
 
 thread_pool = ThreadPool()

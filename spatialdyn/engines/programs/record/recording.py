@@ -33,8 +33,8 @@ from .program import Program
 from .regroup import regroup
 from .tracer import Tape, table
 
-MOST_ROWS = 128  # above, programs grow too long: rnea, aba, crba of 101 rows compile in 0.7, 1.3 and 2.0 s
-MOST_RESULTS = MOST_ROWS**2  # or terms, of a sample: Christoffel symbols of 18 rows compile in 1 s, of 50 rows in 54 s
+MOST_ROWS = 128  # above, programs take too long to compile
+MOST_RESULTS = MOST_ROWS**2  # or terms, of a sample: those of Christoffel symbols grow by the cube of the rows
 MOST_TABLE = 2048  # rows of a static table: each height of a ground is in its program
 MOST_EQUATIONS = 36  # of a static table: 8400 multiplications to factor a matrix of 36 rows
 ALONE = ("nl", "nd", "total")  # sizes of a static table that are no equations: entries with a row of J alone, results

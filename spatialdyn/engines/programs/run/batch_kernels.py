@@ -37,11 +37,11 @@ from .batches import Batches, rejected
 
 Made = TypeVar("Made")
 CACHE_SIZE = 128  # programs in memory, and structures
-THREAD_BYTES = 16 << 20  # least bytes of machine code that a thread runs: some 100 µs
-SLICE_BYTES = 1 << 30  # bytes of machine code that a thread runs until Ctrl-C is handled: some 50 ms
-RESULT_COST = 64  # bytes of machine code for each byte of results: 0.3 ns of fresh memory, 10 in a machine without any
+THREAD_BYTES = 16 << 20  # least bytes of machine code that a thread runs: fewer take less time than waking it
+SLICE_BYTES = 1 << 30  # bytes of machine code that a thread runs until Ctrl-C is handled
+RESULT_COST = 64  # bytes of machine code that take as long as a byte of results in fresh memory
 DIGEST_SIZE = 64  # characters of a digest
-STREAM_BYTES = 16 << 20  # least bytes of an output that bypasses the CPU caches: half the time of crba of talos
+STREAM_BYTES = 16 << 20  # least bytes of an output that bypasses the CPU caches
 
 _lock = locks.new()
 _programs: OrderedDict[str, Kernel | None] = OrderedDict()
