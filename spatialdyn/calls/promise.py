@@ -86,7 +86,7 @@ class Promise:
         self,
         request: SpecializeRequest,
         tolerance: Any,
-        bounded: Callable[[Any], Call],
+        bounded: Callable[[Any], Specialized],
         maker: Callable[..., Any],
         arguments: tuple[Any, ...],
     ) -> None:
@@ -99,7 +99,7 @@ class Promise:
         (self._spec,) = request.specs
         self._cores = [x.shape for x in request.inputs()]
         self._core = request.results()[0].shape
-        ladder = {DOUBLE: bounded(np.float64)}
+        ladder: dict[str, Call] = {DOUBLE: bounded(np.float64)}
         asked = request.dtype == np.float32
         cheaper = bool(self._spec.residual) and request.model.nv >= LEAST_SOLVED
         if asked or (cheaper and sum(self.tolerance) >= HALF_ULP):
