@@ -42,9 +42,9 @@ def computeSubtreeMasses(model: Model, data: Data) -> None:
 
 def _masses(model: Model) -> Array:
     library: LibraryModel | None = model._library
-    if library is None:  # edited, perhaps to what cannot be assembled
-        return subtree_masses([inertia._x.item(0) for inertia in model.inertias], model.parents)
-    return library.subtree_masses(library.inertias)
+    if library is None or model._numbers.block.tobytes() != library.state:  # edited, perhaps to what has no library's
+        return subtree_masses(model._numbers.inertias[:, 0].tolist(), model.parents)
+    return library.subtree_masses(library.state)
 
 
 def _com_inputs(model: Model, data: Data, q: Any, v: Any, a: Any, level: Any, subtrees: Any) -> tuple[Any, ...]:
