@@ -644,6 +644,26 @@ def test_armatures_and_placements_edited_between_calls_count_from_the_next_call_
         ours.crba(models[0], models[0].createData(), q)
 
 
+def test_jacobians_of_a_call_before_joints_were_moved_are_of_where_they_were() -> None:
+    """Also if a call of another Data has seen the edit since."""
+    found = []
+    models = both(arm)
+    q, v, a = states(models[1])
+    for pin, model in zip((ours, theirs), models, strict=True):
+        data, parts = model.createData(), []
+        pin.computeJointJacobiansTimeVariation(model, data, q, v)
+        pin.updateFramePlacements(model, data)
+        for k in range(3):
+            parts += [pin.getFrameJacobianTimeVariation(model, data, 4, at) for at in (pin.WORLD, pin.LOCAL)]
+            parts.append(pin.getJointJacobian(model, data, 3, pin.LOCAL))
+            model.jointPlacements[2].translation[0] += 0.1 * k
+            model.jointPlacements[3] = model.jointPlacements[1]
+            pin.rnea(model, model.createData(), q, v, a)
+        found.append(parts)
+    for mine, other in zip(*found, strict=True):
+        assert_close(mine, other, "before joints were moved", ORACLE)
+
+
 def test_an_edited_model_computes_what_one_made_of_its_numbers_does() -> None:
     ours.seed(0)
     model = ours.buildSampleModelHumanoidRandom()

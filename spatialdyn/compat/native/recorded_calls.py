@@ -7,7 +7,6 @@ caller binds to a plan of words: the addresses of the table of bodies, memory an
 
 from __future__ import annotations
 
-import ctypes
 import math
 from array import array
 from collections.abc import Callable, Sequence
@@ -68,8 +67,8 @@ def record(**sizes: str) -> list[str]:
 
 
 def _edited_in_plain_python(table: int) -> bool:
-    now, then, size = word(table, -3), word(table, -2), 8 * word(table, -1)
-    return ctypes.string_at(now, size) != ctypes.string_at(then, size)
+    now, then = (array_of(word(table, k), (word(table, -1),), np.int64) for k in (-3, -2))
+    return bool((now != then).any())
 
 
 def _compiled_edited() -> Any:

@@ -268,8 +268,8 @@ def Ig(run: Any) -> Array:
 
 def mechanical_energy(run: Any) -> float:
     """Kinetic and potential energy."""
-    both = (run.kind.fills[x](run).item() for x in ("kinetic_energy", "potential_energy"))
-    return sum(both)
+    fills = run.kind.fills
+    return float(fills["kinetic_energy"](run).item() + fills["potential_energy"](run).item())
 
 
 def momentum_rate_and_weight(run: Any) -> Array:

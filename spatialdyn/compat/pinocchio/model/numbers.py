@@ -14,7 +14,7 @@ class Numbers:
     joints, armature (nv,).
     """
 
-    __slots__ = ("armature", "block", "gravity", "inertias", "placements")
+    __slots__ = ("armature", "block", "gravity", "inertias", "masses", "placements")
 
     def __init__(self, njoints: int, nv: int, block: Any = None) -> None:
         """Of a block, which may be its bytes; by default of a new one of zeros."""
@@ -25,6 +25,7 @@ class Numbers:
         self.gravity: Array = self.block[:6]
         self.placements: Array = self.block[6:first].reshape(-1, 4, 4)
         self.inertias: Array = self.block[first:second].reshape(-1, 10)
+        self.masses: Array = self.inertias[1:, 0]  # without the universe's
         self.armature: Array = self.block[second:]
 
     def grown(self, placement: Array, freedoms: int) -> Numbers:

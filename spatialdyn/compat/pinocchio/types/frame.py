@@ -124,11 +124,11 @@ class Frame(OwnedValue):
 
     def copy(self) -> Frame:
         """An independent copy that belongs to no model."""
-        made = Frame.__new__(Frame)
+        made: Any = Frame.__new__(Frame)
         made._owner = None
         made._name, made._parentJoint, made._parentFrame, placement, made._type, inertia = self._content()
         made._placement, made._inertia = SE3.over(placement._x.copy()), Inertia.over(inertia._x.copy())
-        return made
+        return made  # type: ignore[no-any-return]
 
     cast = copy  # the only scalar type is float64
 
