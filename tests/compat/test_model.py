@@ -644,13 +644,14 @@ def test_armatures_and_placements_edited_between_calls_count_from_the_next_call_
         ours.crba(models[0], models[0].createData(), q)
 
 
-def test_jacobians_of_a_call_before_joints_were_moved_are_of_where_they_were() -> None:
-    """Also if a call of another Data has seen the edit since."""
+def test_what_is_read_of_a_call_before_joints_were_moved_is_of_where_they_were() -> None:
+    """Fields and Jacobians, also if a call of another Data has seen the edit since."""
     found = []
     models = both(arm)
     q, v, a = states(models[1])
     for pin, model in zip((ours, theirs), models, strict=True):
-        data, parts = model.createData(), []
+        data, every, parts = model.createData(), model.createData(), []
+        pin.computeAllTerms(model, every, q, v)
         pin.computeJointJacobiansTimeVariation(model, data, q, v)
         pin.updateFramePlacements(model, data)
         for k in range(3):
@@ -658,8 +659,9 @@ def test_jacobians_of_a_call_before_joints_were_moved_are_of_where_they_were() -
             parts.append(pin.getJointJacobian(model, data, 3, pin.LOCAL))
             model.jointPlacements[2].translation[0] += 0.1 * k
             model.jointPlacements[3] = model.jointPlacements[1]
+            model.inertias[2].mass, model.gravity.linear[0] = 2.0 + k, 1.0
             pin.rnea(model, model.createData(), q, v, a)
-        found.append(parts)
+        found.append([*parts, every.g, np.triu(every.M), every.Jcom])
     for mine, other in zip(*found, strict=True):
         assert_close(mine, other, "before joints were moved", ORACLE)
 
