@@ -203,7 +203,7 @@ def test_edited_inertias_give_the_table_of_a_model_made_anew() -> None:
         model.inertias[k] = ours.Inertia(0.5 + k, np.array([0.1 * k, -0.2, 0.3]), np.diag([0.3, 0.4, 0.5]))
         ours.crba(model, data, q)
         library = library_model(model)
-        mine = np.frombuffer(library.table, library.model.bodies.dtype)
+        mine = np.frombuffer(library.table.bytes, library.model.bodies.dtype)
         for name in ("m", "h", "I"):
             x, y = mine["inertia"][name], library.model.bodies["inertia"][name]
             for part in y.dtype.names or [()]:

@@ -321,14 +321,14 @@ def test_what_cannot_be_assigned_says_so_and_the_rest_takes_effect() -> None:
         for model in (mine, other):
             with pytest.raises(AttributeError):
                 setattr(model, name, getattr(model, name))
-    before, where = library_model(mine), frame_placements(mine)
+    before, where = library_model(mine).model, frame_placements(mine)
     mine.jointPlacements = [ours.SE3.Identity() for _ in range(5)]
     mine.frames = mine.frames[:3]
-    assert library_model(mine) is not before
+    assert library_model(mine).model != before
     assert frame_placements(mine) is not where
-    before = library_model(mine)
+    before = library_model(mine).model
     mine.jointPlacements[2].translation[0] = 3.0
-    assert library_model(mine) is not before
+    assert library_model(mine).model != before
     mine.loadFromString(arm(ours).saveToString())
     assert mine == arm(ours)
 
@@ -350,10 +350,9 @@ def test_frames_are_placed_anew_after_an_edit() -> None:
         "more": lambda: model.addFrame(ours.Frame("last", 1, 0, ours.SE3.Identity(), ours.BODY)),
     }
     for edit in edits.values():
-        before = frame_placements(model)
+        frame_placements(model)
         edit()
         after = frame_placements(model)
-        assert after is not before
         assert after.joints.tolist() == [frame.parentJoint for frame in model.frames]
         assert (after.placements == [frame.placement.homogeneous for frame in model.frames]).all()
         assert (after.rows == library_model(model).rows[after.joints]).all()
@@ -364,8 +363,7 @@ def test_entries_are_copies_of_what_was_put_in() -> None:
     model.jointPlacements[1] = X
     X.translation[0] = 7.0
     assert model.jointPlacements[1].translation[0] == 0.0
-    assert model.jointPlacements[1].copy()._owner is None
-    with pytest.raises(TypeError, match="a Force was given, expected SE3"):
+    with pytest.raises(TypeError, match="value is a Force, expected SE3"):
         model.jointPlacements[1] = ours.Force.Zero()
     with pytest.raises(TypeError, match="expected an array of numbers"):
         model.armature = [0.0] * model.nv
@@ -565,8 +563,6 @@ def test_a_copy_that_others_wrote_to_is_assigned() -> None:
     model = ours.buildSampleModelManipulator()
     q = ours.neutral(model)
     M = ours.crba(model, model.createData(), q)
-    with pytest.raises(ValueError, match="read-only"):
-        np.asarray(model.armature)[0] = 1.0
     x = model.armature.copy()
     np.asarray(x)[0] = 1.0
     model.armature = x
@@ -646,6 +642,28 @@ def test_armatures_and_placements_edited_between_calls_count_from_the_next_call_
     models[0].armature[1] = -1.0
     with pytest.raises(ValueError, match="armature"):
         ours.crba(models[0], models[0].createData(), q)
+
+
+def test_what_is_read_of_a_call_before_joints_were_moved_is_of_where_they_were() -> None:
+    """Fields and Jacobians, also if a call of another Data has seen the edit since."""
+    found = []
+    models = both(arm)
+    q, v, a = states(models[1])
+    for pin, model in zip((ours, theirs), models, strict=True):
+        data, every, parts = model.createData(), model.createData(), []
+        pin.computeAllTerms(model, every, q, v)
+        pin.computeJointJacobiansTimeVariation(model, data, q, v)
+        pin.updateFramePlacements(model, data)
+        for k in range(3):
+            parts += [pin.getFrameJacobianTimeVariation(model, data, 4, at) for at in (pin.WORLD, pin.LOCAL)]
+            parts.append(pin.getJointJacobian(model, data, 3, pin.LOCAL))
+            model.jointPlacements[2].translation[0] += 0.1 * k
+            model.jointPlacements[3] = model.jointPlacements[1]
+            model.inertias[2].mass, model.gravity.linear[0] = 2.0 + k, 1.0
+            pin.rnea(model, model.createData(), q, v, a)
+        found.append([*parts, every.g, np.triu(every.M), every.Jcom])
+    for mine, other in zip(*found, strict=True):
+        assert_close(mine, other, "before joints were moved", ORACLE)
 
 
 def test_an_edited_model_computes_what_one_made_of_its_numbers_does() -> None:

@@ -1,24 +1,70 @@
-"""Other inertias in a table of bodies: what ``model.update`` does, compiled, for an edit before each call."""
+"""Other numbers in a table of bodies: what ``model.update`` does, compiled, for an edit before each call."""
 
 from __future__ import annotations
 
 from functools import cache
 from typing import Any
 
-from ...algebra.public_arrays import read_body
-from ...algebra.records import inertia_of, motion_of, put_inertia
+from ...algebra.euclidean import Mat3, Vec, add_mat3, cross, rotate, scale
+from ...algebra.public_arrays import read_body, read_pose
+from ...algebra.records import inertia_of, motion_of, put_inertia, put_mat3, put_pose, put_vec
+from ...algebra.rotations import ROTATION_ZERO
 from ...algebra.scalars import inline, sqrt
-from ...bodies.table import BODIES
-from ...engines.compiled.cpython import Builtin, dims
-from ...engines.compiled.table_kernels import kernel
+from ...algebra.spatial import Pose
+from ...bodies.kinds import CONTINUED, SCREWS, TURNS
+from ...engines.compiled.cpython import Builtin
 from ...engines.compiled.tiers import NATIVE
-from ...engines.object_layout import DATA
-from .operator_kernels import deferred
 from .operators import inertia_about_origin
 
 MOST = 1e100  # of numbers whose products stay finite
-_FIELDS: Any = BODIES.fields
-GRAVITY = int(_FIELDS["gravity"][1])  # bytes from the beginning of the table
+REFUSED, WRITTEN, MOVED = -1.0, 0.0, 1.0  # what ``put_numbers`` returns
+
+
+@inline
+def _sound(x: Any, njoints: int) -> bool:
+    """Whether the numbers of a block are below ``MOST``, masses and armatures not negative, gravity linear."""
+    for i in range(len(x)):
+        if not abs(x[i]) < MOST or (i >= 6 + 26 * njoints and x[i] < 0.0):
+            return False
+    for k in range(njoints):
+        if x[6 + 16 * njoints + 10 * k] < 0.0:
+            return False
+    return bool(x[3] == 0.0 and x[4] == 0.0 and x[5] == 0.0)
+
+
+@inline
+def _differ(x: Any, y: Any, first: int, size: int) -> bool:
+    different = False
+    for i in range(first, first + size):
+        different |= x[i] != y[i]
+    return different
+
+
+@inline
+def _cleared(x: float) -> Any:
+    return x if abs(x) >= ROTATION_ZERO else 0.0
+
+
+@inline
+def _outer(a: Vec, b: Vec) -> Mat3:
+    return Mat3(a.x * b.x, a.x * b.y, a.x * b.z, a.y * b.x, a.y * b.y, a.y * b.z, a.z * b.x, a.z * b.y, a.z * b.z)
+
+
+@inline
+def _put_place(b: Any, X: Pose) -> None:
+    """Write the pose of a row in its parent, and what turning joints have of it (see ``bodies.table``)."""
+    R, u = X.R, motion_of(b.S).w
+    R = Mat3(
+        _cleared(R.xx), _cleared(R.xy), _cleared(R.xz), _cleared(R.yx), _cleared(R.yy), _cleared(R.yz),
+        _cleared(R.zx), _cleared(R.zy), _cleared(R.zz),
+    )  # fmt: skip
+    put_pose(b.X, Pose(R, X.p))
+    if b.kind in TURNS or b.kind in SCREWS:
+        s = rotate(R, u)
+        x, y, z = cross(Vec(R.xx, R.xy, R.xz), u), cross(Vec(R.yx, R.yy, R.yz), u), cross(Vec(R.zx, R.zy, R.zz), u)
+        put_mat3(b.axial, _outer(s, u))
+        put_mat3(b.transverse, add_mat3(R, _outer(scale(-1.0, s), u)))
+        put_mat3(b.skewed, Mat3(x.x, x.y, x.z, y.x, y.y, y.z, z.x, z.y, z.z))
 
 
 @inline
@@ -27,16 +73,7 @@ def _length(x: float, y: float, z: float) -> Any:
 
 
 @inline
-def sound(inertia: Any) -> bool:
-    """Whether the numbers (10,) of an inertia are finite, none beyond ``MOST``, and its mass is not negative."""
-    for i in range(10):
-        if not abs(inertia[i]) < MOST:
-            return False
-    return bool(inertia[0] >= 0.0)
-
-
-@inline
-def put_bounds(bodies: Any, sums: Any) -> None:
+def _put_bounds(bodies: Any, sums: Any) -> None:
     """Write all bounds of composite inertias; sums (rows, 3) is scratch."""
     for i in range(len(bodies)):
         for j in range(3):
@@ -61,40 +98,36 @@ def put_bounds(bodies: Any, sums: Any) -> None:
 
 
 @inline
-def _put_bounds(bodies: Any, sums: Any) -> int:
-    put_bounds(bodies, sums)
-    return 0
-
-
-bounds = deferred(lambda: kernel(_put_bounds, 2))  # (table, sums (rows, 3)): ``put_bounds``
+def _put_numbers(bodies: Any, rows: Any, now: Any, then: Any, sums: Any) -> float:
+    njoints, moved = len(rows), WRITTEN
+    if not _sound(now, njoints):
+        return REFUSED
+    for k in range(1, njoints):
+        row, place, body = rows[k], 6 + 16 * k, 6 + 16 * njoints + 10 * k
+        if _differ(now, then, body, 10):
+            put_inertia(bodies[row].inertia, inertia_about_origin(read_body(now[body : body + 10])))
+        while bodies[row].kind == CONTINUED:
+            row -= 1
+        if _differ(now, then, place, 16):
+            _put_place(bodies[row], read_pose(now[place : place + 16].reshape(4, 4)))
+            moved = MOVED
+    for i in range(1, len(bodies)):
+        bodies[i].armature = now[5 + 26 * njoints + i]
+    put_vec(bodies[0].gravity, Vec(now[0], now[1], now[2]))
+    _put_bounds(bodies, sums)
+    for i in range(len(now)):
+        then[i] = now[i]
+    return moved
 
 
 @cache
-def builtin() -> Builtin:
-    """``(inertias (njoints, 10), joint, inertia (10,)) -> (njoints, 10)``: the inertias with that of a joint, which is
-    written to its row; returns None, with the table as it was, if it is not ``sound``.
+def put_numbers() -> Builtin:
+    """``() -> float``: writes what differs between two blocks of ``Numbers`` of a Model to its table, and ``now`` to
+    ``then``; MOVED if placements differ, else WRITTEN. REFUSED, with nothing written, if the numbers need checks.
 
-    Words: table, njoints, ten (10), numbers of rows (njoints,), scratch (count, 3).
+    Words: table, addresses of both, their size, rows (njoints,) of the joints' bodies, scratch (count, 3).
     """
-    words = ["table", "njoints", "ten", "rows", "sums", "count"]
-    body = [
-        "k = index(plan, joint, njoints)",
-        "if k < 0 or not (is_matrix(plan, before, ten) and is_vector(plan, inertia, ten)): return return_none(plan)",
-        "given, bodies = vector(inertia, ten), table_at(table)",
-        "if not sound(given): return return_none(plan)",
-        f"answer = new_array(plan, 2, {dims(words, 'njoints')})",
-        "if answer == 0: return 0",
-        f"then, now = matrix(before), at(word(answer, {DATA}), (njoints, 10))",
-        "for i in range(njoints):",
-        "    for j in range(10): now[i, j] = then[i, j]",
-        "for j in range(10): now[k, j] = given[j]",
-        "if k > 0:",
-        "    put(bodies[int(at(rows, (njoints,))[k])].inertia, about_origin(read(given)))",
-        "    put_bounds(bodies, at(sums, (count, 3)))",
-        "return answer",
-    ]
-    scope = {
-        "sound": sound, "put": put_inertia, "about_origin": inertia_about_origin, "read": read_body,
-        "put_bounds": put_bounds, "table_at": NATIVE["table_at"],
-    }  # fmt: skip
-    return Builtin("put_inertia", ["before", "joint", "inertia"], words, body, scope)
+    words = ["table", "now", "then", "size", "rows", "njoints", "sums", "count"]
+    given = "places(rows, njoints), at(now, (size,)), at(then, (size,)), at(sums, (count, 3))"
+    body = [f"return new_real(plan, put(table_at(table), {given}))"]
+    return Builtin("put_numbers", [], words, body, {"put": _put_numbers, "table_at": NATIVE["table_at"]})

@@ -136,6 +136,17 @@ def body_momentum(B: Body, v: Motion) -> Force:
 
 
 @inline
+def body_of_parameters(p: Body) -> Body:
+    """The body whose mass, first moments and rotational inertia about the origin stand in the places of a body."""
+    m, J = p.m, p.I
+    c = divide(p.c, m if m != 0.0 else 1.0)
+    xx, yy, zz = m * c.x * c.x, m * c.y * c.y, m * c.z * c.z
+    yz, zx, xy = m * c.y * c.z, m * c.z * c.x, m * c.x * c.y
+    I = Sym(J.xx - (yy + zz), J.xy + xy, J.xz + zx, J.yy - (xx + zz), J.yz + yz, J.zz - (xx + yy))
+    return Body(m, c, I)
+
+
+@inline
 def inertia_about_origin(B: Body) -> Inertia:
     """Spatial inertia of a body about the origin."""
     return inertia_at_parent(B.c, Inertia(B.m, zero(), B.I))

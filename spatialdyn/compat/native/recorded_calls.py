@@ -15,6 +15,7 @@ from itertools import chain
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...algebra import public_arrays, spatial
 from ...algebra.records import motion_of, pose_of, put_pose
@@ -25,7 +26,7 @@ from ...bodies.kinds import CONTINUED
 from ...engines.compiled import numba_kernels
 from ...engines.compiled.checks import all_finite, unit_norm
 from ...engines.compiled.cpython import Builtin, Entry, dims
-from ...engines.compiled.tiers import NATIVE, Twin, array_of, table_kernel
+from ...engines.compiled.tiers import NATIVE, Twin, array_of, table_kernel, word
 from ...engines.object_layout import DATA
 from ...recursions import SPECS
 from ...recursions.spec import LOCAL, LOCAL_WORLD_ALIGNED, WORLD, Argument, Spec
@@ -33,10 +34,10 @@ from ...recursions.steps import placed_in_world
 from ...recursions.tree import kinematics
 from ...recursions.tree.kinematics import classical_acceleration, express_in
 from . import operator_kernels
-from .edited_table import GRAVITY
 
 SIZES = ("nq", "nv", "njoints")  # words of a plan
 ARRAY, PARTS, RESULT = range(3)  # what a recorded call returns
+HEAD = 64  # bytes before a table
 REFERENCES = ("in_frame", "in_world", "aligned")  # words of a plan: ids of the ReferenceFrame objects
 
 
@@ -60,9 +61,55 @@ def make_answer(words: Sequence[str], first: str, rank: int) -> list[str]:
 
 
 def record(**sizes: str) -> list[str]:
-    """Statements that copy inputs ``x_in`` of these sizes, one after the other, and then the gravity to ``memory``."""
+    """Statements that copy inputs ``x_in`` of these sizes to ``memory``, one after the other."""
     lines = [(f"copy({x}_in, at(memory, ({size},)))", f"memory += 8 * {size}") for x, size in sizes.items()]
-    return [*chain.from_iterable(lines), f"copy(at(table + {GRAVITY}, (3,)), at(memory, (3,)))"]
+    return [*chain.from_iterable(lines)]
+
+
+def _edited_in_plain_python(table: int) -> bool:
+    now, then = (array_of(word(table, k), (word(table, -1),), np.int64) for k in (-3, -2))
+    return bool((now != then).any())
+
+
+def _compiled_edited() -> Any:
+    from ...engines.compiled.cpython import places
+    from ...engines.compiled.cpython import word as read
+
+    @inline
+    def edited(table: int) -> Any:
+        now, then = places(read(table, -3), read(table, -1)), places(read(table, -2), read(table, -1))
+        different = 0
+        for k in range(len(now)):  # without a branch: in vectors
+            different |= now[k] ^ then[k]
+        return different != 0
+
+    return edited
+
+
+class Table:
+    """A copy of a table of bodies, before which four words stand: the time when joints moved, and addresses and size of
+    two blocks of numbers: those of a Model, which edits write, and those of the table.
+
+    bytes    of the table; ``address`` theirs
+    """
+
+    def __init__(self, bodies: Any, now: NDArray[np.float64], then: NDArray[np.float64]) -> None:
+        """Of a table as bytes."""
+        memory = np.empty(HEAD + len(bodies), np.uint8)
+        self.bytes, memory[HEAD:] = memory[HEAD:], bodies
+        self.address = memory.ctypes.data + HEAD
+        self._words = memory[HEAD - 32 : HEAD].view(np.int64)
+        self._words[:] = 0, now.ctypes.data, then.ctypes.data, len(now)
+        self._alive = now, then
+
+    def note_move(self) -> None:
+        """Note that joints were moved: places of calls before are no longer computed on this table."""
+        self._words[0] = clock.now[0] + 1
+
+
+# whether the numbers of a Model are other than those of its Table
+EDITED = {"edited": Twin(_edited_in_plain_python, _compiled_edited)}
+IF_EDITED = "if edited(table): return return_none(plan)"
 
 
 class Clock:
@@ -163,7 +210,7 @@ def _call(kinds: str, rank: int, unused: int, forces: bool) -> Builtin:
     if forces:
         arguments, checks = [*arguments, "fext"], [*checks, "is_vector(plan, fext, forces)"]
     body = [f"if not ({' and '.join(checks)}): return return_none(plan)"] if checks else []
-    body.append("first = staged")
+    body += ["if memory != 0 and edited(table): return return_none(plan)", "first = staged"]
     for k, kind in enumerate(kinds):
         if kind == "r":
             body.append(f"at(word(pointers, {k}), (1,))[0] = real(x{k})")
@@ -182,14 +229,13 @@ def _call(kinds: str, rank: int, unused: int, forces: bool) -> Builtin:
         "    return discard(plan, answer) if answer != 0 else return_none(plan)",
         "if memory != 0:",
         "    copy(at(staged, (given,)), at(memory, (given,)))",
-        f"    copy(at(table + {GRAVITY}, (3,)), at(memory + 8 * given, (3,)))",
         f"    if out != result: copy(at(out, ({count},)), at(result, ({count},)))",
         *(f"    {line}" for line in put_stamp()),
         *([f"if returns == {PARTS}: return new_tuple(plan, tuple, out, {dims(words, 'axis0')})"] if rank == 3 else []),
         "return answer if answer != 0 else return_true(plan)",
     ]
     label = f"call_{kinds}_{rank}_{unused}" + "_forces" * forces
-    return Builtin(label, arguments, words, body, {"copy": copy})
+    return Builtin(label, arguments, words, body, {"copy": copy, **EDITED})
 
 
 @inline
@@ -220,15 +266,7 @@ def copy_builtin() -> Builtin:
 
 # --- frames ----------------------------------------------------------------------------------------------
 
-FRAMES = ("frames", "joints", "placements")  # words: number of frames; addresses
-STACK = "(frames, 4, 4)"
-
-
-@inline
-def _place_all(poses: Any, joints: Any, placements: Any, out: Any) -> None:
-    for k in range(len(joints)):
-        X = spatial.compose(public_arrays.read_pose(poses[joints[k]]), public_arrays.read_pose(placements[k]))
-        public_arrays.write_pose(out[k], X)
+FRAMES = ("frames", "joints", "placements")  # words: number of frames; addresses, of addresses for placements
 
 
 @cache
@@ -242,9 +280,15 @@ def place_frames(joints_too: bool) -> Builtin:
     body = ["X = at(poses, (njoints, 4, 4))"]
     if joints_too:
         run = f"if sample_kernel(table, q_in, X) != {numba_kernels.OK}: return return_none(plan)"
-        body = [*_check_arguments(spec.present), *body, run, *record(q="nq"), *put_stamp("time_of_joints")]
-    body.append(f"place_all(X, places(joints, frames), at(placements, {STACK}), at(result, {STACK}))")
-    scope = {"sample_kernel": table_kernel(spec).twin, "place_all": _place_all, "copy": copy}
+        body = [IF_EDITED, *_check_arguments(spec.present), *body, run, *record(q="nq"), *put_stamp("time_of_joints")]
+    body += [
+        "for k in range(frames):",
+        "    there = read_pose(at(word(placements, k), (4, 4)))",
+        "    there = compose(read_pose(X[word(joints, k)]), there)",
+        "    write_pose(at(result + 128 * k, (4, 4)), there)",
+    ]
+    scope = {**vars(public_arrays), **EDITED, "sample_kernel": table_kernel(spec).twin}
+    scope |= {"compose": spatial.compose, "copy": copy}
     label = "place_joints_and_frames" if joints_too else "place_frames"
     return Builtin(label, ["q"] * joints_too, words, [*body, *put_stamp(), "return return_true(plan)"], scope)
 
@@ -256,7 +300,8 @@ def place_frame() -> Builtin:
         "k = index(plan, frame, frames)",
         "if k < 0: return return_none(plan)",
         "X = at(poses + 128 * places(joints, frames)[k], (4, 4))",
-        "write_pose(at(result + 128 * k, (4, 4)), compose(read_pose(X), read_pose(at(placements + 128 * k, (4, 4)))))",
+        "there = read_pose(at(word(placements, k), (4, 4)))",
+        "write_pose(at(result + 128 * k, (4, 4)), compose(read_pose(X), there))",
         "return return_true(plan)",
     ]
     scope = {**vars(public_arrays), "compose": spatial.compose}
@@ -307,7 +352,7 @@ def frame_motion(classical: bool) -> Builtin:
         "if n > 1: code = coded(reference, in_frame, in_world, aligned)",
         "if k < 0 or code < 0: return return_none(plan)",
         *make_answer(words, "six", 1),
-        "i, p = places(joints, frames)[k], at(placements + 128 * k, (4, 4))",
+        "i, p = places(joints, frames)[k], at(word(placements, k), (4, 4))",
         "X, v, m = at(poses + 128 * i, (4, 4)), at(velocities + 48 * i, (6,)), at(motions + 48 * i, (6,))",
         f"write(X, p, v, m, {int(classical)}, code, at(word(answer, {DATA}), (6,)))",
         "return new_object(plan, made, slot, answer)",
@@ -318,7 +363,7 @@ def frame_motion(classical: bool) -> Builtin:
 
 
 ON_TABLE = {  # names that bodies of builtins on the table use
-    **NATIVE, "memory_of": NATIVE["memory"], "unit_norm": unit_norm, "all_finite": all_finite, "copy": copy,
+    **NATIVE, **EDITED, "memory_of": NATIVE["memory"], "unit_norm": unit_norm, "all_finite": all_finite, "copy": copy,
     "FLOAT": numba_kernels.FLOAT,
 }  # fmt: skip
 # q beside its cosines and sines, as a recursion takes ``TURNED_Q``
@@ -348,8 +393,9 @@ ROWS_AT = Twin(_rows_in_plain_python, _compiled_rows)  # the scratch rows of ``j
 def frame_jacobian(name: str) -> Builtin:
     """``(frame, reference) -> (6, nv)``: ``frame_jacobian`` or ``frame_jacobian_dot`` at the recorded q, v.
 
-    Words: table, six (6), sizes, addresses of the inputs, reference ids, the rows of ``jacobians`` (0: none) and the
-    stamps, which are equal if the rows are those of the call, frames; joints are rows of the table.
+    Returns None also if joints were moved after that call. Words: table, six (6), sizes, addresses of the inputs,
+    reference ids, the rows of ``jacobians`` (0: none) and the stamps, which are equal if the rows are those of the
+    call, frames; joints are rows of the table.
     """
     spec = SPECS[name]
     inputs = [x for x in spec.present if not x.static]
@@ -358,9 +404,9 @@ def frame_jacobian(name: str) -> Builtin:
     passed = "".join(f"at({x.name}_address, {_shape_text(x)}), " for x in inputs)
     body = [
         "k, code = index(plan, frame, frames), coded(reference, in_frame, in_world, aligned)",
-        "if k < 0 or code < 0: return return_none(plan)",
+        "if k < 0 or code < 0 or word(time, 0) < word(table, -4): return return_none(plan)",
         *make_answer(words, "six", 2),
-        "i, p, out = places(joints, frames)[k], at(placements + 128 * k, (4, 4)), "
+        "i, p, out = places(joints, frames)[k], at(word(placements, k), (4, 4)), "
         + f"at(word(answer, {DATA}), (6, nv))",
         "if placed_rows != 0 and word(time, 0) == word(time, 1):",
         "    bodies = table_at(table)",
@@ -390,6 +436,7 @@ def jacobians() -> Builtin:
     """
     words = ["table", *SIZES[::2], "six", "nv", "memory", "result", "placed_rows", "oMi", "clock", "time"]
     body = [
+        IF_EDITED,
         *_check_arguments(SPECS["joint_jacobians"].present),
         "bodies = table_at(table)",
         "if not unit_norm(bodies, q_in): return return_none(plan)",
@@ -436,6 +483,7 @@ def motions(name: str) -> Builtin:
     firsts = [" + ".join(["0", *[*sizes.values()][:k]]) for k in range(len(sizes))]
     taken = [f"at(first + 8 * ({k}), ({size},))" for k, size in zip(firsts, sizes.values(), strict=True)]
     new = [
+        IF_EDITED,
         *_check_arguments(spec.present),
         "if not unit_norm(bodies, q_in): return return_none(plan)",
         *record(**sizes),
@@ -491,11 +539,12 @@ def frame_jacobian_at() -> Builtin:
     """
     words = ["table", *SIZES[::2], "six", "nv", "memory", "clock", "time", "code", *HELD, *FRAMES]
     body = [
+        IF_EDITED,
         *_check_arguments(SPECS["frame_jacobian"].present[:1]),
         "k, bodies = index(plan, frame, frames), table_at(table)",
         "if k < 0 or not unit_norm(bodies, q_in): return return_none(plan)",
         *make_answer(words, "six", 2),
-        "i, p, out = places(joints, frames)[k], at(placements + 128 * k, (4, 4)), "
+        "i, p, out = places(joints, frames)[k], at(word(placements, k), (4, 4)), "
         + f"at(word(answer, {DATA}), (6, nv))",
         "space, held = len(bodies) * WORK_SIZE, (1 if oMi != 0 else 0) + (2 if liMi != 0 else 0)",
         "scratch = memory_of(space)",

@@ -15,7 +15,7 @@ from ...engines.compiled.tiers import NATIVE, table_kernel
 from ...engines.object_layout import DATA, SHAPE
 from ...recursions import SPECS
 from ...recursions.constraints.kkt import bordered_inverse, constrained
-from .recorded_calls import SIZES, copy, make_answer, put_stamp, record
+from .recorded_calls import EDITED, IF_EDITED, SIZES, copy, make_answer, put_stamp, record
 
 # words of a plan: addresses of the factors that ``recursions.constraints.kkt`` computes, and stamps of two calls: the
 # one at which M and the bias are, and this one
@@ -37,6 +37,7 @@ def scratch_of(nv: int, m: int) -> NDArray[np.float64]:
 
 
 CHECK_AND_COMPUTE_M = [
+    IF_EDITED,
     f"if not is_matrix(plan, J, nv) or word(word(J, {SHAPE}), 0) != m: return return_none(plan)",
     "if damping != 0 and not is_real(plan, damping): return return_none(plan)",
     "J_in, mu = matrix(J), real(damping) if damping != 0 else 0.0",
@@ -71,7 +72,7 @@ def scope_of_constraints() -> dict[str, Any]:
         return table_kernel(numba_kernels.variant(SPECS[name], frozenset())).twin
 
     return {
-        "mass_matrix": kernel("crba"), "bias_of": kernel("nonlinear_effects"), "table_at": NATIVE["table_at"],
+        **EDITED, "mass_matrix": kernel("crba"), "bias_of": kernel("nonlinear_effects"), "table_at": NATIVE["table_at"],
         "solve": constrained, "inverse": bordered_inverse, "copy": copy, "copy2": _copy2, "empty": np.empty,
     }  # fmt: skip
 

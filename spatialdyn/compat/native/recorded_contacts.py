@@ -29,7 +29,7 @@ from ...recursions.constraints.kkt import solve_factored
 from ...recursions.spec import LOCAL
 from ...recursions.tree.kinematics import WORK, classical_acceleration, frame_jacobian, frame_motion
 from .operators import log_pose, relative_pose
-from .recorded_calls import SIZES, make_answer, record
+from .recorded_calls import IF_EDITED, SIZES, make_answer, record
 from .recorded_constraints import RECORD, RECORDED, scope_of_constraints, take_scratch
 
 GIVEN, FOUND = 38, 78  # numbers of a contact, and of its data
@@ -134,6 +134,7 @@ def contact_dynamics() -> Builtin:
     """
     words = ["table", *SIZES, "m", "count", "contacts", "datas", "rows", "memory", "bias", "result", *RECORDED]
     body = [
+        IF_EDITED,
         "if not (is_vector(plan, q, nq) and is_vector(plan, v, nv)): return return_none(plan)",
         "if not (is_vector(plan, tau, nv) and is_vector(plan, settings, 7)): return return_none(plan)",
         "q_in, v_in, tau_in, s = vector(q, nq), vector(v, nv), vector(tau, nv), vector(settings, 7)",

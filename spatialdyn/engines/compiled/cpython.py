@@ -306,7 +306,33 @@ def unavailable(*arguments: Any) -> None:
 _SIGNATURE = (types.intp, types.intp, types.intp)
 
 
-class Builtin(Tier):
+class _OfWords(Tier):
+    """A function of three words that returns a word, made of text."""
+
+    def __init__(self, name: str, words: Sequence[str], text: Sequence[str], scope: Mapping[str, Any]) -> None:
+        super().__init__()
+        self._made_of = name, list(words), list(text)
+        self._scope = scope
+        self._dispatcher: Any = None
+
+    def _function(self, plain: bool) -> Callable[..., Any]:
+        scope = {**(_plain() if plain else SCOPE), **scope_in(plain, self._scope)}
+        return numba_kernels.kernel_from_text(*self._made_of, scope)
+
+    def _is_stored(self, *arguments: Any) -> bool:
+        jitted: Any = jit.numba_jit(self._function(plain=True), nogil=False, from_c=True, contract=False)
+        return tiers.is_stored(jitted, _SIGNATURE)
+
+    def _compiled_address(self) -> int:
+        """Compile it; returns its address."""
+        self._dispatcher = jit.numba_jit(self._function(plain=False), nogil=False, from_c=True, contract=False)
+        self._dispatcher.compile(_SIGNATURE)
+        made = self._dispatcher.overloads[_SIGNATURE]
+        address: int = made.library.get_pointer_to_function(made.fndesc.llvm_cfunc_wrapper_name)
+        return address
+
+
+class Builtin(_OfWords):
     """A function, to be bound to plans."""
 
     def __init__(
@@ -324,32 +350,18 @@ class Builtin(Tier):
         error. An exception that it raises becomes a SystemError. Of the last ``optional`` arguments a call may pass
         the first ones; the others are 0. Names of the scope may be of type Twin.
         """
-        super().__init__()
         self.words = tuple(words)
         least, most = len(arguments) - optional, len(arguments)
         text = ["stamp", f"plan = word(self, {DATA})", f"if n < {least} or n > {most}: return return_none(plan)"]
         text += [f"{name} = word(plan, {len(HEAD) + k})" for k, name in enumerate(words)]
         for k, name in enumerate(arguments):
             text.append(f"{name} = word(args, {k})" if k < least else f"{name} = word(args, {k}) if n > {k} else 0")
-        self._label, self._text, self._scope = label, [*text, *body], scope
+        super().__init__(f"builtin_{label}", ["self", "args", "n"], [*text, *body], scope)
+        self._label = label
         self._plain: Any = None
-        self._dispatcher: Any = None
-
-    def _function(self, plain: bool) -> Callable[..., Any]:
-        scope = {**(_plain() if plain else SCOPE), **scope_in(plain, self._scope)}
-        return numba_kernels.kernel_from_text(f"builtin_{self._label}", ["self", "args", "n"], self._text, scope)
-
-    def _is_stored(self, *arguments: Any) -> bool:
-        jitted: Any = jit.numba_jit(self._function(plain=True), nogil=False, from_c=True, contract=False)
-        return tiers.is_stored(jitted, _SIGNATURE)
 
     def _compile(self) -> Callable[..., Any]:
-        dispatcher: Any = jit.numba_jit(self._function(plain=False), nogil=False, from_c=True, contract=False)
-        dispatcher.compile(_SIGNATURE)
-        made = dispatcher.overloads[_SIGNATURE]
-        self._dispatcher = dispatcher  # keeps the code in memory
-        address = made.library.get_pointer_to_function(made.fndesc.llvm_cfunc_wrapper_name)
-        return layout.maker(self._label, address)
+        return layout.maker(self._label, self._compiled_address())
 
     def interpret(self, plan: layout.Words, given: tuple[Any, ...]) -> Any:
         """A call in plain Python."""
@@ -398,7 +410,7 @@ class Interpreted:
 # --- entries -------------------------------------------------------------------------------------------------
 
 
-class TableEntry(Tier):
+class TableEntry(_OfWords):
     """``entry(table, inputs, outputs) -> 1``, or 0, of a call on any table, as programs have it.
 
     words  its address, no context, and the address of how many calls it answers
@@ -406,8 +418,6 @@ class TableEntry(Tier):
 
     def __init__(self, spec: Spec) -> None:
         """Of a call."""
-        super().__init__()
-        self._spec = spec
         kernel, arrays = tiers.table_kernel(spec), [*spec.present, spec.output]
         text = ["stamp", "bodies = table_at(table)"]
         for k, x in enumerate(arrays):
@@ -416,13 +426,14 @@ class TableEntry(Tier):
             one = "" if x.shape or x is spec.output else "[0]"
             text.append(f"x{k} = at({place}, ({shape},)){one}")
         passed = ", ".join(f"x{k}" for k in range(len(arrays)))
-        self._text = [*text, f"return 1 if kernel(table, {passed}) == {numba_kernels.OK} else 0"]
-        self._scope = {"kernel": kernel.twin, "table_at": NATIVE["table_at"]}
+        text.append(f"return 1 if kernel(table, {passed}) == {numba_kernels.OK} else 0")
+        scope = {"kernel": kernel.twin, "table_at": NATIVE["table_at"]}
+        super().__init__(f"entry_{numba_kernels.label(spec)}", ["table", "inputs", "outputs"], text, scope)
         self._left = np.array([1 << 62])
         plain = self._function(plain=True)
 
         def call(table: int, inputs: int, outputs: int) -> int:
-            if self._spent >= tiers.COMPILE_SECONDS:
+            if self._spent >= self.compile_seconds:
                 return 0
             try:
                 return int(self.in_plain_python(plain, (table, inputs, outputs)))
@@ -433,21 +444,9 @@ class TableEntry(Tier):
         self.address = ctypes.cast(self._callback, ctypes.c_void_p).value or 0
         self.renew()
 
-    def _function(self, plain: bool) -> Callable[..., Any]:
-        scope = {**(_plain() if plain else SCOPE), **scope_in(plain, self._scope)}
-        name = f"entry_{numba_kernels.label(self._spec)}"
-        return numba_kernels.kernel_from_text(name, ["table", "inputs", "outputs"], self._text, scope)
-
-    def _is_stored(self, *arguments: Any) -> bool:
-        jitted: Any = jit.numba_jit(self._function(plain=True), nogil=False, from_c=True, contract=False)
-        return tiers.is_stored(jitted, _SIGNATURE)
-
     def _compile(self) -> Any:
-        dispatcher: Any = jit.numba_jit(self._function(plain=False), nogil=False, from_c=True, contract=False)
-        dispatcher.compile(_SIGNATURE)
-        made = dispatcher.overloads[_SIGNATURE]
-        self.address = made.library.get_pointer_to_function(made.fndesc.llvm_cfunc_wrapper_name)
-        return dispatcher
+        self.address = self._compiled_address()
+        return self
 
     def renew(self) -> None:
         """Compile it if that pays."""
@@ -500,14 +499,6 @@ class Entry:
 def table_entry(spec: Spec) -> TableEntry:
     """The one of a call."""
     return TableEntry(spec)
-
-
-def retarget(function: Any, model: Any) -> None:
-    """Point the plan of a builtin to the table of another model of the same sizes, if it has one."""
-    plan = getattr(function, "__self__", None)
-    if isinstance(plan, layout.Words) and plan.alive[0].words[:1] == ("table",):
-        plan[len(HEAD)] = model.address
-        plan.alive = (plan.alive[0], model, *plan.alive[2:])
 
 
 def dims(words: Sequence[str], first: str) -> str:

@@ -27,27 +27,29 @@ compiled = pytest.mark.skipif(not cpython.READY, reason="nothing is compiled, or
 
 
 def bound(function: Any, model: Any, arrays: dict[str, Any], **sizes: int) -> Any:
-    words = {"table": model.address, "nq": model.nq, "nv": model.nv, "njoints": model.njoints, **sizes}
+    numbers = np.zeros(1)
+    table = recorded_calls.Table(np.frombuffer(model.bodies.tobytes(), np.uint8), numbers, numbers.copy())
+    words = {"table": table.address, "nq": model.nq, "nv": model.nv, "njoints": model.njoints, **sizes}
     words |= {name: x.ctypes.data for name, x in arrays.items()}
-    return function.bind(model, arrays, **words)
+    return function.bind(table, arrays, **words)
 
 
 @compiled
 def test_a_call_notes_its_inputs_and_its_result(case: Any) -> None:
     model, s = case
-    tau, memory = np.empty(model.nv), np.empty(model.nq + 2 * model.nv + 3)
+    tau, memory = np.empty(model.nv), np.empty(model.nq + 2 * model.nv)
     call = bound(recorded_calls.recorded_call("rnea"), model, {"memory": memory, "result": tau, "time": TIME})
     found = call(s.q, s.v, s.a)
     np.testing.assert_array_equal(found, unfused("rnea", model, s.q, s.v, s.a))
     np.testing.assert_array_equal(tau, found)
-    np.testing.assert_array_equal(memory, np.concatenate([s.q, s.v, s.a, model.gravity]))
+    np.testing.assert_array_equal(memory, np.concatenate([s.q, s.v, s.a]))
     assert not np.shares_memory(tau, found)
 
 
 @compiled
 def test_a_result_may_be_returned_in_parts(case: Any) -> None:
     model, s = case
-    result, memory = np.empty((3, model.nv, model.nv)), np.empty(model.nq + 2 * model.nv + 3)
+    result, memory = np.empty((3, model.nv, model.nv)), np.empty(model.nq + 2 * model.nv)
     function = recorded_calls.recorded_call("rnea_derivatives", returns=recorded_calls.PARTS)
     call = bound(function, model, {"memory": memory, "result": result, "time": TIME})
     found = call(s.q, s.v, s.a)
@@ -61,7 +63,7 @@ def test_a_result_may_be_returned_in_parts(case: Any) -> None:
 @compiled
 def test_forces_are_a_last_vector(case: Any) -> None:
     model, s = case
-    tau, memory = np.empty(model.nv), np.empty(model.nq + 2 * model.nv + 3)
+    tau, memory = np.empty(model.nv), np.empty(model.nq + 2 * model.nv)
     call = bound(
         recorded_calls.recorded_call("rnea", forces=True),
         model,
@@ -74,13 +76,13 @@ def test_forces_are_a_last_vector(case: Any) -> None:
 @compiled
 def test_a_result_may_stay_and_more_be_noted(case: Any) -> None:
     model, s = case
-    X, memory = np.empty((model.njoints, 4, 4)), np.empty(model.nq + 2 * model.nv + 3)
+    X, memory = np.empty((model.njoints, 4, 4)), np.empty(model.nq + 2 * model.nv)
     stamp, before = np.zeros(1, np.int64), recorded_calls.clock()
     function = recorded_calls.recorded_call("forward_kinematics", 2, recorded_calls.RESULT)
     assert bound(function, model, {"memory": memory, "result": X, "time": stamp})(s.q, s.v, s.a) is True
     assert before < stamp[0] < recorded_calls.clock()
     np.testing.assert_array_equal(X, unfused("forward_kinematics", model, s.q))
-    np.testing.assert_array_equal(memory, np.concatenate([s.q, s.v, s.a, model.gravity]))
+    np.testing.assert_array_equal(memory, np.concatenate([s.q, s.v, s.a]))
 
 
 @compiled
@@ -88,7 +90,7 @@ def test_an_input_may_lie_in_the_result() -> None:
     """Also one that is only recorded, and one that runs backwards."""
     model = random_tree(3, 5, ["revolute"]).model
     n, count = model.nq, 16 * model.njoints
-    q, memory = np.full(n, 0.1), np.empty(2 * n + 3)
+    q, memory = np.full(n, 0.1), np.empty(2 * n)
     room = np.random.default_rng(0).normal(size=n + count + n)
     X = room[n : n + count].reshape(model.njoints, 4, 4)
     places = {"memory": memory, "result": X, "time": TIME}
@@ -105,7 +107,7 @@ def test_an_input_may_lie_in_the_result() -> None:
 @compiled
 def test_a_failure_notes_nothing(case: Any) -> None:
     model, s = case
-    tau, memory = np.zeros(model.nv), np.zeros(model.nq + 2 * model.nv + 3)
+    tau, memory = np.zeros(model.nv), np.zeros(model.nq + 2 * model.nv)
     call = bound(recorded_calls.recorded_call("rnea"), model, {"memory": memory, "result": tau, "time": TIME})
     assert call(2.0 * s.q, s.v, s.a) is call(s.q, s.v, s.a * np.inf) is None
     assert not memory.any()
@@ -126,8 +128,9 @@ def test_frames_are_placed_with_the_joints(case: Any) -> None:
     model, s = case
     frames = [f for f in model.frames if f.joint > 0]
     joints, placements = np.array([f.joint for f in frames]), np.array([f.placement for f in frames])
-    X, out, memory = np.empty((model.njoints, 4, 4)), np.zeros((len(frames), 4, 4)), np.empty(model.nq + 3)
-    arrays = {"memory": memory, "poses": X, "result": out, "joints": joints, "placements": placements}
+    X, out, memory = np.empty((model.njoints, 4, 4)), np.zeros((len(frames), 4, 4)), np.empty(model.nq)
+    places = np.array([x.ctypes.data for x in placements])
+    arrays = {"memory": memory, "poses": X, "result": out, "joints": joints, "placements": places}
     arrays |= {name: np.zeros(1, np.int64) for name in ("clock", "time", "time_of_joints")}
     assert bound(recorded_calls.place_frames(True), model, arrays, frames=len(frames))(s.q) is True
     for frame, found in zip(frames, out, strict=True):
@@ -144,7 +147,7 @@ def test_the_answer_under_constraints_is_the_librarys(case: Any) -> None:
     model, s = case
     m, n, rng = 3, model.nv, np.random.default_rng(3)
     J, drift = rng.normal(size=(m, n)), rng.normal(size=m)
-    arrays = {"memory": np.empty(model.nq + n + 3), "bias": np.empty(n), "result": np.empty(n), "L": np.empty((n, n))}
+    arrays = {"memory": np.empty(model.nq + n), "bias": np.empty(n), "result": np.empty(n), "L": np.empty((n, n))}
     arrays |= {"Y": np.empty((m, n)), "C": np.empty((m, m)), "force": np.empty(m), "time": np.zeros(1, np.int64)}
     arrays |= {"before": np.zeros(1, np.int64), "scratch": recorded_constraints.scratch_of(n, m)}
     clock = recorded_calls.address(recorded_calls.clock.now)

@@ -9,7 +9,7 @@ import numpy as np
 from ...native import tree_kernels
 from ..data.data import Data, library_of
 from ..data.dispatch import fast_calls, frame_index, joint_index, last_call
-from ..model.library_model import LibraryModel, subtree_masses
+from ..model.library_model import subtree_masses
 from ..model.model import Model
 from ..types.arguments import ArgumentError, Array, described
 from ..types.frame import ACCELERATION, KinematicLevel
@@ -28,7 +28,7 @@ def computeTotalMass(model: Model, data: Data | None = None) -> float:
     """Mass of all moving bodies [kg], also ``data.mass[0]``; bodies on the universe do not count."""
     if data is not None:
         library_of(model, data)
-    mass: float = _masses(model).item(0)
+    mass = float(sum(model._numbers.masses.tolist()))
     if data is not None:
         data.hold("mass")[0] = mass
     return mass
@@ -37,14 +37,7 @@ def computeTotalMass(model: Model, data: Data | None = None) -> float:
 def computeSubtreeMasses(model: Model, data: Data) -> None:
     """Mass of each joint's subtree: ``data.mass``."""
     library_of(model, data)
-    data.put("mass", _masses(model))
-
-
-def _masses(model: Model) -> Array:
-    library: LibraryModel | None = model._library
-    if library is None:  # edited, perhaps to what cannot be assembled
-        return subtree_masses([inertia._x.item(0) for inertia in model.inertias], model.parents)
-    return library.subtree_masses(library.inertias)
+    data.put("mass", subtree_masses(model._numbers.inertias[:, 0].tolist(), model.parents))
 
 
 def _com_inputs(model: Model, data: Data, q: Any, v: Any, a: Any, level: Any, subtrees: Any) -> tuple[Any, ...]:

@@ -143,14 +143,17 @@ def isSameConfiguration(model: Model, q1: Any, q2: Any, prec: float) -> bool:
     ``isNormalized``.
     """
     prec = _precision(prec)
-    parts = zip(*(_unit_parts(model, vector(name, q, model.nq)) for name, q in (("q1", q1), ("q2", q2))), strict=True)
-    for x, y in parts:
+    units = (expected(model, Model, "model")._library or library_model(model)).unit_parts
+    if units:
+        q1, q2 = (vector(name, q, model.nq) for name, q in (("q1", q1), ("q2", q2)))
+    for x, y in ((q1[unit], q2[unit]) for unit in units):
         norms = [math.hypot(*part.tolist()) for part in (x, y)]
         apart = [math.hypot(*(x - s * y).tolist()) for s in ((1.0, -1.0) if len(x) == 4 else (1.0,))]
         if max(abs(n - 1.0) for n in norms) > 1e-6 and min(apart) > prec * min(norms):
             return False
-    v = difference(model, normalize(model, q1), normalize(model, q2))
-    return bool((abs(v) <= prec).all())
+    if units:
+        q1, q2 = normalize(model, q1), normalize(model, q2)
+    return all([abs(x) <= prec for x in difference(model, q1, q2).tolist()])  # a list is faster than a generator
 
 
 # --- derivatives -----------------------------------------------------------------------------------------

@@ -124,6 +124,8 @@ def _fast_call(kind: str, model: Model, data: Data, arguments: tuple[Any, ...]) 
         if library is not model._library:
             return None
         found: Array | None = call(*arguments)
+        if found is None and library.follow():  # numbers were edited
+            found = call(*arguments)
     except (AttributeError, KeyError, SystemError):  # the fast path does not apply
         return None
     if found is not None:

@@ -97,7 +97,7 @@ def getCentroidalDynamicsDerivatives(model: Model, data: Data) -> tuple[Array, A
 def getCenterOfMassVelocityDerivatives(model: Model, data: Data) -> Array:
     """∂vcom/∂q (3, nv) at the inputs of the last call that filled ``data.vcom``."""
     run = last_call(model, data, "vcom", before="centerOfMass with q and v")
-    found = run.library.compute("center_of_mass_velocity_derivatives", run.q, run.v)
+    found = run.library.compute("center_of_mass_velocity_derivatives", run.q, run.v, at=run.state)
     return np.array(found[0])
 
 

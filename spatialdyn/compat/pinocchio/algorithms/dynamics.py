@@ -17,7 +17,7 @@ from ...native import tree_kernels
 from ...native.operator_kernels import compiled_text
 from ..data.data import Data, library_of
 from ..data.dispatch import IDENTITY, fast_calls, frame_index, joint_index, reference_code
-from ..data.field_recipes import columns
+from ..data.field_recipes import columns, mechanical_energy
 from ..model.library_model import library_model
 from ..model.model import Model
 from ..types.arguments import ArgumentError, Array, described, expected
@@ -89,7 +89,7 @@ computeKineticEnergy = kinetic; returns: run.result.item(); last: v
     Kinetic energy [J], rotor inertia counted, also ``data.kinetic_energy``; without q, v at the last call's.
 computePotentialEnergy = potential; returns: run.result.item(); last: oMi
     Potential energy of gravity [J], also ``data.potential_energy``; without q at the last call's.
-computeMechanicalEnergy = mechanical; returns: data.mechanical_energy; last: v
+computeMechanicalEnergy = mechanical; returns: mechanical_energy(run); last: v
     Kinetic plus potential energy [J], all three also in ``data``; without q, v at the last call's.
 computeJointTorqueRegressor = torque_regressor; returns: columns(run)
     Y (nv, 10 (njoints - 1)), also ``data.jointTorqueRegressor``: rnea is Y π and the armatures' torques.
@@ -105,7 +105,8 @@ computePotentialEnergyRegressor = potential_regressor; returns: columns(run)
     computeMinverse, computeAllTerms, computeKineticEnergy, computePotentialEnergy, computeMechanicalEnergy,
     computeJointTorqueRegressor, computeStaticRegressor, computeKineticEnergyRegressor, computePotentialEnergyRegressor,
 ) = fast_calls(
-    _CALLS, LOCAL=Convention.LOCAL, by_convention=_kind, aba_kind=_aba_kind, given_forces=given_forces, columns=columns
+    _CALLS, LOCAL=Convention.LOCAL, by_convention=_kind, aba_kind=_aba_kind, given_forces=given_forces, columns=columns,
+    mechanical_energy=mechanical_energy,
 )  # fmt: skip
 nle = nonLinearEffects
 
@@ -116,7 +117,7 @@ def getCoriolisMatrix(model: Model, data: Data) -> Array:
     run = data.latest("dJ", of_call=True)
     if run is None:
         return np.array(data.array("C"))
-    found: Array = run.library.compute("coriolis_matrix", run.q, run.v)
+    found: Array = run.library.compute("coriolis_matrix", run.q, run.v, at=run.state)
     data.put("C", found)
     return found
 

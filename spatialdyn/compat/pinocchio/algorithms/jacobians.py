@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -30,7 +30,8 @@ from ..data.dispatch import (
     reference_code,
     vector,
 )
-from ..model.library_model import frame_placements, joints_as_frames
+from ..data.run import Run
+from ..model.library_model import LibraryModel, frame_placements, joints_as_frames
 from ..model.model import Model
 from ..types.arguments import Array, documented_rows
 from ..types.frame import LOCAL
@@ -54,7 +55,17 @@ def _kernel(name: str, nv: int) -> Any:
     return table_kernel(numba_kernels.variant(spec, frozenset())), inputs, shape
 
 
-def call_about_frame(name: str, run: Any, joint: int, placement: Array, *static: int) -> Array:
+class Inputs(NamedTuple):
+    """Inputs of calls about a frame, and the state of a library at which they are computed, as a Run has them."""
+
+    library: LibraryModel
+    state: bytes
+    q: Array
+    v: Any = None
+    a: Any = None
+
+
+def call_about_frame(name: str, run: Run | Inputs, joint: int, placement: Array, *static: int) -> Array:
     """A call of the library about a frame on a joint, at the inputs of a run: by its table kernel, or with checks."""
     library = run.library
     model, row = library._model, int(library.rows[joint])  # of that model, the sizes alone
@@ -62,10 +73,10 @@ def call_about_frame(name: str, run: Any, joint: int, placement: Array, *static:
     values = [getattr(run, x) for x in inputs]
     if model.mimic_matrix is None:
         out = np.empty(shape)
-        if not kernel(library.kernel_table, *values, row, placement, *static, out):
+        if not kernel(library.table_at(run.state), *values, row, placement, *static, out):
             return out
     found: Array = _dynamics.checked_call(
-        SPECS[name], library.model, values, (row, placement, *static), None, by_table=True
+        SPECS[name], library.model_at(run.state), values, (row, placement, *static), None, by_table=True
     )
     return found
 
@@ -94,7 +105,7 @@ def _at(name: str, doc: str) -> Callable[..., Array]:
         run = data.run_of(KIND_BY_CODE[code], model, library)
         run.store_inputs(q)
         run.frames, call = frames, unavailable
-        found = call_about_frame("frame_jacobian", run, joint, placement, code)
+        found = call_about_frame("frame_jacobian", Inputs(library, library.state, q), joint, placement, code)
         data.note_call(run)
         if library.has_builtins:
             fields = {x: data._held.get(x) for x in recorded_calls.HELD if x in run.kind.fills}
@@ -113,6 +124,8 @@ def _at(name: str, doc: str) -> Callable[..., Array]:
         f"        run, frames, call = data._bound[{repr(name) if of_joints else 'id(reference_frame)'}]",
         f"        if run.library is model._library{'' if of_joints else ' and frames is model._frame_placements'}:",
         f"            found = call(q, {index})",
+        "            if found is None and run.library.follow():  # numbers were edited",
+        f"                found = call(q, {index})",
         "            if found is not None:",
         "                if run.recompute:",
         "                    data.recompute_held(run)",
@@ -148,6 +161,8 @@ def _recorded(name: str, doc: str) -> Callable[..., Array]:
         joint, place, reference = about_frame(model, of_joints, *about)
         found = call_about_frame(call_name, run, joint, place, reference_code(reference))
         library, call, (key, frames) = run.library, unavailable, frames_for(model, name, of_joints, about)
+        if run.state is not library.state:  # of an earlier call than the last edit
+            return found
         if library.has_builtins:
             words = {"q_address": run.q.ctypes.data} | ({"v_address": run.v.ctypes.data} if rate else {})
             rows = 0 if rate or run.placed_rows is None else run.placed_rows.ctypes.data

@@ -87,7 +87,7 @@ def updateFramePlacements(model: Model, data: Data) -> None:
 def _place_frames(model: Model, data: Data) -> None:
     library, frames = library_of(model, data), frame_placements(model)
     data.check_frames(model)
-    run: Run = data.run_of("frames", model, library, frames.placements.shape)
+    run: Run = data.run_of("frames", model, library, (len(frames.joints), 4, 4))
     recorded_calls.compose_all(data.array("oMi"), frames.joints, frames.placements, run.result)
     data.note_call(run)
 
@@ -106,7 +106,7 @@ def updateFramePlacement(model: Model, data: Data, frame_id: int) -> SE3:
     data.check_frames(model)
     shown, X = data.oMf, data.hold("oMi")
     found = shown[k]
-    operator_kernels.compose(X[frames.joints[k]], frames.placements[k], found._x)
+    operator_kernels.compose(X[frames.joints[k]], frames.places[k], found._x)
     if library.has_builtins:
         words = {"poses": X.ctypes.data, "result": shown.array.ctypes.data, **frames.words()}
         call = recorded_calls.place_frame().bind(X, shown.array, frames, **words)
@@ -118,7 +118,11 @@ def framesForwardKinematics(model: Model, data: Data, q: Any) -> None:
     """Poses of the joints ``data.oMi`` and of all frames ``data.oMf``."""
     try:
         placements, run, frames, call = data._bound["all frames"]
-        if placements is model._frame_placements and run.library is model._library and call(q) is not None:
+        if (
+            placements is model._frame_placements
+            and run.library is model._library
+            and (call(q) or (run.library.follow() and call(q)))  # numbers were edited
+        ):
             if run.recompute or frames.recompute:
                 data.note_builtin_call(run)
                 data.note_builtin_call(frames)

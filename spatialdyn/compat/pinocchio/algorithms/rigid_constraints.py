@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable
-from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -31,7 +30,7 @@ from ..types.frame import Convention, ReferenceFrame
 from ..types.motion import Force, Motion
 from ..types.se3 import SE3
 from .dynamics import computeAllTerms, crba
-from .jacobians import call_about_frame
+from .jacobians import Inputs, call_about_frame
 
 __all__ = [
     "ConstraintCholeskyDecomposition", "ContactCholeskyDecomposition", "computeConstraintDynamicsDerivatives",
@@ -132,7 +131,8 @@ def _six(x: Array) -> Array:
 def _at(model: Model, data: Data, q: Any, v: Any = None, a: Any = None) -> Any:
     """A state, as the calls about a frame take it."""
     v = np.zeros(model.nv) if v is None else v
-    return SimpleNamespace(library=library_of(model, data), q=q, v=v, a=a)
+    library = library_of(model, data)
+    return Inputs(library, library.state, q, v, a)
 
 
 # --- calls -----------------------------------------------------------------------------------------------
@@ -163,6 +163,8 @@ def constraintDynamics(
         if library is model._library and models == contact_models and datas == contact_datas:
             settings = _settings(prox_settings)
             found: Array | None = call(q, v, tau, settings._x)
+            if found is None and library.follow():  # numbers were edited
+                found = call(q, v, tau, settings._x)
             if found is not None:
                 run.contact, data.contacts = solved, (data.contacts[0], settings)
                 data.note_builtin_call(before)
@@ -289,7 +291,7 @@ def computeConstraintDynamicsDerivatives(
     pairs, run = _pairs(contact_models, contact_datas), data._runs.get("contacts")
     _settings(settings)
     size = sum(x.residualSize() for x, _ in pairs)
-    if run is None or len(run.contact.force) != size or library_of(model, data).inertias is not run.bodies:
+    if run is None or len(run.contact.force) != size or library_of(model, data).state is not run.state:
         raise SimulationError("data holds no such contacts, expected constraintDynamics to be called before")
     solved, every = run.contact, data._runs["all"]
     at, n, m = _at(model, data, every.q, every.v, run.result), model.nv, size
@@ -415,7 +417,7 @@ class ConstraintCholeskyDecomposition(Registered):
         run, every = data._runs.get("contacts"), data._runs.get("all")
         if run is not None and every is not None:
             made._J, _ = _system(every, pairs, False)
-            made._M = every.library.compute("crba", every.q, at=(every.gravity, every.bodies))
+            made._M = every.library.compute("crba", every.q, at=every.state)
             made.updateDamping(settings.mu)
         return made
 

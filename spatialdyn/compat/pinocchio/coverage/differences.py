@@ -183,10 +183,7 @@ computeMinverse(model, data), computeABADerivatives(model, data) without an aba 
     error that says so
 buildReducedModel of joint 0 or of one that does not exist | ignored, silently | ModelError naming the index
 the first call after an edit of a model's joints | costs as any call | assembles the library's model again, in some
-    milliseconds; an edit of numbers alone costs microseconds: least of gravity or an inertia, most of a placement
-np.asarray(x)[0] = 1, memoryview, np.nditer and out= of random generators, where x is Model.armature or an array of a
-    Model's placement, inertia or gravity | write | an error: x is read-only to them; x[0] = 1 or Model.armature = y
-    write
+    milliseconds; an edit of numbers alone costs microseconds
 references to Model.armature after addJoint, or to a frame or joint after its replacement | freed memory, or the new
     object | the old object, no longer the model's; read it from the model again
 buildModelFromMJCF: gravity, the place of a joint in its body (pos), bodies beside the first of the world, those

@@ -114,14 +114,6 @@ class Data(Stored, Registered, Copied):
         if sizes != self._sizes:
             raise ShapeError(f"data was made for a model of (nq, nv, njoints) {self._sizes}, expected {sizes}")
         run: Run | None = self._runs.get(name)
-        if (
-            run is not None
-            and run.library is not library
-            and library.edited  # so its entries are those of any table
-            and run.library.joint_map is library.joint_map
-        ):
-            run.use_library(library)
-            self._bound.clear()
         if run is None or run.library is not library or (shape is not None and run.result.shape != shape):
             stamp = 0 if run is None else run.stamp
             run = self._runs[name] = Run(name, library, shape)

@@ -81,15 +81,12 @@ def compute(model: Model, data: Data, kind: str, given: tuple[Any, ...], fext: A
     library = library_of(model, data)
     entry = CALL_KINDS[kind]
     run: Run = data.run_of(kind, model, library)
-    if entry.call:
-        library.renew(entry.call, fext is not None)
-    try:  # the builtin applies after an edit of the model, whose Run is new or points to the edited model
-        result = run.call(*given) if fext is None else run.call_with_forces(fext, *given)
-    except SystemError:
-        result = None
+    result = _by_builtin(run, given, fext)
+    if result is None and entry.call and library.renew(entry.call, fext is not None):
+        result = _by_builtin(run, given, fext)
     if result is not None:
         if fext is None:
-            run.fext = None
+            run.forces = None
         data.note_builtin_call(run)
         return run, result
     arrays = [
@@ -103,10 +100,17 @@ def compute(model: Model, data: Data, kind: str, given: tuple[Any, ...], fext: A
     found = library.compute(entry.call, *passed)
     run.store_inputs(*arrays)  # before the result, which may share memory with an input
     run.result[...] = found
-    run.fext = fext
+    run.forces = fext
     data.note_call(run)
     copied = None if entry.result_in_data else run.result.copy()
     return run, True if copied is None else tuple(copied) if entry.returns == PARTS else copied
+
+
+def _by_builtin(run: Run, given: tuple[Any, ...], fext: Any) -> Any:
+    try:
+        return run.call(*given) if fext is None else run.call_with_forces(fext, *given)
+    except SystemError:
+        return None
 
 
 def last_call(model: Model, data: Data, *fields: str, before: str = "forwardKinematics") -> Run:
@@ -177,12 +181,15 @@ def fast_call(
             call = f"({call} if fext is None else run.call_with_forces(fext, {', '.join(names)}))"
         branch = f"{'el' * (names is not given[0])}if {more[len(names)]} is None:" if more else "else:"
         lines = [f"run = data._runs[{kind!r}]", f"result = {call} if {condition} else None"]
+        lines.append(
+            f"if result is None and run.library.follow() and {condition}: result = {call}  # numbers were edited"
+        )
         text += [f"        {line}" for line in ([branch, *(f"    {x}" for x in lines)] if len(given) > 1 else lines)]
     chosen = "".join(f"({', '.join(x)},) if {y[len(x)]} is None else " for x, y in pairwise(given))
     text += [
         "        if result is not None:",
         *(f"            data._latest[{x!r}] = run" for x in CALL_KINDS[next(iter(choices))].getters),
-        *(["            if fext is None:", "                run.fext = None"] if forces else []),
+        *(["            if fext is None:", "                run.forces = None"] if forces else []),
         "            if run.recompute:",
         "                for recompute in run.recompute:",
         "                    if recompute() is None:",
@@ -220,7 +227,7 @@ def frame_call(
         "        try:",
         f"            frames, call = {bound}[{placed_name(name)!r}]",
         "            if frames.joints is model._library.frames.joints:",
-        "                frames.placements[frame_id] = reference_frame._x",
+        "                frames.places[frame_id][...] = reference_frame._x",
         "                if (found := call(frame_id, LOCAL if last is None else last)) is not None:",
         "                    return found",
         "        except (AttributeError, IndexError, KeyError):  # the fast path does not apply",
@@ -253,7 +260,7 @@ def frames_for(model: Model, name: str, of_joints: bool, about: tuple[Any, ...])
     """The key of the builtin of a ``frame_call`` for such arguments, and the frames that it takes."""
     if isinstance(about[1], SE3):
         joints = joints_as_frames(model)
-        return placed_name(name), joints._replace(placements=joints.placements.copy())
+        return placed_name(name), FramePlacements.of(joints.joints, joints.rows, joints.placements)
     return name, joints_as_frames(model) if of_joints else frame_placements(model)
 
 
@@ -324,4 +331,4 @@ def about_frame(
     if placement is not None:
         return joint_index(model, index), expected(placement, SE3, "placement")._x, reference_frame
     k, frames = frame_index(model, index), frame_placements(model)
-    return int(frames.joints[k]), frames.placements[k], reference_frame
+    return int(frames.joints[k]), frames.places[k], reference_frame

@@ -73,7 +73,7 @@ class CallRecipe:
 
     def at(self, run: Any, *inputs: Any) -> Array:
         """The result on other inputs."""
-        found: Array = run.library.compute(self.call, *inputs, at=(run.gravity, run.bodies))
+        found: Array = run.library.compute(self.call, *inputs, at=run.state)
         return found[run.library.joints] if self.joints and run.library.joints is not None else found
 
 
@@ -156,13 +156,14 @@ def a_gf(run: Any) -> Array:
     """Accelerations less that of gravity, in the joints' frames."""
     found = a(run)
     weight = np.zeros_like(found)
-    weight[:, :3] = run.gravity
+    weight[:, :3] = run.numbers.gravity[:3]
     return np.asarray(found - _rows(recorded_calls.motions_to_child, oMi(run), np.arange(len(found)), weight))
 
 
 def h(run: Any) -> Array:
     """Momenta of the bodies, in the joints' frames."""
-    found = _rows(recorded_calls.momenta, run.bodies, np.arange(len(run.bodies)), v(run))
+    inertias = run.numbers.inertias
+    found = _rows(recorded_calls.momenta, inertias, np.arange(len(inertias)), v(run))
     found[0] = 0.0
     return found
 
@@ -196,7 +197,7 @@ def summed_over_subtrees(
 
 def bodies(run: Any) -> Array:
     """Inertias of the bodies, the universe's zero."""
-    found: Array = run.bodies.copy()
+    found: Array = run.numbers.inertias.copy()
     found[0] = 0.0
     return found
 
@@ -211,8 +212,9 @@ of, oh = in_world(recorded_calls.forces_to_parent, f), in_world(recorded_calls.f
 
 def oYcrb(run: Any) -> Array:
     """Inertias of the subtrees, in the world; row 0 the robot's."""
-    out: Array = np.empty_like(run.bodies)
-    tree_kernels.composite_bodies(np.ascontiguousarray(oMi(run)), run.bodies, run.library.parents, out)
+    inertias = run.numbers.inertias
+    out: Array = np.empty_like(inertias)
+    tree_kernels.composite_bodies(np.ascontiguousarray(oMi(run)), inertias, run.library.parents, out)
     return out
 
 
@@ -253,7 +255,7 @@ def world_com(run: Any) -> Array:
 
 def mass(run: Any) -> Array:
     """Mass of each joint's subtree."""
-    found: Array = run.library.subtree_masses(run.bodies)
+    found: Array = run.library.subtree_masses(run.state)
     return found
 
 
@@ -266,13 +268,14 @@ def Ig(run: Any) -> Array:
 
 def mechanical_energy(run: Any) -> float:
     """Kinetic and potential energy."""
-    return float(np.asarray(kinetic_energy(run) + potential_energy(run)).item())
+    fills = run.kind.fills
+    return float(fills["kinetic_energy"](run).item() + fills["potential_energy"](run).item())
 
 
 def momentum_rate_and_weight(run: Any) -> Array:
     """dhg of Pinocchio's computeAllTerms: the rate of momentum at a = 0, less the weight."""
     found = dhg(run)
-    found[:3] -= mass(run)[0] * run.gravity
+    found[:3] -= mass(run)[0] * run.numbers.gravity[:3]
     return found
 
 
@@ -281,7 +284,7 @@ def net_forces(run: Any) -> Array:
     found = f(run)
     X, c, m = oMi(run), world_com(run), mass(run)
     weight = np.zeros_like(found)
-    weight[:, :3] = m[:, None] * run.gravity
+    weight[:, :3] = m[:, None] * run.numbers.gravity[:3]
     weight[:, 3:] = np.cross(c, weight[:, :3])
     for k, own in enumerate(found):
         here = np.empty(6)
@@ -307,7 +310,7 @@ def rnea_derivatives_at_ddq(run: Any) -> Array:
 
 def tau_without_weight(run: Any) -> Array:
     """Torques without those of gravity and of rotor inertia."""
-    found: Array = tau(run) - g(run) - run.model.armature * run.a
+    found: Array = tau(run) - g(run) - run.numbers.armature * run.a
     return found
 
 
@@ -400,7 +403,7 @@ CALL_KINDS: dict[str, Kind] = {
     "bordered": _kind("", "", **FACTORS),
     "kinetic": _kind("kinetic_energy", "q v", f"{PLACES} v", in_data=True, kinetic_energy=result),
     "potential": _kind("potential_energy", "q", PLACES, in_data=True, potential_energy=result),
-    "mechanical": _kind("kinetic_energy", "q v", f"{PLACES} v {ENERGIES}", in_data=True),
+    "mechanical": _kind("kinetic_energy", "q v", f"{PLACES} v {ENERGIES}", in_data=True, kinetic_energy=result),
     "torque_regressor": _kind("joint_torque_regressor", "q v a", "liMi v a_gf", jointTorqueRegressor=columns),
     "static_regressor": _kind("static_regressor", "q", PLACES, staticRegressor=columns),
     "kinetic_regressor": _kind("kinetic_energy_regressor", "q v", f"{PLACES} v", kineticEnergyRegressor=columns),

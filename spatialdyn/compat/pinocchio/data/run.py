@@ -5,24 +5,27 @@ from __future__ import annotations
 from array import array
 from collections.abc import Callable, Mapping
 from functools import cache, partial
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
 
 from ....calls.arguments import core_shape
-from ....engines.compiled.cpython import retarget, unavailable
-from ....engines.compiled.numba_kernels import TABLE
+from ....engines.compiled.cpython import unavailable
 from ....model.model import Model as SdModel
 from ....recursions import SPECS
 from ....recursions.tree import kinematics
 from ...native import recorded_calls
 from ...native.recorded_calls import address, clock
 from ..model.library_model import LibraryModel
+from ..model.numbers import Numbers
 from ..types.arguments import Array
 from ..types.motion import Force
 from ..types.tracked_list import Rows
 from .field_recipes import CALL_KINDS, CallRecipe, Kind, Part, joint_placements, oMi
 from .field_recipes import result as RESULT
+
+FORCES, _NUMBERS = {Force}, attrgetter("_x")
 
 
 class Run:
@@ -30,12 +33,12 @@ class Run:
 
     stamp           its time by ``recorded_calls.clock``, which builtins write; 0 if there was no call
     library         the LibraryModel of that call
-    memory          the inputs, one after the other, then gravity; q, v, a, tau, gravity are views of it
+    memory          the inputs, one after the other; q, v, a, tau are views of it
     result          what the library returned; the held array of a field if that is the same (``result_is_held``)
     call            the library's call as a builtin that records inputs and result; returns None if not applicable
     forces_builtin  ``call`` with external forces; None until it is bound
     recompute       functions that recompute the other held fields from the recorded inputs
-    fext            forces on the library's joints (njoints, 6), or None
+    forces          forces on the library's joints, one after the other; None without: ``fext`` (njoints, 6)
     bound           builtins about the inputs, by name and kind of frame
     contact         factors of the constrained system, of a kind that solves one
     frames          FramePlacements at that call, of a kind that places frames
@@ -45,8 +48,8 @@ class Run:
     """
 
     __slots__ = (
-        "__weakref__", "_a", "_kept", "_own_result", "_stamp", "_v", "bound", "cache", "call", "contact", "fext",
-        "forces_builtin", "frames", "getters", "gravity", "kind", "library", "memory", "oMi", "placed_rows",
+        "__weakref__", "_a", "_kept", "_own_result", "_stamp", "_v", "bound", "cache", "call", "contact", "forces",
+        "forces_builtin", "frames", "getters", "kind", "library", "memory", "oMi", "placed_rows",
         "q", "recompute", "result", "result_is_held", "tau",
     )  # fmt: skip
 
@@ -55,19 +58,18 @@ class Run:
         self.getters = self.kind.getters  # a slot is read fast
         # of the call, and of the call that left ``placed_rows``
         self._stamp, self.library = array("q", [0, 0]), library
-        self.fext: Array | None = None
+        self.forces: Array | None = None
         self.frames: Any = None
         self.contact: Any = None
         self.oMi: Array | None = None
         self.placed_rows: Any = None
         self.cache: dict[str, tuple[int, Array]] = {}
-        self._kept: tuple[int, Array] = 0, library.inertias
+        self._kept: tuple[int, bytes] = 0, library.state
         model = library._model
         if shape is None:
             shape = core_shape(model, SPECS[self.kind.call].output) or (1,) if self.kind.call else (0,)
         sizes = [(x, model.nq if x == "q" else model.nv) for x in self.kind.inputs.split()]
-        self.memory: Array = np.empty(sum(size for _, size in sizes) + 3)
-        self.gravity, self.memory[-3:] = self.memory[-3:], library.gravity
+        self.memory: Array = np.empty(sum(size for _, size in sizes))
         self.result: Array = np.empty(shape)
         self._own_result, self.result_is_held = self.result, False
         self.q: Any = None
@@ -102,25 +104,34 @@ class Run:
         return {"clock": address(clock.now), "time": address(self._stamp)}
 
     @property
-    def model(self) -> SdModel:
-        """The library's Model at the call."""
-        return self.library.model_at(self.gravity, self.bodies)
+    def fext(self) -> Array | None:
+        """Forces of the call on the library's joints (njoints, 6), or None."""
+        return None if self.forces is None else self.forces.reshape(-1, 6)
 
     @property
-    def bodies(self) -> Array:
-        """Inertias (njoints, 10) of the model at the call."""
-        stamp, inertias = self._kept
-        return inertias if stamp == self.stamp else self.library.inertias_at(self.stamp)
+    def model(self) -> SdModel:
+        """The library's Model at the call."""
+        return self.library.model_at(self.state)
+
+    @property
+    def state(self) -> bytes:
+        """That of the library at the call."""
+        stamp, state = self._kept
+        return state if stamp == self.stamp else self.library.state_at(self.stamp)
+
+    @property
+    def numbers(self) -> Numbers:
+        """Those of the model at the call."""
+        return self.library.numbers_of(self.state)
 
     @property
     def kernel_table(self) -> Any:
         """The table of bodies at the call, as kernels take it."""
-        library = self.library
-        return library.kernel_table if library.is_at(self.gravity, self.bodies) else getattr(self.model, TABLE)
+        return self.library.table_at(self.state)
 
-    def keep_inertias(self) -> None:
-        """Keep them."""
-        self._kept = self.stamp, self.bodies
+    def keep_state(self) -> None:
+        """Keep it."""
+        self._kept = self.stamp, self.state
 
     @property
     def v(self) -> Array:
@@ -136,23 +147,15 @@ class Run:
         """``call`` with a list of one Force for each joint; returns None if not applicable."""
         library = self.library
         fits = isinstance(fext, (list, Rows)) and len(fext) == library.words["njoints"] and library.joints is None
-        if not fits or {*map(type, fext)} != {Force}:
+        if not fits or {*map(type, fext)} != FORCES:
             return None
-        given = np.concatenate([force._x for force in fext])
+        given = np.concatenate([*map(_NUMBERS, fext)])
         if self.forces_builtin is None:
             self.forces_builtin = self._bind(True)
         result = self.forces_builtin(*inputs, given)
         if result is not None:
-            self.fext = given.reshape(-1, 6)
+            self.forces = given
         return result
-
-    def use_library(self, library: LibraryModel) -> None:
-        """Point the builtins to an edited model: the same tree with other numbers."""
-        self.library, self._stamp[1] = library, 0
-        library.runs.add(self)
-        self.cache.clear()
-        for function in (self.call, self.forces_builtin, *self.recompute, *(call for _, call in self.bound.values())):
-            retarget(function, library)
 
     def store_inputs(self, *inputs: Array) -> None:
         """Copy the inputs to ``memory``, in order."""
@@ -160,7 +163,6 @@ class Run:
         for x in inputs:
             self.memory[at : at + x.size] = x
             at += x.size
-        self.gravity[:] = self.library.gravity
 
     def _bind_and_call(self, *inputs: Any) -> Any:
         """Bind the builtin and call it."""

@@ -63,7 +63,6 @@ class ProximalSettings:
     ``iter``, ``absolute_residual`` (of J a + γ) and ``relative_residual`` (of λ) are written by a solver.
     """
 
-    _owner = None
     absolute_accuracy = part("absolute_accuracy", numbers.ABSOLUTE, "Bound on ``absolute_residual``.")
     relative_accuracy = part("relative_accuracy", numbers.RELATIVE, "Bound on ``relative_residual`` per largest λ.")
     mu = part("mu", numbers.MU, "Above 0 for contacts that depend on each other.")
@@ -103,7 +102,6 @@ class RigidConstraintModel(Partial):
     """
 
     _instead = dict.fromkeys(["setCompliance", "retrieveCompliance"], _INSTEAD)
-    _owner = None
     joint1_id = part("joint1_id", 2, "Index of the first joint.", int)
     joint2_id = part("joint2_id", 3, "Index of the second joint.", int)
     joint1_placement = _view(6, SE3, "Placement of the first frame on its joint.")

@@ -15,10 +15,10 @@ from ..types.bases import Owner
 from ..types.inertia import Inertia
 from ..types.motion import Motion
 from ..types.se3 import SE3
-from ..types.tracked_array import tracked
-from ..types.tracked_list import Listed, OwnedList, owned_copy
+from ..types.tracked_list import Listed, OwnedList, Rows
 from .joint import JointModel
 from .joints import JointModelRX, Mimic
+from .numbers import Numbers
 
 NO_LIMIT = float(np.finfo(float).max)  # Pinocchio's value for "no limit"
 FRICTION = ("min_friction", "max_friction", "damping")
@@ -54,8 +54,7 @@ class Entries:
     def __get__(self, model: Any, kind: Any = None) -> Any:
         if model is None:
             return self
-        found = model._arrays[self.name]
-        return tracked(found, model._on_edit) if self.name == "armature" else found
+        return model._arrays[self.name]
 
     def __set__(self, model: Any, value: Any) -> None:
         if not isinstance(value, np.ndarray) or value.dtype.kind not in NUMBERS:
@@ -64,8 +63,6 @@ class Entries:
         if value.shape not in ((n,), (n, 1)):
             raise ShapeError(f"{self.name} has shape {value.shape}, expected ({n},)")
         model._arrays[self.name][...] = np.asarray(value).reshape(n)  # in place: held arrays see it, as in Pinocchio
-        if self.name == "armature":
-            model._on_edit.changed()
 
 
 GRAVITY = (0.0, 0.0, -9.81)
@@ -73,24 +70,6 @@ GRAVITY = (0.0, 0.0, -9.81)
 
 class Indices(list[int], Listed):
     """A list of indices."""
-
-
-class Inertias(OwnedList[Inertia]):
-    """The inertias of a model; the next call writes those that were edited to its LibraryModel."""
-
-    def __init__(self, owner: Owner, model: Any) -> None:
-        self._model = vars(model)
-        super().__init__(owner, Inertia, [Inertia.Zero()])
-
-    def _own(self, value: Inertia) -> Inertia:
-        made, model = super()._own(value), self._model
-
-        def changed() -> None:
-            model["_library"] = None
-            model["_edited_inertias"][id(made)] = made
-
-        made._owner = Owner(changed)
-        return made
 
 
 class Joints(OwnedList[JointModel]):
@@ -115,6 +94,9 @@ class Tree:
     gravity                                             Motion
     """
 
+    jointPlacements: Rows
+    inertias: Rows
+
     lowerPositionLimit = Entries(-NO_LIMIT, "(nq,) least coordinates.", "min_config")
     upperPositionLimit = Entries(NO_LIMIT, "(nq,) largest coordinates.", "max_config")
     positionLimitMargin = Entries(0.0, "(nq,) margin to the limits; without effect.", "config_limit_margin")
@@ -133,35 +115,36 @@ class Tree:
 
     def __init__(self) -> None:
         self._arrays: dict[str, Array] = {name: np.empty(0) for name in ARRAYS}
-        self._library: Any = None  # LibraryModel, None from an edit on
-        self._frame_placements: Any = None  # FramePlacements, None from an edit of a frame on
+        self._library: Any = None  # LibraryModel, None after an edit of the tree and where norms are checked anew
+        self._frame_placements: Any = None  # FramePlacements, None after an edit of a frame
         self._library_before: Any = None  # the last LibraryModel, None after an edit of the tree
         self._edited: Any = None  # whether it is the copy of one that was edited; None after an edit of the tree
-        self._inertia_numbers: Any = None  # array of the LibraryModel, None from an edit of the list on
-        self._inertia_rows: dict[int, int] = {}  # rows of that array, by id of the Inertia
-        self._edited_inertias: dict[int, Inertia] = {}  # by id, edited since
-        self._placement_numbers: Any = None  # those of placements and of armature
-        self._on_edit = self._owner_of("_library", "_placement_numbers")
-        on_inertia_edit = self._owner_of("_library", "_inertia_numbers")
         MODELS.add(self)
-        on_tree_edit = self._owner_of(
-            "_library", "_frame_placements", "_library_before", "_inertia_numbers", "_placement_numbers", "_edited"
-        )
+        on_tree_edit = self._owner_of("_library", "_frame_placements", "_library_before", "_edited")
         self.name = ""
         self.nq = self.nv = self.nvExtended = 0
         self.nbodies = 1
         self.names: list[str] = OwnedList(on_tree_edit, str, ["universe"])
         self.parents: list[int] = OwnedList(on_tree_edit, (int, np.integer), [0])
         self.joints: list[JointModel] = Joints(on_tree_edit, JointModel, [JointModelRX()])
-        self.jointPlacements: list[SE3] = [SE3.Identity()]
-        self.inertias: list[Inertia] = Inertias(on_inertia_edit, self)
         self.idx_qs, self.nqs = Indices([0]), Indices([0])
         self.idx_vs, self.nvs = Indices([0]), Indices([0])
         self.idx_vExtendeds, self.nvExtendeds = Indices([0]), Indices([0])
         self.supports, self.subtrees, self.children = [Indices([0])], [Indices()], [Indices()]
         self.mimicking_joints, self.mimicked_joints = Indices(), Indices()
         self.mimic_joint_supports = [Indices([0])]
-        self._gravity: Motion = owned_copy(Motion(np.array([*GRAVITY, 0.0, 0.0, 0.0])), Owner(self._put_gravity))
+        numbers = Numbers(1, 0)
+        numbers.gravity[:3], numbers.placements[0] = GRAVITY, np.eye(4)
+        self._gravity = Motion.over(numbers.gravity)
+        own = vars(self)
+        own["jointPlacements"], own["inertias"] = Rows(numbers.placements, SE3), Rows(numbers.inertias, Inertia)
+        self._hold(numbers)
+
+    def _hold(self, numbers: Numbers) -> None:
+        """Have the numbers be those of the model, and its values views of them."""
+        self._numbers, self._gravity._x, self._arrays["armature"] = numbers, numbers.gravity, numbers.armature
+        self.jointPlacements.move(numbers.placements)
+        self.inertias.move(numbers.inertias)
 
     def _owner_of(self, *caches: str) -> Owner:
         """The owner of values of which these cached attributes are made; a write sets them to None."""
@@ -178,16 +161,6 @@ class Tree:
     @gravity.setter
     def gravity(self, value: Motion) -> None:
         self._gravity._x[...] = expected(value, Motion, "gravity")._x
-        self._gravity.changed()
-
-    def _put_gravity(self) -> None:
-        """Write gravity to the LibraryModel; with an angular part the next call raises."""
-        library, x = self._library, self._gravity._x
-        if library is not None and library.has_builtins and x[3] == 0.0 == x[4] and x[5] == 0.0:
-            library.note_edit()
-            library.gravity[:] = x[:3]  # Runs of earlier calls have recorded theirs
-        else:
-            self._library = self._placement_numbers = None  # so that all is checked
 
     def _check_joint(self, index: Any) -> int:
         at = int(index)
@@ -202,8 +175,7 @@ class Tree:
         self.joints.append(joint)
         self.names.append(name)
         self.parents.append(parent)
-        self.jointPlacements.append(placement)
-        self.inertias.append(Inertia.Zero())
+        self._hold(self._numbers.grown(placement._x, joint.nv))
         self.supports.append(Indices([*self.supports[parent], index]))
         self.subtrees.append(Indices())
         self.children.append(Indices())

@@ -64,6 +64,12 @@ class OneAxis(JointModel):
         self._axis: Vector = self._along or (unit(self._name, axis) if axis else X)
         self._pitch = number(given[-1], "pitch") if screw and given else 0.0
 
+    def copy(self) -> JointModel:
+        made: OneAxis = OneAxis.__new__(type(self))
+        made._owner, made._axis, made._pitch = None, self._axis, self._pitch
+        made.id, made.idx_q, made.idx_v, made.idx_vExtended = self._indexes()
+        return made
+
     def steps(self) -> tuple[Step, ...]:
         return (Step(self._kind, self._axis, pitch=self._pitch),)
 
@@ -194,9 +200,10 @@ class Composite(JointModel):
 
     def setIndexes(self, id: int, q: int, v: int, vExtended: int | None = None) -> None:
         super().setIndexes(id, q, v, vExtended)
-        for joint in self.joints if self.id != NOWHERE else ():
+        for joint, placement in zip(self.joints, self.jointPlacements, strict=True) if self.id != NOWHERE else ():
             joint.setIndexes(id, q, v)
             q, v = q + joint.nq, v + joint.nv
+            placement._x.flags.writeable = False  # those of a joint in a model stay
 
     def steps(self) -> tuple[Step, ...]:
         made = []

@@ -1,11 +1,11 @@
-"""The library's Model behind a Model of this package, assembled at the first call after an edit.
+"""The library's Model behind a Model of this package, assembled at the first call; its numbers follow edits.
 
-``model._library`` and ``model._frame_placements`` cache it; an edit sets them to None.
+``model._library`` caches it; an edit of the tree sets it to None, an edit of numbers shows in the block of ``Numbers``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from typing import Any, NamedTuple
 from weakref import WeakSet
@@ -15,51 +15,44 @@ from numpy.typing import NDArray
 
 from ....algebra.rotations import NORM_ROUNDING
 from ....bodies.kinds import kind_of, unit_part
-from ....bodies.table import BODIES
 from ....calls import dynamics
 from ....engines import run as engine
 from ....engines.compiled.cpython import READY, Entry, unavailable
-from ....engines.compiled.numba_kernels import PLAIN, variant
+from ....engines.compiled.numba_kernels import PLAIN, TABLE, variant
 from ....errors import ModelError
 from ....interop.pinocchio import check_depth_first, fresh_name
-from ....model.assembly import Options
+from ....model.assembly import IDENTITY, Options
 from ....model.model import Model as SdModel
 from ....model.robot import Link, Mimic, Robot, RobotJoint
 from ....model.robot_checks import clear_rounding, make_joint, make_link
-from ....model.update import edited, put_placement
+from ....model.update import edited
 from ....recursions import SPECS
-from ...native import edited_table, recorded_calls
-from ...native.edited_table import GRAVITY, MOST, bounds
+from ...native import recorded_calls
+from ...native.edited_table import MOVED, REFUSED, put_numbers
 from ...native.recorded_calls import clock
 from ..coverage.strictness import strict
 from ..types.arguments import Array
 from ..types.inertia import Inertia
 from .joints import Mimic as MimicJoint
 from .model import Model
+from .numbers import Numbers
 
 Indices = NDArray[np.intp]
 ROOT = "universe"
-
-PAST = 64  # edits of inertias before the earlier ones are forgotten
-
-
-class ModelNumbers(NamedTuple):
-    """The numbers of a Model that a LibraryModel is assembled from beside inertias, and whether norms are checked."""
-
-    placements: Array
-    armature: Array
-    strict: bool
+PAST = 64  # edits before the earlier ones are forgotten
 
 
 class LibraryModel:
     """The library's Model behind a Model.
 
     model     the library's Model: same q, v and armature, ``continuous="cos_sin"``
-    table     a copy of its table of bodies as bytes, which builtins read; gravity (3,), a view, is written in place
-    inertias  (njoints, 10) of its joints' bodies, a new array after an edit
+    table     a Table, which builtins read; numbers that are edited are written in place
+    numbers   those of the table
+    state     their bytes
     kernel_table  the table as kernels take it
     rows      (njoints,) row of its table of bodies that carries each joint's body; 0 for the universe
     parents   (njoints,) of the Model's joints
+    strict    whether norms are checked
     edited    whether it was edited after its first call: the table kernels then answer, whose table is written in place
     joints    None if its joints are the Model's one to one; else (njoints,) its joint that carries each joint's body
 
@@ -67,11 +60,12 @@ class LibraryModel:
     not applicable.
     """
 
-    def __init__(
-        self, model: SdModel, joint_map: Indices, parents: Indices, inertias: Array, numbers: ModelNumbers
-    ) -> None:
-        """From the library's model, its joint that carries each joint's body, and the numbers it was assembled from."""
-        self.joint_map, self.parents = joint_map, parents
+    def __init__(self, model: SdModel, joint_map: Indices, parents: Indices, block: Array, simple: bool) -> None:
+        """From the library's model, its joint that carries each joint's body, and the block of numbers of the Model.
+
+        simple  whether no joint has a placement of its own
+        """
+        self.joint_map, self.parents, self.strict = joint_map, parents, strict()
         self.rows = np.array([model.joints[k].row for k in joint_map], np.intp)
         self.row_numbers = self.rows.astype(np.float64)
         self.joints = None if model.njoints == len(joint_map) else joint_map
@@ -81,125 +75,125 @@ class LibraryModel:
         self.unit_parts = [part for part in parts if part is not None]  # slices of q: quaternions and (cos, sin) pairs
         self.units = tuple((part.start, part.stop - part.start) for part in self.unit_parts)
         self.has_builtins = READY and model.mimic_matrix is None  # not with mimic joints, nor without compiled code
-        self.takes_edits = self.has_builtins and self.joints is None
+        self.takes_edits = self.has_builtins and self.joints is None and simple
         self.edited = False
-        self._take(model, np.frombuffer(model.bodies.tobytes(), np.uint8), inertias, numbers)
+        self._take(model, block.tobytes(), np.frombuffer(model.bodies.tobytes(), np.uint8), block)
 
-    def _take(self, model: SdModel, bodies: Any, inertias: Array, numbers: ModelNumbers) -> None:
-        self._model, self._model_inertias, self.inertias, self.numbers = model, inertias, inertias, numbers
-        self._placed: dict[int, RobotJoint] = {}  # joints that are edited in the table, and not yet in ``_model``
-        table = bodies.copy()
-        self.table, self.address = table, table.ctypes.data
+    def _take(self, model: SdModel, state: bytes, bodies: Any, block: Array) -> None:
+        """Hold a model assembled from these numbers, a copy of its table with those of ``state``, and the Model's."""
+        self._model, self._state_of_model, self.state, self._block = model, state, state, block
+        self.numbers = Numbers(len(self.parents), len(model.armature), np.frombuffer(state).copy())
+        self.table = recorded_calls.Table(bodies, block, self.numbers.block)
+        self.address = self.table.address
         self.kernel_table: Any = model.bodies if PLAIN else self.address
-        self.gravity: Array = table[GRAVITY : GRAVITY + 24].view(np.float64)
-        self._at_call: dict[bytes, SdModel] = {}  # with gravity and inertias of the last call that asked
-        self._put_inertia: Any = None
+        self._put_numbers: Any = None
+        self._at_call: dict[bytes, SdModel] = {}  # with the numbers of the last earlier call that asked
         self._masses: tuple[Any, Array] = None, np.empty(0)
-        self._past: list[tuple[int, Array]] = []  # inertias, and the time until which they were those of the table
+        self._past: list[tuple[int, bytes]] = []  # states, and the time until which they were those of the table
         self._entries: dict[Any, Entry] = {}
-        self.runs: WeakSet[Any] = WeakSet()  # the last calls, which keep the inertias before they are forgotten
+        self.runs: WeakSet[Any] = WeakSet()  # the last calls, which keep their state before it is forgotten
         self.words = {"table": self.address, "nq": model.nq, "nv": model.nv, "njoints": model.njoints}
 
-    def with_model(self, model: SdModel, bodies: Any, inertias: Array, numbers: ModelNumbers) -> LibraryModel:
-        """The LibraryModel of the same tree, as a Model with other numbers; bodies as bytes."""
+    def copy(self, block: Array) -> LibraryModel:
+        """An independent one, of another Model with such a block."""
         found = LibraryModel.__new__(LibraryModel)
         names = ("joint_map", "parents", "rows", "row_numbers", "joints", "frames", "unit_parts", "units",
-                 "has_builtins", "takes_edits", "edited")  # fmt: skip
+                 "has_builtins", "takes_edits", "edited", "strict")  # fmt: skip
         found.__dict__.update({name: self.__dict__[name] for name in names})
-        found._take(model, bodies, inertias, numbers)
+        found._take(self._model, self.state, self.table.bytes, block)
+        found._state_of_model = self._state_of_model
         return found
 
-    def copy(self) -> LibraryModel:
-        """An independent one."""
-        found = self.with_model(self._model, self.table, self.inertias, self.numbers)
-        found._model_inertias, found._placed = self._model_inertias, {**self._placed}
-        return found
+    def follow(self) -> bool:
+        """Write the Model's numbers to the table if they were edited; False if they need to be checked.
 
-    def with_joints(self, placed: dict[int, RobotJoint], numbers: ModelNumbers) -> LibraryModel | None:
-        """The LibraryModel with other armatures, and some joints placed anew; None if the numbers need checks."""
-        at, armature = numbers.placements, numbers.armature
-        if not (abs(at) < MOST).all() or not ((armature >= 0.0) & (armature < MOST)).all():
-            return None
-        self.note_edit()
-        found = self.copy()
-        found.numbers, found._placed, bodies = numbers, {**self._placed, **placed}, found.table.view(BODIES)
-        bodies["armature"][1:] = armature
-        for joint in placed.values():
-            put_placement(self._model, bodies, joint)
-        if placed:
-            bounds(found.kernel_table, np.empty((len(bodies), 3)))
-        return found
-
-    def put_inertia(self, joint: int, inertia: Array) -> bool:
-        """Write the inertia (10,) of a joint to the table; False if it needs checks. The next read makes ``model``."""
-        before = self.inertias
-        if self._put_inertia is None:
-            sums = np.empty((len(self._model.bodies), 3))
-            words = {"rows": self.row_numbers.ctypes.data, "sums": sums.ctypes.data, "count": len(sums)}
-            words |= {"table": self.address, "njoints": len(before), "ten": 10}
-            self._put_inertia = edited_table.builtin().bind(self, sums, **words)
-        after = self._put_inertia(before, joint, inertia)
-        if after is None:
+        The next read makes ``model``.
+        """
+        state, before = self._block.tobytes(), self.state
+        if state == before:
+            return True
+        if not self.takes_edits:
             return False
-        self.note_edit()
+        if self._put_numbers is None:
+            self._put_numbers = self._bound_put_numbers()
+        done = self._put_numbers()
+        if done == REFUSED:
+            return False
+        if not self.edited:  # recording programs of an edited model takes milliseconds each: table kernels answer
+            self.edited = True
+            for entry in self._entries.values():
+                entry.use_table()
         self._past.append((clock.now[0] + 1, before))
+        self.state = state
+        if done == MOVED:
+            self.table.note_move()
         if len(self._past) == PAST:
             for run in self.runs:
-                run.keep_inertias()
+                run.keep_state()
             self._past.clear()
-        self.inertias = after
         return True
 
-    def subtree_masses(self, inertias: Array) -> Array:
-        """Mass (njoints,) of each joint's subtree, the universe's own left out; kept for the inertias of one array."""
-        if self._masses[0] is not inertias:
-            self._masses = inertias, subtree_masses(inertias[:, 0].tolist(), self.parents.tolist())
-        return self._masses[1]
+    def _bound_put_numbers(self) -> Callable[[], Any]:
+        now, then, sums = self._block, self.numbers.block, np.empty((len(self._model.bodies), 3))
+        places = {"now": now, "then": then, "rows": self.rows, "sums": sums}
+        words = {"table": self.address, "size": len(now), "njoints": len(self.rows), "count": len(sums)}
+        words |= {name: x.ctypes.data for name, x in places.items()}
+        return put_numbers().bind(self.table, *places.values(), **words)
 
-    def inertias_at(self, stamp: int) -> Array:
-        """Inertias (njoints, 10) at the time of a call."""
-        for end, inertias in self._past:
+    def state_at(self, stamp: int) -> bytes:
+        """The state at the time of a call."""
+        for end, state in self._past:
             if stamp < end:
-                return inertias
-        return self.inertias
+                return state
+        return self.state
+
+    def numbers_of(self, state: bytes) -> Numbers:
+        """The numbers of a state."""
+        return self.numbers if state is self.state else Numbers(len(self.parents), len(self._model.armature), state)
+
+    def subtree_masses(self, state: bytes) -> Array:
+        """Mass (njoints,) of each joint's subtree, the universe's own left out; kept for one state."""
+        if self._masses[0] is not state:
+            masses = self.numbers_of(state).inertias[:, 0].tolist()
+            self._masses = state, subtree_masses(masses, self.parents.tolist())
+        return self._masses[1]
 
     @property
     def model(self) -> SdModel:
         """The library's Model."""
-        model, then = self._model, self._model_inertias
-        joints = _changed_joints(model, self._placed, self.numbers.armature) if self.takes_edits else {}
-        if joints or self.inertias is not then or not (self.gravity == model.gravity).all():
-            links = _changed_links(model, then, self.inertias)
-            self._model = edited(model, links, joints, _numbers(self.gravity))
-            self._placed, self._model_inertias = {}, self.inertias
+        if self.state is not self._state_of_model:
+            self._model, self._state_of_model = self._edited(self.state), self.state
         return self._model
 
-    def is_at(self, gravity: Array, inertias: Array) -> bool:
-        """Whether gravity (3,) and inertias (njoints, 10) are those of the table."""
-        return inertias is self.inertias and gravity.tobytes() == self.gravity.tobytes()
-
-    def model_at(self, gravity: Array, inertias: Array) -> SdModel:
-        """The library's Model with the gravity (3,) and the inertias (njoints, 10) of an earlier call."""
-        if self.is_at(gravity, inertias):
+    def model_at(self, state: bytes) -> SdModel:
+        """The library's Model with the numbers of an earlier call."""
+        if state is self.state:
             return self.model
-        key = gravity.tobytes() + inertias.tobytes()
-        if key not in self._at_call:
-            links = _changed_links(self.model, self.inertias, inertias)
-            self._at_call = {key: edited(self.model, links, {}, _numbers(gravity))}
-        return self._at_call[key]
+        if state not in self._at_call:
+            self._at_call = {state: self._edited(state)}
+        return self._at_call[state]
+
+    def table_at(self, state: bytes) -> Any:
+        """The table with the numbers of an earlier call, as kernels take it."""
+        return self.kernel_table if state is self.state else getattr(self.model_at(state), TABLE)
+
+    def _edited(self, state: bytes) -> SdModel:
+        model, then, now = self._model, self.numbers_of(self._state_of_model), self.numbers_of(state)
+        links = model.robot.links
+        changed = np.flatnonzero((now.inertias != then.inertias).any(1)).tolist()
+        moved, joints = (now.placements != then.placements).any((1, 2))[1:], {}
+        for k, (joint, row) in enumerate(zip(model.robot.joints, model.joints[1:], strict=True)):
+            own = slice(row.idx_v, row.idx_v + row.nv)
+            if moved[k] or (now.armature[own] != then.armature[own]).any():
+                place = _pose(now.placements[k + 1])
+                joints[k] = make_joint(replace(joint, placement=place, armature=_rotor(now.armature[own])))
+        return edited(model, {k: _link(links[k].name, now.inertias[k]) for k in changed}, joints, _gravity(now))
 
     def __getattr__(self, name: str) -> Callable[..., Any]:
         if name not in SPECS:
             raise AttributeError(f"no call {name!r}")
         call = self.__dict__[name] = self._bound(name)
         return call
-
-    def note_edit(self) -> None:
-        """Have table kernels answer from now on: recording programs of an edited model takes milliseconds each."""
-        if not self.edited:
-            self.edited = True
-            for entry in self._entries.values():
-                entry.use_table()
 
     def entry(self, name: str, forces: bool = False) -> Entry:
         """What runs a call: the library's program, or the table kernel if there is none or the model was edited."""
@@ -221,13 +215,11 @@ class LibraryModel:
         call = recorded_calls.recorded_call(name, forces=forces)
         return call.bind(self, entry=self.entry(name, forces), **self.words)
 
-    def compute(self, name: str, *values: Any, at: tuple[Array, Array] | None = None) -> Any:
-        """A call, external forces last, if any; ``at`` gravity and inertias of an earlier call: by a builtin, or with
-        checks.
-        """
+    def compute(self, name: str, *values: Any, at: bytes | None = None) -> Any:
+        """A call, external forces last, if any; ``at`` the state of an earlier call: by a builtin, or with checks."""
         if values and values[-1] is None:
             values = values[:-1]
-        spec, now = SPECS[name], at is None or self.is_at(*at)
+        spec, now = SPECS[name], at is None or at is self.state
         forces = bool(values) and len(values) == len(spec.present) and spec.present[-1].optional
         for _ in range(2 if now else 0):
             if forces:
@@ -240,7 +232,7 @@ class LibraryModel:
                 break
         if now and not self.edited and self.has_builtins:
             return dynamics.calls[name](self._model, *values)
-        return dynamics.table_call(name, self.model if at is None else self.model_at(*at), *values)
+        return dynamics.table_call(name, self.model if at is None else self.model_at(at), *values)
 
     def off_norm(self, q: Array) -> bool:
         """Whether norms are not checked and a quaternion or (cos, sin) pair of q is off its unit norm."""
@@ -258,61 +250,53 @@ def subtree_masses(masses: list[float], parents: list[int]) -> Array:
 
 
 class FramePlacements(NamedTuple):
-    """Placements of the frames of a Model on their joints.
+    """Frames on joints; the placements are read where they are, so that their edits count.
 
-    joints      (nframes,) parent joints
-    rows        (nframes,) rows of the table of bodies that carry them
-    placements  (nframes, 4, 4) in the parent joints' frames
+    joints  (nframes,) parent joints
+    rows    (nframes,) rows of the table of bodies that carry them
+    places  their placements (4, 4) in the parent joints' frames, and their addresses
     """
 
     joints: Indices
     rows: Indices
-    placements: Array
+    places: list[Array]
+    addresses: NDArray[np.int64]
+
+    @classmethod
+    def of(cls, joints: Indices, rows: Indices, places: Iterable[Array]) -> FramePlacements:
+        """Frames with these placements."""
+        held = [*places]
+        return cls(joints, rows, held, np.array([x.ctypes.data for x in held], np.int64))
+
+    @property
+    def placements(self) -> Array:
+        """A copy of the placements (nframes, 4, 4)."""
+        return np.array(self.places).reshape(-1, 4, 4)
 
     def words(self, rows: bool = False) -> dict[str, int]:
         """Words of a builtin's plan about the frames; ``rows``: their rows of the table in place of their joints."""
         joints = self.rows if rows else self.joints
-        places = {"joints": joints.ctypes.data, "placements": self.placements.ctypes.data}
-        return {"frames": len(joints), **places}
+        return {"frames": len(joints), "joints": joints.ctypes.data, "placements": self.addresses.ctypes.data}
 
 
 def library_model(model: Model) -> LibraryModel:
-    """The LibraryModel of a Model, assembled again if the Model was edited.
+    """The LibraryModel of a Model, assembled again if the Model was edited otherwise than by numbers.
 
     Raises ModelError for joints that are not depth first, gravity with an angular part, and other impossible models.
     """
     found: LibraryModel | None = model._library
-    if found is None:
+    if found is None or not found.follow():
         before: LibraryModel | None = model._library_before
-        if before is not None:
-            found = before if _takes_edit(model, before) else _updated(model, before)
-        if found is None:
-            found = _assembled(model)
-            found.edited = before is not None or bool(model._edited)
-            model._frame_placements = None
+        found = _assembled(model)
+        found.edited = model._edited if before is None else before.edited or before.state != found.state
         own = vars(model)
         own["_library"] = own["_library_before"] = found
+        model._frame_placements = None
     return found
 
 
-def _takes_edit(model: Model, before: LibraryModel) -> bool:
-    """Write the inertias that were edited to the table; False if anything else was edited too."""
-    changed, placements = model._edited_inertias, model._placement_numbers
-    if not changed or placements is None or model._inertia_numbers is not before.inertias:
-        return False
-    numbers = before.numbers
-    if placements[0] is not numbers.placements or strict() is not numbers.strict or not before.takes_edits:
-        return False
-    for key, inertia in changed.items():
-        if not before.put_inertia(model._inertia_rows[key], inertia._x):
-            return False
-    changed.clear()
-    vars(model)["_inertia_numbers"] = before.inertias  # past the checks of Model, which take longer
-    return True
-
-
 def frame_placements(model: Model) -> FramePlacements:
-    """The FramePlacements of a Model, gathered again if a frame was edited. Raises ModelError for one on no joint."""
+    """The FramePlacements of a Model, gathered again if its frames changed. Raises ModelError for one on no joint."""
     rows = library_model(model).rows
     found: FramePlacements | None = model._frame_placements
     if found is None:
@@ -322,52 +306,35 @@ def frame_placements(model: Model) -> FramePlacements:
                     f'frame "{frame.name}" has parent joint {frame.parentJoint}, expected a joint\'s index'
                 )
         joints = np.array([frame.parentJoint for frame in model.frames], np.intp)
-        placements = np.array([frame.placement._x for frame in model.frames]).reshape(-1, 4, 4)
-        found = model._frame_placements = FramePlacements(joints, rows[joints], placements)
+        found = FramePlacements.of(joints, rows[joints], [frame.placement._x for frame in model.frames])
+        model._frame_placements = found
     return found
 
 
 def joints_as_frames(model: Model) -> FramePlacements:
     """The joints as frames: each at the identity on itself."""
-    compiled = library_model(model)
-    if compiled.frames is None:
+    library = library_model(model)
+    if library.frames is None:
         joints = np.arange(model.njoints)
-        compiled.frames = FramePlacements(joints, compiled.rows, np.tile(np.eye(4), (len(joints), 1, 1)))
-    return compiled.frames
+        library.frames = FramePlacements.of(joints, library.rows, np.tile(np.eye(4), (len(joints), 1, 1)))
+    return library.frames
 
 
-def _numbers_of(model: Model) -> tuple[Array, ModelNumbers]:
-    """Inertias and other numbers; inertias and placements are gathered again only if one of them was edited."""
-    if model._inertia_numbers is None or model._edited_inertias:
-        model._edited_inertias.clear()
-        model._inertia_rows = {id(inertia): k for k, inertia in enumerate(model.inertias)}
-        model._inertia_numbers = np.concatenate([inertia._x for inertia in model.inertias]).reshape(-1, 10)
-    if model._placement_numbers is None:
-        placements = np.array([X._x for X in model.jointPlacements]).reshape(-1, 4, 4)
-        model._placement_numbers = placements, model._arrays["armature"].copy()
-    placements, armature = model._placement_numbers
-    return model._inertia_numbers, ModelNumbers(placements, armature, strict())
-
-
-def _numbers(x: Array) -> tuple[float, float, float]:
-    a, b, c = x.tolist()
+def _gravity(numbers: Numbers) -> tuple[float, float, float]:
+    a, b, c = numbers.gravity[:3].tolist()
     return a, b, c
-
-
-def _changed_links(compiled: SdModel, then: Array, now: Array) -> dict[int, Link]:
-    """Links of the inertias that differ, by index in the robot."""
-    links = compiled.robot.links
-    return {int(k): _link(links[k].name, now[k]) for k in np.flatnonzero((now != then).any(1))}
 
 
 def _assembled(model: Model) -> LibraryModel:
     check_depth_first(model)
-    _check_gravity(model)
-    links, joints = [_link(ROOT, model.inertias[0]._x)], []
+    numbers = model._numbers
+    if numbers.gravity[3:].any():
+        raise ModelError(f"gravity has angular part {model.gravity.angular.tolist()}, expected zero")
+    links, joints = [_link(ROOT, numbers.inertias[0])], []
     names = {ROOT}
     ends = [ROOT]  # the link of each joint of the model
     last = [0]  # of each, the library's joint that carries its body
-    mimics = False
+    mimics, simple = False, True
     for k in range(1, model.njoints):
         joint, parent = model.joints[k], ends[model.parents[k]]
         mimic = None
@@ -380,67 +347,22 @@ def _assembled(model: Model) -> LibraryModel:
         for n, step in enumerate(steps):
             name = fresh_name(model.names[k] if n == 0 else f"{model.names[k]}.{n + 1}", names)
             X = np.reshape(step.placement, (4, 4))
+            simple = simple and step.placement == IDENTITY
             if n == 0:
-                X = model.jointPlacements[k].homogeneous @ X
+                X = numbers.placements[k] @ X
             freedoms = kind_of(step.kind).nv
-            rotor = 0.0 if mimic is not None else _rotor(model.armature[at : at + freedoms])
+            rotor = 0.0 if mimic is not None else _rotor(numbers.armature[at : at + freedoms])
             at += freedoms
             own: dict[str, Any] = {"armature": rotor, "mimic": mimic, "pitch": step.pitch}
             robot_joint = RobotJoint(name, step.kind, parent, name, _pose(X), step.axis, **own)
             joints.append(make_joint(robot_joint))
-            links.append(_link(name, model.inertias[k]._x if n == len(steps) - 1 else None))
+            links.append(_link(name, numbers.inertias[k] if n == len(steps) - 1 else None))
             parent = name
         ends.append(parent)
         last.append(len(joints))
     robot = Robot(model.name or "robot", ROOT, tuple(links), tuple(joints), ordered=True)
-    gravity = _numbers(model.gravity._x[:3])
-    compiled = SdModel(robot, Options("fixed", gravity, "cos_sin", mimics, any_norm=not strict()))
-    return LibraryModel(compiled, np.array(last, np.intp), np.array(model.parents, np.intp), *_numbers_of(model))
-
-
-def _updated(model: Model, before: LibraryModel) -> LibraryModel | None:
-    """The LibraryModel after an edit of numbers alone; None if it has to be assembled again."""
-    if not before.takes_edits:
-        return None
-    (inertias, now), then = _numbers_of(model), before.numbers
-    _check_gravity(model)
-    same = now.placements is then.placements and now.armature is then.armature and now.strict == then.strict
-    unmoved = before.gravity.tolist() == model.gravity._x[:3].tolist()
-    if same and inertias is before.inertias and unmoved:
-        return before
-    placed = {}
-    for k in map(int, np.flatnonzero((now.placements != then.placements).any((1, 2))[1:])):
-        X = model.jointPlacements[k + 1].homogeneous @ np.reshape(model.joints[k + 1].steps()[0].placement, (4, 4))
-        placed[k] = make_joint(replace(before._model.robot.joints[k], placement=_pose(X)))
-    if now.strict == then.strict and inertias is before.inertias and unmoved:
-        found = before.with_joints(placed, now)
-        if found is not None:
-            return found
-    compiled = before.model
-    norms = None if now.strict == then.strict else not now.strict
-    links, joints = _changed_links(compiled, before.inertias, inertias), _changed_joints(compiled, placed, now.armature)
-    made = edited(compiled, links, joints, _numbers(model.gravity._x[:3]), norms)
-    if links or joints or not unmoved:  # else norms alone are checked otherwise
-        before.note_edit()
-    return before.with_model(made, np.frombuffer(made.bodies.tobytes(), np.uint8), inertias, now)
-
-
-def _changed_joints(compiled: SdModel, placed: dict[int, RobotJoint], armature: Array) -> dict[int, RobotJoint]:
-    """Joints by index in the robot: those placed anew, and those with other armatures."""
-    if not placed and (compiled.armature == armature).all():
-        return {}
-    found = {}
-    for k, (joint, row) in enumerate(zip(compiled.robot.joints, compiled.joints[1:], strict=True)):
-        own = slice(row.idx_v, row.idx_v + row.nv)
-        if k in placed or (compiled.armature[own] != armature[own]).any():
-            found[k] = make_joint(replace(placed.get(k, joint), armature=_rotor(armature[own])))
-    return found
-
-
-def _check_gravity(model: Model) -> None:
-    x = model.gravity._x
-    if not x[3] == 0.0 == x[4] or x[5] != 0.0:
-        raise ModelError(f"gravity has angular part {model.gravity.angular.tolist()}, expected zero")
+    compiled = SdModel(robot, Options("fixed", _gravity(numbers), "cos_sin", mimics, any_norm=not strict()))
+    return LibraryModel(compiled, np.array(last, np.intp), np.array(model.parents, np.intp), numbers.block, simple)
 
 
 def _rotor(armature: Array) -> float | tuple[float, ...]:

@@ -15,10 +15,11 @@ from ..types.bases import Copied, Registered
 from ..types.containers import StdMap_String_VectorXd
 from ..types.frame import ANY_FRAME, BODY, FIXED_JOINT, JOINT, Frame, FrameType
 from ..types.se3 import SE3
-from ..types.tracked_list import OwnedList
+from ..types.tracked_list import OwnedList, Rows
 from .from_pinocchio import pinocchio_state
 from .joint import JointModel
 from .joint_tree import ARRAYS, BY_LIMIT, LIMITS, Indices, Tree, limit
+from .numbers import Numbers
 from .serialization_format import FORMAT, Stored, fill, state
 
 __all__ = ["Model"]
@@ -32,10 +33,6 @@ FIXED = {  # attributes derived from others, and lists whose entries alone are a
     ),
 }  # fmt: skip
 OTHERS = dict.fromkeys(("name", "frames", "jointPlacements", "referenceConfigurations"), "An attribute of each model.")
-LISTS = {  # lists that can be assigned -> type of their entries, cached attributes that an edit sets to None
-    "jointPlacements": (SE3, "_library", "_placement_numbers"),
-    "frames": (Frame, "_frame_placements", "_frames_by_name"),
-}
 
 
 class Configuration(NamedTuple):
@@ -68,9 +65,8 @@ class Model(Tree, Stored, Copied):
     referenceConfigurations  configurations by name
 
     A model may be edited at any time; the next call sees it: ``model.armature[0] = 1``, ``model.armature = x``,
-    ``model.inertias[2].mass = 3``, ``model.jointPlacements[1].translation[2] += 0.1``. Writes that bypass the model, as
-    ``np.asarray(model.armature)[0] = 1``, raise ValueError: write to a copy and assign it. Arrays read before
-    ``addJoint``, and frames or joints that were replaced, no longer belong to the model: read them again.
+    ``model.inertias[2].mass = 3``, ``model.jointPlacements[1].translation[2] += 0.1``. Arrays read before ``addJoint``,
+    and frames or joints that were replaced, no longer belong to the model: read them again.
     """
 
     _format = FORMAT
@@ -95,32 +91,33 @@ class Model(Tree, Stored, Copied):
     def _copy(self, other: Model) -> None:
         """Take over copies of all that another model has, and of its LibraryModel."""
         own, given = vars(self), vars(other)
-        for name in (*FIXED, "name", "jointPlacements", "frames"):
+        for name in (*FIXED, "name", "frames"):
             x = given[name]
+            if isinstance(x, Rows):
+                continue
             if isinstance(x, OwnedList):
                 own[name].clear()
                 own[name].extend(x)
             else:
                 own[name] = Indices(x) if type(x) is Indices else [*map(Indices, x)] if type(x) is list else x
-        self._gravity._x[...] = other._gravity._x
         self._arrays = {name: x.copy() for name, x in other._arrays.items()}
+        self._hold(Numbers(other.njoints, other.nv, other._numbers.block.copy()))
         for name, q in other.referenceConfigurations.items():
             self.referenceConfigurations[name] = np.array(q)
         library, before = given["_library"], given["_library_before"]
-        own["_edited"] = other._edited or (before is not None and (library is None or before.edited))
+        own["_edited"] = other._edited or (before is not None and before.edited)
         if library is not None:
-            own["_library"] = own["_library_before"] = library.copy()
-            own["_inertia_numbers"], own["_placement_numbers"] = given["_inertia_numbers"], given["_placement_numbers"]
-            own["_inertia_rows"] = {id(inertia): k for k, inertia in enumerate(self.inertias)}
-            own["_frame_placements"] = given["_frame_placements"]
+            own["_library"] = own["_library_before"] = library.copy(self._numbers.block)
 
     def __setattr__(self, name: str, value: Any) -> None:
         if name in FIXED and self._sealed:
             raise AttributeError(f"{name} of a Model cannot be assigned, only written into or changed by building")
-        if name in LISTS:
-            kind, *caches = LISTS[name]
-            owner = self._owner_of(*caches)
-            value = OwnedList(owner, kind, value)
+        if name == "jointPlacements" and self._sealed:
+            self.jointPlacements.write(value)
+            return
+        if name == "frames":
+            owner = self._owner_of("_frame_placements", "_frames_by_name")
+            value = OwnedList(owner, Frame, value)
             owner.changed()
         super().__setattr__(name, value)
 
@@ -160,7 +157,10 @@ class Model(Tree, Stored, Copied):
         index = self._append_joint(parent, joint, placement, name)
         for array, x in ARRAYS.items():
             new = values.get(array, np.full(x.size(joint), x.default))
-            self._arrays[array] = np.concatenate([self._arrays[array], new])
+            if array == "armature":
+                self.armature[len(self.armature) - len(new) :] = new  # a part of the numbers
+            else:
+                self._arrays[array] = np.concatenate([self._arrays[array], new])
         return index
 
     def addFrame(self, frame: Frame, append_inertia: bool = True) -> int:

@@ -66,7 +66,9 @@ def fill(model: Any, given: Mapping[str, Any]) -> None:
     for x in given["frames"]:
         place, inertia = _value(SE3, x["placement"]), _value(Inertia, x["inertia"])
         model.frames.append(Frame(x["name"], x["joint"], x["before"], place, FrameType[x["type"]], inertia))
+    armature = model._arrays["armature"]
     model._arrays.update({name: np.array(x, dtype=float) for name, x in given["arrays"].items()})
+    armature[:], model._arrays["armature"] = model._arrays["armature"], armature
     for name, q in given["configurations"].items():
         model.referenceConfigurations[name] = np.array(q, dtype=float)
 

@@ -16,6 +16,7 @@ from .motion import Force, Motion
 from .se3 import SE3
 from .symmetric import Symmetric3
 from .tracked_list import OwnedList
+from .value import Value
 
 __all__ = [
     "StdMap_String_VectorXd", "StdVec_Bool", "StdVec_BooleanVector", "StdVec_Double", "StdVec_EigenIndex",
@@ -47,7 +48,7 @@ class StdVec(Copied, OwnedList[Any]):
 
     def _own(self, value: Any) -> Any:
         own = super()._own(np.array(value) if isinstance(value, np.ndarray) else value)
-        return own if isinstance(own, OwnedValue) else deepcopy(own)
+        return own if isinstance(own, (OwnedValue, Value)) else deepcopy(own)
 
     def __getitem__(self, at: Any) -> Any:
         found = super().__getitem__(at)

@@ -11,7 +11,6 @@ from .arguments import ArgumentError, described, expected, of_pinocchio
 from .bases import OwnedValue, owned_attribute
 from .inertia import Inertia
 from .se3 import SE3
-from .tracked_list import owned_copy
 
 __all__ = [
     "ACCELERATION", "ARG0", "ARG1", "ARG2", "ARG3", "ARG4", "BODY", "FIXED_JOINT", "JOINT", "LOCAL",
@@ -78,10 +77,13 @@ _FIELDS: tuple[tuple[str, Callable[[Any, Any], Any], str], ...] = (
     ("name", lambda x, frame: expected(x, str, "name"), "Name of the frame."),
     ("parentJoint", lambda x, frame: int(x), "Index of the joint that carries the frame."),
     ("parentFrame", lambda x, frame: int(x), "Index of the parent frame."),
-    ("placement", lambda x, frame: owned_copy(expected(x, SE3, "placement"), frame), "SE3 in the joint's frame."),
+    ("placement", lambda x, frame: expected(x, SE3, "placement").copy(), "SE3 in the joint's frame."),
     ("type", lambda x, frame: FrameType(x), "FrameType."),
-    ("inertia", lambda x, frame: owned_copy(expected(x, Inertia, "inertia"), frame), "Inertia of its body."),
+    ("inertia", lambda x, frame: expected(x, Inertia, "inertia").copy(), "Inertia of its body."),
 )
+
+
+_CONTENT = attrgetter(*(f"_{row[0]}" for row in _FIELDS))
 
 
 class Frame(OwnedValue):
@@ -89,7 +91,7 @@ class Frame(OwnedValue):
     ``Frame(name, joint[, parent frame], placement, type[, inertia])``.
     """
 
-    __slots__ = ("_owner", *(f"_{row[0]}" for row in _FIELDS))
+    __slots__ = ("_inertia", "_name", "_owner", "_parentFrame", "_parentJoint", "_placement", "_type")
 
     name, parentJoint, parentFrame, placement, type, inertia = (
         owned_attribute(f"_{x}", own, doc) for x, own, doc in _FIELDS
@@ -122,16 +124,17 @@ class Frame(OwnedValue):
 
     def copy(self) -> Frame:
         """An independent copy that belongs to no model."""
-        made = Frame.__new__(Frame)
+        made: Any = Frame.__new__(Frame)
         made._owner = None
-        for slot, x in zip(Frame.__slots__[1:], self._content(), strict=True):
-            setattr(made, slot, owned_copy(x, made) if isinstance(x, (SE3, Inertia)) else x)
-        return made
+        made._name, made._parentJoint, made._parentFrame, placement, made._type, inertia = self._content()
+        made._placement, made._inertia = SE3.over(placement._x.copy()), Inertia.over(inertia._x.copy())
+        return made  # type: ignore[no-any-return]
 
     cast = copy  # the only scalar type is float64
 
     def _content(self) -> tuple[Any, ...]:
-        return tuple(getattr(self, row[0]) for row in _FIELDS)
+        content: tuple[Any, ...] = _CONTENT(self)
+        return content
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Frame) and self._content() == other._content()

@@ -32,10 +32,11 @@ __all__ = ["Inertia"]
 
 UNIT = np.array([1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 1.0])
 
-_rotational, _body_of, _fault = on_table("""
+_rotational, _body_of, _fault, _of_parameters = on_table("""
 rotational(I: Body) -> rot = Mat3(I.I.xx, I.I.xy, I.I.xz, I.I.xy, I.I.yy, I.I.yz, I.I.xz, I.I.yz, I.I.zz)
 body_of(mass: number, lever: vec, inertia: rot) -> body = Body(mass, lever, lower_triangle(inertia))
 fault(inertia: rot) -> number = fault_of_inertia(inertia)
+FromDynamicParameters(params: body) -> Body = body_of_parameters(params)
 """)
 
 
@@ -135,7 +136,6 @@ class Inertia(
         if _fault(value) > (0.0 if strict() else operators.NEGATIVE):
             _refuse(value)
         self._x[4:] = six(value)
-        self.changed()
 
     # --- sums and products ---------------------------------------------------------------------------------
 
@@ -192,11 +192,11 @@ matrix(self: Body) -> inertia = inertia_about_origin(self)
     @staticmethod
     def FromDynamicParameters(params: Any) -> Inertia:
         """The body of ten parameters as ``toDynamicParameters`` gives them. Raises InertiaError for zero mass."""
-        p = ten(params)
-        if p[0] == 0.0:
+        sound = type(params) is np.ndarray and params.shape == (10,)
+        made: Inertia = _of_parameters(params if sound else ten(params))
+        if made._x[0] == 0.0:
             raise InertiaError("mass is 0, expected one that has a centre")
-        c = p[1:4] / p[0]
-        return Inertia.over(np.concatenate([p[:1], c, p[4:] + p[0] * six(skewSquare(c, c))]))
+        return made
 
     def toPseudoInertia(self) -> PseudoInertia:
         """As a PseudoInertia."""

@@ -113,7 +113,6 @@ class Symmetric3(Summable):
     def setDiagonal(self, diag: Any) -> None:
         """Set the diagonal (3,)."""
         self._x[[0, 2, 5]] = array(diag, (3,), "diag")
-        self.changed()
 
     def fill(self, value: float) -> None:
         """Set all entries to one number."""

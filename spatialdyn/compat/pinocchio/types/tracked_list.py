@@ -1,7 +1,6 @@
-"""Lists and copies of values that notify an owner of writes by its ``changed()``; lists of the rows of an array.
+"""Lists of values that notify an owner of writes by its ``changed()``; lists of the rows of an array.
 
-SE3, Motion, Force, Inertia, Frame and joint models have a slot ``_owner``, None without an owner; each method that
-writes one ends with ``if self._owner is not None: self._owner.changed()``.
+Frames and joint models have a slot ``_owner``, None without an owner, which their attributes notify.
 """
 
 from __future__ import annotations
@@ -55,14 +54,16 @@ class OwnedList(list[Value], Listed):
             raise ArgumentError(
                 f"{described(value)} was given, expected {' or '.join(kind.__name__ for kind in kinds)}"
             )
-        return owned_copy(value, self._owner) if isinstance(value, OwnedValue) else value
+        if isinstance(value, OwnedValue):
+            return owned_copy(value, self._owner)
+        return value.copy() if isinstance(value, Numbers) else value
 
     def __setitem__(self, at: Any, value: Any) -> None:
         """Replace an entry; a Value is written in place, so that references to it see the new numbers."""
         there = self[at]
         if isinstance(there, Numbers) and type(there) is type(value):
             there._x[...] = value._x
-            there._owner.changed()
+            self._owner.changed()
         else:
             super().__setitem__(at, [*map(self._own, value)] if isinstance(at, slice) else self._own(value))
             self._owner.changed()
@@ -102,6 +103,13 @@ class Rows(Listed, Sequence[Any]):
     def __init__(self, array: Array, kind: Any = None) -> None:
         self.array, self._kind = array, kind
         self._views: list[Any] = [None] * len(array)  # views of rows, made at the first read
+
+    def move(self, array: Array) -> None:
+        """Be the rows of another array, of as many rows or more, and its views of them too."""
+        for view, x in zip(self._views, array, strict=False):
+            if view is not None:
+                view._x = x
+        self.array, self._views = array, [*self._views, *[None] * (len(array) - len(self._views))]
 
     def __len__(self) -> int:
         return len(self.array)

@@ -21,14 +21,13 @@ from .arguments import (
     number,
     of_pinocchio,
 )
-from .bases import OwnedValue
-from .tracked_array import tracked
+from .bases import Copied
 
 Self = TypeVar("Self", bound="Value")
 
 
-class Value(OwnedValue):
-    """Base of SE3, Motion and their like: numbers in one array ``_x``, and an owner that is notified of writes.
+class Value(Copied):
+    """Base of SE3, Motion and their like: numbers in one array ``_x``.
 
     ``_x`` is float64, C-ordered and writable; it may be a view of a larger array, and then the object is one too.
     """
@@ -54,18 +53,14 @@ class Value(OwnedValue):
         cls.isApprox = on_values(signature, near, Value.isApprox.__doc__)  # type: ignore[method-assign]
 
     @classmethod
-    def over(cls: type[Self], x: Array, owner: Any = None) -> Self:
+    def over(cls: type[Self], x: Array) -> Self:
         """The object whose numbers are an array, as a view of it."""
         made = cls.__new__(cls)
         made._x = x
-        if owner is not None:
-            made._owner = owner
         return made
 
     def _write(self: Self, x: Any) -> Self:
         self._x[...] = x
-        if self._owner is not None:
-            self._owner.changed()
         return self
 
     def copy(self: Self) -> Self:
@@ -158,8 +153,7 @@ def part(name: str, at: Any, doc: str, kind: Any = None) -> Any:
         kind = float
 
     def read(self: Value) -> Any:
-        x = self._x[at]
-        return x if self._owner is None else tracked(x, self._owner)
+        return self._x[at]
 
     def read_made(self: Value) -> Any:
         return kind(self._x[at])
@@ -167,8 +161,6 @@ def part(name: str, at: Any, doc: str, kind: Any = None) -> Any:
     def write(self: Value, given: Any) -> None:
         there = self._x[at]
         self._x[at] = array(given, there.shape, name) if there.shape else number(given, name)
-        if self._owner is not None:
-            self._owner.changed()
 
     return property(read if kind is None else read_made, write, doc=doc)
 
