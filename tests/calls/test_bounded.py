@@ -214,6 +214,25 @@ def test_a_sample_beyond_the_program_has_an_infinite_bound() -> None:
     np.testing.assert_array_equal(tau[1], sd.rnea(model, q[1], np.ones(2), np.zeros(2)))
 
 
+def test_where_most_bounds_are_infinite_in_float32_it_is_said_once() -> None:
+    """A thin rod that turns about its own axis; NaN in a sample is the caller's, and counts for none."""
+    builder = sd.ModelBuilder("drill")
+    for i, axis in enumerate(((0, 0, 1), (0, 1, 0), (1, 0, 0))):
+        rod = (1.0, (0.5, 0.0, 0.0), np.diag([1e-7, 1 / 12, 1 / 12]))
+        builder.add_body(f"l{i}", f"l{i - 1}" if i else None, "revolute", axis, (float(i > 0), 0, 0), rod)
+    model = builder.build()
+    k, (q, v, tau) = sd.bounded(model, sd.aba, dtype=np.float32), np.random.default_rng(1).standard_normal((3, 5, 3))
+    q[:3] = np.nan
+    with pytest.warns(UserWarning, match='aba of "drill" has infinite bounds in float32 in 2 of 3 samples'):
+        k(q[2:], v[2:], tau[2:])
+    k(q[2:], v[2:], tau[2:])
+    sd.bounded(model, sd.aba, dtype=np.float32)(q, v, tau)  # of two in five
+    sd.bounded(model, sd.aba)(q, v, tau)
+    ways = sd.specialize(model, sd.aba, dtype=np.float32, tolerance=1e-4).ways
+    assert ways == ("float64", "double-double")
+    assert sd.specialize(rods(1e-3), sd.aba, dtype=np.float32, tolerance=1e-9).ways[0] == "float32"
+
+
 @pytest.mark.parametrize("dtype", [np.float64, np.float32])
 def test_what_the_call_refuses_is_refused_in_its_words_and_nothing_else(dtype: Any) -> None:
     """Rods without inertia about their axes: M is singular at 0 alone, and known to no digit near it."""

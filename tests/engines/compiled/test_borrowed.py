@@ -56,9 +56,16 @@ BORROWED: dict[str, set[str]] = {
     "_search_new_conversions": {COMPILED + "jit.py"},
     "_explain_matching_error": {COMPILED + "jit.py"},
     # addresses and arrays in compiled code
-    "numba.np.arrayobj": {COMPILED + "jit.py"},
-    "_getvalue": {COMPILED + "jit.py"},
-    "numba.core.cgutils": {COMPILED + "jit.py"},
+    "numba.np.arrayobj": {COMPILED + "jit.py", COMPILED + "lane_arrays.py"},
+    "_getvalue": {COMPILED + "jit.py", COMPILED + "lane_arrays.py"},
+    "numba.core.cgutils": {COMPILED + "jit.py", COMPILED + "lane_arrays.py", COMPILED + "lanes.py"},
+    # numbers, arrays and matrices of lanes: types, their operators and conversions
+    "numba.core.datamodel.models": {COMPILED + "lane_arrays.py", COMPILED + "lanes.py"},
+    "numba.core.datamodel.register_default": {COMPILED + "lane_arrays.py", COMPILED + "lanes.py"},
+    "numba.core.typeconv.Conversion": {COMPILED + "lanes.py"},
+    "numba.core.typing.templates.AbstractTemplate": {COMPILED + "lane_arrays.py", COMPILED + "lanes.py"},
+    "numba.core.typing.templates.infer_global": {COMPILED + "lane_arrays.py", COMPILED + "lanes.py"},
+    "numba.core.typing.templates.signature": {COMPILED + "lane_arrays.py", COMPILED + "lanes.py"},
     # CPython builtins that read NumPy's array objects
     "ctypes": {
         "compat/native/operator_kernels.py",
