@@ -155,9 +155,12 @@ def random_tree(
 
 
 def tree_case(seed: int, floating: bool) -> tuple[RandomTree, Any, State]:
-    """A random tree, its model and a state; half the joints of seed 3 are helical, odd seeds have (cos, sin) pairs."""
+    """A random tree, its model and a state; half the joints of seed 3 are helical, odd seeds have (cos, sin) pairs.
+
+    With a fifth joint that of seed 1 would be too large for programs, and its table kernels take seconds to compile.
+    """
     kinds = SCREWS if seed == 3 else KINDS
-    made = random_tree(seed, 6, kinds, floating, "cos_sin" if seed % 2 else "angle")
+    made = random_tree(seed, 4 if seed == 1 else 6, kinds, floating, "cos_sin" if seed % 2 else "angle")
     return made, made.model, random_state(made.tree, np.random.default_rng(seed))
 
 

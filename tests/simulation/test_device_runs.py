@@ -106,7 +106,8 @@ def test_each_effect_has_the_bits_of_lanes() -> None:
 @pytest.mark.slow(quick="test_each_effect_has_the_bits_of_lanes")
 @pytest.mark.parametrize("name", PARTS)
 def test_pairs_of_effects_have_the_bits_of_lanes_or_are_refused(name: str) -> None:
-    check(name, list(sets(2)))
+    """Each pair on one of the robots."""
+    check(name, list(sets(2))[PARTS.index(name) :: len(PARTS)])
 
 
 @pytest.fixture(scope="module")
