@@ -240,6 +240,7 @@ class _Steps:
         x, impulse, reaction = self.begin(0.0 * bounces)
         by_x = self.slopes(x, impulse, reaction, ("x",))
         at = self.values(x, impulse, reaction)
+        self.begun = at.begun
         still = np.zeros(points, np.bool_)
         self.phase = Phase(none[:, 0], none[:points, 0], none, none[:points], still, still)
         start = [(x[k], impulse[k], reaction[k]) for k in range(self.n)]
@@ -299,7 +300,7 @@ class _Steps:
         """With the slopes by what torques and friction of step k change with the state."""
         acting, push = self.acting, -self.acting.by_torque[k]
         if not np.isscalar(acting.by_viscous):
-            push = push + x[:, None] * acting.by_viscous[k]
+            push = push + (x - self.begun[k])[:, None] * acting.by_viscous[k]
         by = by._replace(momentum=by.momentum + self.h[k] * push)
         if not np.isscalar(acting.by_level):
             by = by._replace(level=by.level + self.h[k] * acting.by_level[k][self.of_joint])
