@@ -51,7 +51,7 @@ def unfit(model: Model, constraints: Constraints, stabilization: float | None, m
 
 
 def rattle(held: Constrained, model: Model) -> Callable[..., None]:
-    """The step, which advances z = (q, p) in row 0 of ``state.work``. It raises ConstraintError."""
+    """The step, which advances z = (q, p) in row 0 of ``state.work``, with p½ in row 2. It raises ConstraintError."""
     n, constraints = model.nv, held.constraints
     force = np.zeros(constraints.nc)  # λ of the last step, from which the next starts
 
@@ -83,6 +83,7 @@ def rattle(held: Constrained, model: Model) -> Callable[..., None]:
 
         closed(held, model, system, t, q, settle, add)
         joint_rates(system, t + h, ahead, half, rates)
+        state.work[2][n:] = half
         z[:n], z[n:] = ahead, momentum_along(held, model, ahead, half + 0.5 * h * rates[1])
 
     return step
