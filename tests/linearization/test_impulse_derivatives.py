@@ -344,6 +344,21 @@ def test_a_box_bounces_on_a_corner() -> None:
     assert len(found) >= 6
 
 
+FALLS = {"flat": [0, 0, -1, 0, 0, 0], "along": [0.1, 0.2, -1, 0, 0, 0.1], "turning": [0, 0, -1, 0.5, 0, 0]}
+
+
+@pytest.mark.parametrize("fall", FALLS)
+@pytest.mark.parametrize(("mu", "e"), [(0.0, 0.0), (0.5, 0.0), (1.0, 0.0), (0.0, 0.5), (0.0, 1.0)])
+def test_a_box_falls_flat_on_four_corners(fall: str, mu: float, e: float) -> None:
+    """What they press against each other no law says, and no velocity depends on it, even where all bounce alike."""
+    model, corners = grounded.box(0.1)
+    contacts = sd.Contacts(model, dict.fromkeys(corners, 0.0), mu, restitution=e, tolerance=1e-12)
+    q = on_the_ground(model, contacts, sd.neutral(model))
+    found = agree(sd.Scene(model, contacts=contacts), q, np.array(FALLS[fall]), e=1e-7)
+    assert found.active.tolist() == 4 * ["sticks" if mu else "glances" if e else "slides"]
+    assert not found.undetermined.any()
+
+
 # --- springs, and loads that are shared -----------------------------------------------------------------
 
 
