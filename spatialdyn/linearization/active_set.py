@@ -258,7 +258,7 @@ class ActiveSet:
     # --- what is asked ---
 
     def relax(self) -> None:
-        """Take friction away by which points that rest press against each other, where that leaves all of them sticking.
+        """Take friction away by which points at rest press against each other, where that leaves all of them sticking.
 
         No law determines it, and no velocity depends on it; sweeps may leave such points at the edge of their cones,
         where they would slide at no speed.

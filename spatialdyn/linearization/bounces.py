@@ -138,8 +138,8 @@ def _refuse(steps: Any, points: NDArray[np.bool_]) -> None:
     names = [steps.laws.labels[p] for p in np.flatnonzero(points)]
     if len(names) == 1:
         raise SimulationError(
-            f"{steps.where(0)}{names[0]} bounces where constraints or joints that stick could take its load, expected one "
-            "that is its own: the law does not say how far it rebounds"
+            f"{steps.where(0)}{names[0]} bounces where constraints or joints that stick could take its load, expected "
+            "one that is its own: the law does not say how far it rebounds"
         )
     raise SimulationError(
         f"{steps.where(0)}{', '.join(names)} bounce at once and could take each other's load, expected points of which "

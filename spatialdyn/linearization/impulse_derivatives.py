@@ -274,8 +274,8 @@ class _Steps:
             names = [x for x, shared in zip(self.laws.labels, shares, strict=False) if shared] or self.laws.labels
             why = "could take each other's load where friction is at its most, which no law shares out between them"
             raise SimulationError(
-                f"{self.where(k)}the laws of {', '.join(names)} are not solved in the step, expected a state from which "
-                f"a step is{f': they {why}' if shares.any() else ''}"
+                f"{self.where(k)}the laws of {', '.join(names)} are not solved in the step, expected a state from "
+                f"which a step is{f': they {why}' if shares.any() else ''}"
             )
         return made
 
