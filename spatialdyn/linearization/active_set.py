@@ -219,8 +219,7 @@ class ActiveSet:
 
     def shared(self) -> NDArray[np.bool_]:
         """(np) whether others could take the load of a point."""
-        made: NDArray[np.bool_] = (abs(self.free_impulses()[:, :, 0]) > SHARED).any(axis=0)
-        return made
+        return np.asarray((abs(self.free_impulses()[:, :, 0]) > SHARED).any(axis=0), np.bool_)
 
     def free_impulses(self) -> Array:
         """(ways, np, 3) how impulses of points, times the root of what they answer to, may change alone."""
@@ -239,8 +238,7 @@ class ActiveSet:
         normal, free = 3 * np.arange(self.points), self.free_impulses()
         back = (free[:, :, 0] * each / np.sqrt(self.own[normal])) @ self.J[normal] * self.scale
         apart = (np.linalg.norm(back, axis=1) > SHARED) | (abs(free[:, :, 1:]) > SHARED).any(axis=(1, 2))
-        made: NDArray[np.bool_] = (abs(free[apart]) > SHARED).any(axis=(0, 2))
-        return made
+        return np.asarray((abs(free[apart]) > SHARED).any(axis=(0, 2)), np.bool_)
 
     def scaled(self, K: Array) -> tuple[Array, Array, Array]:
         """K in one scale, and the scales of equations and unknowns."""
