@@ -4,10 +4,11 @@
     python benchmarks/clients.py --tests pinocchio/unittest/python
 
 Takes files, and folders of repositories that were cloned, whose scripts and notebooks import pinocchio. Each runs to
-its end in a process of its own under either module, seeded and without a screen; then all numbers that it prints, and
-leaves in its global names, are compared. Prints a line for each: whether it ran, and the largest difference by the
-largest entry of its array. ``--tests`` counts the tests that pass under each instead, and names those that pass under
-Pinocchio alone.
+its end in a process of its own under either module, in its folder, with what the folder given and the file's own folder
+hold to import, without a screen, with random numbers and configurations of NumPy's, seeded; then all numbers that it
+prints, and leaves in global names and in those of its functions, are compared. Prints a line for each: whether it ran,
+and the largest difference by the largest entry of its array. ``--tests`` counts the tests that pass under each instead,
+and names those that pass under Pinocchio alone.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ import re
 import subprocess
 import sys
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import redirect_stdout
 from io import StringIO
 from pathlib import Path
@@ -31,6 +32,7 @@ import numpy as np
 
 MODULES = {"wheel": "pinocchio", "ours": "spatialdyn.compat.pinocchio"}
 SECONDS = 300.0
+RETURNS = 50  # of a function that are recorded
 SAME = 1e-6  # relative to the largest entry: what an optimizer of a client stops at
 PRINTED, NUMBER = "(printed)", r"(?<![\w.])[-+]?\d+\.?\d*(?:e[-+]?\d+)?(?![\w.])"
 SKIPPED = ("%", "!", "?")  # lines of notebooks that are not Python
@@ -51,11 +53,13 @@ def source(path: Path) -> str:
     return "\n".join(lines)
 
 
-def clients(paths: Sequence[Path]) -> Iterator[Path]:
-    """The files, and those in the folders that import pinocchio."""
+def clients(paths: Sequence[Path]) -> Iterator[tuple[Path, Path]]:
+    """The files, and those in the folders that import pinocchio, each with the folder of its repository."""
     for path in paths:
         found = [path] if path.is_file() else sorted([*path.rglob("*.py"), *path.rglob("*.ipynb")])
-        yield from (x for x in found if x == path or "import pinocchio" in source(x) or "from pinocchio" in source(x))
+        root = path.parent if path.is_file() else path
+        files = (x for x in found if x.is_file())
+        yield from ((x, root) for x in files if x == path or re.search(r"(import|from) pinocchio", source(x)))
 
 
 def numbers(scope: dict[str, Any]) -> dict[str, np.ndarray]:
@@ -73,7 +77,37 @@ def numbers(scope: dict[str, Any]) -> dict[str, np.ndarray]:
     return found
 
 
-def run(path: Path, module: str, report: Path) -> None:
+def of_functions(path: Path, found: dict[str, np.ndarray]) -> Callable[..., None]:
+    """A profile function that keeps the numbers of the local names of the file's functions as they return."""
+    seen: dict[str, int] = {}
+
+    def watch(frame: Any, event: str, argument: Any) -> None:
+        code = frame.f_code
+        if event != "return" or code.co_filename != str(path) or code.co_name[0] == "<":
+            return
+        seen[code.co_name] = seen.get(code.co_name, 0) + 1
+        if seen[code.co_name] <= RETURNS:
+            found.update({f"{code.co_name}.{name}": x for name, x in numbers(dict(frame.f_locals)).items()})
+
+    return watch
+
+
+def draw_from_numpy(pin: Any) -> None:
+    """Let a module draw configurations and placements from NumPy: each library's own random numbers are others."""
+    rng = np.random.default_rng(0)
+
+    def configuration(model: Any, *limits: Any) -> Any:
+        given = limits or (model.lowerPositionLimit, model.upperPositionLimit)
+        low, high = (np.clip(np.nan_to_num(np.ravel(x), posinf=1.0, neginf=-1.0), -10.0, 10.0) for x in given)
+        return pin.normalize(model, low + (high - low) * rng.random(model.nq))
+
+    def placement() -> Any:
+        return pin.SE3(pin.exp3(rng.uniform(-1.0, 1.0, 3)), rng.uniform(-1.0, 1.0, 3))
+
+    pin.randomConfiguration, pin.SE3.Random = configuration, staticmethod(placement)
+
+
+def run(path: Path, root: Path, module: str, report: Path) -> None:
     """Run a file in this process, and write its numbers."""
     if module == "ours":
         __import__(MODULES[module], fromlist=["install"]).install()
@@ -81,13 +115,18 @@ def run(path: Path, module: str, report: Path) -> None:
 
     random.seed(0)
     np.random.seed(0)
-    __import__("pinocchio").seed(0)
-    sys.argv, sys.path[0] = [str(path)], str(path.parent)
+    draw_from_numpy(__import__("pinocchio"))
+    sys.argv, sys.path[:1] = [str(path)], [str(path.parent), str(root)]
     scope: dict[str, Any] = {"__name__": "__main__", "__file__": str(path), "display": lambda *given: None}
+    inside: dict[str, np.ndarray] = {}
     with redirect_stdout(StringIO()) as said:
-        exec(compile(source(path), str(path), "exec"), scope)
+        sys.setprofile(of_functions(path, inside))
+        try:
+            exec(compile(source(path), str(path), "exec"), scope)
+        finally:
+            sys.setprofile(None)
     printed = np.array([float(x) for x in re.findall(NUMBER, said.getvalue())])
-    report.write_bytes(pickle.dumps(numbers(scope) | ({PRINTED: printed} if printed.size else {})))
+    report.write_bytes(pickle.dumps(numbers(scope) | inside | ({PRINTED: printed} if printed.size else {})))
 
 
 def test(folder: Path, module: str, report: Path) -> None:
@@ -102,11 +141,11 @@ def test(folder: Path, module: str, report: Path) -> None:
     pytest.main([*options, *map(str, sorted(folder.glob("*.py")))])  # by name: of any pattern
 
 
-def outcome(what: str, path: Path, module: str, seconds: float) -> tuple[str, bytes]:
+def outcome(what: str, path: Path, root: Path, module: str, seconds: float) -> tuple[str, bytes]:
     """The last line of a run's errors, "" if it ended well, and what it wrote."""
     with TemporaryDirectory() as where:
         report = Path(where) / "report"
-        command = [sys.executable, __file__, str(path), "--run", what, module, str(report)]
+        command = [sys.executable, __file__, str(path), str(root), "--run", what, module, str(report)]
         place = path if path.is_dir() else path.parent
         environment = {**os.environ, "MPLBACKEND": "Agg", "PYTHONWARNINGS": "ignore"}
         try:
@@ -139,9 +178,9 @@ def difference(found: dict[str, np.ndarray], wanted: dict[str, np.ndarray]) -> t
 def print_scripts(paths: Sequence[Path], seconds: float) -> None:
     """A line for each client."""
     ran = equal = total = 0
-    for path in clients(paths):
+    for path, root in clients(paths):
         total += 1
-        (fault, wanted), (ours, found) = (outcome("script", path, module, seconds) for module in MODULES)
+        (fault, wanted), (ours, found) = (outcome("script", path, root, module, seconds) for module in MODULES)
         if fault or ours:
             print(f"{path}: wheel {fault or 'ran'}; ours {ours or 'ran'}", flush=True)
             continue
@@ -167,7 +206,7 @@ def print_tests(folders: Sequence[Path], seconds: float) -> None:
     for folder in folders:
         done = {}
         for module in MODULES:
-            fault, report = outcome("tests", folder, module, seconds)
+            fault, report = outcome("tests", folder, folder, module, seconds)
             if fault:
                 print(f"{folder}: under {module} {fault}")
                 break
@@ -194,7 +233,10 @@ def main() -> None:
             parser.error(f"there is no {path}")
     if given.run:
         what, module, report = given.run
-        (run if what == "script" else test)(paths[0], module, Path(report))
+        if what == "script":
+            run(paths[0], paths[1], module, Path(report))
+        else:
+            test(paths[0], module, Path(report))
     else:
         (print_tests if given.tests else print_scripts)(paths, given.seconds)
 

@@ -1,4 +1,7 @@
-"""``spatialdyn port PATH ...``: which of Pinocchio's names scripts use, which of them are supported, what to change."""
+"""``spatialdyn port PATH ...``: which of Pinocchio's names scripts and notebooks use, what stops them, what to change.
+
+Lines of a notebook are those of its code cells, one after the other.
+"""
 
 from __future__ import annotations
 
@@ -11,19 +14,33 @@ from pathlib import Path
 from typing import NamedTuple
 
 from ..compat.pinocchio.coverage.porting import Change, Use, changes, uses
+from ..compat.pinocchio.coverage.stops import FOREIGN, KINDS, LIBRARY, OLD, Stop, stops
 from ..errors import SpatialDynError
 from .printing import Column, print_table
 
 SHOWN = 6  # lines or files listed per name
+SUFFIXES = (".py", ".ipynb")
+MAGIC = ("%", "!", "?")  # lines of notebooks that are no Python
 LEFT_OUT = {"__pycache__", "build", "dist", "node_modules", "site-packages"}  # folders that are not read
 
 
 class Script(NamedTuple):
-    """A script: the names of Pinocchio that it uses, and the imports to change."""
+    """A script: the names of Pinocchio that it uses, the imports to change, and what stops it."""
 
     path: str
     uses: list[Use]
     changes: list[Change]
+    stops: list[Stop]
+
+    @property
+    def kinds(self) -> set[str]:
+        """The kinds of what stops it."""
+        return {stop.kind for stop in self.stops}
+
+    @property
+    def runs(self) -> bool:
+        """Whether nothing that counts stops it."""
+        return not any(stop.counts for stop in self.stops)
 
     @property
     def working(self) -> int:
@@ -33,20 +50,20 @@ class Script(NamedTuple):
 
 def add(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments to its parser."""
-    parser.add_argument("path", nargs="+", help="a Python file, or a folder of them")
+    parser.add_argument("path", nargs="+", help="a Python file or notebook, or a folder of them")
     parser.add_argument("--json", action="store_true", help="print JSON")
     parser.set_defaults(run=_run)
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    """Returns 1 if a script uses a name that is not supported, else 0."""
+    """Returns 1 if something stops a script, such as a name that is not supported, else 0."""
     scripts: list[Script] = []
     for given in arguments.path:
         folder = Path(given).is_dir()
         read, faults = _folder(Path(given)) if folder else ([_script(Path(given))], [])
         scripts += read
         if not (read or faults):
-            raise SpatialDynError(f'folder "{given}" has no Python files')
+            raise SpatialDynError(f'folder "{given}" has no Python files or notebooks')
         for fault in faults:
             print(f"not read: {fault}", file=sys.stderr if arguments.json else sys.stdout)
         if arguments.json:
@@ -57,15 +74,14 @@ def _run(arguments: argparse.Namespace) -> int:
             _print(read[0])
     if arguments.json:
         print(json.dumps({script.path: [use._asdict() for use in script.uses] for script in scripts}, indent=2))
-    return int(any(script.working < len(script.uses) for script in scripts))
+    return int(any(script.changes and (not script.runs or OLD in script.kinds) for script in scripts))
 
 
 def _script(path: Path) -> Script:
-    if path.suffix == ".ipynb":
-        raise SpatialDynError(f'script "{path}" is a notebook, expected a Python file: jupyter nbconvert --to script')
     try:
-        source = decode_source(path.read_bytes())  # as Python reads it: a byte order mark, a coding comment
-        return Script(str(path), uses(source), changes(source))
+        source = _source(path)
+        found = uses(source)
+        return Script(str(path), found, changes(source), stops(source, found))
     except (OSError, UnicodeDecodeError, SyntaxError) as error:
         reason = error.strerror if isinstance(error, OSError) else "its characters cannot be decoded"
         raise SpatialDynError(f'script "{path}": {reason}, expected a Python file') from None
@@ -73,10 +89,28 @@ def _script(path: Path) -> Script:
         raise SpatialDynError(f'script "{path}": {error}') from None
 
 
+def _source(path: Path) -> str:
+    """The Python text of a script, or of the code cells of a notebook. Raises SpatialDynError for no notebook."""
+    data = path.read_bytes()
+    if path.suffix != ".ipynb":
+        return decode_source(data)  # as Python reads it: a byte order mark, a coding comment
+    try:
+        cells = ["".join(cell["source"]) for cell in json.loads(data)["cells"] if cell["cell_type"] == "code"]
+    except (ValueError, KeyError, TypeError, RecursionError):
+        raise SpatialDynError("it is no notebook of format 4, expected cells") from None
+    lines = [line for cell in cells for line in cell.splitlines()]
+    return "\n".join(_without_magic(line) for line in lines)
+
+
+def _without_magic(line: str) -> str:
+    bare = line.lstrip()
+    return line[: len(line) - len(bare)] + "pass" if bare.startswith(MAGIC) else line
+
+
 def _folder(folder: Path) -> tuple[list[Script], list[str]]:
-    """The scripts below a folder, and the faults of those that are no Python; hidden folders are left out."""
+    """The scripts below a folder, and the faults of those that cannot be parsed; hidden folders are left out."""
     scripts, faults = [], []
-    for path in sorted(folder.rglob("*.py")):
+    for path in sorted(x for suffix in SUFFIXES for x in folder.rglob(f"*{suffix}") if x.is_file()):
         parts = path.relative_to(folder).parts[:-1]
         if LEFT_OUT & {*parts} or any(part.startswith(".") for part in parts):
             continue
@@ -91,7 +125,7 @@ def _folder(folder: Path) -> tuple[list[Script], list[str]]:
 
 
 def _print(script: Script) -> None:
-    if not script.uses:
+    if not (script.uses or script.changes):
         print(f"{script.path}: uses nothing of Pinocchio")
         return
     rows = [(use.name, use.status, _listed(map(str, use.lines)), use.note) for use in script.uses]
@@ -101,23 +135,27 @@ def _print(script: Script) -> None:
         if use.works and use.raises:
             print(f"warning: {use.name}, line {_listed(map(str, use.lines))}, raises {use.raises}")
     print(f"{script.path}: {_share([script])}")
+    for stop in script.stops:
+        if stop.kind != FOREIGN:
+            print(f"stopped by {stop.kind}: {stop.what}, line {_listed(map(str, stop.lines))}")
     for text in _advice(script):
         print(text)
 
 
 def _print_folder(folder: str, scripts: list[Script]) -> None:
-    used = [script for script in scripts if script.uses]
+    used = [script for script in scripts if script.uses or script.changes]
     if not used:
         print(f"{folder}: none of {len(scripts)} files uses Pinocchio")
         return
     rows = []
     for script in used:
         missing, risky = len(script.uses) - script.working, sum(use.works and bool(use.raises) for use in script.uses)
-        share = f"{100 * script.working // len(script.uses)} %"
-        rows.append((_below(folder, script), str(len(script.uses)), str(missing), str(risky), share))
+        share = f"{100 * script.working // len(script.uses)} %" if script.uses else ""
+        kinds = ", ".join(kind for kind in KINDS if kind in script.kinds)
+        rows.append((_below(folder, script), str(len(script.uses)), str(missing), str(risky), share, kinds))
     columns = (Column("file"), Column("names", True), Column("missing", True), Column("may raise", True))
-    bad = [k for k, script in enumerate(used) if script.working < len(script.uses)]
-    print_table((*columns, Column("work", True)), rows, bad)
+    bad = [k for k, script in enumerate(used) if not script.runs]
+    print_table((*columns, Column("work", True), Column("stopped by")), rows, bad)
     noted: dict[tuple[str, str, str], list[str]] = {}
     for script in used:
         for use in script.uses:
@@ -134,6 +172,7 @@ def _print_folder(folder: str, scripts: list[Script]) -> None:
         )
     rest = f"; files without Pinocchio: {len(scripts) - len(used)}" if len(scripts) > len(used) else ""
     print(f"{folder}: {_share(used)} in {len(used)} files{rest}")
+    print(f"{folder}: {_count(used)}")
     lines = {text for script in used for text in _advice(script, numbered=False)}
     for text in sorted(lines):
         print(text)
@@ -143,8 +182,22 @@ def _share(scripts: Iterable[Script]) -> str:
     """How many of the names work."""
     names = {use.name: use.works for script in scripts for use in script.uses}
     working, count = sum(names.values()), len(names)
-    text = f"{working} of {count} names work ({100 * working // count} %)"
+    text = f"{working} of {count} names work ({100 * working // max(1, count)} %)"
     return text if working == count else f"{text}, {count - working} missing"
+
+
+def _count(scripts: list[Script]) -> str:
+    """How many files run, and what stops the others; those beside a C++ library are counted apart."""
+    apart = sum(LIBRARY in script.kinds for script in scripts)
+    rest = [script for script in scripts if LIBRARY not in script.kinds]
+    run = [script for script in rest if script.runs]
+    later = sum(FOREIGN in script.kinds for script in run)
+    parts = [f"{len(run)} of {len(rest)} files run ({100 * len(run) // max(1, len(rest))} %)"]
+    parts += [f"{later} of them after spatialdyn.compat.pinocchio.install(), by spatialdyn run"] * bool(later)
+    stopped = {kind: sum(kind in script.kinds for script in rest) for kind in KINDS if kind not in (LIBRARY, FOREIGN)}
+    parts += [f"{'with' if kind == OLD else 'stopped by'} {kind}: {n}" for kind, n in stopped.items() if n]
+    parts += [f"beside a C++ library that links Pinocchio: {apart} more"] * bool(apart)
+    return "; ".join(parts)
 
 
 def _advice(script: Script, numbered: bool = True) -> Iterator[str]:
@@ -152,6 +205,9 @@ def _advice(script: Script, numbered: bool = True) -> Iterator[str]:
     for change in script.changes:
         where = f"line {change.line}" if numbered else "everywhere"
         yield f"change {where}: {change.before}  ->  {change.after}"
+    for stop in script.stops:
+        if stop.kind == FOREIGN:
+            yield f"{stop.what} imports pinocchio itself: spatialdyn run, or install() before, gives it this package"
 
 
 def _below(folder: str, script: Script) -> str:

@@ -139,11 +139,15 @@ def mesh_shapes(link: str, path: str, scale: Any) -> Geometry:
 
 
 def primitive_shape(link: str, given: Any, color: Color) -> Shape | None:
-    """The shape of a box, cylinder or sphere of coal, known by halfSide, halfLength and radius; None for another."""
+    """The shape of a box, cylinder, capsule, sphere or ellipsoid of coal, known by its attributes; None for another."""
     if hasattr(given, "halfSide"):
         return Shape(link, *box(2.0 * np.ravel(given.halfSide)), color)
     if hasattr(given, "halfLength") and hasattr(given, "radius"):
-        return Shape(link, *cylinder(given.radius, 2.0 * given.halfLength), color)
+        made = capsule if type(given).__name__ == "Capsule" else cylinder
+        return Shape(link, *made(given.radius, 2.0 * given.halfLength), color)
+    if hasattr(given, "radii"):
+        vertices, faces = sphere(1.0)
+        return Shape(link, vertices * np.ravel(given.radii), faces, color)
     return Shape(link, *sphere(given.radius), color) if hasattr(given, "radius") else None
 
 
@@ -182,6 +186,16 @@ def cylinder(radius: float, length: float) -> tuple[Array, NDArray[np.int64]]:
 
     made = creation.cylinder(radius, length, sections=32)
     return creased(np.asarray(made.vertices), np.asarray(made.faces))
+
+
+def capsule(radius: float, length: float) -> tuple[Array, NDArray[np.int64]]:
+    """Vertices and faces of a capsule along z about the origin: a cylinder of that length between half balls."""
+    from trimesh import creation
+
+    made = creation.capsule(height=length, radius=radius)
+    vertices = np.array(made.vertices)
+    vertices[:, 2] -= 0.5 * (vertices[:, 2].min() + vertices[:, 2].max())
+    return vertices, np.asarray(made.faces)
 
 
 def sphere(radius: float) -> tuple[Array, NDArray[np.int64]]:

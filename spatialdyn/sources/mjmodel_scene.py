@@ -73,12 +73,11 @@ def _loops(m: Any, tree: Tree) -> Iterator[dict[str, Any]]:
             tree.notes.append(f"{label} has no counterpart")
 
 
-def _held(m: Any, tree: Tree, e: int, kind: str) -> dict[str, Any]:
-    """The entry of a connect or weld."""
+def equality_ends(m: Any, e: int, kind: str) -> tuple[tuple[int, int], list[Any]]:
+    """The two bodies of a connect or weld, and the poses (4, 4) in them that it holds together."""
     import mujoco
 
     first, second, data = int(m.eq_obj1id[e]), int(m.eq_obj2id[e]), np.asarray(m.eq_data[e])
-    entry: dict[str, Any] = {"kind": "point" if kind == "connect" else "weld"}
     if int(m.eq_objtype[e]) == int(mujoco.mjtObj.mjOBJ_SITE):
         places = [pose_of(m.site_pos[s], m.site_quat[s]) for s in (first, second)]
         first, second = (int(m.site_bodyid[s]) for s in (first, second))
@@ -88,8 +87,15 @@ def _held(m: Any, tree: Tree, e: int, kind: str) -> dict[str, Any]:
     else:
         places = [pose_of(data[3:6], data[6:10]), np.eye(4)]
         places[1][:3, 3] = data[:3]
+    return (first, second), places
+
+
+def _held(m: Any, tree: Tree, e: int, kind: str) -> dict[str, Any]:
+    """The entry of a connect or weld."""
+    (first, second), places = equality_ends(m, e, kind)
     if first == 0:
         first, second, places = second, first, places[::-1]
+    entry: dict[str, Any] = {"kind": "point" if kind == "connect" else "weld"}
     entry["frame_a"] = f"link:{tree.link_of[first]}"
     if second:
         entry["frame_b"] = f"link:{tree.link_of[second]}"

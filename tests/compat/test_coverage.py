@@ -49,7 +49,7 @@ def test_a_star_import_brings_every_supported_name() -> None:
 
 
 def test_a_name_out_of_scope_says_what_to_use_instead() -> None:
-    for name in ("computeBodyRadius", "MeshLoader", "lcaba", "buildModelsFromMJCF"):
+    for name in ("computeBodyRadius", "MeshLoader", "lcaba", "buildModelFromMJCFAndRootJoint"):
         with pytest.raises(NotImplementedError, match=rf"pinocchio\.{name} is not supported: .*: "):
             getattr(face, name)
 
@@ -119,7 +119,7 @@ def test_what_only_objects_have_is_looked_up_too(name: str) -> None:
     assert entry(name).status == SUPPORTED
 
 
-@pytest.mark.parametrize("name", ["RobotWrapper.initFromMJCF", "robot_wrapper.RobotWrapper.initFromSDF"])
+@pytest.mark.parametrize("name", ["RobotWrapper.initFromSDF", "robot_wrapper.RobotWrapper.initFromSDF"])
 def test_members_out_of_scope_say_what_to_use_instead(name: str) -> None:
     assert entry(name).status == OUT_OF_SCOPE
     assert "URDF" in entry(name).note

@@ -94,3 +94,62 @@ def test_a_root_joint_carries_the_world(file: Any) -> None:
         ours.buildModelFromMJCF(5)
     with pytest.raises(sd.SpatialDynError, match="MuJoCo refuses it"):
         ours.buildModelFromMJCF(file("<mujoco><nothing/></mujoco>"))
+
+
+SHAPES = """<mujoco model="shapes"><compiler angle="radian"/><asset><material name="red" rgba="1 0 0 1"/>
+  <mesh name="tetrahedron" vertex="0 0 0 1 0 0 0 1 0 0 0 1"/></asset><worldbody>
+  <geom type="plane" size="1 1 .1"/><body name="base"><geom name="one" type="box" size=".1 .2 .3" pos=".1 0 .2"/>
+  <body name="b" pos="0 0 1" euler=".1 .2 .3"><joint name="j" axis="0 1 0"/>
+    <geom type="sphere" size=".1" contype="0" conaffinity="0" material="red" pos="0 .1 0"/>
+    <geom type="capsule" size=".1 .2" group="3" rgba="0 1 0 .5" euler="0 .3 0"/>
+    <geom type="cylinder" size=".1 .4"/><geom type="ellipsoid" size=".1 .2 .3"/>
+    <body name="c" pos="0 0 1"><joint name="k" axis="1 0 0"/><geom type="box" size=".1 .1 .1"/></body></body>
+  </body></worldbody>
+  <equality><connect name="loop" body1="c" body2="b" anchor="0 .2 .1"/><weld body1="c" relpose="1 2 3 1 0 0 0"/>
+    <connect body1="c" anchor="0 0 0" active="false"/></equality></mujoco>"""
+
+
+def test_geoms_are_the_wheels_objects(file: Any) -> None:
+    theirs = pytest.importorskip("pinocchio")
+    pytest.importorskip("coal")
+    path = file(SHAPES)
+    mine, other = (pin.RobotWrapper.BuildFromMJCF(path) for pin in (ours, theirs))
+    for kind, count in (("collision_model", 6), ("visual_model", 6)):
+        found, wanted = (getattr(x, kind).geometryObjects for x in (mine, other))
+        assert len(found) == len(wanted) == count
+        for one, two in zip(found, wanted, strict=True):
+            for name in ("name", "parentJoint", "parentFrame", "meshPath", "overrideMaterial", "geometry"):
+                assert getattr(one, name) == getattr(two, name), (two.name, name)
+            assert one.placement.homogeneous == pytest.approx(two.placement.homogeneous, abs=1e-12), two.name
+    assert [x.meshColor.tolist() for x in mine.visual_model.geometryObjects][2] == [1.0, 0.0, 0.0, 1.0]
+
+
+def test_connects_and_welds_are_contacts(file: Any) -> None:
+    """Placed as MuJoCo places them: where bodies stand still at the configuration of the file, both ends meet."""
+    model, contacts, *rest = ours.buildModelsFromMJCF(file(SHAPES))
+    assert len(rest) == 2
+    assert [(x.name, x.type.name, x.joint1_id, x.joint2_id) for x in contacts] == [
+        ("loop", "CONTACT_3D", 2, 1), ("", "CONTACT_6D", 2, 0),
+    ]  # fmt: skip
+    data, loop = model.createData(), contacts[0]
+    ours.forwardKinematics(model, data, ours.neutral(model))
+    ends = [data.oMi[loop.joint1_id] * loop.joint1_placement, data.oMi[loop.joint2_id] * loop.joint2_placement]
+    assert ends[0].translation == pytest.approx(ends[1].translation, abs=1e-12)
+    assert contacts[1].joint1_placement.translation.tolist() == [1.0, 2.0, 3.0]
+    assert len(ours.buildModelsFromMJCF(file(SHAPES), contacts=False)) == 3
+    named = ours.buildModelFromMJCF(file(SHAPES), ours.JointModelFreeFlyer(), "base")
+    assert (named[0].names[1], len(named[1])) == ("base", 2)
+
+
+def test_a_mesh_is_the_triangles_that_mujoco_compiled(file: Any) -> None:
+    pytest.importorskip("coal")
+    text = SHAPES.replace('<geom type="cylinder" size=".1 .4"/>', '<geom type="mesh" mesh="tetrahedron" name="m"/>')
+    model, _, shapes, _ = ours.buildModelsFromMJCF(file(text))
+    at = shapes.geometryObjects[shapes.getGeometryId("m")]
+    corners = at.geometry.vertices() @ at.placement.rotation.T + at.placement.translation
+    assert abs(corners).max() == pytest.approx(1.0, abs=1e-6)  # MuJoCo keeps float32
+    assert sorted(map(tuple, corners.round(6) + 0.0)) == [(0, 0, 0), (0, 0, 1), (0, 1, 0), (1, 0, 0)]
+    assert at.meshPath == ""
+    with pytest.raises(sd.ModelError, match='has no body "base", expected one built of this MJCF'):
+        ours.buildGeomFromMJCF(ours.buildSampleModelManipulator(), file(text), ours.VISUAL)
+    assert ours.buildGeomFromMJCF(model, file(text), ours.VISUAL).ngeoms == 6

@@ -17,7 +17,7 @@ from robots import ROBOTS
 import spatialdyn as sd
 import spatialdyn.compat.pinocchio as ours
 from spatialdyn.compat.pinocchio.coverage import coal_package, versions
-from spatialdyn.compat.pinocchio.model.coal_shapes import Box, Cylinder, MissingMeshError, Sphere
+from spatialdyn.compat.pinocchio.model.coal_shapes import Box, Capsule, Cylinder, MissingMeshError, Sphere, triangles
 
 theirs = pytest.importorskip("pinocchio", minversion="4.1")
 coal = pytest.importorskip("coal")
@@ -190,6 +190,50 @@ def test_copies_and_pickles_keep_shapes_and_are_independent(drawn: Path) -> None
 # --- pairs -----------------------------------------------------------------------------------------------
 
 
+def test_lists_take_their_own_type_and_copies_are_equal(drawn: Path) -> None:
+    model, _, visual = ours.buildModelsFromUrdf(drawn, str(drawn.parents[1]))
+    for given, what in ((visual.geometryObjects, "GeometryObject"), (visual.collisionPairs, "CollisionPair")):
+        for put in (given.append, lambda x, at=given: at.__setitem__(slice(0, 0), [x])):
+            with pytest.raises(TypeError, match=f"a int was given, expected {what}"):
+                put(3)
+    with pytest.raises(TypeError, match="a int was given, expected SE3"):
+        visual.createData().oMg[0] = 3
+    box = ours.GeometryObject("box", 0, ours.SE3.Identity(), coal.Box(1.0, 2.0, 3.0))
+    at = visual.addGeometryObject(box)
+    assert visual.geometryObjects[at] == box
+    box.placement.translation[0] = 1.0  # of the one given, not of the model's copy, as in Pinocchio
+    assert visual.geometryObjects[at] != box
+    visual.geometryObjects[at].placement.translation[1] = 2.0
+    assert visual.geometryObjects[at].placement.translation.tolist() == [0.0, 2.0, 0.0]
+    again = visual.copy()
+    assert again == visual
+    again.geometryObjects[0].meshColor[0] = 0.25
+    assert again != visual
+    path = str(drawn.parents[1])
+    printed, wanted = (str(pin.buildModelsFromUrdf(str(drawn), path)[2]) for pin in (ours, theirs))
+    assert printed.split() == wanted.split()
+    visual.geometryObjects[0].parentJoint = 9
+    with pytest.raises(sd.ModelError, match='geometry object "a_0" is on joint 9, expected one of the model, from 0'):
+        ours.updateGeometryPlacements(model, model.createData(), visual, visual.createData(), np.zeros(1))
+
+
+def test_a_height_field_is_drawn_upwards_and_a_cloud_of_points_is_not() -> None:
+    heights = np.array([[0.0, 1.0, 2.0], [3.0, 4.0, 5.0]])
+    found = triangles(coal.HeightFieldOBBRSS(2.0, 1.0, heights, 0.0))
+    assert found is not None
+    points, faces = found
+    assert points[:, 2].tolist() == heights.ravel().tolist()
+    a, b, c = (points[faces[:, k]] for k in range(3))
+    upwards = np.cross(b - a, c - a)[:, 2]
+    assert (upwards > 0.0).all()
+    assert 0.5 * upwards.sum() == pytest.approx(2.0)  # the area of the grid
+    cloud = coal.BVHModelOBBRSS()
+    cloud.beginModel(0, 4)
+    cloud.addVertices(np.eye(4)[:, :3])
+    cloud.endModel()
+    assert triangles(cloud) is None
+
+
 def test_pairs_of_links_that_an_srdf_names_are_removed(drawn: Path, tmp_path: Path) -> None:
     srdf = tmp_path / "r.srdf"
     srdf.write_text(
@@ -222,6 +266,7 @@ def test_maps_of_pairs_margins_and_flags_are_the_wheels(drawn: Path) -> None:
         margins[0, 1], margins[0, 2] = 0.9, 0.1
         data.setSecurityMargins(collision, margins)
         seen += [[x.security_margin for x in data.collisionRequests]]
+        data.collisionRequests.enable_contact = True  # of the list, which scripts do and Pinocchio accepts
         q = np.array([0.3])
         pin.computeCollisions(model, model.createData(), collision, data, q, False)
         seen += [[x.isCollision() for x in data.collisionResults]]
@@ -266,6 +311,20 @@ def test_reduced_models_keep_their_geometry() -> None:
 # --- what is missing -------------------------------------------------------------------------------------
 
 
+@pytest.mark.parametrize("kind", ["Manipulator", "Humanoid"])
+def test_shapes_of_the_sample_models_are_the_wheels(kind: str) -> None:
+    made = [
+        getattr(pin, f"buildSampleGeometryModel{kind}")(getattr(pin, f"buildSampleModel{kind}")())
+        for pin in (ours, theirs)
+    ]
+    for wrong in (x for x in made[1].geometryObjects if x.name == "chest2_object"):
+        wrong.meshPath = "CAPSULE"  # of a capsule, which the wheel calls a sphere
+    assert_same_geometry(*made)
+    assert all(x.geometry == y.geometry for x, y in zip(*(m.geometryObjects for m in made), strict=True))
+    with pytest.raises(sd.ModelError, match="expected a sample model"):
+        getattr(ours, f"buildSampleGeometryModel{kind}")(ours.Model())
+
+
 def test_nothing_is_said_of_no_geometry(drawn: Path) -> None:
     empty = ours.GeometryModel()
     for call in (ours.computeCollisions, ours.computeDistances):
@@ -296,6 +355,8 @@ def test_without_coal_shapes_are_data_and_collisions_name_it(drawn: Path, monkey
     assert box.geometry.halfSide.tolist() == [0.5, 1.0, 1.5]
     assert cylinder.geometry == Cylinder(0.5, 1.0)
     assert collision.geometryObjects[0].geometry == Sphere(1.0)
+    arm = ours.buildSampleGeometryModelManipulator(ours.buildSampleModelManipulator())
+    assert arm.geometryObjects[3].geometry == Capsule(0.05, 0.4)
     with pytest.raises(NotImplementedError, match='the mesh of geometry object "b_0" takes the package coal'):
         mesh.geometry
     collision.addAllCollisionPairs()

@@ -170,7 +170,8 @@ def test_properties_and_delete_are_of_all_below(shown: Any) -> None:
 def test_the_robots_shapes_have_their_paths(shown: Any) -> None:
     first = shown.visual_model.geometryObjects[0]
     path = shown.getViewerNodeName(first, pin.VISUAL)
-    assert path == "pinocchio/visuals/a_0"
+    assert path == "pinocchio/visuals/a_0" == f"{shown.viewerVisualGroupName}/a_0"
+    assert shown.viewerCollisionGroupName == "pinocchio/collisions"
     shown.viewer[path].set_property("color", [1.0, 0.0, 0.0, 1.0])
     assert tuple(np.asarray(nodes(shown)["/robot/0_universe/a_0"].color).tolist()) == (255, 0, 0)
     shown.viewer["pinocchio"].set_property("visible", False)

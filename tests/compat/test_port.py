@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import json
+import sys
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 
 import spatialdyn.compat.pinocchio as face
 from spatialdyn.commands import cli
 from spatialdyn.compat.pinocchio import visualize
+from spatialdyn.compat.pinocchio.coverage import stops as stopping
 from spatialdyn.compat.pinocchio.coverage.coverage import DIFFERENT, OUT_OF_SCOPE, RAISES, SUPPORTED, UNKNOWN
 from spatialdyn.compat.pinocchio.coverage.porting import Change, Use, changes, uses
+from spatialdyn.compat.pinocchio.coverage.stops import FOREIGN, GEOMETRY, LIBRARY, NAME, OLD, VIEWER, stops
 
 GOOD = """
 import numpy as np
@@ -151,7 +155,6 @@ pin.rnea
 ALWAYS = {  # a call of each name that always raises
     "utils.mprint": lambda: face.utils.mprint(1),
     "Symmetric3.decomposeltI": lambda: face.Symmetric3.Identity().decomposeltI(),
-    "RobotWrapper.BuildFromMJCF": lambda: face.RobotWrapper.BuildFromMJCF("a.xml"),
     "RobotWrapper.BuildFromSDF": lambda: face.RobotWrapper.BuildFromSDF("a.sdf", []),
     "*Visualizer.create_video_ctx": lambda: visualize.MeshcatVisualizer().create_video_ctx("film").__enter__(),
 }
@@ -226,7 +229,7 @@ def test_a_folder_has_a_table_by_file(tmp_path: Path, capsys: pytest.CaptureFixt
     lines = capsys.readouterr().out.splitlines()
     table = {line.split()[0]: line.split()[1:] for line in lines if line.strip()}
     assert table["good.py"] == ["7", "0", "0", "100", "%"]
-    assert table["sub/bad.py"] == ["9", "1", "1", "88", "%"]
+    assert table["sub/bad.py"] == ["9", "1", "1", "88", "%", "geometry"]
     assert table["computeBodyRadius"][:4] == ["out", "of", "scope", "sub/bad.py:10"]
     assert any("forwardDynamics" in line and "raises where constraints depend" in line for line in lines)
     assert any("8 of 9 names work (88 %), 1 missing in 2 files; files without Pinocchio: 1" in line for line in lines)
@@ -241,12 +244,82 @@ def test_a_folder_has_a_table_by_file(tmp_path: Path, capsys: pytest.CaptureFixt
     assert "none of 1 files uses Pinocchio" in capsys.readouterr().out
 
 
-def test_notebooks_and_folders_without_python_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    (tmp_path / "lesson.ipynb").write_text('{"cells": []}')
-    assert cli.main(["port", str(tmp_path / "lesson.ipynb")]) == 2
-    assert "notebook" in capsys.readouterr().err
+def test_notebooks_are_read_without_their_magic(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    cells = [{"cell_type": "markdown", "source": ["pinocchio"]}]
+    cells += [
+        {"cell_type": "code", "source": x} for x in (["%matplotlib inline\n", "import pinocchio as pin"], "pin.nle")
+    ]
+    lesson = tmp_path / "lesson.ipynb"
+    lesson.write_text(json.dumps({"cells": cells}))
+    assert cli.main(["port", str(lesson)]) == 0
+    assert "change line 2: import pinocchio as pin" in capsys.readouterr().out
+    assert cli.main(["port", str(tmp_path)]) == 0
+    assert "1 of 1 files run (100 %)" in capsys.readouterr().out
+    lesson.write_text('{"worksheets": []}')
+    assert cli.main(["port", str(lesson)]) == 2
+    assert "no notebook of format 4" in capsys.readouterr().err
+
+
+def test_folders_without_python_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "folder.py").mkdir()
     assert cli.main(["port", str(tmp_path)]) == 2
-    assert "has no Python files" in capsys.readouterr().err
+    assert "has no Python files or notebooks" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("source", "kinds"),
+    [
+        ("pin.rnea", []),
+        ("import crocoddyl", [LIBRARY]),
+        ("from tsid.robots import RobotWrapper\npin.frobnicate", [LIBRARY, OLD]),
+        ("import example_robot_data as robots", [FOREIGN]),
+        ("pin.computeBodyRadius", [GEOMETRY]),
+        ("pin.lcaba", [NAME]),
+        ("pin.visualize.MeshcatVisualizer().create_video_ctx()", [VIEWER]),
+        ("m = pin.Model()\nm.own = 1\nm.own", []),
+        ("m = pin.Model()\nm.own", [NAME]),
+    ],
+)
+def test_what_stops_a_script_is_of_a_kind(source: str, kinds: list[str]) -> None:
+    text = f"import pinocchio as pin\n{source}"
+    found = stops(text, uses(text))
+    assert [stop.kind for stop in found] == kinds
+    assert all(stop.counts == (stop.kind not in (FOREIGN, OLD)) for stop in found)
+
+
+def test_collisions_stop_where_coal_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
+    text = "import pinocchio as pin, hppfcl\npin.computeCollisions"
+    monkeypatch.setitem(sys.modules, "coal", ModuleType("coal"))
+    monkeypatch.setattr(stopping, "has_coal", lambda: True)
+    assert stops(text, uses(text)) == []
+    monkeypatch.setattr(stopping, "has_coal", lambda: False)
+    assert [(x.kind, x.what, x.lines) for x in stops(text, uses(text))] == [
+        (GEOMETRY, "hppfcl", (1,)), (GEOMETRY, "computeCollisions", (2,)),
+    ]  # fmt: skip
+
+
+def test_data_of_others_models_are_not_pinocchios() -> None:
+    assert "Data.cost" not in found("import pinocchio as pin\nproblem = f()\ndata = problem.createData()\ndata.cost")
+    used = found("import pinocchio as pin\ng = pin.GeometryModel()\nd = g.createData()\nd.oMg\nd.tau")
+    assert used["GeometryData.oMg"].status == SUPPORTED
+    assert used["GeometryData.tau"].status == OUT_OF_SCOPE
+
+
+def test_files_are_counted_by_what_stops_them(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for name, line in (("a", "pin.rnea"), ("b", "import pink"), ("c", "import tsid"), ("d", "pin.lcaba"),
+                       ("e", "pin.frobnicate")):  # fmt: skip
+        (tmp_path / f"{name}.py").write_text(f"import pinocchio as pin\n{line}")
+    assert cli.main(["port", str(tmp_path)]) == 1
+    out = capsys.readouterr().out
+    assert (
+        "3 of 4 files run (75 %); 1 of them after spatialdyn.compat.pinocchio.install(), by spatialdyn run; "
+        "stopped by a name: 1; with a name that Pinocchio 4.1 lacks too: 1; "
+        "beside a C++ library that links Pinocchio: 1 more" in out
+    )
+    assert cli.main(["port", str(tmp_path / "c.py")]) == 1
+    assert "stopped by a C++ library: tsid, line 2" in capsys.readouterr().out
+    assert cli.main(["port", str(tmp_path / "b.py")]) == 0
+    assert "pink imports pinocchio itself: spatialdyn run" in capsys.readouterr().out
 
 
 def test_json_holds_every_use(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -268,6 +268,13 @@ def test_sharp_edges_have_a_vertex_for_each_side_and_smooth_ones_share() -> None
     rim = np.isclose(np.linalg.norm(can.vertices[:, :2], axis=1), 1.0)
     assert rim.sum() == 2 * len(np.unique(can.vertices[rim].round(9), axis=0))
     assert len(ball.vertices) == len(np.unique(ball.vertices.round(9), axis=0))
+    capsule = type("Capsule", (), {"radius": 0.5, "halfLength": 1.0})()
+    egg = type("Ellipsoid", (), {"radii": np.array([1.0, 2.0, 3.0])})()
+    for given, extent in ((capsule, (1.0, 1.0, 3.0)), (egg, (2.0, 4.0, 6.0))):
+        drawn = primitive_shape("a", given, (1.0, 1.0, 1.0, 1.0))
+        assert drawn is not None
+        assert np.ptp(drawn.vertices, axis=0) == pytest.approx(extent, rel=1e-2)
+        assert drawn.vertices.max(axis=0) == pytest.approx(-drawn.vertices.min(axis=0), abs=1e-12)
     assert primitive_shape("a", object(), (1.0, 1.0, 1.0, 1.0)) is None
 
 

@@ -52,6 +52,7 @@ from .model.constraints import *
 from .model.from_mjcf import *
 from .model.from_urdf import *
 from .model.geometry import *
+from .model.geometry_from_mjcf import *
 from .model.geometry_from_urdf import *
 from .model.joint import *
 from .model.joints import *

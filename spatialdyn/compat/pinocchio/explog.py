@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import ShapeError, SpatialDynError
-from .types.arguments import ArgumentError, Array, described, expected
+from .types.arguments import ArgumentError, Array, described, expected, of_pinocchio
 from .types.motion import Motion
 from .types.rotations import Quaternion
 from .types.se3 import SE3
@@ -75,6 +75,8 @@ def log3(R: Any, theta: Array | None = None) -> Array:
 
     theta  (1,)  written in place if given: its length
     """
+    if of_pinocchio(R, "Quaternion"):
+        R = Quaternion(R)
     four = (isinstance(R, Quaternion) and theta is None) or (isinstance(R, np.ndarray) and R.shape in ((4,), (4, 1)))
     out: Array = (_log_of_quaternion if four else _log_of_matrix)(R)
     if theta is not None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from ...engines.compiled.generated import function_from_text
 from .algorithms import centroidal, collisions, configuration, dynamics, jacobians, kinematics
 from .coverage.coverage import Partial, refused
 from .model.geometry import createDatas
+from .model.geometry_from_mjcf import buildModelsFromMJCF
 from .model.geometry_from_urdf import buildModelsFromUrdf
 from .model.model import Model
 from .model.model_surgery import buildReducedModel
@@ -33,7 +34,7 @@ class RobotWrapper(Partial):
     Methods call the function that their docstring names, on the robot's model and data.
     """
 
-    _instead = dict.fromkeys(("initFromMJCF", "initFromSDF"), "only URDFs are read, expected BuildFromURDF")
+    _instead: ClassVar[dict[str, str]] = {"initFromSDF": "SDF is not read, expected BuildFromURDF or BuildFromMJCF"}
     nq = property(lambda self: self.model.nq, doc="Number of coordinates.")
     nv = property(lambda self: self.model.nv, doc="Number of velocities.")
 
@@ -57,7 +58,14 @@ class RobotWrapper(Partial):
         """The robot of a URDF file; arguments as of ``buildModelsFromUrdf``."""
         return RobotWrapper(*buildModelsFromUrdf(filename, *arguments, **named))
 
-    BuildFromMJCF, BuildFromSDF = (refused(f"RobotWrapper.{name}") for name in ("BuildFromMJCF", "BuildFromSDF"))
+    @staticmethod
+    def BuildFromMJCF(filename: Any, *arguments: Any, **named: Any) -> RobotWrapper:
+        """The robot of an MJCF file (pip install mujoco); arguments as of ``buildModelsFromMJCF``."""
+        robot = RobotWrapper()
+        robot.initFromMJCF(filename, *arguments, **named)
+        return robot
+
+    BuildFromSDF = refused("RobotWrapper.BuildFromSDF")
 
     def updateGeometryPlacements(self, q: Any = None, visual: bool = False) -> None:
         """Place the collision geometry, or the visual one, at q, or by ``data.oMi`` as it is."""
@@ -70,6 +78,11 @@ class RobotWrapper(Partial):
     def initFromURDF(self, filename: Any, *arguments: Any, **named: Any) -> None:
         """Load a URDF file into this object; arguments as of ``buildModelsFromUrdf``."""
         RobotWrapper.__init__(self, *buildModelsFromUrdf(filename, *arguments, **named))
+
+    def initFromMJCF(self, filename: Any, *arguments: Any, **named: Any) -> None:
+        """Load an MJCF file into this object; arguments as of ``buildModelsFromMJCF``."""
+        model, constraints, collision, visual = buildModelsFromMJCF(filename, *arguments, **named)
+        RobotWrapper.__init__(self, model, collision, visual, constraints)
 
     def rebuildData(self) -> None:
         """Make a new Data for the model as it is now."""

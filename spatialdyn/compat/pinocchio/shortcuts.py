@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from .algorithms.dynamics import nle
 from .model.geometry import createDatas
+from .model.geometry_from_mjcf import buildModelsFromMJCF
 from .model.geometry_from_urdf import buildModelsFromUrdf
 
-__all__ = ["buildModelsFromUrdf", "createDatas", "nle"]
+__all__ = ["buildModelsFromMJCF", "buildModelsFromUrdf", "createDatas", "nle"]

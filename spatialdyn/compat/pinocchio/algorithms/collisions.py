@@ -34,6 +34,9 @@ def updateGeometryPlacements(
         )
     oMi = data.oMi
     for k, x in enumerate(objects):
+        if not 0 <= x.parentJoint < model.njoints:
+            where = f'geometry object "{x.name}" is on joint {x.parentJoint}'
+            raise ModelError(f"{where}, expected one of the model, from 0 to {model.njoints - 1}")
         geometry_data.oMg[k] = oMi[x.parentJoint] * x.placement if x.parentJoint else SE3(x.placement)
 
 

@@ -30,7 +30,8 @@ COLLISIONS = "computeCollisions, computeDistances, and the package coal itself"
 RAISES: tuple[tuple[str, str], ...] = (  # names that are there and raise on arguments that scripts usually pass
     ("utils.mprint", "always: print(numpy.array2string(M))"),
     ("Symmetric3.decomposeltI", "always: numpy.linalg.cholesky(S.matrix())"),
-    ("RobotWrapper.BuildFromMJCF RobotWrapper.BuildFromSDF", "always: only URDFs are read, BuildFromURDF"),
+    ("RobotWrapper.BuildFromSDF", "always: SDF is not read, BuildFromURDF or BuildFromMJCF"),
+    ("buildGeomFromMJCF buildModel*MJCF RobotWrapper.BuildFromMJCF", "without the package mujoco"),
     (
         "computeCollision computeCollisions computeDistance computeDistances GeometryObject.CreateCapsule",
         "without the package coal",
@@ -152,6 +153,8 @@ def _has(at: Any, member: str) -> bool:
     """Whether an object has a member; a class also if a new object of it does."""
     if hasattr(at, member) or not isinstance(at, type):
         return hasattr(at, member)
+    if member in getattr(at, "__annotations__", {}):
+        return True
     try:
         return hasattr(at(), member)
     except (TypeError, NotImplementedError, SpatialDynError):

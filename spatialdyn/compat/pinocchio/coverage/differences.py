@@ -182,8 +182,8 @@ computeMinverse(model, data), computeABADerivatives(model, data) after aba in it
 computeMinverse(model, data), computeABADerivatives(model, data) without an aba before | zeros or wrong numbers | an
     error that says so
 buildReducedModel of joint 0 or of one that does not exist | ignored, silently | ModelError naming the index
-the first call after an edit of a model's joints | costs as any call | assembles the library's model again, some 2 ms
-    with nine; of numbers alone some 1 µs of gravity or an inertia, 30 of an armature, 130 of a placement
+the first call after an edit of a model's joints | costs as any call | assembles the library's model again, in some
+    milliseconds; an edit of numbers alone costs microseconds: least of gravity or an inertia, most of a placement
 np.asarray(x)[0] = 1, memoryview, np.nditer and out= of random generators, where x is Model.armature or an array of a
     Model's placement, inertia or gravity | write | an error: x is read-only to them; x[0] = 1 or Model.armature = y
     write
@@ -192,6 +192,12 @@ references to Model.armature after addJoint, or to a frame or joint after its re
 buildModelFromMJCF: gravity, the place of a joint in its body (pos), bodies beside the first of the world, those
     without a name, the place and sites of a fixed first body, limits of a free joint's position | left out, or 1.01 |
     MuJoCo's own, of the model that it compiles
+buildGeomFromMJCF, buildModelsFromMJCF: meshes, colours without rgba, the turn of round geoms about their axis | the
+    mesh file, white, its own | MuJoCo's triangles, its grey, its own
+buildModelFromMJCF, buildModelsFromMJCF of what MuJoCo refuses, as a connect without an anchor | read in part |
+    SpatialDynError with MuJoCo's message
+buildGeomFromMJCF, buildModelsFromMJCF of a height field or an SDF | an error or nothing | SpatialDynError naming it
+buildSampleGeometryModelHumanoid: meshPath of chest2_object, a capsule | SPHERE | CAPSULE
 Random, setRandom, sample models | Eigen's random numbers | NumPy's; pin.seed starts them
 """
 

@@ -20,8 +20,8 @@ Jacobian, spatialdyn.Constraints
     computeDampedDelassusMatrixInverse computeJointMinimalOrdering convertToRigidConstraintModel AUTOMATIC MANUAL
     CONSTANT LINEAR OSQP SPECTRAL
 several models of a file, SDF: buildModelFromMJCF and buildModelFromUrdf; spatialdyn.from_mujoco converts states
-    buildModels*MJCF* buildModels*Sdf buildModelsAndConstraints* buildModelAnd*
-    buildModelAnd{,Legacy}ConstraintsFromMJCF buildModelsFromMJCF buildModelFromMJCFAndRootJoint
+    buildModels*Sdf buildModelsAndConstraints* buildModelAnd* buildModelAndConstraintsFromMJCF
+    buildModelFromMJCFAndRootJoint
     buildModelsAndConstraintsFrom{MJCF,Sdf} buildModelsFromSdf
 a joint that URDF does not have: JointModelComposite of those there are
     Joint{Data,Model}Ellipsoid
@@ -30,10 +30,9 @@ geometry and collisions: computeCollisions, computeDistances, and the classes of
     {,Tree}BroadPhaseManager_{DynamicAABBTree,DynamicAABBTreeArray,IntervalTree,Naive,SSaP,SaP}CollisionManager
     StdVec_{,Tree}BroadPhaseManager_DynamicAABBTreeCollisionManager {,StdVec_}Distance* {,StdVec_}DistanceResult
     Collision{C,G,O,R}* CollisionCallBack{Base,Collect,Default} CollisionGeometry {,StdVec_}Collision{Object,Result}
-    {,StdVec_}Compute* {,StdVec_}Compute{Collision,Distance} StdVec_{Collision,coal,Geometry}* StdVec_CollisionPair
-    StdVec_coal_CollisionObjectPointer StdVec_Geometry{Data,Model,Object} GeometryPool Mesh* {,Cached}MeshLoader
-    Physics* PhysicsMaterial{,Type} buildGeom* buildGeomFromMJCF buildSampleGeometry*
-    buildSampleGeometryModel{Humanoid,Manipulator} computeCollision* computeCollisionsInParallel
+    {,StdVec_}Compute* {,StdVec_}Compute{Collision,Distance} StdVec_{coal,GeometryD,GeometryM}*
+    StdVec_coal_CollisionObjectPointer StdVec_Geometry{Data,Model} GeometryPool Mesh* {,Cached}MeshLoader
+    Physics* PhysicsMaterial{,Type} buildGeom* computeCollision* computeCollisionsInParallel
     computeContactPatch* computeContactPatch{,es} computeBodyRadius CONCRETE ICE METAL PLASTIC WOOD
 second derivatives of kinematics: finite differences of getJointJacobian
     *KinematicHessian{,s} computeJointKinematicHessians get{Frame,Joint}KinematicHessian

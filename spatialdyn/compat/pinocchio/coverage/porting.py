@@ -16,17 +16,22 @@ from .coverage import DIFFERENT, OUT_OF_SCOPE, SUPPORTED, compat_package, entry,
 TOO_DEEP = "holds an expression that is nested too deep to be read, expected a Python script"
 ROOT, FACE = "pinocchio", "spatialdyn.compat.pinocchio"
 _MADE = {  # class -> functions that make an object of it
-    "Model": "buildModelFromUrdf buildModelFromXML buildReducedModel buildSampleModelManipulator appendModel "
-    "buildSampleModelHumanoid buildSampleModelHumanoidRandom",
-    "Data": "createData",
-    "RobotWrapper": "BuildFromURDF buildReducedRobot",
+    "Model": "buildModelFromUrdf buildModelFromXML buildModelFromMJCF buildReducedModel appendModel "
+    "buildSampleModelManipulator buildSampleModelHumanoid buildSampleModelHumanoidRandom",
+    "GeometryModel": "buildGeomFromUrdf buildGeomFromMJCF buildSampleGeometryModelHumanoid "
+    "buildSampleGeometryModelManipulator",
+    "RobotWrapper": "BuildFromURDF BuildFromMJCF buildReducedRobot",
 }
+DATA = {"Model": "Data", "GeometryModel": "GeometryData"}  # of each model's createData
+OF_SHAPES = ("collision", "visual", "geom")  # in names of models of geometry
 MAKERS = {function: kind for kind, functions in _MADE.items() for function in functions.split()}
 FIRSTS = {"buildModelsFromUrdf": "Model", "createDatas": "Data"}  # function -> class of its first result
 PARTS = {("RobotWrapper", "model"): "Model", ("RobotWrapper", "data"): "Data"}
+PARTS |= {("RobotWrapper", f"{kind}_{end}"): f"Geometry{end.capitalize()}"
+          for kind in ("collision", "visual") for end in ("model", "data")}  # fmt: skip
 STATIC = {"Identity", "Random", "Zero"}  # members of a class that return an object of it
 CLASSES = {"Model", "Data", "RobotWrapper", "SE3", "Motion", "Force", "Inertia", "Symmetric3", "Quaternion", "Frame"}
-CLASSES |= {"GeometryModel", "visualize.MeshcatVisualizer", "visualize.ViserVisualizer"}
+CLASSES |= {"GeometryModel", "GeometryData", "visualize.MeshcatVisualizer", "visualize.ViserVisualizer"}
 
 
 class Use(NamedTuple):
@@ -62,12 +67,13 @@ def uses(source: str) -> list[Use]:
     Raises SpatialDynError naming the line of a syntax error, or for expressions nested too deep to be read
     """
     reader = _Reader()
-    tree = _parsed(source)
+    tree = parsed(source)
     try:
         reader.visit(tree)
     except RecursionError:
         raise SpatialDynError(TOO_DEEP) from None
-    found = [_use(name.replace("#", "."), lines) for name, lines in reader.found.items()]
+    named = [(name, _use(name.replace("#", "."), lines)) for name, lines in reader.found.items()]
+    found = [use for name, use in named if name not in reader.stored or use.works]
     return sorted(found, key=lambda use: (use.works, not use.raises, use.status == SUPPORTED, use.lines, use.name))
 
 
@@ -85,7 +91,7 @@ def changes(source: str) -> list[Change]:
     Raises as ``uses``.
     """
     found = []
-    for node in ast.walk(_parsed(source)):
+    for node in ast.walk(parsed(source)):
         if isinstance(node, ast.Import) and any(alias.name.partition(".")[0] == ROOT for alias in node.names):
             after = "import " + ", ".join(map(_face_import, node.names))
         elif isinstance(node, ast.ImportFrom) and not node.level and (node.module or "").partition(".")[0] == ROOT:
@@ -105,7 +111,8 @@ def _face_import(alias: ast.alias) -> str:
     return f"{FACE}{inside} as {alias.asname or ROOT}"
 
 
-def _parsed(source: str) -> ast.Module:
+def parsed(source: str) -> ast.Module:
+    """The syntax tree of a script. Raises as ``uses``."""
     try:
         with warnings.catch_warnings():  # of the script's own oddities, as "\d"
             warnings.simplefilter("ignore")
@@ -123,6 +130,7 @@ class _Reader(ast.NodeVisitor):
 
     def __init__(self) -> None:
         self.found: dict[str, list[int]] = {}
+        self.stored: set[str] = set()  # members that the script sets: its own where Pinocchio has none
         self.aliases: dict[str, str] = {}  # a name or attribute, as text -> dotted name, "" for the package
         self.assigned: set[str] = set()  # aliases made by an assignment
         self.kinds: dict[str, str] = {}  # a variable or attribute, as text -> class of its value
@@ -177,12 +185,23 @@ class _Reader(ast.NodeVisitor):
             called = self.dotted(node.func)
             last = node.func.attr if isinstance(node.func, ast.Attribute) else called
             made, _, by = (called or "").rpartition(".")
+            if last == "createData" and isinstance(node.func, ast.Attribute):
+                return self._data_of(node.func.value)
             if called in CLASSES:
                 return called
             if made in CLASSES and by in STATIC:
                 return made
-            return MAKERS.get(last or "") if called is not None or last == "createData" else None
+            return MAKERS.get(last or "") if called is not None else None
         return None
+
+    def _data_of(self, model: ast.expr) -> str | None:
+        """The class of ``createData()`` of a model, known or else named as one of Pinocchio's is in most scripts."""
+        known = self.kind(model)
+        if known is not None:
+            return DATA.get(known)
+        name = ast.unparse(model).rpartition(".")[2].lower()
+        usual = name in ("model", "rmodel") or name.endswith(("robot_model", "pin_model", "pinocchio_model"))
+        return "Data" if usual and not any(part in name for part in OF_SHAPES) else None
 
     def visit_Assign(self, node: ast.Assign) -> None:
         self.generic_visit(node)
@@ -228,6 +247,8 @@ class _Reader(ast.NodeVisitor):
         of = self.kind(node.value)
         if of is not None:
             self.note(f"{of}#{node.attr}", node.lineno)
+            if isinstance(node.ctx, ast.Store):
+                self.stored.add(f"{of}#{node.attr}")
         self.generic_visit(node)
 
 

@@ -1,7 +1,7 @@
 """Shapes of geometry objects: what a URDF says of each, and the object of the package coal that computes with it.
 
-coal is imported, and a mesh file read, when a shape is first needed. Without coal boxes, cylinders and spheres are
-records of the same names; meshes and collisions raise an error that names the package.
+coal is imported, and a mesh file read, when a shape is first needed. Without coal boxes, cylinders, capsules and
+spheres are records of the same names; meshes and collisions raise an error that names the package.
 """
 
 from __future__ import annotations
@@ -35,6 +35,14 @@ class Cylinder:
 
 
 @dataclass(frozen=True)
+class Capsule:
+    """A cylinder along z between two half balls, as coal names its numbers [m]."""
+
+    radius: float
+    halfLength: float
+
+
+@dataclass(frozen=True)
 class Sphere:
     """A sphere, as coal names its numbers [m]."""
 
@@ -45,8 +53,8 @@ class Sphere:
 class Described:
     """What a URDF says of a shape.
 
-    kind   "box", "cylinder", "sphere" or "mesh"
-    sizes  (3,) sides; radius and length; radius; scales (3,) of a mesh
+    kind   "box", "cylinder", "capsule", "sphere", "ellipsoid", "plane" or "mesh"
+    sizes  (3,) sides; radius and length; radius; radii; none; scales (3,) of a mesh
     path   of a mesh's file, or its name in the URDF where no file is found
     found  whether there is a file
     """
@@ -61,15 +69,20 @@ class Described:
         if self.kind == "mesh":
             return self._mesh(name)
         if not has_coal():
-            return self._record()
+            return self._record(name)
         package = coal_for("a shape")
-        kinds = {"box": package.Box, "cylinder": package.Cylinder, "sphere": package.Sphere}
-        return kinds[self.kind](*self.sizes)
+        if self.kind == "plane":
+            return package.Halfspace(np.array([0.0, 0.0, 1.0]), 0.0)
+        return getattr(package, self.kind.capitalize())(*self.sizes)
 
-    def _record(self) -> Box | Cylinder | Sphere:
+    def _record(self, name: str) -> Any:
         if self.kind == "box":
             return Box(0.5 * np.array(self.sizes))
-        return Sphere(*self.sizes) if self.kind == "sphere" else Cylinder(self.sizes[0], 0.5 * self.sizes[1])
+        if self.kind == "sphere":
+            return Sphere(*self.sizes)
+        if self.kind in ("cylinder", "capsule"):
+            return (Cylinder if self.kind == "cylinder" else Capsule)(self.sizes[0], 0.5 * self.sizes[1])
+        return coal_for(f"the {self.kind} of {name}")  # which is not installed: raises
 
     def _mesh(self, name: str) -> Any:
         package = coal_for(f"the mesh of {name}")
@@ -82,11 +95,23 @@ class Described:
 
 
 def triangles(shape: Any) -> tuple[Any, Any] | None:
-    """Vertices (n, 3) and faces (m, 3) of a mesh or convex shape of coal; None of another shape."""
+    """Vertices (n, 3) and faces (m, 3) of a mesh, convex shape or height field of coal; None without any."""
     if hasattr(shape, "num_tris"):
         points, corners = shape.vertices(), [shape.tri_indices(k) for k in range(shape.num_tris)]
     elif hasattr(shape, "polygons"):
         points, corners = shape.points(), [shape.polygons(k) for k in range(shape.num_polygons)]
+    elif hasattr(shape, "getHeights"):
+        return _surface(shape.getXGrid(), shape.getYGrid(), shape.getHeights())
     else:
         return None
-    return np.array(points), np.array([[int(corner[i]) for i in range(3)] for corner in corners])
+    faces = np.array([[int(corner[i]) for i in range(3)] for corner in corners])
+    return (np.array(points), faces) if len(faces) else None
+
+
+def _surface(x: Any, y: Any, heights: Any) -> tuple[Any, Any]:
+    """Vertices and faces, upwards, of heights (len(y), len(x)) over a grid whose y falls, as coal's."""
+    across, along = np.meshgrid(np.ravel(x), np.ravel(y))
+    at = np.arange(heights.size).reshape(heights.shape)
+    a, b, c, d = (part.ravel() for part in (at[:-1, :-1], at[:-1, 1:], at[1:, :-1], at[1:, 1:]))
+    points = np.stack([across.ravel(), along.ravel(), np.asarray(heights).ravel()], axis=1)
+    return points, np.concatenate([np.stack([a, d, b], axis=1), np.stack([a, c, d], axis=1)])

@@ -12,22 +12,24 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ....errors import SpatialDynError
+from ....errors import ModelError, SpatialDynError
 from ....model.joint_rows import joint_transform
 from ....sources.load import compiled_file
 from ....sources.mjmodel import Tree, inertia_of, mjmodel_gravity, model_name, reflected, tree_of
+from ....sources.mjmodel_scene import equality_ends
 from ....sources.mjmodel_values import FREE, HINGE, KINDS, SLIDE, floats_of, name_of, pose_of
-from ..types.arguments import ArgumentError, Array, described
+from ..types.arguments import ArgumentError, Array, described, expected
 from ..types.frame import BODY, FIXED_JOINT, OP_FRAME, Frame
 from ..types.inertia import Inertia
 from ..types.motion import Motion
 from ..types.se3 import SE3
+from .constraints import ContactType, RigidConstraintModel, StdVec_RigidConstraintModel
 from .from_urdf import UNIT_BOUND, one_axis
 from .joint import JointModel
 from .joints import JointModelComposite, JointModelFreeFlyer, JointModelSpherical
 from .model import Model
 
-__all__ = ["buildModelFromMJCF"]
+__all__ = ["buildModelAndLegacyConstraintsFromMJCF", "buildModelFromMJCF"]
 
 ROOT_NAME = "root_joint"
 
@@ -42,20 +44,77 @@ class Part(NamedTuple):
     upper: Array
 
 
-def buildModelFromMJCF(mjcf_filename: Any, root_joint: JointModel | None = None) -> Model:
+def buildModelFromMJCF(mjcf_filename: Any, root_joint: JointModel | None = None, root_joint_name: Any = None) -> Any:
     """The Model of an MJCF file, as MuJoCo compiles it (pip install mujoco).
 
-    mjcf_filename  str or Path
-    root_joint     joint model between the universe and the bodies of the world; without it they are as the file says
+    mjcf_filename    str or Path
+    root_joint       joint model between the universe and the bodies of the world; without it they are as the file says
+    root_joint_name  its name, "root_joint" by default; if it is given the result is, as Pinocchio's, that of
+                     ``buildModelAndLegacyConstraintsFromMJCF``
 
     Joints of one body are one JointModelComposite, ``Composite_`` and the name of the first. Keyframes, and ``qpos0``,
     are ``referenceConfigurations``. Raises SpatialDynError with MuJoCo's message for what is no MJCF.
     """
+    if root_joint_name is not None:
+        return buildModelAndLegacyConstraintsFromMJCF(mjcf_filename, root_joint, root_joint_name)
+    return model_of(compiled(mjcf_filename), root_joint)
+
+
+def buildModelAndLegacyConstraintsFromMJCF(
+    mjcf_filename: Any, root_joint: JointModel | None = None, root_joint_name: str = ROOT_NAME
+) -> tuple[Model, Any]:
+    """(model, contacts) of an MJCF file: ``buildModelFromMJCF``, and a RigidConstraintModel for each connect and weld.
+
+    Equalities that are not active are left out.
+    """
+    m = compiled(mjcf_filename)
+    model = model_of(m, root_joint, root_joint_name)
+    return model, constraints_of(m, model)
+
+
+def compiled(mjcf_filename: Any) -> Any:
+    """The MjModel of an MJCF file. Raises ArgumentError, SpatialDynError."""
     if not isinstance(mjcf_filename, str) and not hasattr(mjcf_filename, "__fspath__"):
         raise ArgumentError(f"mjcf_filename is {described(mjcf_filename)}, expected a str or Path")
+    return compiled_file(str(mjcf_filename))
+
+
+def body_frame(tree: Tree, model: Model, body: int) -> int:
+    """The frame of a body of an MjModel; 0 of the world. Raises ModelError for a body that the model does not have."""
+    if body == 0:
+        return 0
+    found = model.getFrameId(tree.link_of[body], BODY)
+    if found >= model.nframes:
+        raise ModelError(f'model "{model.name}" has no body "{tree.link_of[body]}", expected one built of this MJCF')
+    return found
+
+
+def constraints_of(m: Any, model: Model) -> Any:
+    """A contact for each active connect and weld."""
+    import mujoco
+
+    tree, made = tree_of(m), StdVec_RigidConstraintModel()
+    kinds = {int(mujoco.mjtEq.mjEQ_CONNECT): ("connect", ContactType.CONTACT_3D),
+             int(mujoco.mjtEq.mjEQ_WELD): ("weld", ContactType.CONTACT_6D)}  # fmt: skip
+    for e in range(m.neq):
+        if int(m.eq_type[e]) not in kinds or not m.eq_active0[e]:
+            continue
+        kind, contact = kinds[int(m.eq_type[e])]
+        bodies, places = equality_ends(m, e, kind)
+        ends: list[Any] = []
+        for body, X in zip(bodies, places, strict=True):
+            frame = model.frames[body_frame(tree, model, body)]
+            ends += [frame.parentJoint, frame.placement * SE3(X)]
+        constraint = RigidConstraintModel(contact, model, *ends)
+        constraint.name = name_of(m, mujoco.mjtObj.mjOBJ_EQUALITY, e)
+        made.append(constraint)
+    return made
+
+
+def model_of(m: Any, root_joint: JointModel | None = None, root_joint_name: str = ROOT_NAME) -> Model:
+    """The Model of an MjModel, perhaps on a root joint."""
     if root_joint is not None and not isinstance(root_joint, JointModel):
         raise ArgumentError(f"root_joint is {described(root_joint)}, expected a joint model")
-    m = compiled_file(str(mjcf_filename))
     tree, model = tree_of(m), Model()
     model.name = model_name(m)
     model.gravity = Motion(np.array([*mjmodel_gravity(m), 0.0, 0.0, 0.0]))
@@ -64,7 +123,8 @@ def buildModelFromMJCF(mjcf_filename: Any, root_joint: JointModel | None = None)
         free = [tree.joint_of[j] for j in range(m.njnt) if int(m.jnt_type[j]) == FREE]
         if free:
             raise SpatialDynError(f'root_joint is given and the file has the free joint "{free[0]}", expected one')
-        carrier = model.addJointFrame(model.addJoint(0, root_joint, SE3.Identity(), ROOT_NAME), 0)
+        name = expected(root_joint_name, str, "root_joint_name")
+        carrier = model.addJointFrame(model.addJoint(0, root_joint, SE3.Identity(), name), 0)
     frames = {0: carrier}
     for body in range(m.nbody):
         if body:

@@ -10,15 +10,15 @@ import numpy as np
 from ....errors import ModelError, ShapeError
 from ..coverage.coal_package import coal_for
 from ..coverage.coverage import COLLISIONS, Partial
-from ..types.arguments import by_name, expected
+from ..types.arguments import by_name, expected, row
+from ..types.containers import StdVec_Bool, StdVec_SE3, list_class
 from ..types.frame import Enum
 from ..types.se3 import SE3
-from .coal_shapes import Described
 from .model import Model
 
 __all__ = [
     "COLLISION", "VISUAL", "CollisionPair", "GeometryData", "GeometryModel", "GeometryNoMaterial", "GeometryObject",
-    "GeometryPhongMaterial", "GeometryType", "createDatas",
+    "GeometryPhongMaterial", "GeometryType", "StdVec_CollisionPair", "StdVec_GeometryObject", "createDatas",
 ]  # fmt: skip
 _FILES = "saveToText saveToXML saveToBinary saveToString loadFromText loadFromXML loadFromBinary loadFromString"
 
@@ -75,7 +75,7 @@ class GeometryObject(_Bookkeeping):
     """
 
     _instead = _beyond("physicsMaterial")
-    _described: Described | None = None
+    _described: Any = None  # what builds it: Described, or another with its ``build``
     _geometry: Any = None
 
     def __init__(self, name: Any, parent_joint: Any = None, *arguments: Any, **named: Any) -> None:
@@ -107,10 +107,26 @@ class GeometryObject(_Bookkeeping):
     def geometry(self, value: Any) -> None:
         self._geometry, self._described = value, None
 
+    def __eq__(self, other: object) -> bool:
+        """Whether all is equal, the shapes too."""
+        if not isinstance(other, GeometryObject):
+            return NotImplemented
+        names = ("name", "parentJoint", "parentFrame", "placement", "meshPath", "meshTexturePath", "overrideMaterial")
+        if any(getattr(self, name) != getattr(other, name) for name in (*names, "disableCollision")):
+            return False
+        if (self.meshColor != other.meshColor).any() or (self.meshScale != other.meshScale).any():
+            return False
+        if self._described is not None and self._described is other._described:
+            return True
+        return self.geometry is other.geometry or bool(self.geometry == other.geometry)
+
+    __hash__ = object.__hash__
+
     def __deepcopy__(self, memo: dict[int, Any]) -> GeometryObject:
         made = GeometryObject.__new__(GeometryObject)
-        rest = {name: x for name, x in self.__dict__.items() if name != "_geometry"}
-        made.__dict__.update(deepcopy(rest, memo), _geometry=self._geometry)
+        shared = {"_geometry", "_described"}
+        made.__dict__.update(deepcopy({name: x for name, x in self.__dict__.items() if name not in shared}, memo))
+        made.__dict__.update({name: x for name, x in self.__dict__.items() if name in shared})
         return made
 
     def __getstate__(self) -> dict[str, Any]:
@@ -146,16 +162,35 @@ class CollisionPair:
         return f"collision pair ({self.first},{self.second})"
 
 
+StdVec_GeometryObject, StdVec_CollisionPair = (
+    list_class(kind.__name__, kind, kind.__name__) for kind in (GeometryObject, CollisionPair)
+)
+
+
 class GeometryModel(_Bookkeeping):
-    """Shapes on a model's joints, geometryObjects, and the pairs of them that may collide, collisionPairs."""
+    """Shapes on a model's joints, geometryObjects, and the pairs of them that may collide, collisionPairs.
+
+    Both are lists of copies of what is put in; their entries can be written in place.
+    """
 
     _instead = _beyond("")
 
     def __init__(self, other: GeometryModel | None = None) -> None:
-        self.geometryObjects: list[GeometryObject] = []
-        self.collisionPairs: list[CollisionPair] = []
+        self.geometryObjects: list[GeometryObject] = StdVec_GeometryObject()
+        self.collisionPairs: list[CollisionPair] = StdVec_CollisionPair()
         if other is not None:
             self.__dict__.update(deepcopy(expected(other, GeometryModel, "other")).__dict__)
+
+    def __eq__(self, other: object) -> bool:
+        """Whether the objects and the pairs are equal."""
+        if not isinstance(other, GeometryModel):
+            return NotImplemented
+        return self.geometryObjects == other.geometryObjects and self.collisionPairs == other.collisionPairs
+
+    __hash__ = object.__hash__
+
+    def __repr__(self) -> str:
+        return f"Nb geometry objects = {self.ngeoms}\n" + "".join(map(_shown, self.geometryObjects))
 
     ngeoms = property(lambda self: len(self.geometryObjects), doc="Number of geometry objects.")
 
@@ -179,8 +214,8 @@ class GeometryModel(_Bookkeeping):
         return GeometryData(self)
 
     def addGeometryObject(self, geometry_object: GeometryObject, model: Model | None = None) -> int:
-        """Append an object, on the joint of its frame if a model is given; returns its index."""
-        given = expected(geometry_object, GeometryObject, "geometry_object")
+        """Append a copy of an object, on the joint of its frame if a model is given; returns its index."""
+        given = GeometryObject(expected(geometry_object, GeometryObject, "geometry_object"))
         if model is not None and given.parentFrame < model.nframes:
             given.parentJoint = model.frames[given.parentFrame].parentJoint
         self.geometryObjects.append(given)
@@ -245,12 +280,14 @@ class GeometryData(_Bookkeeping):
 
     _instead = _beyond("""collision_functors contactPatchRequests contactPatchResults contact_patch_functors
         distance_functors fillInnerOuterObjectMaps radius""")
+    oMg: list[SE3]
+    activeCollisionPairs: list[bool]
     _kept: dict[str, list[Any]]
 
     def __init__(self, geometry_model: GeometryModel) -> None:
         expected(geometry_model, GeometryModel, "geometry_model")
-        self.oMg = [SE3.Identity() for _ in geometry_model.geometryObjects]
-        self.activeCollisionPairs = [True for _ in geometry_model.collisionPairs]
+        self.oMg = StdVec_SE3([SE3.Identity() for _ in geometry_model.geometryObjects])
+        self.activeCollisionPairs = StdVec_Bool([True for _ in geometry_model.collisionPairs])
         self._kept = {}
 
     def activateCollisionPair(self, pair_id: int) -> None:
@@ -291,7 +328,7 @@ class GeometryData(_Bookkeeping):
         """coal's objects of a kind, one for each pair, made when first asked for. Raises OutOfScopeError."""
         if name not in self._kept:
             package = coal_for(f"GeometryData.{name}")
-            made = []
+            made = PerPair()
             for _ in self.activeCollisionPairs:
                 one = getattr(package, _COAL[name])()
                 if name.endswith("Requests"):  # as Pinocchio makes them
@@ -305,7 +342,7 @@ class GeometryData(_Bookkeeping):
     def __deepcopy__(self, memo: dict[int, Any]) -> GeometryData:
         """Requests and results of coal are made anew."""
         made = GeometryData.__new__(GeometryData)
-        made.oMg, made.activeCollisionPairs = deepcopy(self.oMg, memo), list(self.activeCollisionPairs)
+        made.oMg, made.activeCollisionPairs = deepcopy(self.oMg, memo), self.activeCollisionPairs.copy()
         made._kept = {}
         return made
 
@@ -331,6 +368,20 @@ class GeometryData(_Bookkeeping):
     def distanceResults(self) -> list[Any]:
         """coal's DistanceResults, of ``computeDistances``."""
         return self._of_pairs("distanceResults")
+
+
+def _shown(x: GeometryObject) -> str:
+    """An object as Pinocchio prints it."""
+    parts = {
+        "Name": x.name, "Parent frame ID": x.parentFrame, "Parent joint ID": x.parentJoint,
+        "Position in parent frame": x.placement, "Absolute path to mesh file": x.meshPath,
+        "Scale for transformation of the mesh": row(x.meshScale), "Disable collision": int(x.disableCollision),
+    }  # fmt: skip
+    return "".join(f"{name}: \t \n{value}\n" for name, value in parts.items()) + "\n\n"
+
+
+class PerPair(list[Any]):
+    """coal's objects, one for each pair; scripts set attributes of the list too, which Pinocchio accepts."""
 
 
 _COAL = {

@@ -6,22 +6,29 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..types.arguments import Array
+from ....errors import ModelError
+from ..types.arguments import Array, expected
 from ..types.frame import BODY, Frame
 from ..types.inertia import Inertia
 from ..types.random import GENERATOR
 from ..types.se3 import SE3
 from . import joints
+from .coal_shapes import Described
+from .geometry import GeometryModel, GeometryObject
 from .joint import JointModel
 from .model import Model
 
-__all__ = ["buildSampleModelHumanoid", "buildSampleModelHumanoidRandom", "buildSampleModelManipulator"]
+__all__ = [
+    "buildSampleGeometryModelHumanoid", "buildSampleGeometryModelManipulator", "buildSampleModelHumanoid",
+    "buildSampleModelHumanoidRandom", "buildSampleModelManipulator",
+]  # fmt: skip
 
 ANGLE, MOST = 3.14, 10.0  # limits of angles, and of torques and velocities
 SCALING, OFFSET = 2.5, 0.75  # of the joint that mimics
 SMALL = Inertia.over(np.array([0.1, 0.0, 0.0, 0.0, 0.01, 0.0, 0.01, 0.0, 0.0, 0.01]))  # 0.1 kg at the joint
 LARGE = Inertia.over(np.array([1.0, 0.0, 0.0, 0.5, 1.0, 0.0, 1.0, 0.0, 0.0, 1.0]))  # 1 kg at half a metre
 UP = SE3(np.eye(3), np.array([0.0, 0.0, 1.0]))
+SKIN = np.array([1.0, 1.0, 0.78, 1.0])  # colour of their geometry
 FLIP = np.diag([1.0, -1.0, -1.0])  # upside down
 RX, RY, RZ, _ = joints.BY_AXIS["revolute"]
 
@@ -69,6 +76,46 @@ def buildSampleModelHumanoidRandom(using_free_flyer: bool = True, mimic: bool = 
     _random_limb(model, chest, "rarm", leg)
     _random_limb(model, chest, "larm", leg, mimic)
     return model
+
+
+def buildSampleGeometryModelManipulator(model: Model) -> GeometryModel:
+    """Balls at the joints and capsules along the bars of ``buildSampleModelManipulator``."""
+    made = GeometryModel()
+    _arm_shapes(made, expected(model, Model, "model"), "")
+    return made
+
+
+def buildSampleGeometryModelHumanoid(model: Model) -> GeometryModel:
+    """Balls at the joints and capsules along the bars of ``buildSampleModelHumanoid``."""
+    made = GeometryModel()
+    for limb in ("rleg", "lleg", "rarm", "larm"):
+        _arm_shapes(made, expected(model, Model, "model"), f"{limb}_")
+    _add_shape(made, model, "chest", "chest1_body", (0.05,), 0.0)
+    _add_shape(made, model, "head", "head2_body", (0.25,), 0.5)
+    _add_shape(made, model, "chest2", "chest2_body", (0.05, 0.8), 0.5)
+    return made
+
+
+def _arm_shapes(made: GeometryModel, model: Model, prefix: str) -> None:
+    for name, body in (("shoulder", "shoulder1"), ("elbow", "elbow"), ("wrist", "wrist1")):
+        _add_shape(made, model, prefix + name, f"{prefix}{body}_body", (0.05,), 0.0)
+    for name, length, height in (("upperarm", 0.8, 0.5), ("lowerarm", 0.8, 0.5), ("effector", 0.2, 0.1)):
+        _add_shape(made, model, prefix + name, f"{prefix}{name}_body", (0.05, length), height)
+
+
+def _add_shape(
+    made: GeometryModel, model: Model, name: str, body: str, sizes: tuple[float, ...], height: float
+) -> None:
+    """Add a ball (radius,) or capsule (radius, length) at a height along z of a body."""
+    at, kind = model.getFrameId(body), "sphere" if len(sizes) == 1 else "capsule"
+    if at >= model.nframes:
+        raise ModelError(f'model "{model.name}" has no frame "{body}", expected a sample model')
+    place = SE3(np.eye(3), np.array([0.0, 0.0, height]))
+    shape = GeometryObject(
+        f"{name}_object", model.frames[at].parentJoint, at, place, None, kind.upper(), np.ones(3), False, SKIN
+    )
+    shape._described = Described(kind, sizes)
+    made.addGeometryObject(shape)
 
 
 def _root(model: Model, free_flyer: bool) -> int:

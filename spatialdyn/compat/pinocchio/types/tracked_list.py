@@ -109,7 +109,12 @@ class Rows(Listed, Sequence[Any]):
     def __getitem__(self, at: Any) -> Any:
         if isinstance(at, slice):
             return [self[k] for k in range(*at.indices(len(self)))]
-        found = self._views[at]  # raises IndexError, and TypeError for what is no index, as a list does
+        try:
+            found = self._views[at]
+        except IndexError:
+            raise IndexError(f"Index out of range: it is {at}, expected one below {len(self)}") from None
+        except TypeError:
+            raise TypeError(f"Invalid index type: it is {described(at)}, expected an int or a slice") from None
         if found is None:
             x = self.array[at]
             if x.ndim == 0:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ....errors import pip_install
+from ....pictures.shapes import capsule
 from ..coverage.coverage import OutOfScopeError
 from ..model.coal_shapes import triangles
 from .visualizers import MeshcatVisualizer
@@ -37,7 +38,7 @@ def loadPrimitive(geometry_object: Any) -> Any:
     if hasattr(given, "halfLength"):
         kind, height, radius = type(given).__name__, 2.0 * given.halfLength, given.radius
         if kind == "Capsule":
-            return mg.TriangularMeshGeometry(*_capsule(height, radius))
+            return mg.TriangularMeshGeometry(*capsule(radius, height))
         upright = type("RotatedCylinder", (mg.Cylinder,), {"intrinsic_transform": lambda self: UPRIGHT})
         return upright(height, 0.0, 0.0, radius) if kind == "Cone" else upright(height, radius)
     if hasattr(given, "radius"):
@@ -53,14 +54,6 @@ def loadMesh(mesh: Any) -> Any:
         what = f"a {type(mesh).__name__} is not converted"
         raise OutOfScopeError(f"{what}, expected a box, sphere, cylinder, cone, capsule or triangles")
     return mg.TriangularMeshGeometry(*found)
-
-
-def _capsule(length: float, radius: float) -> tuple[Any, Any]:
-    """Vertices and faces of a capsule along z about the origin."""
-    from trimesh import creation
-
-    made = creation.capsule(height=length, radius=radius)
-    return np.asarray(made.vertices) - [0.0, 0.0, float(np.asarray(made.vertices)[:, 2].mean())], np.asarray(made.faces)
 
 
 def _meshcat(call: str) -> Any:

@@ -211,6 +211,13 @@ class ViserVisualizer(BaseVisualizer):
         """Draw a shape at a frame or geometry object."""
         return self._scene().add_shape(at.parentJoint, at.placement.homogeneous, shape)
 
+    def _has_joint(self, added: GeometryObject, missing: list[str]) -> bool:
+        """Whether the model has the joint of an object, which is listed as missing otherwise."""
+        there = 0 <= added.parentJoint < self.model.njoints
+        if not there:
+            missing.append(f"{added.name} is on joint {added.parentJoint}, expected one below {self.model.njoints}")
+        return there
+
     def _geometry(self, given: GeometryModel | None, layer: str) -> list[Any]:
         """Draw the objects of a GeometryModel."""
         missing: list[str] = []
@@ -218,6 +225,7 @@ class ViserVisualizer(BaseVisualizer):
         self._named[layer] = {
             added.name: [self._add(added, shape) for shape in _shapes_of(added, missing, faulty)]
             for added in (given.geometryObjects if given is not None else ())
+            if self._has_joint(added, missing)
         }
         warn_of(self.model.name, list(dict.fromkeys(missing)), list(dict.fromkeys(faulty)))
         return [handle for handles in self._named[layer].values() for handle in handles]
@@ -231,7 +239,8 @@ class ViserVisualizer(BaseVisualizer):
             one.meshColor, one.overrideMaterial = np.asarray(color, float), True
         missing: list[str] = []
         faulty: list[str] = []
-        made = [self._add(one, shape) for shape in _shapes_of(one, missing, faulty)]
+        shapes = _shapes_of(one, missing, faulty) if self._has_joint(one, missing) else []
+        made = [self._add(one, shape) for shape in shapes]
         warn_of(self.model.name, missing, faulty)
         self._named.setdefault(layer, {})[one.name] = made
         self._shown.setdefault(layer, []).extend(made)
@@ -376,6 +385,10 @@ class MeshcatVisualizer(ViserVisualizer):
     """A visualizer that draws in viser, its window under MeshCat's names; without viser it shows nothing."""
 
     viewerRootNodeName = "pinocchio"
+    viewerVisualGroupName = property(lambda self: f"{self.viewerRootNodeName}/visuals", doc="Path of the visuals.")
+    viewerCollisionGroupName = property(
+        lambda self: f"{self.viewerRootNodeName}/collisions", doc="Path of the collision geometry."
+    )
 
     def _window(self, server: Any) -> Any:
         return MeshcatWindow(server, self._scene(), self)
