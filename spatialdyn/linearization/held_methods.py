@@ -5,7 +5,7 @@ same equations are linear in the derivatives. Both end with the velocity nearest
 
     M v⁺ = p + Jᵀ μ,    J v⁺ = 0
 
-Multipliers are those that what is left of the other equations asks for. The derivative is that of the step, of states
+Multipliers are those that close the other equations. The derivative is that of the step, of states
 beside the constraints too, which it leads onto them in position.
 
 Source: see ``simulation.methods.rattle`` and ``simulation.methods.constrained_variational``.
