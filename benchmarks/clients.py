@@ -34,6 +34,7 @@ MODULES = {"wheel": "pinocchio", "ours": "spatialdyn.compat.pinocchio"}
 SECONDS = 300.0
 RETURNS = 50  # of a function that are recorded
 SAME = 1e-6  # relative to the largest entry: what an optimizer of a client stops at
+NOTHING = 1e-9  # largest entries below it are rounding errors, as of a difference that should be 0
 PRINTED, NUMBER = "(printed)", r"(?<![\w.])[-+]?\d+\.?\d*(?:e[-+]?\d+)?(?![\w.])"
 SKIPPED = ("%", "!", "?")  # lines of notebooks that are not Python
 
@@ -166,7 +167,7 @@ def difference(found: dict[str, np.ndarray], wanted: dict[str, np.ndarray]) -> t
         one, other = found[name], wanted[name]
         if one.shape != other.shape:
             return np.inf, name
-        size = np.abs(other).max(initial=0.0, where=np.isfinite(other)) or 1.0
+        size = max(NOTHING, float(np.abs(other).max(initial=0.0, where=np.isfinite(other))))
         with np.errstate(invalid="ignore"):
             apart = np.where((one == other) | (np.isnan(one) & np.isnan(other)), 0.0, np.abs(one - other) / size)
         largest = float(np.nan_to_num(apart, nan=np.inf).max())
