@@ -3,8 +3,8 @@
     python benchmarks/run.py [--quick] [--robots ur5,panda] [--output FOLDER]
 
 Prints tables, writes results.json and plots/*.svg and *.png into the folder, by default this one; with
---quick or --robots, which leave figures out, it writes nothing without --output. benchmarks/report.py puts a table into
-the README. Needs ``pip install ".[validate,bench]"``; adam, frax and drake are measured where installed.
+--quick or --robots, which leave figures out, it writes nothing without --output. benchmarks/readme.py puts a table into
+README. Needs ``pip install ".[validate,bench]"``; adam, frax and drake are measured where installed.
 """
 
 from __future__ import annotations

@@ -8,6 +8,8 @@ import signal
 
 from environment import VARIABLES
 
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # read at NumPy's import; with a worker on each core, threads spin
+
 
 def pytest_configure() -> None:
     """Forget what a person has set for the library; hear Ctrl-C also where the suite was started in the background,

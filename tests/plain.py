@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 import spatialdyn as sd
+from spatialdyn.engines.compiled import numba_kernels, tiers
 from spatialdyn.engines.programs.record.mimic_rows import evaluate, rows_of
 from spatialdyn.engines.programs.record.tracer import table
 from spatialdyn.recursions import SPECS
@@ -31,6 +33,18 @@ def plainly(model: sd.Model, name: str, x: dict[str, Array], k: int = 0) -> Arra
     sizes = sizes_of(rows)
     made = evaluate(spec, rows, shape_in(spec.output.shape, sizes), inputs, np.zeros(sizes["nv"], object))
     return made.astype(float).reshape(shape_in(spec.output.shape, sizes))
+
+
+def by_table(model: sd.Model, name: str, given: Sequence[Any], shape: tuple[int, ...]) -> Array:
+    """A sample by the table kernel in plain Python: of the compiled one's bits, and without the seconds to compile it.
+
+    given  the call's inputs, as ``inputs.kernel_inputs`` has them; optional ones are left out
+    shape  of the result
+    """
+    spec, out = numba_kernels.variant(SPECS[name], ()), np.empty(shape or (1,))
+    with np.errstate(all="ignore"):
+        tiers.TableKernel(spec)._source(True)(model.address, *given, out)
+    return out.reshape(shape)
 
 
 def close(one: Any, other: Any, tolerance: float = EXACT) -> None:

@@ -36,8 +36,8 @@ TASK_CALLS = {
     "inverse_dynamics": ("rnea",),
     "mass_matrix": ("crba",),
 }
-WHEN_NAMED = ("aba_square_root",)  # has no program: its kernel compiles for 20 s of CPU
-STATES = 8 if numba_kernels.PLAIN else 4096  # with 1024, 1 in 12 sets of 1000 other states of a UR5 exceeds its bound
+WHEN_NAMED = ("aba_square_root",)  # has no program, and a kernel that is long to compile
+STATES = 8 if numba_kernels.PLAIN else 4096  # fewer leave the bound exceeded in other states too often
 ROUNDS = 25  # the fastest counts
 SECONDS = 5e-4  # per candidate and round: short, so that some round is undisturbed
 SPENT = 0.3  # total per candidate, beyond 3 rounds

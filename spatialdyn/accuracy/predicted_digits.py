@@ -27,10 +27,10 @@ JointState = tuple[Array, Array, Array]
 EPS = {"float64": float(np.finfo(np.float64).eps), "float32": float(np.finfo(np.float32).eps)}
 COARSER = EPS["float32"] / EPS["float64"]
 INPUTS = {"rnea": "qva", "crba": "q", "aba": "qva", "aba_refined": "qva", "minverse": "q"}  # inputs of judged calls
-SHORT = 32  # freedoms up to which all are judged; at 100, crba takes 20 s to compile, aba_refined 8
+SHORT = 32  # freedoms up to which all are judged: of longer robots kernels take long to compile
 IN_NUMPY = 128  # freedoms up to which NumPy takes less time than the table kernels take to compile
-BRANCHING = 64  # states of a recursion that branches on values: one by one, 2 ms each for an arm, 30 for a humanoid
-ALWAYS = ("rnea", "aba")  # at any size: 2 and 4 s at 100; one call without pivots and one with
+BRANCHING = 64  # states of a recursion that branches on values: NumPy takes them one by one
+ALWAYS = ("rnea", "aba")  # at any size: one call without pivots and one with
 
 
 def predicted_digits(model: Model, states: Sequence[JointState]) -> dict[str, dict[str, float]]:

@@ -25,7 +25,7 @@ BITS = 160
 LEAST = 2.0  # least margin
 FEW = 32  # fewer errors do not show how they scatter
 FEW_LEAST = 4.0
-MANY = 65536  # errors, exceeded by the worst of 1000 others in 1.5 % of cases
+MANY = 65536  # errors from which a smaller margin is enough
 MANY_LEAST = 1.25
 TOP = 128  # errors in the tail of many, whose slope is estimated
 BEYOND = 4.0  # times as many states, to which the tail is extrapolated
@@ -99,8 +99,8 @@ def error_bound(errors: Array) -> float:
     Errors of a nearly singular robot follow a power law: the largest grows with the number of samples, the faster the
     farther it is from the rest; ten times the samples multiply it by the root of its ratio to the TAIL quantile. Of
     MANY errors the TOP ones give the exponent, the mean logarithm of their ratio to the least of them (Hill's
-    estimator), and the margin extrapolates to BEYOND times as many. In trials the worst of 1000 other states exceeded
-    that in 0.25 % of cases, and the bound of 4096 in 0.43 %.
+    estimator), and the margin extrapolates to BEYOND times as many. ``benchmarks/tradeoff.py`` tries bounds on fresh
+    states.
     """
     worst = float(errors.max(initial=0.0))
     if worst == 0.0 or not math.isfinite(worst):

@@ -27,7 +27,7 @@ FREE = 1e-3  # of the tolerance: parts that change less are left out together
 GAIN = 0.02  # share of the cost: less is not told from nothing
 WORSE = 1.1  # times the cost: a simpler scene that costs more is not taken
 FINEST = 1 << 17  # steps
-MOST_STEPS = 1 << 24  # of the first fine scene, of which each takes some 100 ns a sample
+MOST_STEPS = 1 << 24  # of the first fine scene
 PATIENCE = 4.0  # CPU seconds of one run of the whole scene, beyond which its step is not halved
 DENSE = 64  # times between two records at which limits and gaps are looked at, at most
 STEP = 1e-3  # [s] of the first run, if none is given
@@ -64,7 +64,7 @@ class Stage:
 
 @dataclass
 class Search:
-    """A search: of a motion, from states to judge by and fresh ones to verify by.
+    """A search for the least scene of a motion, from states to judge by and fresh ones to verify by.
 
     starts  (q, v) of states to judge by; fresh, others
     q0, v0  the middle of them; v0 is None of states that are not to be moved to where a joint is locked

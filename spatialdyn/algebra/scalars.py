@@ -3,7 +3,7 @@
 Each is that of ``math`` for floats, native code under Numba, and for an engine's own numbers the function that the
 engine registers: ``sin.register(MyNumber)(my_sin)``. A recursion never branches on a value; it calls ``select``.
 
-Importing Numba takes 0.2 s, so the decorators only list functions; ``register`` hands the list to Numba before anything
+Importing Numba takes time, so the decorators only list functions; ``register`` hands the list to Numba before anything
 is compiled.
 """
 
@@ -28,8 +28,7 @@ _waiting: list[tuple[str, Callable[..., Any], Callable[..., Any]]] = []  # (how,
 def inline(function: Function) -> Function:
     """Decorator of recursions and their parts: plain Python when called from Python, always inlined in compiled code.
 
-    By default LLVM does not inline the larger ones, and each call counts references to its arrays: half the cost of a
-    CRBA.
+    By default LLVM does not inline the larger ones, and each call then counts references to its arrays.
     """
     _waiting.append(("inline", function, function))
     return function
@@ -42,7 +41,7 @@ def inline_unoptimized(function: Function) -> Function:
 
 
 def no_inline(function: Function) -> Function:
-    """Decorator of large functions with several callers: compiled once, in a tenth of the time that inlining takes."""
+    """Decorator of large functions with several callers: compiled once, far sooner than inlined in each."""
     _waiting.append(("no_inline", function, function))
     return function
 
@@ -151,6 +150,26 @@ def series_or_closed(x: Scalar, series: Scalar, closed: Scalar) -> Scalar:
     Both are computed. Numbers of more digits than float64, which can afford cancellation, always take the closed form.
     """
     return select(x, series, closed)
+
+
+def anywhere(truth: Any) -> Any:
+    """A truth; of several samples, whether it holds for one of them."""
+    return truth
+
+
+def everywhere(truth: Any) -> Any:
+    """A truth; of several samples, whether it holds for all of them."""
+    return truth
+
+
+@compiled_as(anywhere)
+def _anywhere(truth):  # type: ignore[no-untyped-def]
+    return (lambda truth: truth) if str(truth) == "bool" else None
+
+
+@compiled_as(everywhere)
+def _everywhere(truth):  # type: ignore[no-untyped-def]
+    return (lambda truth: truth) if str(truth) == "bool" else None
 
 
 @compiled_as(sin)

@@ -2,13 +2,13 @@
 
 Row 0 is the header. The first ``np`` rows after it are points, the centres of spheres fixed to bodies (a radius of 0
 is the point itself); the ``nl`` rows after those are joints of one coordinate with limits, and the last ``nd`` rows
-freedoms that rub dry and have none. In the order of impulses a point has three numbers (along the normal, then across
-it) and a joint one.
+freedoms with dry friction and no limits. In the order of impulses a point has three numbers (along the normal, then
+across it) and a joint one.
 
 column     meaning
 last_row   row 0 only: the number of rows that follow
 np, nl     row 0 only: numbers of points and of joints with limits
-nd         row 0 only: the number of freedoms that rub and have no limits
+nd         row 0 only: the number of freedoms with dry friction and no limits
 tolerance  row 0 only: residual of a solved step
 steps      row 0 only: most of Newton's steps in a round
 rounds     row 0 only: most rounds of sweeps and steps

@@ -1,7 +1,7 @@
 """How the functions of this package read a configuration: q (nq), or in kernels q, cos q and sin q (3, nq).
 
 A kernel computes the cosines and sines of all coordinates at once, in SIMD code (``engines.compiled.sines``), which
-takes a third of the time of one after the other. A recursion whose Spec takes ``TURNED_Q`` reads q by these alone.
+is faster than one after the other. A recursion whose Spec takes ``TURNED_Q`` reads q by these alone.
 """
 
 from __future__ import annotations

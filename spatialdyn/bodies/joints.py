@@ -7,7 +7,7 @@ from typing import Any
 from ..algebra.euclidean import Mat3, Vec, add, add_mat3, dot, rotate, scale, zero
 from ..algebra.records import mat3_of, motion_of, pose_of, put_mat3, put_pose, put_vec, vec_of
 from ..algebra.rotations import NORM_ROUNDING, blend, rotation, turn
-from ..algebra.scalars import Scalar, inline
+from ..algebra.scalars import Scalar, anywhere, inline
 from ..algebra.spatial import Motion, Pose, add_motion, compose, identity_pose, scale_motion, zero_motion
 from .coordinates import coordinate, cosine, sine
 from .kinds import CONTINUED, FLOATING, HELICAL, LENGTHS, PLANAR, PRISMATIC, REVOLUTE, REVOLUTE_CS, SPHERICAL, UNITS
@@ -101,6 +101,6 @@ def norms_within(bodies: Any, q: Any, tolerance: Any) -> bool:
             square = 0.0
             for m in range(k, k + count):
                 square += coordinate(q, m) * coordinate(q, m)
-            if abs(square - 1.0) > tolerance:
+            if anywhere(abs(square - 1.0) > tolerance):
                 return False
     return True

@@ -1,4 +1,4 @@
-"""The table of what a whole body's program has rows for, beside the table of bodies and that of contacts.
+"""The table of frames, feet and tasks of a whole body's program, beside the table of bodies and that of contacts.
 
 Row 0 is the header. The first ``nf`` rows after it are frames, the next ``ns`` equations of feet that stand, the last
 ``nt`` rows of tasks.

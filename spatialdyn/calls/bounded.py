@@ -39,10 +39,11 @@ def bounded(
     (aba, ...) the exact result is the solution of exact rnea, or crba: rotations by 1.5708 are orthogonal to rounding
     only, and exact recursions on them agree no better than that. A sample beyond the range of the program (angles whose
     root sum of squares is above 1e5, joints of hardly any articulated inertia, numbers beyond float32's safe range) has
-    an infinite bound. A sample that the call itself refuses (a joint of no articulated inertia, a result out of range)
-    is refused here with the same message. NaN gives NaN in its sample, and an infinite bound. Angles of 1e4 loosen no
-    bound, but prismatic joints far out do: for a panda whose fingers are 100 m out aba's bound is a thousand times its
-    error, elsewhere some 200 times.
+    an infinite bound; in float32 a UserWarning says so at the first batch in most of whose samples it has. A sample
+    that the call itself refuses (a joint of no articulated inertia, a result out of range) is refused here with the
+    same message. NaN gives NaN in its sample, and an infinite bound. Angles of 1e4 loosen no bound, but prismatic
+    joints far out do: for a panda whose fingers are 100 m out aba's bound is a thousand times its error, elsewhere some
+    200 times.
 
     model, dtype, fixed, inputs, outputs, frame, reference, classical, constraints   as of ``specialize``
     call   a public call such as ``sd.rnea``

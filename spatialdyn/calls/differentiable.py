@@ -1,19 +1,144 @@
-"""A program with its gradients, as frameworks that differentiate ask for both."""
+"""A program with its derivatives, as frameworks that differentiate ask for them."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
+from functools import cached_property
+from itertools import accumulate, pairwise
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..engines.programs.run import batch_kernels
+from ..errors import SpatialDynError
+from . import specialize_fallback
 from .arguments import aligned
-from .specialize_request import SpecializeRequest
+
+if TYPE_CHECKING:
+    from ..engines.programs.run.xla_handler import Registered
+    from .specialized import Specialized
+
+MOST_ORDER = 2  # of derivatives: each further one has some three times the operations
+
+
+class Node:
+    """The results of a program, or a derivative of them, as a function of arrays with equal leading axes, or of size 1.
+
+    directions  how many directions the derivative is along; 0 and not weighted: the results themselves
+    weighted    whether it is of Σ weight · result, by each input; else of the results
+    inputs      names of the inputs, ``directions`` times those of the program, then weights if weighted, then results
+    cores       shape of one sample of each; ``results`` of each result
+    hinted      whether the results themselves are the last inputs
+    groups      the inputs as slices: of the program, of each direction, weights, known results
+
+    Derivatives are symmetric in their directions, and linear in each and in the weights.
+    """
+
+    def __init__(self, made: Differentiable, directions: int, weighted: bool) -> None:
+        """Of a program; its derivatives are recorded and compiled at first use."""
+        self.made, self.directions, self.weighted = made, directions, weighted
+        request = made.request_of(directions, weighted)
+        self.inputs, self.cores = [x.name for x in request.inputs()], [x.shape for x in request.inputs()]
+        self.results, self.hinted = [x.shape for x in request.results()], request.takes_results
+        self.name = made.name + "".join(["_along"] * directions + ["_weighted"] * weighted)
+        self._handlers: dict[Any, Registered] = {}
+
+    @cached_property
+    def program(self) -> Specialized:
+        """The Specialized. Raises SpatialDynError without a program."""
+        return self.made.program_of(self.directions, self.weighted)
+
+    @cached_property
+    def groups(self) -> list[slice]:
+        """The inputs of the program, of each direction, the weights, and the results that are known, as slices."""
+        n, m = len(self.made.names), len(self.made.results)
+        sizes = [n] * (self.directions + 1) + [m] * (self.weighted + self.hinted)
+        return [slice(a, b) for a, b in pairwise(accumulate(sizes, initial=0))]
+
+    def along(self, k: int, arrays: Sequence[Any], results: Sequence[Any], rates: Sequence[Any]) -> tuple[Node, Any]:
+        """The derivative of the results along rates of the inputs of group k, as a node and its inputs."""
+        own, weights, _ = parts = self._parts(arrays)
+        if k:
+            groups = [*own, *filter(None, parts[1:])]
+            return self, _flat([*groups[:k], rates, *groups[k + 1 :]])
+        further = self.made.node(self.directions + 1, self.weighted)
+        return further, _flat([*own, rates, weights, results if further.hinted else []])
+
+    def back(self, k: int, arrays: Sequence[Any], results: Sequence[Any], seeds: Sequence[Any]) -> tuple[Node, Any]:
+        """The derivative of Σ seed · result by the inputs of group k, as a node and its inputs."""
+        own, weights, known = self._parts(arrays)
+        n, node = self.directions, self.made.node
+        if k > n:  # linear in the weights
+            return node(n + 1, False), _flat([*own, seeds, known])
+        if self.weighted:  # symmetric in its directions and the input that it is by
+            return (self, _flat([*own[:k], seeds, *own[k + 1 :], weights, known])) if k else (
+                node(n + 1, True), _flat([*own, seeds, weights])
+            )  # fmt: skip
+        if k:
+            return node(n - 1, True), _flat([*own[:k], *own[k + 1 :], seeds, known])
+        further = node(n, True)
+        return further, _flat([*own, seeds, results if further.hinted else []])
+
+    def _parts(self, arrays: Sequence[Any]) -> tuple[list[list[Any]], list[Any], list[Any]]:
+        """The inputs of the program and each direction, the weights, and known results."""
+        found = [list(arrays[group]) for group in self.groups]
+        n = self.directions + 1
+        return found[:n], found[n] if self.weighted else [], found[-1] if self.hinted else []
+
+    @property
+    def key(self) -> str:
+        """What its program depends on, as text."""
+        request = self.made.request_of(self.directions, self.weighted)
+        static = tuple(request.static.values())
+        named = request.specs, request.model.key, static, request.dtype, request.options
+        digest = batch_kernels.name_of(*named, lambda: self.program._recorded)
+        return "\n".join((digest, request.model.name, *request.model.names))
+
+    def lead(self, shapes: Sequence[tuple[int, ...]]) -> tuple[int, ...]:
+        """The leading axes of the results for inputs of these shapes."""
+        leads = (tuple(shape[: len(shape) - len(core)]) for shape, core in zip(shapes, self.cores, strict=True))
+        return np.broadcast_shapes(*leads)
+
+    def shapes(self, shapes: Sequence[tuple[int, ...]]) -> list[tuple[int, ...]]:
+        """The shapes of the results for inputs of these shapes."""
+        lead = self.lead(shapes)
+        return [(*lead, *core) for core in self.results]
+
+    def compute(self, inputs: Sequence[NDArray[Any]]) -> list[NDArray[Any]]:
+        """The results, in the program's dtype."""
+        found = self.program(*inputs)
+        return [np.asarray(x) for x in (found if isinstance(found, tuple) else (found,))]
+
+    def handler(self, dtype: Any) -> Registered | None:
+        """What XLA calls for arrays of a dtype. Returns None if not applicable: without a compiled program, and for
+        float64 into a program of float32, whose range the inputs may leave.
+        """
+        from ..engines.programs.run import xla_handler
+
+        k, dtype = self.program, np.dtype(dtype)
+        if k._kernel is None or dtype.itemsize > k.dtype.itemsize or not self.cores:
+            return None
+        if dtype not in self._handlers:
+            request = k._request
+            inputs, shapes = list(zip(k._inputs, self.cores, strict=True)), self.cores
+
+            def recompute(given: Any, found: Any, batch: Any, samples: Any) -> None:
+                rows = [x.reshape(len(x), *(core or (1,))) for x, (_, core) in zip(given, inputs, strict=True)]
+                arrays = [x for x, _ in inputs]
+                specialize_fallback.compute(request, arrays, rows, found, batch, samples, seen=False)
+
+            made = xla_handler.registered(self.key, k._kernel, shapes, self.results, dtype, recompute)
+            self._handlers[dtype] = made
+        return self._handlers[dtype]
+
+
+def _flat(parts: Sequence[Sequence[Any]]) -> list[Any]:
+    return [x for part in parts for x in part]
 
 
 class Differentiable:
-    """A Specialized, and the derivatives of a weighted sum of its results by each entry of its inputs.
+    """A Specialized, and its derivatives by the entries of its inputs.
 
     name     of its calls
     text     its signature
@@ -25,44 +150,32 @@ class Differentiable:
 
     def __init__(
         self,
-        request: SpecializeRequest,
+        program: Specialized,
         text: str,
-        plain: Callable[..., Any],
-        backward: Callable[..., Any],
-        along: Callable[[], Callable[..., Any]],
+        request_of: Callable[[int, bool], Any],
+        derivative: Callable[[int, bool], Specialized],
     ) -> None:
-        """``plain`` computes the results, ``backward`` of inputs and weights the results and derivatives, what
-        ``along()`` makes of inputs and tangents.
-        """
-        self._plain, self._backward, self._along, self.text = plain, backward, along, text
+        """``request_of`` and ``derivative`` of directions and weights: what a derivative is of, and its program."""
+        request = request_of(0, False)
+        self._program, self._derivative, self.request_of, self.text = program, derivative, request_of, text
         self.name = "_".join(spec.name for spec in request.specs)
         self.names, self.cores = [x.name for x in request.inputs()], [x.shape for x in request.inputs()]
         self.results, self.several = [x.shape for x in request.results()], request.several
+        self._nodes: dict[tuple[int, bool], Node] = {}
 
     def aligned(self, shapes: Sequence[tuple[int, ...]]) -> list[tuple[int, ...]]:
         """``arguments.aligned`` of the inputs."""
         return aligned(self.names, self.cores, shapes)
 
-    def shapes(self, shapes: Sequence[tuple[int, ...]]) -> list[tuple[int, ...]]:
-        """The shapes of the results for inputs of these aligned shapes."""
-        leads = [shape[: len(shape) - len(core)] for shape, core in zip(shapes, self.cores, strict=True)]
-        return [(*np.broadcast_shapes(*leads), *core) for core in self.results]
+    def node(self, directions: int = 0, weighted: bool = False) -> Node:
+        """The results, or a derivative of them. Raises SpatialDynError for more than MOST_ORDER."""
+        if directions + weighted > MOST_ORDER:
+            raise SpatialDynError(f"a third derivative of {self.name} is not available, expected first and second ones")
+        key = directions, bool(weighted)
+        if key not in self._nodes:
+            self._nodes[key] = Node(self, *key)
+        return self._nodes[key]
 
-    def values(self, inputs: Sequence[NDArray[Any]]) -> list[NDArray[Any]]:
-        """The results."""
-        found = self._plain(*inputs)
-        return [np.asarray(x) for x in (found if self.several else (found,))]
-
-    def gradients(self, inputs: Sequence[NDArray[Any]], weights: Sequence[NDArray[Any]]) -> list[NDArray[np.float64]]:
-        """The derivatives of Σ weight · result by each input, in its shape: summed over samples that share it."""
-        found = self._backward(*inputs, *weights)[len(self.results) :]
-        summed = []
-        for x, given, core in zip(found, inputs, self.cores, strict=True):
-            shared = tuple(k for k in range(given.ndim - len(core)) if given.shape[k] == 1)
-            summed.append(np.asarray(x).sum(axis=shared, keepdims=True))
-        return summed
-
-    def tangents(self, inputs: Sequence[NDArray[Any]], along: Sequence[NDArray[Any]]) -> list[NDArray[np.float64]]:
-        """The derivatives of the results along tangents of the inputs, each in the shape of its input."""
-        found = self._along()(*inputs, *along)
-        return [np.asarray(x) for x in found[len(self.results) :]]
+    def program_of(self, directions: int, weighted: bool) -> Specialized:
+        """The Specialized of a node."""
+        return self._derivative(directions, weighted) if directions or weighted else self._program

@@ -7,7 +7,8 @@ from typing import NamedTuple
 from ..engines.compiled.numba_kernels import variant
 from ..engines.programs.record.program import Program
 from ..engines.programs.record.recording import Recording
-from ..engines.programs.transform.derivative import jacobian
+from ..engines.programs.record.tracer import Tape
+from ..engines.programs.transform.derivative import jacobian, jvp, vjp
 from ..engines.programs.transform.derived import record
 from ..engines.programs.transform.source_code import Shapes, has_meaning
 from ..errors import SpatialDynError, literal
@@ -83,3 +84,37 @@ def jacobian_of(request: SpecializeRequest, given: Exported) -> Program:
         ) == n * m * by:
             return found.only(m * n * k + n * row + j for row in range(m) for k in range(by) for j in range(n))
     return jacobian(given.program)
+
+
+class Derivatives(NamedTuple):
+    """Programs of an Exported's derivatives by the entries of its inputs.
+
+    jacobian  of its inputs: of each entry of the outputs by each of the inputs, row by row
+    along     of inputs, directions and outputs: the derivative of the outputs along the directions
+    weighted  of inputs, weights and outputs: that of Σ weight · output by each input
+    """
+
+    jacobian: Program
+    along: Program
+    weighted: Program
+
+
+def derivatives_of(request: SpecializeRequest, given: Exported) -> Derivatives:
+    """The programs of a request's derivatives. Raises as ``jacobian_of``."""
+    first = [jacobian_of(request, given)]
+    for derivative in ("along 1", "along 0 weighted"):
+        if request.derivative or request.bounds:
+            first.append(_by_lines(given.program, derivative == "along 1"))
+            continue
+        options = request.options._replace(derivative=derivative, ranged=False)
+        found, layout = record(request.specs, request.model.bodies, tuple(request.static.values()), options)
+        first.append(found.only(k for part in layout.outputs for k in part))
+    return Derivatives(*first)
+
+
+def _by_lines(program: Program, forward: bool) -> Program:
+    """The derivative of a program along a direction, or of its weighted outputs, line by line."""
+    tape, n = Tape(), program.inputs
+    inputs = [tape.input(k) for k in range(n + (n if forward else len(program.outputs)))]
+    found = (jvp if forward else vjp)(tape, program, inputs[:n], inputs[n:])[1]
+    return Program(tape, found, len(inputs))

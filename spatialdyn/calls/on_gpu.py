@@ -82,8 +82,9 @@ class SpecializedOnGpu(Specialized):
         """The same program on the CPU, for rejected samples."""
         return of_request(self._request, *self._made_by)
 
+    @property
     def _differentiable(self) -> Differentiable:
-        return self._lanes._differentiable()
+        return self._lanes._differentiable
 
     def __call__(self, *arrays: Any, out: Any = None, check: bool = True) -> Any:
         request, names = self._request, [x.name for x in self._inputs]
@@ -144,13 +145,13 @@ class SpecializedOnGpu(Specialized):
                 part[left] = result[index[left]]
         return found
 
-    def _read(self, wanted: Array, value: Any, stream: int = 0) -> View:  # type: ignore[override]
+    def _read(self, wanted: Array, value: Any, stream: int = 0) -> View:
         view = device_arrays.read(wanted.name, value, self._device.stream_for_dlpack(stream))
         if view.dtype != self.dtype:
             raise ShapeError(f"{wanted.name} has dtype {view.dtype}, expected {self.dtype}, that of the program")
         return view
 
-    def _outs(self, out: Any, count: int, inputs: Any = None) -> list[Any]:  # type: ignore[override]
+    def _outs(self, out: Any, count: int, inputs: Any = None) -> list[Any]:
         outs = out if self._request.several else (out,)
         if not isinstance(outs, (tuple, list)) or len(outs) != count:
             raise ShapeError(f"out is {type(out).__name__}, expected a tuple of {count} arrays")

@@ -54,7 +54,8 @@ class Promise:
     sample is answered in the first of these precisions whose bound (see ``bounded``) is within the tolerance; the
     choice depends on the sample and the model alone:
 
-        "float32"        with dtype=np.float32; else only where it is cheaper: for calls that solve (aba, minverse),
+        "float32"        with dtype=np.float32, unless most bounds of random states are infinite in it, as of thin rods
+                         that turn about their own axes; else only where it is cheaper: for calls that solve (aba, minverse),
                          from 6 freedoms on, if it is enough for three quarters of 64 random states, as at 1e-3 or so
         "float64"
         "double-double"  for calls without ``fixed``, ``outputs``, parameters and tables, and models without quaternions
@@ -102,7 +103,9 @@ class Promise:
         cheaper = bool(self._spec.residual) and request.model.nv >= LEAST_SOLVED
         if asked or (cheaper and sum(self.tolerance) >= HALF_ULP):
             narrow = bounded(np.float32)
-            if asked or self._share(narrow) >= SHARE:
+            narrow._watches_bounds = False  # the next way answers
+            known, held = self._shares(narrow)
+            if known > 0.5 if asked else held >= SHARE:
                 ladder = {SINGLE: narrow, **ladder}
         self._ladder = ladder
         self._counts = dict.fromkeys(self.ways, 0)
@@ -270,8 +273,8 @@ class Promise:
         held &= np.isfinite(bound)
         return held
 
-    def _share(self, narrow: Call) -> float:
-        """The share of random states in which float32 holds."""
+    def _shares(self, narrow: Call) -> tuple[float, float]:
+        """The shares of random states in which float32 has a finite bound, and in which it holds."""
         rng, request = np.random.default_rng(SEED), self._request
         inputs = []
         for x, core in zip(request.inputs(), self._cores, strict=True):
@@ -282,8 +285,9 @@ class Promise:
         try:
             values, bounds = narrow(*inputs)
         except SpatialDynError:
-            return 0.0
-        return float(self._holds(np.asarray(values), np.asarray(bounds)).mean())
+            return 1.0, 0.0
+        finite = np.isfinite(bounds.reshape(STATES, -1)).all(axis=1)
+        return float(finite.mean()), float(self._holds(values, bounds).mean())
 
     def _failure(
         self, at: NDArray[np.intp], values: Array, bounds: Array, batch: tuple[int, ...], rows: Sequence[Array]

@@ -17,6 +17,7 @@ from ..bodies.table import ANY_NORM
 from ..engines import run
 from ..engines.failed import Failed
 from ..engines.programs.record import parameters
+from ..engines.programs.record.recording import along
 from ..errors import SpatialDynError
 from ..model.model import Model
 from ..recursions.spec import Spec
@@ -47,6 +48,10 @@ def compute(
     taken = [np.asarray(x[samples] if len(x) == n else x, np.float64) for x in rows]
     if request.derivative:
         _refuse(request, [x.name for x in inputs], samples, taken, batch)
+        if along(request.derivative):
+            for result in results:
+                result[samples] = np.nan
+            return
     given = dict(zip((x.name for x in inputs), taken, strict=True))
     full, static = {}, tuple(request.static.values())
     for x in request.arguments:

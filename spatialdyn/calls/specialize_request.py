@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, DTypeLike, NDArray
 from ..engines.compiled import numba_kernels
 from ..engines.programs.record import parameters, recording
 from ..engines.programs.record.parameters import Parameter
+from ..engines.programs.transform import derived
 from ..errors import ConfigurationError, ModelError, NonFiniteError, ShapeError, SpatialDynError, literal
 from ..model.model import Frame, Model
 from ..recursions.spec import Argument, Spec
@@ -41,7 +42,7 @@ class SpecializeRequest(NamedTuple):
     constants      name -> flat values, NaN where the entry stays an input
     output_places  for each call the flat indices of the selected entries, in the shape of the result; None: all
     bounds         whether a result is followed by a bound on its error; of one call
-    derivative     "jvp", "vjp", "tangent" and "gradient" (as those, by entries of a configuration) or "" for none
+    derivative     "jvp", "vjp", "along ..." as of ``ProgramOptions``, or "" for none
     exact_inputs   whether inputs of a float32 bound are float32 numbers, not roundings of others
     """
 
@@ -74,26 +75,41 @@ class SpecializeRequest(NamedTuple):
         """The values of static inputs, of which tables have sizes."""
         return tuple(self.static.values())
 
+    @property
+    def takes_results(self) -> bool:
+        """Whether the results themselves are the last inputs of a derivative alone."""
+        directions, weighted = recording.along(self.derivative) or (0, False)
+        return directions + weighted == 1 and derived.inverse_of(self.specs, self.model.bodies, self.options)
+
     def inputs(self) -> list[Array]:
         """The inputs, in order: those that are left, then tangents of them, or weights of the results."""
-        own = self._left()
-        if self.derivative in ("jvp", "tangent"):
+        own, alone = self._left(), recording.along(self.derivative)
+        if alone:
+            directions, weighted = alone
+            moved = [x._replace(name="d" * k + x.name) for k in range(1, directions + 1) for x in own]
+            weights = [x._replace(name=x.name + "_bar") for x in self._values() if weighted]
+            return own + moved + weights + (self._values() if self.takes_results else [])
+        if self.derivative == "jvp":
             return own + [x._replace(name="d" + x.name) for x in self._tangents()]
         return own + [x._replace(name=x.name + "_bar") for x in self._values() if self.derivative]
 
     def results(self) -> list[Array]:
-        """The results, in order: values, then their bounds or derivatives."""
-        values = self._values()
+        """The results, in order: values, then their bounds or derivatives, or derivatives alone."""
+        values, alone = self._values(), recording.along(self.derivative)
+        if alone:
+            directions, weighted = alone
+            if weighted:
+                return [x._replace(name="d" * directions + x.name + "_bar") for x in self._left()]
+            return [x._replace(name="d" * directions + x.name) for x in values]
         if self.bounds:
             return values + [x._replace(name="bound") for x in values]
-        if self.derivative in ("jvp", "tangent"):
+        if self.derivative == "jvp":
             return values + [x._replace(name="d" + x.name) for x in values]
         return values + [x._replace(name=x.name + "_bar") for x in self._tangents() if self.derivative]
 
     def _tangents(self) -> list[Array]:
         """The inputs that are left, a configuration as a displacement."""
-        by_entries = self.derivative in ("tangent", "gradient") or self.model.nq == self.model.nv
-        moved = {x.name for x in self.arguments if x.moved_by and not by_entries}
+        moved = {x.name for x in self.arguments if x.moved_by and self.model.nq != self.model.nv}
         width = self.model.nv
         return [x._replace(shape=(width,), shape_text="(nv,)") if x.name in moved else x for x in self._left()]
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 import time
+import warnings
 from collections.abc import Callable, Sequence
-from functools import cache, cached_property, partial
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -26,7 +27,7 @@ from ..model.robot_checks import masked
 from . import specialize_fallback
 from .arguments import as_array, as_flag, broadcast, empty, flatten_batch
 from .differentiable import Differentiable
-from .exported import exported, jacobian_of
+from .exported import derivatives_of, exported, jacobian_of
 from .specialize_request import Array, SpecializeRequest
 
 
@@ -49,17 +50,26 @@ def of_request(
     return made
 
 
-def derivative_of(k: Specialized, derivative: str) -> Specialized:
-    """The program of another with derivatives, of a configuration by its entries instead of displacements, in float64:
-    "gradient", of Σ weight · result by its inputs, or "tangent", of its results along tangents of its inputs.
+def derivative_of(k: Specialized, directions: int, weighted: bool) -> Specialized:
+    """The program of a derivative of another by the entries of its inputs, in float64: along so many directions, and
+    ``weighted`` of Σ weight · result by each input. Raises SpatialDynError without one.
+    """
+    arguments = (k, directions, weighted)
+    return check_program(of_request(derivative_request(*arguments), derivative_of, arguments), "derivatives")
 
-    Raises SpatialDynError for one without a program, or with bounds or derivatives of its own.
+
+def derivative_request(k: Specialized, directions: int, weighted: bool) -> SpecializeRequest:
+    """The request of ``derivative_of``, or without directions and weights that of the program itself.
+
+    Raises SpatialDynError for one with bounds or derivatives of its own.
     """
     request = k._request
     if request.bounds or request.derivative:
         raise SpatialDynError(f"{literal(k)} has further results, expected results alone to differentiate")
-    request = request._replace(dtype=np.dtype(np.float64), derivative=derivative, several=True)
-    return check_program(of_request(request, derivative_of, (k, derivative)), "derivatives")
+    if not (directions or weighted):
+        return request
+    derivative = f"along {directions}" + (" weighted" if weighted else "")
+    return request._replace(dtype=np.dtype(np.float64), derivative=derivative, several=True)
 
 
 def results_of_rows(k: Specialized, rows: Sequence[NDArray[Any]]) -> list[NDArray[Any]] | None:
@@ -125,6 +135,7 @@ class Specialized:
         self.compile_seconds = 0.0
         self._kernel = None
         self._single_due = False
+        self._watches_bounds = request.bounds and narrow_only
 
     @property
     def _fits(self) -> bool:
@@ -221,17 +232,19 @@ class Specialized:
     def to_casadi(self, name: str | None = None, jacobian: bool = True) -> Any:
         """The program as a ``casadi.Function`` of one sample, with named inputs and results.
 
-        It takes numbers, SX and MX; in an MX graph it is one node, whose Jacobian is that of ``c_code``: of rnea and
-        aba by their own recursions, in about half the operations of CasADi's. Inputs are named as in ``c_code``: a
-        payload that is the fourth is ``payload_4``. It has no argument checks and no range: a joint with zero
-        articulated inertia divides by zero. The same holds for ``bounded``: where its program has an infinite bound
-        (angles above 1e5, joints of hardly any articulated inertia, numbers beyond the range), the exported function
-        returns a finite number that bounds nothing. Derivatives with respect to a configuration are by its entries, as
-        always in CasADi: with quaternions or (cos, sin) pairs export the next configuration too, by ``sd.integrate``,
-        so that everything stays in coordinates.
+        It takes numbers, SX and MX; in MX graphs, nested ones and those of ``factory`` too, it is one node, whose
+        Jacobian is that of ``c_code``: of rnea and aba by their own recursions, in about half the operations of
+        CasADi's. One direction, forwards or backwards, is a program of its own, of the size of some two or three calls,
+        and a Hessian is CasADi's derivative of that one: of aba in two fifths of the operations. Inputs are named as in
+        ``c_code``: a payload that is the fourth is ``payload_4``. It has no argument checks and no range: a joint with
+        zero articulated inertia divides by zero. The same holds for ``bounded``: where its program has an infinite
+        bound (angles above 1e5, joints of hardly any articulated inertia, numbers beyond the range), the exported
+        function returns a finite number that bounds nothing. Derivatives with respect to a configuration are by its
+        entries, as always in CasADi: with quaternions or (cos, sin) pairs export the next configuration too, by
+        ``sd.integrate``, so that everything stays in coordinates.
 
         name      as of ``c_code``
-        jacobian  False leaves the Jacobian to CasADi, also in an MX graph: it is made in a fraction of the time
+        jacobian  False leaves the derivatives to CasADi, also in an MX graph: it is made in a fraction of the time
 
         Raises SpatialDynError as ``c_code`` with derivatives, and where CasADi is not installed (extra "casadi")
         """
@@ -239,16 +252,18 @@ class Specialized:
 
         own = as_flag("jacobian", jacobian)
         given = exported(self._request, self._recorded, "c", name)
-        return to_casadi(given, jacobian_of(self._request, given) if own else None)
+        return to_casadi(given, derivatives_of(self._request, given) if own else None)
 
     def to_jax(self) -> Callable[..., Any]:
-        """The program as a function of JAX arrays, for jit, vmap, grad, vjp and jacrev.
+        """The program as a function of JAX arrays, for jit, vmap, scan, pmap, and first and second derivatives.
 
-        It runs on the host, on lanes, wherever JAX runs; samples may have leading axes that broadcast. Inputs that
-        are all float32 give float32, others JAX's default float; derivatives are computed in float64, by entries of
-        a configuration. There is no forward mode (``jacfwd``, ``jvp``: take ``jacrev``, or ``derivative="jvp"`` outside
-        of JAX) and no second derivative: asking for one raises. Errors of values, such as a joint without inertia,
-        reach the caller as a JaxRuntimeError whose last line is this library's message.
+        On the CPU XLA calls the compiled program itself, in some microseconds; elsewhere, and where it does not take it
+        (which a warning says), it calls Python on the host, in 0.3 ms. Samples may have leading axes that broadcast.
+        Inputs that are all float32 give float32, others JAX's default float; derivatives are computed in float64, by
+        entries of a configuration, each by a program that is compiled when it is first asked for: of the second order
+        it is some six times as long. A third derivative raises. Samples beyond the program's range are recomputed as
+        in a call; errors of values, such as a joint without inertia, reach the caller as a JaxRuntimeError whose last
+        line is this library's message. What XLA has been given stays in memory until the process ends.
 
         >>> import spatialdyn as sd
         >>> import jax  # doctest: +SKIP
@@ -260,26 +275,32 @@ class Specialized:
         """
         from ..interop.jax import to_jax
 
-        return to_jax(self._differentiable())
+        return to_jax(self._differentiable)
 
     def to_torch(self) -> Callable[..., Any]:
         """The program as a function of PyTorch tensors on the CPU, for autograd in both modes, torch.func and vmap.
 
-        Samples may have leading axes that broadcast. Inputs that are all float32 give float32; float32 beside float64
-        is promoted to float64, as in torch's own operations, and so is all else. Derivatives are computed in float64,
-        by entries of a configuration, and have the dtype of their input. The program for forward mode (``jvp``,
-        ``jacfwd``) is compiled at its first use. There is no second derivative: asking for one raises.
+        ``torch.compile`` and ``torch.export`` hold it as one operator. Samples may have leading axes that broadcast.
+        Inputs that are all float32 give float32; float32 beside float64 is promoted to float64, as in torch's own
+        operations, and so is all else. Derivatives are computed in float64, by entries of a configuration, and have the
+        dtype of their input; each is a program that is compiled when it is first asked for: of the second order it is
+        some six times as long. A third derivative raises, and so does a second one within ``torch.compile``.
 
         Raises SpatialDynError without a program, for one with bounds or derivatives of its own, for tensors that are
             not on the CPU, and where PyTorch is not installed (extra "torch")
         """
         from ..interop.torch import to_torch
 
-        return to_torch(self._differentiable())
+        return to_torch(self._differentiable)
 
+    @cached_property
     def _differentiable(self) -> Differentiable:
-        along = cache(partial(derivative_of, self, "tangent"))
-        return Differentiable(self._request, self.signature, self, derivative_of(self, "gradient"), along)
+        request_of = partial(derivative_request, self)
+        if recording.fits(self._request.specs, self.model.bodies, 1, self._request.tables) and not numba_kernels.PLAIN:
+            self.program  # raises without one
+        else:
+            derivative_of(self, 0, True)
+        return Differentiable(self, self.signature, request_of, partial(derivative_of, self))
 
     def python_code(self, name: str | None = None) -> str:
         """As ``c_code``, a Python function of arrays of any batch shape that needs NumPy only.
@@ -381,11 +402,24 @@ class Specialized:
                     rows = [flatten_batch(a, batch, x.shape) for x, a in zip(self._inputs, arrays, strict=True)]
                 seen, has_program = out is not None, self._kernel is not None
                 specialize_fallback.compute(request, self._inputs, rows, flat, batch, samples, seen, has_program)
+            if self._watches_bounds:
+                self._say_infinite(*flat)
         if out is None and not batch:
             number = float if request.dtype == np.float64 else np.float32
             shown: tuple[Any, ...] = tuple(x if x.ndim else number(x) for x in results)
             return shown if request.several else shown[0]
         return results if request.several else results[0]
+
+    def _say_infinite(self, values: NDArray[Any], bounds: NDArray[Any]) -> None:
+        """Warn once where most samples have infinite bounds in float32."""
+        infinite = int((np.isfinite(values).all(axis=1) & np.isinf(bounds).any(axis=1)).sum())
+        if 2 * infinite > len(values):
+            self._watches_bounds = False
+            warnings.warn(
+                f'{self.calls[0]} of "{self.model.name}" has infinite bounds in float32 in {infinite} of {len(values)} '
+                "samples, expected dtype=float64 for a model and states as these",
+                stacklevel=4,
+            )
 
     def _read(self, name: str, value: Any) -> NDArray[Any]:
         dtype = self._request.dtype

@@ -85,7 +85,10 @@ def _shape(shape: int | tuple[int, ...]) -> tuple[int, ...]:
     try:
         if masked(shape):
             raise TypeError
-        batch = (operator.index(shape),) if np.ndim(shape) == 0 else tuple(operator.index(n) for n in shape)  # type: ignore[arg-type, union-attr]
+        sizes = [shape] if np.ndim(shape) == 0 else list(shape)  # type: ignore[arg-type]
+        if any(isinstance(n, (bool, np.bool_)) for n in sizes):
+            raise TypeError
+        batch = tuple(map(operator.index, sizes))  # type: ignore[arg-type]
     except (TypeError, ValueError):
         batch = (-1,)
     if any(n < 0 for n in batch) or math.prod(batch) >= 1 << 48:  # beyond any memory

@@ -99,7 +99,8 @@ def _joined(argv: Sequence[str]) -> list[str]:
 
 def _parser(words: Sequence[str]) -> argparse.ArgumentParser:
     """The parser of these words; only the commands that they name have their arguments."""
-    whole = argparse.ArgumentParser(prog="spatialdyn", description="Rigid-body dynamics of robots described by a URDF.")
+    about = "Rigid-body dynamics of robots from URDF, MJCF and xacro files."
+    whole = argparse.ArgumentParser(prog="spatialdyn", description=about)
     whole.add_argument("--version", action="version", version=f"%(prog)s {__version__}")
     commands = whole.add_subparsers(required=True, metavar="COMMAND")
     for name, text in COMMANDS.items():

@@ -44,7 +44,7 @@ def _run(arguments: argparse.Namespace) -> int:
         )
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        model = load(arguments)
+        model = load(arguments, mimic=True)
         if arguments.lock:
             model = model.reduced(arguments.lock.split(","))
     path = excitation(

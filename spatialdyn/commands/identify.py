@@ -54,7 +54,7 @@ def _run(arguments: argparse.Namespace) -> int:
     check_file("--save", arguments.save, (".urdf",))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        model = load(arguments)
+        model = load(arguments, mimic=True)
         if arguments.lock:
             model = model.reduced(arguments.lock.split(","))
         log = Recording.load(arguments.log, model, resample=arguments.resample)

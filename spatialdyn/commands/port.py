@@ -108,7 +108,7 @@ def _without_magic(line: str) -> str:
 
 
 def _folder(folder: Path) -> tuple[list[Script], list[str]]:
-    """The scripts below a folder, and the faults of those that are no Python; hidden folders are left out."""
+    """The scripts below a folder, and the faults of those that cannot be parsed; hidden folders are left out."""
     scripts, faults = [], []
     for path in sorted(x for suffix in SUFFIXES for x in folder.rglob(f"*{suffix}") if x.is_file()):
         parts = path.relative_to(folder).parts[:-1]

@@ -154,7 +154,7 @@ def progress(total: int, quiet: bool = False) -> Iterator[Callable[[str], None]]
 
 
 def terminal_width() -> int:
-    """Columns of the terminal; WIDE where stdout is none."""
+    """Columns of the terminal; WIDE where stdout is not one."""
     return shutil.get_terminal_size((WIDE, 24)).columns if sys.stdout and sys.stdout.isatty() else WIDE
 
 

@@ -299,7 +299,7 @@ class Contacts:
         return (_limited if self.limits else Contacts), self._given()
 
     def _given(self) -> tuple[Any, ...]:
-        """What makes contacts like these, but for limits."""
+        """Arguments of an equal Contacts, limits left out."""
         radii, friction, restitution = (
             dict(zip(self.names, x, strict=True)) for x in (self.radii, self.friction, self.restitution)
         )

@@ -246,7 +246,9 @@ class VelocityConstraint(Constraint):
         self._check_names("name")
         A = np.atleast_2d(as_array("A", self.A))
         if A.ndim != 2 or not A.size or not np.isfinite(A).all() or not A.any(axis=1).all():
-            raise ConstraintError(f"{self.label} has A {literal(self.A)}, expected finite rows (k, nv), none of zeros")
+            raise ConstraintError(
+                f"{self.label} has A {literal(self.A)}, expected finite rows (k, nv), each with an entry that is not 0"
+            )
         self._set("A", tuple(map(tuple, A.tolist())))
 
 

@@ -258,7 +258,7 @@ class _Attempts(NamedTuple):
         """The attempts after steps (n, STEPS, nq + 2), and which of them are over."""
         n, nq = len(self.q), self.q.shape[1]
         row = np.arange(n)
-        square = np.maximum(after[:, :, nq], after[:, :, nq + 1])  # written out: a max over two takes half the time
+        square = np.maximum(after[:, :, nq], after[:, :, nq + 1])  # written out: faster than a max over two
         square[np.isnan(square)] = np.inf
         more = most - self.step  # steps that may yet be taken, where a round takes STEPS
         if len(more) and more.min() < STEPS:

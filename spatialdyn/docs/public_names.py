@@ -154,7 +154,7 @@ BY_PACKAGE = {
     "control": "control", "interop": "conversion", "laws": "control", "lagrangian": "mechanics",
     "linearization": "derivatives", "model": "robots",
     "pictures": "pictures", "recursions": "dynamics", "simulation": "simulation", "sources": "robots",
-    "urdf": "robots", "identification": "identification", "studies": "studies", "operational": "control",
+    "urdf": "robots", "identification": "identification", "studies": "studies", "operational": "tasks",
     "embedded": "chips",
 }  # fmt: skip
 

@@ -20,7 +20,7 @@ from .programs.run import batch_kernels
 from .run import Table
 
 LEAST_BATCH = 512  # least samples of a batch that runs on lanes
-MOST_ROWS = 32  # above, a program has 100 000 operations and compiles for half a minute
+MOST_ROWS = 32  # above, programs of double-double take too long to compile
 
 
 def compute_on_lanes(spec: Spec, table: Table, inputs: Arrays, out: NDArray[np.float64]) -> bool:

@@ -1,7 +1,7 @@
 """Memory of results: that of large ones is kept when they are freed, and used again.
 
-The system hands out memory in zeroed pages, at the first write to each. For the mass matrices of 8192 humanoids
-(121 MB) that takes three times as long as to compute them, in huge pages of 2 MB; in pages of 4 KB twenty times.
+The system hands out memory in zeroed pages, at the first write to each. For large results, as the mass matrices of
+8192 humanoids (121 MB), that takes longer than to compute them, in pages of 4 KB much longer than in huge ones of 2 MB.
 
 A block returns to the pool when the result and all its views are gone. Of free blocks MOST bytes are kept in all, and
 the system may take them where it is short of memory (MADV_FREE). Blocks are private to the process and its forks.

@@ -21,7 +21,7 @@ from ..bodies.table import ANY_NORM
 from ..recursions.spec import Spec
 from ..waiting import watch
 from . import locks, threads
-from .compiled import numba_kernels, tiers
+from .compiled import lane_batches, lane_names, numba_kernels, tiers
 from .failed import ALL_OK as ALL_OK
 from .failed import Arrays as Arrays
 from .failed import Failed as Failed
@@ -34,11 +34,11 @@ from .programs.run import batch_kernels
 from .programs.run.batches import NONE
 from .programs.run.tiered_program import TieredProgram
 
-SHARE = 10**9 if numba_kernels.PLAIN else 128  # least samples of a thread: some 100 µs
-FEW, FEW_NUMBERS = 512, 1 << 20  # most samples, and numbers of their results, that NumPy computes in some 10 ms to 1 s
-FEW_ALONE = 16  # of a recursion that branches on values, which takes them one by one, 1 to 20 ms each
-MANY_ALONE = 512  # samples of a recursion that branches on values, 20 ms each in plain Python, that compile it at once
-MOST_STEPS = 200_000  # rows of the table times numbers of a result, 2 us each at most, that NumPy is given
+SHARE = 10**9 if numba_kernels.PLAIN else 128  # least samples of a thread: fewer take less time than waking it
+FEW, FEW_NUMBERS = 512, 1 << 20  # most samples, and numbers of their results, that NumPy is given
+FEW_ALONE = 16  # of a recursion that branches on values, which takes them one by one
+MANY_ALONE = 512  # samples of a recursion that branches on values that compile it at once
+MOST_STEPS = 200_000  # rows of the table times numbers of a result that NumPy is given
 MANY = 8192  # samples of a batch to prepare for
 _lock = locks.new()
 STATIC = "rows" if numba_kernels.PLAIN else "address"  # the attribute of a StaticTable that kernels take
@@ -213,6 +213,7 @@ def preview(spec: Spec, table: Table, inputs: Arrays, static: tuple[Any, ...], c
         or not spec.traceable  # which compiles when it pays
         or table.bodies["leader"].any()  # which have no table kernel
         or numba_kernels.is_made(spec)
+        or (lane_names.fits(spec) and lane_batches.batches(spec).is_made)
         or count > _few(spec, table, static)
         or program(spec, table, hashable(static)) is not None
     ):
@@ -262,16 +263,24 @@ def _run_table_kernel(
         else:
             _one_by_one(spec, rows, given, static, results, status)
 
-    return _in_slices(compute, len(table.bodies), math.prod(core), inputs, out, at, columns, seen)
+    least = lane_names.width() if lane_names.fits(spec) else 1
+    return _in_slices(compute, len(table.bodies), math.prod(core), inputs, out, at, columns, seen, least)
 
 
 def compile_table_kernel(spec: Spec) -> None:
     """Compile what computes batches of a call without a program."""
-    _kernel(spec, MANY_ALONE)
+    if lane_names.fits(spec):
+        lane_batches.batches(spec).compile_now()
+    else:
+        _kernel(spec, MANY_ALONE)
 
 
 def _kernel(spec: Spec, count: int) -> Callable[..., int] | None:
     """The table kernel of batches; None for few samples of a recursion that runs in plain Python so far."""
+    if lane_names.fits(spec):
+        made = lane_batches.batches(spec)
+        made.prepare(count)
+        return made
     if spec.traceable or numba_kernels.PLAIN:
         return numba_kernels.batch_kernel(spec)
     tier = tiers.table_kernel(spec)
@@ -325,10 +334,12 @@ def _in_slices(
     at: NDArray[np.intp] | None,
     columns: NDArray[np.intp] | None,
     seen: bool,
+    least: int = 1,
 ) -> Failed:
     """Samples in slices between which Ctrl-C is handled, as ``run_table_kernel``; returns those that failed.
 
     compute  ``(slice of the samples, their inputs, flat results, status)``, which writes the last two in place
+    least    samples that take hardly longer than one
     """
     count = len(out) if at is None else len(at)
     in_place = at is None and columns is None and out.dtype == np.float64
@@ -336,7 +347,7 @@ def _in_slices(
     first = 0
     with watch.work(f"a batch of {count} samples", lambda: f": {first} are done"):
         try:
-            for first, end in threads.slices(count, rows, width):
+            for first, end in threads.slices(count, rows, width, least):
                 here = slice(first, end) if at is None else at[first:end]
                 given = [x[first:end] if len(x) == count else x for x in inputs]
                 flat = out[here] if in_place else np.empty((end - first, width))

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..errors import SpatialDynError, literal
 from . import locks
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
     from concurrent.futures import ThreadPoolExecutor
 
 SLICE_SECONDS = 0.05  # seconds of a slice, after which Ctrl-C is handled, for samples outside of programs
-FIRST_SLICE = 1 << 18  # rows² or rows times results, in all samples of the first slice: 2 to 30 ms
+FIRST_SLICE = 1 << 18  # rows² or rows times results, in all samples of the first slice
 
 PIECES = 4  # of a thread's share of a batch: a thread that comes late leaves its own to the others
 IDLE = 0.5  # of the time it works: a thread that waits longer for the others, or for a core, is on a busy machine
@@ -47,6 +48,13 @@ class ThreadPool:
         self._found: tuple[int, bool] | None = None  # as of ``default_threads``
         self._forked = False
         self._pause = self._busy_until = 0.0
+        self._most = np.zeros(1, np.int64)
+
+    @property
+    def most(self) -> NDArray[np.int64]:
+        """The most threads of a batch that threads of others compute: a word, which compiled code reads."""
+        self._most[0] = self._asked or default_threads(self._forked)[0]
+        return self._most
 
     @property
     def size(self) -> int:
@@ -68,6 +76,8 @@ class ThreadPool:
     def ask(self, n: int | None) -> None:
         """Have every thread's batches run on n threads; None: the default."""
         self._asked, self._busy_until = n, 0.0
+        if self._most[0]:
+            self._most[0] = self.most[0]
 
     def forked(self) -> None:
         """In a forked child: the threads are gone, and it is a worker."""
@@ -192,7 +202,7 @@ def slices(n: int, rows: int, results: int, least: int = 1) -> Iterator[tuple[in
         end = done + count if n - done - count >= least else n
         yield done, end
         spent = max(time.perf_counter() - began, 1e-6)
-        count = max(least, int(min(10.0 * count, count * SLICE_SECONDS / spent)))
+        count = least * max(1, int(min(10.0 * count, count * SLICE_SECONDS / spent)) // least)
 
 
 thread_pool = ThreadPool()

@@ -4,10 +4,10 @@ Learn    simulate(method=...), integrators and check_conservation: methods of on
 Look at  the columns, the largest error of energy until then. Methods that keep Ω stay where they are, however coarse;
          of the others most grow. The chapter's section 15 ("over 10 000 steps RK4 is off by up to 1 %, Verlet stays
          within 0.001 %") does not come out in these 10 000 steps: on the smooth motion RK4 ends a thousand times
-         better than Verlet, and at the rate of its growth would take a day and a half to become worse; on the violent
-         one Verlet's error is bounded and large. And "Verlet" is two methods once M depends on q: velocity_verlet,
-         explicit, does not keep Ω and drifts on the violent motion; stormer_verlet keeps it and is implicit. The
-         table of all integrators, printed first, has the names of those that METHODS leaves out.
+         better than Verlet, whose error is bounded and large on the violent one. And "Verlet" is two methods once M
+         depends on q: velocity_verlet, explicit, does not keep Ω and drifts on the violent motion; stormer_verlet keeps
+         it and is implicit. The table of all integrators, printed first, has the names of those that METHODS leaves
+         out.
 """
 
 from __future__ import annotations

@@ -28,7 +28,7 @@ Array = np.ndarray
 
 @numba.njit(cache=True)
 def add_product(A, B, out):  # type: ignore[no-untyped-def]
-    """out + Aᵀ B, written in place. So small matrices are faster in loops than by BLAS, and compile in less time."""
+    """out + Aᵀ B, written in place. For matrices this small loops are faster than BLAS and sooner compiled."""
     for k in range(len(A)):
         for i in range(len(out)):
             for j in range(B.shape[1]):
@@ -69,7 +69,7 @@ LAW = Spec("ilqr", law, None, (Q, V, *(Argument(x, y, "", "") for x, y in SIZES.
 
 
 def forward(p: Problem, x: Array, push: Array, K: Array) -> tuple[Array, Array]:
-    """The motion X from x[0] in semi-implicit steps under U, push + K (X - x) within the limits; and U."""
+    """The motion X from x[0], in semi-implicit steps, and its torques U = push + K (X - x) within the limits."""
     n, limits = p.model.nv, {"low": np.nan_to_num(p.low), "high": np.nan_to_num(p.high)}
     control = sd.Control(LAW, {"push": push, "gains": K, "around": x[:-1], **limits})
     X = x.copy()

@@ -1,8 +1,8 @@
 """An inertia-wheel pendulum: raised by IDA-PBC, with a proof, and by an LQR, without one.
 
 Learn    interconnection and damping assignment makes another Hamiltonian system of this one, H_d = ½ pᵀ M_d⁻¹ p + V_d;
-         what the wheel cannot push has to match by itself, a condition that the tests hold in symbols. sd.lqr takes
-         nothing but A and B, and knows nothing far from them.
+         where the wheel gives no torque both systems have to agree, the matching condition, which a test checks in
+         symbols. sd.lqr takes nothing but A and B, which describe the robot near its goal alone.
 Look at  H_d, which falls all the way: that is why the pendulum comes up from 3 rad. The LQR brings it up from there
          too, sooner and with four times the torque, and no line of its theory says that it will.
 Needs    pip install scipy

@@ -4,9 +4,9 @@ Learn    sd.SlotineLi and sd.NaturalAdaptation follow a path with parameters tha
          proof needs sᵀ(Ṁ - 2C)s = 0 for an s that is not q̇: of all C with the right C q̇ that of Christoffel's symbols.
 Look at  the least eigenvalue of the pseudo-inertias: the Euclidean law tracks with bodies that no mass could have, the
          natural one never leaves those that exist. And V = ½ sᵀM s of a law whose parameters are right: it falls with
-         Christoffel's C, and rises with another, whose C q̇ is the same. Parameters converge where the motion shows
-         them: of 30 it shows fewer. The chapter's 10.5 has two signs of the error of the parameters on its way; its law
-         is the right one, rates -Γ Yᵀs of the estimate beside τ = Y θ - K s.
+         Christoffel's C, and rises with another, whose C q̇ is the same. Only combinations of parameters that the
+         motion shows converge, fewer than 30. The chapter's section 10.5 changes the sign of the parameters' error
+         half-way; the law that it ends with is right: estimates change by -Γ Yᵀs, and τ = Y θ - K s.
 Needs    pip install example-robot-data for the UR5
 """
 

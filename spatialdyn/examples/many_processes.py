@@ -1,8 +1,8 @@
 """A study on several processes: the same bits as on one, however the work is cut.
 
 Learn    a Model pickles, and a worker takes its compiled code from the disk cache: nothing is compiled twice.
-Look at  the last line: results are equal to the last bit. For one batch threads are less work: calls share it among
-         them (set_num_threads). Processes are for studies around the calls: Python code, files, other libraries.
+Look at  the last line: results are equal to the last bit. For one batch threads are simpler: a call shares it among
+         them (set_num_threads). Processes are for the code around calls: Python, files, other libraries.
 """
 
 from __future__ import annotations

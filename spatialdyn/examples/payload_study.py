@@ -1,11 +1,11 @@
 """What torques must a panda hold? Five million payloads and poses, of which a few numbers are kept.
 
 Learn    sd.study runs a function on random samples, chunk by chunk, here or on any executor (a Dask client, MPI): what
-         fits in no memory becomes moments, quantiles and the worst cases. Killed, it goes on where it ended; on other
-         machines it gives the same bits. ``spatialdyn study payload_study.py --folder F`` runs this file's ``study``,
-         of ten million.
-Look at  the picture: the second joint bears the arm and its load, and comes near its motor's limit; the others have
-         half of theirs to spare in 99.9 % of samples, the first and the last, which are upright or short, all of it.
+         fits in no memory becomes moments, quantiles and the worst cases. A study that was killed goes on where it
+         stopped; on other machines it gives the same bits. ``spatialdyn study payload_study.py --folder F`` runs this
+         file's ``study``, of ten million.
+Look at  the picture: the second joint carries the arm and its load, and comes near its motor's limit. The others use
+         half of theirs at most in 99.9 % of samples; the first and the last, which are upright or short, hardly any.
 Needs    pip install example-robot-data for the panda
 """
 

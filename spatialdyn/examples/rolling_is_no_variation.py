@@ -1,6 +1,6 @@
-"""A knife edge on an incline: of the two mechanics of velocity constraints, experiment chooses d'Alembert's.
+"""A knife edge on an incline: of two mechanics of velocity constraints, experiments agree with d'Alembert's.
 
-Learn    VelocityConstraint; the difference between constraining a motion and constraining what it is compared with.
+Learn    VelocityConstraint; to constrain a motion is not to constrain the motions that it is compared with.
 Look at  where each lets the spinning blade go. By d'Alembert and Lagrange, as in this library, constraint forces do no
          work in allowed displacements, and the blade stays up: it drifts across the slope in loops of one height.
          Hamilton's principle among motions that meet the constraint ("vakonomic") lets the same blade run downhill;

@@ -1,8 +1,8 @@
 """A quadruped that stands and one that trots: the same scene, and what each of them requires.
 
 Learn    a scene requires nothing by itself, a motion does: sd.requires of two motions of one scene.
-Look at  the joints' damping, and the step. Nothing but the ground and gravity holds a robot that stands, at 8 ms a
-         step; when it trots, its damping moves it by millimetres, and its impacts need steps a tenth as long or less.
+Look at  the joints' damping, and the step. Standing requires the ground and gravity alone, in steps of 8 ms. In a trot
+         damping changes the motion by millimetres, and impacts need steps of a tenth of that or less.
 Needs    pip install example-robot-data for Solo12
 """
 

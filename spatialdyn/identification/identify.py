@@ -221,7 +221,7 @@ def _white(residuals: Array, floor: Array, shared: tuple[int, float]) -> tuple[A
 
 
 def _unused(settings: Settings, late: bool) -> str:
-    """What was not tried of what makes residuals even."""
+    """The settings that could make residuals even and were not used, in words."""
     dry = any(kind == "coulomb" for kind, _ in settings.unknowns.joints)
     given = {
         "hold=": settings.hold is not None, "delay=True": late, "cutoff=": settings.cutoff is not None,

@@ -17,7 +17,7 @@ from .recording import Recording
 
 Array = NDArray[np.float64]
 ORDER = 4  # of the Butterworth filter, whose gain is used twice: no phase is left
-ALONE = 0.01  # a smaller correlation is none
+ALONE = 0.01  # a smaller correlation counts as 0
 MEANS = (-1.0 / 24.0, 13.0 / 24.0, 13.0 / 24.0, -1.0 / 24.0)  # of four samples, of ``means_of_steps``
 NEAR = 4  # steps: further from a jump nothing is off
 EDGE = 1.0  # of 1/cutoff, left out at both ends, where the filter continues the motion by reflection

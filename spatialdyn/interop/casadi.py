@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from ..calls.exported import Exported
+from ..calls.exported import Derivatives, Exported
 from ..engines.programs.record.operations import (
     ABS,
     ATAN2,
@@ -24,48 +25,106 @@ from ..engines.programs.record.operations import (
 )
 from ..engines.programs.record.program import Program
 from ..engines.programs.transform.casadi_code import by_columns, matrix
+from ..engines.programs.transform.source_code import Shapes
 from ..errors import SpatialDynError, literal
 from .frameworks import framework
 
 
-def to_casadi(given: Exported, jacobian: Program | None) -> Any:
+def to_casadi(given: Exported, derivatives: Derivatives | None) -> Any:
     """``Specialized.to_casadi``."""
     casadi = framework("casadi")
     if not casadi.Function.check_name(given.name):
         raise SpatialDynError(f"name is {literal(given.name)}, expected a name that CasADi takes")
-    inputs, outputs = list(given.inputs), list(given.outputs)
-    shapes, results = [matrix(x) for x in given.inputs.values()], [matrix(x) for x in given.outputs.values()]
-    symbols = [casadi.SX.sym(x, *shape) for x, shape in zip(inputs, shapes, strict=True)]
-    columns = [x[at] for x, shape in zip(symbols, shapes, strict=True) for at in np.argsort(by_columns(shape)).tolist()]
-    entries = walk(casadi, given.program, columns)
-    values, at = [], 0
-    for rows, width in results:
-        part = casadi.vertcat(*entries[at : at + rows * width])
-        values.append(casadi.reshape(part, width, rows).T)
-        at += rows * width
-    if jacobian is None:
-        return casadi.Function(given.name, symbols, values, inputs, outputs)
-    found = walk(casadi, jacobian, columns)
-    wide, blocks, row = len(columns), [], 0
-    for shape in results:
-        taken = [row + k for k in by_columns(shape)]
-        first = 0
-        for columns_of in shapes:
-            order = [first + k for k in by_columns(columns_of)]
-            part = casadi.vertcat(*(found[wide * i + j] for j in order for i in taken))
+    ins, outs = _Arrays(casadi, given.inputs), _Arrays(casadi, given.outputs)
+    options: dict[str, Any] = {}
+    if derivatives is not None:
+        options = _derivatives(casadi, given, derivatives)
+    results = outs.stacked(walk(casadi, given.program, ins.entries))
+    scalars = casadi.Function(given.name, ins.symbols, results, ins.names, outs.names, options)
+    if derivatives is None:
+        return scalars
+    # within an MX function it stays one node, also of what ``factory`` makes: there CasADi takes the lines of an SX one
+    symbols = [casadi.MX.sym(x, *shape) for x, shape in zip(ins.names, ins.shapes, strict=True)]
+    node = scalars.call(symbols, False, True)
+    return casadi.Function(given.name, symbols, node, ins.names, outs.names, options)
+
+
+class _Arrays:
+    """Named arrays as matrices of symbols: CasADi has their entries column by column, programs row by row."""
+
+    def __init__(self, casadi: Any, arrays: Shapes, prefix: str = "") -> None:
+        self.casadi, self.names = casadi, [prefix + x for x in arrays]
+        self.shapes = [matrix(x) for x in arrays.values()]
+        self.symbols = [casadi.SX.sym(x, *shape) for x, shape in zip(self.names, self.shapes, strict=True)]
+
+    @property
+    def entries(self) -> list[Any]:
+        """The entries of all arrays, each in C order."""
+        return [
+            x[at]
+            for x, shape in zip(self.symbols, self.shapes, strict=True)
+            for at in np.argsort(by_columns(shape)).tolist()
+        ]
+
+    def stacked(self, values: Sequence[Any]) -> list[Any]:
+        """Matrices of the entries of all arrays."""
+        made, at = [], 0
+        for rows, width in self.shapes:
+            part = self.casadi.vertcat(*values[at : at + rows * width])
+            made.append(self.casadi.reshape(part, width, rows).T)
+            at += rows * width
+        return made
+
+    def places(self) -> list[list[int]]:
+        """For each array its entries in CasADi's order, as places among all entries."""
+        found, first = [], 0
+        for shape in self.shapes:
+            found.append([first + k for k in by_columns(shape)])
+            first += len(found[-1])
+        return found
+
+
+def _jacobian(casadi: Any, name: str, ins: Sequence[_Arrays], outs: _Arrays, entries: Sequence[Any]) -> Any:
+    """The function of CasADi that has the derivatives of results by inputs; ``entries`` of them, result by result."""
+    columns, first = [], 0
+    for group in ins:
+        columns += [[first + k for k in places] for places in group.places()]
+        first += sum(map(len, group.places()))
+    blocks = []
+    for taken in outs.places():
+        for order in columns:
+            part = casadi.vertcat(*(entries[first * i + j] for j in order for i in taken))
             blocks.append(casadi.reshape(part, len(taken), len(order)))
-            first += len(order)
-        row += len(taken)
-    nominal = [casadi.SX.sym(f"out_{x}", *shape) for x, shape in zip(outputs, results, strict=True)]
-    derivatives = casadi.Function(
-        f"jac_{given.name}", [*symbols, *nominal], blocks, [*inputs, *(f"out_{x}" for x in outputs)],
-        [f"jac_{x}_{y}" for x in outputs for y in inputs],
+    names = [x for group in ins for x in group.names]
+    nominal = [casadi.SX.sym(f"out_{x}", *shape) for x, shape in zip(outs.names, outs.shapes, strict=True)]
+    return casadi.Function(
+        f"jac_{name}", [*(x for group in ins for x in group.symbols), *nominal], blocks,
+        [*names, *(f"out_{x}" for x in outs.names)], [f"jac_{x}_{y}" for x in outs.names for y in names],
     )  # fmt: skip
-    options = {"custom_jacobian": derivatives, "jac_penalty": 0}
-    return casadi.Function(given.name, symbols, values, inputs, outputs, options)
 
 
-def walk(casadi: Any, program: Program, inputs: list[Any]) -> list[Any]:
+def _derivatives(casadi: Any, given: Exported, derivatives: Derivatives) -> dict[str, Any]:
+    """Options of a function: its Jacobian, and in CasADi's cache of derivatives one direction of each mode.
+
+    The penalty has CasADi take those for one direction, and the Jacobian for as many as there are results.
+    """
+    ins, outs, n = _Arrays(casadi, given.inputs), _Arrays(casadi, given.outputs), given.program.inputs
+    known, m = _Arrays(casadi, given.outputs, "out_"), len(given.program.outputs)
+    along, weights = _Arrays(casadi, given.inputs, "fwd_"), _Arrays(casadi, given.outputs, "adj_")
+    moved, slopes = _Arrays(casadi, given.outputs, "fwd_"), _Arrays(casadi, given.inputs, "adj_")
+    jacobian = _jacobian(casadi, given.name, [ins], outs, walk(casadi, derivatives.jacobian, ins.entries))
+    cache = {}
+    for mode, program, seeds, results in (
+        ("fwd", derivatives.along, along, moved), ("adj", derivatives.weighted, weights, slopes),
+    ):  # fmt: skip
+        symbols = [*ins.symbols, *known.symbols, *seeds.symbols]
+        found = results.stacked(walk(casadi, program, [*ins.entries, *seeds.entries, *known.entries]))
+        name, names = f"{mode}1_{given.name}", [*ins.names, *known.names, *seeds.names]
+        cache[name] = casadi.Function(name, symbols, found, names, results.names)
+    return {"custom_jacobian": jacobian, "jac_penalty": max(1.0 / m, 2.1 / n), "cache": cache}
+
+
+def walk(casadi: Any, program: Program, inputs: Sequence[Any]) -> list[Any]:
     """The outputs of a program on symbols of CasADi, one per input."""
     functions = {
         DIV: lambda a, b: a / b, SQRT: casadi.sqrt, SIN: casadi.sin, COS: casadi.cos, EXP: casadi.exp,

@@ -1,100 +1,195 @@
-"""A Specialized as a function of PyTorch tensors on the CPU, with gradients."""
+"""A Specialized as a function of PyTorch tensors on the CPU, with derivatives.
+
+A program, and each derivative of it, is an operator of ``torch.library``, with a kernel that tells shapes alone, so
+that ``torch.compile`` and ``torch.export`` hold it as one node. An ``autograd.Function`` around it, whose derivatives
+are such functions again, is used where a derivative may be asked for: a plain call would take thrice its time in it.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import hashlib
+from collections.abc import Callable, Sequence
+from functools import cache
+from inspect import signature
 from typing import Any
 
 import numpy as np
 
-from ..calls.differentiable import Differentiable
-from ..errors import SpatialDynError
+from ..calls.differentiable import Differentiable, Node
+from ..errors import ShapeError, SpatialDynError
 from .frameworks import framework
+
+_operators: dict[str, Any] = {}
 
 
 def to_torch(made: Differentiable) -> Callable[..., Any]:
     """``Specialized.to_torch``."""
-    torch, count = framework("torch"), len(made.names)
-
-    def run(function: Callable[..., Any], *tensors: Any) -> Any:
-        """The tensors that a function of arrays gives."""
-        found = function([x.detach().numpy() for x in tensors])
-        return tuple(torch.from_numpy(np.asarray(x)).to(tensors[0].dtype) for x in found)
-
-    def once(*_: Any) -> Any:
-        raise SpatialDynError("a second derivative is not available, expected first derivatives")
-
-    def nothing(ctx: Any, inputs: Any, output: Any) -> None:
-        """Nothing is kept for a second derivative."""
-
-    def in_front(tensors: Any, in_dims: Any) -> list[Any]:
-        """Tensors whose mapped axis is the first, of one entry where there is none."""
-        return [x.unsqueeze(0) if d is None else x.movedim(d, 0) for x, d in zip(tensors, in_dims, strict=True)]
-
-    class Gradients(torch.autograd.Function):  # type: ignore[misc, name-defined]
-        """Of inputs and weights: the derivatives of Σ weight · result by each input."""
-
-        setup_context, backward, jvp = staticmethod(nothing), staticmethod(once), staticmethod(once)
-
-        @staticmethod
-        def forward(*tensors: Any) -> Any:
-            return run(lambda given: made.gradients(given[:count], given[count:]), *tensors)
-
-        @staticmethod
-        def vmap(info: Any, in_dims: Any, *tensors: Any) -> Any:
-            size = info.batch_size  # also of those that all samples share: their derivatives are one for each
-            given = [x.expand(size, *x.shape[1:]) for x in in_front(tensors, in_dims)]
-            return Gradients.apply(*given), (0,) * count
-
-    class Tangents(torch.autograd.Function):  # type: ignore[misc, name-defined]
-        """Of inputs and tangents of them: the derivatives of the results along those."""
-
-        setup_context, backward, jvp = staticmethod(nothing), staticmethod(once), staticmethod(once)
-
-        @staticmethod
-        def forward(*tensors: Any) -> Any:
-            return run(lambda given: made.tangents(given[:count], given[count:]), *tensors)
-
-        @staticmethod
-        def vmap(info: Any, in_dims: Any, *tensors: Any) -> Any:
-            return Tangents.apply(*in_front(tensors, in_dims)), (0,) * len(made.results)
-
-    class Results(torch.autograd.Function):  # type: ignore[misc, name-defined]
-        """Of inputs: the results."""
-
-        @staticmethod
-        def forward(*tensors: Any) -> Any:
-            return run(made.values, *tensors)
-
-        @staticmethod
-        def setup_context(ctx: Any, inputs: Any, output: Any) -> None:
-            ctx.save_for_backward(*inputs)
-            ctx.save_for_forward(*inputs)
-
-        @staticmethod
-        def backward(ctx: Any, *weights: Any) -> Any:
-            return Gradients.apply(*ctx.saved_tensors, *weights)
-
-        @staticmethod
-        def jvp(ctx: Any, *along: Any) -> Any:
-            return Tangents.apply(*ctx.saved_tensors, *along)
-
-        @staticmethod
-        def vmap(info: Any, in_dims: Any, *tensors: Any) -> Any:
-            return Results.apply(*in_front(tensors, in_dims)), (0,) * len(made.results)
+    torch = framework("torch")
+    unpack_dual, compiling = framework("torch.autograd.forward_ad").unpack_dual, torch.compiler.is_compiling
+    count, float32, float64, several = len(made.names), torch.float32, torch.float64, made.several
+    call, differentiated, in_graph = operator(made.node()), function_of(made.node()).apply, graph_function(made).apply
 
     def function(*tensors: Any) -> Any:
+        given: Any = tensors
+        if not all(isinstance(x, torch.Tensor) and x.dtype is float64 and x.is_cpu for x in tensors):
+            given = converted(tensors)
+        if len(given) != count:
+            made.aligned([tuple(x.shape) for x in given])  # raises TypeError
+        slopes = torch.is_grad_enabled() and any(x.requires_grad for x in given)
+        if compiling():
+            found = in_graph(*given) if slopes else call(*given)
+        elif slopes or any(unpack_dual(x).tangent is not None for x in given):
+            found = differentiated(*given)
+        else:
+            found = call(*given)
+        return tuple(found) if several else found[0]
+
+    def converted(tensors: Any) -> list[Any]:
         given = [torch.as_tensor(x) for x in tensors]
         for name, x in zip(made.names, given, strict=False):
             if x.device.type != "cpu":
                 raise SpatialDynError(f'{name} is on "{x.device}", expected a tensor on the CPU: programs run there')
             if x.is_complex():
                 raise SpatialDynError(f"{name} is {x.dtype}, expected real numbers")
-        shapes = made.aligned([tuple(x.shape) for x in given])
-        dtype = torch.float32 if all(x.dtype == torch.float32 for x in given) else torch.float64
-        found = Results.apply(*(x.to(dtype).reshape(shape) for x, shape in zip(given, shapes, strict=True)))
-        return found if made.several else found[0]
+        dtype = float32 if all(x.dtype == float32 for x in given) else float64
+        return [x.to(dtype) for x in given]
 
     function.__name__ = function.__qualname__ = made.name
     function.__doc__ = f"{made.text} of tensors."
     return function
+
+
+@cache
+def _library() -> Any:
+    """The operators' namespace, which lasts as long as this object."""
+    return framework("torch.library").Library("spatialdyn", "FRAGMENT")
+
+
+def operator(node: Node) -> Any:
+    """The operator of a node, of tensors of one dtype whose leading axes broadcast; one for all nodes of one key."""
+    torch = framework("torch")
+    name = f"{node.name}_{hashlib.sha256(node.key.encode()).hexdigest()[:16]}"
+    if name in _operators:
+        return _operators[name]
+
+    def run(*tensors: Any) -> Any:
+        found = node.program(*[(x.detach() if x.requires_grad else x).numpy() for x in tensors])
+        arrays = found if isinstance(found, tuple) else (found,)
+        return [torch.from_numpy(np.asarray(x)).to(tensors[0].dtype) for x in arrays]
+
+    def shaped(*tensors: Any) -> Any:
+        lead = torch.broadcast_shapes(*_leads(node, tensors))
+        return [tensors[0].new_empty((*lead, *core)) for core in node.results]
+
+    def mapped(_: Any, in_dims: Any, *tensors: Any) -> Any:
+        return call(*_in_front(node, tensors, in_dims)), [0] * len(node.results)
+
+    library, path = _library(), f"spatialdyn::{name}"
+    library.define(f"{name}({', '.join(f'Tensor x{k}' for k in range(len(node.cores)))}) -> Tensor[]")
+    library.impl(name, run, "CPU")
+    torch.library.register_fake(path, shaped, lib=library)
+    torch.library.register_vmap(path, mapped, lib=library)
+    call = getattr(torch.ops.spatialdyn, name).default
+    return _operators.setdefault(name, call)
+
+
+def _leads(node: Node, tensors: Sequence[Any]) -> list[tuple[Any, ...]]:
+    """The leading axes of inputs. Raises ShapeError for those that are not a node's."""
+    leads = []
+    for name, x, core in zip(node.inputs, tensors, node.cores, strict=True):
+        rank = x.ndim - len(core)
+        if rank < 0 or tuple(x.shape[rank:]) != core:
+            raise ShapeError(f"{name} has shape {tuple(x.shape)}, expected ({', '.join(['...', *map(str, core)])})")
+        leads.append(tuple(x.shape[:rank]))
+    return leads
+
+
+def _in_front(node: Node, tensors: Sequence[Any], in_dims: Sequence[Any]) -> list[Any]:
+    """Tensors whose mapped axis is the first, before as many others as any input has."""
+    moved = [x if d is None else x.movedim(d, 0) for x, d in zip(tensors, in_dims, strict=True)]
+    ranks = [x.ndim - len(core) - (d is not None) for x, core, d in zip(moved, node.cores, in_dims, strict=True)]
+    most = max(ranks)
+    return [
+        x if d is None else x.reshape(x.shape[0], *[1] * (most - rank), *x.shape[1:])
+        for x, rank, d in zip(moved, ranks, in_dims, strict=True)
+    ]
+
+
+@cache
+def function_of(node: Node) -> Any:
+    """The ``autograd.Function`` of a node, with derivatives in both modes that are such functions."""
+    torch, call = framework("torch"), operator(node)
+    groups, count = node.groups, len(node.cores)
+    groups = groups[: len(groups) - node.hinted]
+
+    class Derivable(torch.autograd.Function):  # type: ignore[misc, name-defined]
+        """The operator, differentiated."""
+
+        @staticmethod
+        def forward(*tensors: Any) -> Any:
+            return tuple(call(*tensors))
+
+        @staticmethod
+        def setup_context(ctx: Any, inputs: Any, output: Any) -> None:
+            ctx.set_materialize_grads(False)
+            ctx.save_for_backward(*inputs, *output)
+            ctx.save_for_forward(*inputs, *output)
+
+        @staticmethod
+        def backward(ctx: Any, *seeds: Any) -> Any:
+            arrays, results = ctx.saved_tensors[:count], ctx.saved_tensors[count:]
+            answers: list[Any] = [None] * count
+            for k, group in enumerate(groups):
+                if any(ctx.needs_input_grad[group]) and any(x is not None for x in seeds):
+                    further, given = node.back(k, arrays, results, _filled(seeds, results))
+                    found = function_of(further).apply(*given)
+                    for at, x in zip(range(count)[group], found, strict=True):
+                        answers[at] = x.sum_to_size(arrays[at].shape)
+            return tuple(answers)
+
+        @staticmethod
+        def jvp(ctx: Any, *rates: Any) -> Any:
+            arrays, results = ctx.saved_tensors[:count], ctx.saved_tensors[count:]
+            terms = []
+            for k, group in enumerate(groups):
+                if any(x is not None for x in rates[group]):
+                    further, given = node.along(k, arrays, results, _filled(rates[group], arrays[group]))
+                    terms.append(function_of(further).apply(*given))
+            return tuple(sum(x[1:], x[0]) for x in zip(*terms, strict=True)) if terms else (None,) * len(results)
+
+        @staticmethod
+        def vmap(info: Any, in_dims: Any, *tensors: Any) -> Any:
+            return Derivable.apply(*_in_front(node, tensors, in_dims)), (0,) * len(node.results)
+
+    vars(Derivable.forward)["__signature__"] = signature(Derivable.forward)  # else found out at each call
+    return Derivable
+
+
+def graph_function(made: Differentiable) -> Any:
+    """The ``autograd.Function`` of a program within ``torch.compile``, which takes none with a forward mode."""
+    torch, node, weighted = framework("torch"), made.node(), made.node(0, True)
+    call, slopes, count, hinted = operator(node), operator(weighted), len(made.names), weighted.hinted
+
+    class InGraph(torch.autograd.Function):  # type: ignore[misc, name-defined]
+        """The operator, whose backward pass is that of its derivative."""
+
+        @staticmethod
+        def forward(*tensors: Any) -> Any:
+            return tuple(call(*tensors))
+
+        @staticmethod
+        def setup_context(ctx: Any, inputs: Any, output: Any) -> None:
+            ctx.save_for_backward(*inputs, *output)
+
+        @staticmethod
+        def backward(ctx: Any, *seeds: Any) -> Any:
+            arrays, results = ctx.saved_tensors[:count], ctx.saved_tensors[count:]
+            found = slopes(*arrays, *seeds, *(results if hinted else ()))
+            return tuple(x.sum_to_size(y.shape) for x, y in zip(found, arrays, strict=True))
+
+    return InGraph
+
+
+def _filled(given: Sequence[Any], like: Sequence[Any]) -> list[Any]:
+    """Tensors, those of others without one being 0."""
+    return [y.new_zeros(y.shape) if x is None else x for x, y in zip(given, like, strict=True)]

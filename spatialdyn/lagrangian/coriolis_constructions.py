@@ -253,7 +253,7 @@ def verify_skew_symmetry(
     C  (nv, nv) a matrix, or a function of v (nv,) that returns one; ``sd.coriolis_matrix`` at q if left out
 
     A matrix with both skewness and zero torsion is that of the Christoffel symbols; with skewness alone it may be
-    another (``ChristoffelC.not_christoffel``).
+    another (``ChristoffelC.not_christoffel``). NaN or inf where q or v is not finite or a product overflows.
 
     Raises  ShapeError for shapes that do not match, and what mass_matrix_dot raises.
 
@@ -278,13 +278,16 @@ def verify_skew_symmetry(
     given = C if C is not None else lambda velocity: dynamics.coriolis_matrix(model, q, velocity)
     at_v = matrix(given(v) if callable(given) else given)
     rate = dynamics.mass_matrix_dot(model, q, v)
-    N = rate - 2.0 * at_v
+    of_unit = [matrix(given(e)) for e in np.eye(model.nv)] if callable(given) else []
     torsion = None
-    if callable(given):
-        back = np.zeros((model.nv, model.nv))
-        for j, e in enumerate(np.eye(model.nv)):
-            back[:, j] = matrix(given(e)) @ v
-        twist = np.einsum("ikj,k->ij", _brackets(model, q), v)
-        torsion = float(abs(at_v - back - twist).max(initial=0.0))
-    scale = max(abs(at_v).max(initial=0.0), abs(rate).max(initial=0.0))
-    return SkewSymmetry(model.name, float(v @ N @ v), float(abs(N + N.T).max(initial=0.0)), torsion, float(scale))
+    with np.errstate(over="ignore", invalid="ignore"):  # NaN for what is not finite, as the calls on q and v have it
+        N = rate - 2.0 * at_v
+        if callable(given):
+            back = np.zeros((model.nv, model.nv))
+            for j, C_j in enumerate(of_unit):
+                back[:, j] = C_j @ v
+            twist = np.einsum("ikj,k->ij", _brackets(model, q), v)
+            torsion = float(abs(at_v - back - twist).max(initial=0.0))
+        scale = max(abs(at_v).max(initial=0.0), abs(rate).max(initial=0.0))
+        weak, strong = float(v @ N @ v), float(abs(N + N.T).max(initial=0.0))
+    return SkewSymmetry(model.name, weak, strong, torsion, float(scale))

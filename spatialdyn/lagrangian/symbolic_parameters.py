@@ -80,7 +80,7 @@ def _expression(name: str, value: Any) -> Expr:
 
 
 def as_expression(name: str, value: Any) -> Any:
-    """A number or an expression as SymPy's, or a matrix or array of them. Raises SpatialDynError; text is none."""
+    """A number or an expression as SymPy's, or a matrix or array of them. Raises SpatialDynError, also for text."""
     sympy = need_sympy()
     try:
         made = sympy.sympify(value, strict=True)

@@ -1,4 +1,4 @@
-"""The contacts of a scene as feet: the equations that keep bodies still, and of what points they are.
+"""The contacts of a scene as feet: the equations that keep bodies still, and the points that they belong to.
 
 A body with several contact points has its velocity V in its own axes. Points p that stay where they are make the rows
 [1 -p̃] V = 0, of which at most six are independent: B, an orthonormal basis of them, is constant. A body with one

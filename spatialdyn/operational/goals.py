@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 
 
 class Joints(NamedTuple):
-    """The freedoms of a posture: as an index of arrays, and the rows of the posture but for what is wanted."""
+    """The freedoms of a posture, as an index of arrays, and its rows without the accelerations wanted."""
 
     at: Any
     rows: Rows

@@ -42,7 +42,7 @@ def task_torque(
     model: Model, q: ArrayLike, v: ArrayLike, tasks: Task | Iterable[Task],
     posture: ArrayLike | PostureTask | None = None, *, damping: float = DAMPING, length: float = LENGTH,
 ) -> TaskTorque:  # fmt: skip
-    """Joint torques that do tasks in strict order: none disturbs one before it, and the posture none of them.
+    """Joint torques that do tasks in strict order: no task disturbs one before it, and the posture disturbs no task.
 
     Each task acts through what those before it leave, N: with Jp = J N, Λp = (Jp M⁻¹ Jpᵀ)⁻¹ and τ̂ the torques so far,
     F = Λp (a* - J̇ v - J M⁻¹ τ̂), τ̂ += Jpᵀ F, N -= M⁻¹ Jpᵀ Λp Jp. At the end τ = τ̂ + Nᵀ τ₀ + C v + g.

@@ -15,9 +15,9 @@ from ..errors import ConstraintError, SpatialDynError, pip_install
 
 Array = NDArray[np.float64]
 VIOLATED = 1e-5  # of the robot's weight, a limit or an acceleration to brake with: what a solution may miss
-RELAXED = 1e-6  # of the same: a relaxation below it is none, and the program feasible
+RELAXED = 1e-6  # of the same: with a smaller relaxation the program counts as feasible
 STEEP = 1e6  # weight of relaxation over a program that only has to have one answer
-NONE = 1e29  # bounds from there on are none
+NONE = 1e29  # a bound this large does not hold
 EQUAL = 5  # DAQP's word for an equation
 
 
@@ -26,7 +26,7 @@ class Program(NamedTuple):
 
     Rows are scaled so that what matters of them is about 1, forces so that the robot's weight is.
 
-    P, g       of what is least
+    P, g       of the cost ½ xᵀP x + gᵀx
     rows       (m, n)
     low, high  (n + m,) bounds of x, then of the rows, 1e30 for none; equal where ``sense`` is EQUAL
     names      of each bound: its name and a unit
@@ -105,7 +105,7 @@ def residual(p: Program, x: Array) -> float:
 
 
 def solve(solver: str, p: Program) -> tuple[Array | None, float]:
-    """The answer, and its residual; None if there is none that the residual bears out."""
+    """The answer, and its residual; None if the solver has none or its residual is too large."""
     x = raw(solver, p)
     if x is None:
         return None, np.inf

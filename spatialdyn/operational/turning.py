@@ -17,7 +17,7 @@ def turning(R: Array) -> Array:
         (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = R.tolist()
         x, y, z, cos = 0.5 * (zy - yz), 0.5 * (xz - zx), 0.5 * (yx - xy), 0.5 * (xx + yy + zz - 1.0)
         sin = math.sqrt(x * x + y * y + z * z)
-        if cos > 0.0 or sin > 0.1:  # as below, in a tenth of the time
+        if cos > 0.0 or sin > 0.1:  # as below, faster
             by = math.atan2(sin, cos) / sin if sin > 0.0 else 1.0
             return np.array([by * x, by * y, by * z])
     odd = 0.5 * np.stack([R[..., 2, 1] - R[..., 1, 2], R[..., 0, 2] - R[..., 2, 0], R[..., 1, 0] - R[..., 0, 1]], -1)

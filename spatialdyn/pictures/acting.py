@@ -109,7 +109,7 @@ class Acting:
             self._add_forces(scene.fext)
 
     def place(self, X: Array, first: int | None = None, last: int | None = None) -> None:
-        """Move what moves by itself, with bodies at X (bodies, 4, 4).
+        """Move what is not fixed to a body, where bodies are at X (bodies, 4, 4).
 
         first, last  the recorded steps, ends included, whose mean impulse is drawn; None draws none
         """

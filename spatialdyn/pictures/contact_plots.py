@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 Array = NDArray[np.float64]
-USUAL, MORE = 90.0, 4.0  # percentile of the forces that act; impacts beyond so many times that leave the panel
+USUAL, MORE = 90.0, 4.0  # percentile of the forces that act; impacts beyond four times that force leave the panel
 OUTSIDE = "#d95f02"  # as of limits
 REST = 1e-9  # of dt: a last step that much shorter is one of its own
 

@@ -112,6 +112,8 @@ class Spec:
                 back aba's tau, or whose product with its output is 1, as crba's with minverse's; and of that with M⁻¹
     large       its table kernel takes half a minute to compile: steps run it as its program, as calls do, and calls
                 that have no program are computed in NumPy
+    on_lanes    table kernels run it on SIMD lanes: it chooses by ``select`` and ``anywhere``, never by a comparison
+    mirrored    the output is a symmetric matrix, which the recursion writes in both triangles and does not read
     source      where the recursion comes from
     """
 
@@ -133,6 +135,8 @@ class Spec:
     residual: tuple[str, ...] = ()
     composed: bool = False
     large: bool = False
+    on_lanes: bool = False
+    mirrored: bool = False
     stamped: bool = True
 
     @cached_property  # read a dozen times by each call of a rollout

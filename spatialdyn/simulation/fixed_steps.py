@@ -36,10 +36,10 @@ from .torques import Torque, with_force
 Array = NDArray[np.float64]
 Slice = Callable[[int, int, float], bool]
 SLICE = 0.05  # [s] between checks for Ctrl-C and progress reports
-PLAIN_ROWS = 8000  # of recursions in plain Python, .3 ms each, before a loop is compiled, which takes 10 to 20 s
+PLAIN_ROWS = 8000  # of recursions in plain Python, before a loop is compiled, which takes seconds
 LEAST_PLAIN = 16  # steps
 TOLERANCES = 1e-9, 1e-12  # relative and absolute, of SciPy's methods
-STEPS = 100  # in a program's first slice: 40 µs for an arm, 3 ms for a humanoid
+STEPS = 100  # in a program's first slice, whose time sets the length of the next
 
 
 def run_sample(

@@ -1,4 +1,4 @@
-"""What a robot's file declares of a scene, of what still moves in its Model: options of a ``Scene`` by name."""
+"""What a robot's file declares beside bodies and joints: options of a ``Scene`` by name, of parts that still move."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def couplers_of(model: Model) -> list[CouplerConstraint]:
 
 
 def _declared(model: Model) -> dict[str, Any]:
-    """What the file declares in the form of ``scene_toml``, of what still moves."""
+    """What the file declares, in the form of ``scene_toml``, without the parts that do not move in the Model."""
     given: dict[str, Any] = json.loads(model.robot.declared or "{}").get("scene", {})
     moving = {f"{frame.kind}:{frame.name}" for frame in model.frames if frame.joint}
     moving |= {joint.name for joint in model.joints[1:]}

@@ -33,7 +33,7 @@ def description_file(name: str) -> str:
     cache, repository = cache_folder(), REPOSITORIES[DESCRIPTIONS[name].repository]
     url = repository.url
     if not (cache / repository.cache_path).is_dir():
-        warnings.warn(f'"{name}" is of robot_descriptions, which clones {url} into {cache}', stacklevel=4)
+        warnings.warn(f'"{name}" is of robot_descriptions, which clones {url} into {cache}', stacklevel=6)
     try:
         module: Any = import_module(f"robot_descriptions.{name}")
     except (KeyboardInterrupt, SystemExit):

@@ -22,6 +22,7 @@ from .mjmodel import from_mjmodel, need_mujoco
 from .xacro import is_xacro, urdf_of_xacro
 
 EARTH = (0.0, 0.0, -9.81)
+OTHERS = (".xml", ".xacro", ".mjcf", ".mjb", ".sdf", ".world")  # endings of files that are no URDF
 BEFORE_ROOT = re.compile(rb"(?:\xef\xbb\xbf)?(?:\s+|<\?.*?\?>|<!--.*?-->|<!DOCTYPE[^>]*>)*<([^\s/>!?]+)", re.DOTALL)
 SDF = (
     "is SDF, which no reader here takes, expected URDF or MJCF: the package sdformat-mjcf makes MJCF of SDF, which "
@@ -111,7 +112,9 @@ def _read(source: Any) -> tuple[bytes | None, str]:
         try:
             with Path(path).open("rb") as file:
                 return (b"" if path.endswith(".mjb") else file.read(SIZE_LIMIT + 1)), os.path.abspath(path)
-        except (OSError, ValueError):
+        except (OSError, ValueError) as error:
+            if isinstance(error, FileNotFoundError) and Path(path).suffix.lower() in OTHERS:
+                raise UrdfError(f"{path}: no such file, expected a robot's: MJCF, xacro or URDF") from None
             return None, ""  # load_urdf says what is wrong
     if hasattr(source, "read"):
         given = source.read(SIZE_LIMIT + 1)
@@ -121,7 +124,7 @@ def _read(source: Any) -> tuple[bytes | None, str]:
 
 def _file(name: str) -> str:
     """The file that a path or a name means: a file, a robot's by name, then that of a robot_descriptions name."""
-    looks = Path(name).suffix.lower() in (".urdf", ".xml", ".xacro", ".mjcf", ".mjb", ".sdf", ".world")
+    looks = Path(name).suffix.lower() in (".urdf", *OTHERS)
     if not name or "\0" in name or os.path.isfile(name) or looks or os.path.isabs(name) or os.path.isdir(name):
         return name
     try:

@@ -133,7 +133,7 @@ class Tree:
         """Add a link on a fixed joint; returns its name."""
         link = self.fresh(name, self.link_names)
         if link != name:
-            self.notes.append(f'frame "{name}" is called "{link}", for its name is taken or no name of XML')
+            self.notes.append(f'frame "{name}" is called "{link}", for its name is taken, or cannot be written in XML')
         self.add(link, RobotJoint(self.fresh(joint or f"{name}_fixed", self.joint_names), "fixed", parent, link,
                                   flat(X)), inertia)  # fmt: skip
         return link

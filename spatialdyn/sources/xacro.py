@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from ..errors import SpatialDynError, literal, pip_install
+from ..model.robot_checks import quoted
 
 
 def is_xacro(path: str) -> bool:
@@ -19,22 +20,46 @@ def urdf_of_xacro(data: bytes | None, path: str, arguments: Mapping[str, Any]) -
 
     arguments  {name: value} of its ``<xacro:arg>``; True and False become the words of XML
 
-    Raises SpatialDynError with the message of xacro, for a package it does not find say, or without xacrodoc.
+    Raises SpatialDynError with the message of xacro, for a package it does not find say; for an argument that the file
+    does not ask for; without xacrodoc.
     """
     try:
         from xacrodoc import XacroDoc
     except ImportError as error:
         raise SpatialDynError(f"xacro needs xacrodoc: {pip_install('ros')}") from error
-    given = {str(name): _word(value) for name, value in arguments.items()}
+    given = Arguments((str(name), _word(value)) for name, value in arguments.items())
+    unknown = list(given)
     try:
         if path:
-            return str(XacroDoc.from_file(os.path.abspath(path), subargs=given).to_urdf_string())
-        return str(XacroDoc.from_string((data or b"").decode("utf-8"), subargs=given).to_urdf_string())
+            made = str(XacroDoc.from_file(os.path.abspath(path), subargs=given).to_urdf_string())
+        else:
+            made = str(XacroDoc.from_string((data or b"").decode("utf-8"), subargs=given).to_urdf_string())
     except (KeyboardInterrupt, SystemExit, MemoryError):
         raise
     except Exception as error:  # xacro raises what its expressions raise
         said = " ".join(str(error).split()) or type(error).__name__
         raise SpatialDynError(f"{path or '<text>'}: xacro refuses it: {said}") from error
+    unknown = [name for name in unknown if name not in given.asked]
+    if unknown:
+        known = f"those of {quoted(sorted(given.asked))}" if given.asked else "none: it has no arguments"
+        raise SpatialDynError(f"{path or '<text>'}: xacro is given {quoted(unknown)}, expected {known}")
+    return made
+
+
+class Arguments(dict[str, str]):
+    """Arguments for a xacro file, and the names of those that it reads: xacro ignores all others."""
+
+    def __init__(self, given: Iterable[tuple[str, str]]) -> None:
+        super().__init__(given)
+        self.asked: set[str] = set()
+
+    def __contains__(self, name: object) -> bool:
+        self.asked.add(str(name))
+        return super().__contains__(name)
+
+    def __getitem__(self, name: str) -> str:
+        self.asked.add(name)
+        return super().__getitem__(name)
 
 
 def _word(value: Any) -> str:

@@ -114,8 +114,8 @@ def digest_of_scene(scene: Any) -> str:
 
 
 def digest_of_function(function: Any) -> str:
-    """Of a function's source, and of what it holds: its defaults, its closure, arguments of ``functools.partial``, the
-    functions and plain values of its module that it names.
+    """Digest of a function's source, and of what it refers to: its defaults, its closure, arguments of
+    ``functools.partial``, the functions and plain values of its module that it names.
 
     Raises StudyError for a function that holds what cannot be pickled.
     """

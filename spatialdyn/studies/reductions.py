@@ -46,7 +46,7 @@ class Statistics(NamedTuple):
     """Moments of an output of N samples: numbers of its shape.
 
     samples          N
-    mean, variance   of the samples; the variance is the mean square of what deviates from the mean
+    mean, variance   of the samples; the variance is the mean of (x - mean)²
     least, greatest  the extremes
     """
 

@@ -387,7 +387,11 @@ def _joint_notes(description: Any) -> list[str]:
             "joint has a limit beyond two turns, of degrees perhaps",
             "joints have limits beyond two turns, of degrees perhaps",
         ),
-        *_note(negative, "velocity or effort limit < 0 is none", "velocity or effort limits < 0 are none"),
+        *_note(
+            negative,
+            "velocity or effort limit < 0 counts as none",
+            "velocity or effort limits < 0 count as none",
+        ),
         *_note(skewed, "axis is not of unit length, normalised", "axes are not of unit length, normalised"),
         *_note(lost, "<mimic> names no joint of the robot", "<mimic>s name no joint of the robot"),
     ]

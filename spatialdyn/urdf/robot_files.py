@@ -40,7 +40,7 @@ def example_robots() -> list[Path]:
     folder = _example_folder()
     if folder is None:
         return []
-    walk = os.walk(folder)  # two thirds of the time of Path.rglob
+    walk = os.walk(folder)  # faster than Path.rglob
     return sorted(Path(at, file) for at, _, files in walk for file in files if file.endswith(".urdf"))
 
 

@@ -46,7 +46,7 @@ NAMES = [name for name in ROBOTS if name != accuracy.WRONG_NAME]
 
 EPS32 = float(np.finfo(np.float32).eps)
 SINGLE = {"rnea": 8 * EPS32, "crba": 16 * EPS32}  # of some fifty bodies, inputs rounded besides; measured 5 and 11
-HUNDRED = 100 if not numba_kernels.PLAIN else 20
+FEW, HUNDRED = 20, 100 if not numba_kernels.PLAIN else 20  # states of a quick test, and of a slow one
 BATCH = 24  # not a multiple of the lanes
 LONG = {  # programs that take a second and more to compile
     "alex_psyonic_hands", "alex_sake_hands", "baxter", "centauro", "g1_29dof_rev_1_0", "g1_29dof_with_hand_rev_1_0",
@@ -54,7 +54,7 @@ LONG = {  # programs that take a second and more to compile
     "talos_full_v2", "talos_reduced", "tiago", "tiago_dual", "tiago_pro",
 }  # fmt: skip
 SHORT = {*NAMES[::15]} - LONG
-TIPS = slow_but({1e3}, TIP)  # a hundred exact answers each
+TIPS = slow_but({(1e3, FEW)}, [(1e3, FEW), *((m, HUNDRED) for m in TIP)])  # an exact answer each
 compiled = pytest.mark.skipif(numba_kernels.PLAIN, reason="NUMBA_DISABLE_JIT: there are no programs")
 
 
@@ -86,39 +86,41 @@ def test_forward_dynamics_of_chains(n: int, spatial: bool) -> None:
 
 
 @cache
-def heavy_tip(m: float, spatial: bool) -> list[forward.Measured]:
-    return list(forward.measured(forward.Case(spatial, [1.0] * 6 + [m], HUNDRED), ["pin.aba"]))
+def heavy_tip(m: float, states: int, spatial: bool) -> list[forward.Measured]:
+    return list(forward.measured(forward.Case(spatial, [1.0] * 6 + [m], states), ["pin.aba"]))
 
 
-def errors(m: float, spatial: bool, way: str) -> Any:
-    return np.array([x.errors[way] for x in heavy_tip(m, spatial)])
+def errors(m: float, states: int, spatial: bool, way: str) -> Any:
+    return np.array([x.errors[way] for x in heavy_tip(m, states, spatial)])
 
 
 @pytest.mark.parametrize("spatial", [False, True])
-@pytest.mark.parametrize("m", TIPS)
-def test_forward_dynamics_with_a_heavy_tip(m: float, spatial: bool) -> None:
+@pytest.mark.parametrize(("m", "states"), TIPS)
+def test_forward_dynamics_with_a_heavy_tip(m: float, states: int, spatial: bool) -> None:
     """In a plane the median of states is within the bound, in space nine of ten; Pinocchio's are no better."""
-    found, other = errors(m, spatial, "aba"), errors(m, spatial, "pin.aba")
+    found, other = errors(m, states, spatial, "aba"), errors(m, states, spatial, "pin.aba")
     assert np.quantile(found, 0.9 if spatial else 0.5) <= TIP[m]
     assert found.max() <= RARE * TIP[m]
     assert len(found) < 100 or np.quantile(found, 0.9) <= PEER * np.quantile(other, 0.9)
 
 
 @pytest.mark.parametrize("spatial", [False, True])
-@pytest.mark.parametrize("m", slow_but({1e9}, [m for m in TIP if m <= 1e9]))
-def test_refinement_keeps_every_digit_of_a_heavy_tip_that_the_inputs_have(m: float, spatial: bool) -> None:
-    found = errors(m, spatial, "refined")
+@pytest.mark.parametrize(
+    ("m", "states"), slow_but({(1e9, FEW)}, [(1e9, FEW), *((m, HUNDRED) for m in TIP if m <= 1e9)])
+)
+def test_refinement_keeps_every_digit_of_a_heavy_tip_that_the_inputs_have(m: float, states: int, spatial: bool) -> None:
+    found = errors(m, states, spatial, "refined")
     assert np.quantile(found, 0.9) <= REFINED
-    beyond = [(x, error) for x, error in zip(heavy_tip(m, spatial), found, strict=True) if error > REFINED]
+    beyond = [(x, error) for x, error in zip(heavy_tip(m, states, spatial), found, strict=True) if error > REFINED]
     ulps = [error / forward.moved(x.model, x.state, x.truth) for x, error in beyond]
     assert sum(u > ROUNDED for u in ulps) <= len(found) / 100
     assert max(ulps, default=0.0) <= RARELY
 
 
 @pytest.mark.parametrize("spatial", [False, True])
-@pytest.mark.parametrize("m", TIPS)
-def test_square_roots_keep_every_digit_of_any_heavy_tip(m: float, spatial: bool) -> None:
-    assert errors(m, spatial, "square_root").max() <= ROOTS
+@pytest.mark.parametrize(("m", "states"), TIPS)
+def test_square_roots_keep_every_digit_of_any_heavy_tip(m: float, states: int, spatial: bool) -> None:
+    assert errors(m, states, spatial, "square_root").max() <= ROOTS
 
 
 def test_the_table_of_forward_dynamics_has_the_peers_beside_every_method() -> None:

@@ -8,14 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 from asymmetric import primes, roots
-from plain import EXACT, close, plainly, states
+from plain import EXACT, by_table, close, plainly, states
 from trees import random_inertia, random_placement, random_unit
 
 import spatialdyn as sd
 from spatialdyn.accuracy.call_errors import TASK_CALLS, calls_of
 from spatialdyn.calls.dynamics import calls, table_call
-from spatialdyn.engines.compiled import numba_kernels
-from spatialdyn.engines.compiled.numba_kernels import variant
 from spatialdyn.engines.programs.record.recording import record
 from spatialdyn.recursions import SPECS
 
@@ -226,9 +224,7 @@ def test_motors_of_joints_that_are_apart_are_refused_by_name() -> None:
     with pytest.raises(sd.ModelError, match="expected none for aba_square_root"):
         sd.aba_square_root(model.with_(transmissions=[WRIST]), np.zeros(6), np.zeros(6), np.zeros(6))
     geared = model.with_(transmissions=[WRIST])
-    a, table = np.ones(6), getattr(geared, numba_kernels.TABLE)
-    kernel = numba_kernels.sample_kernel(variant(SPECS["aba_square_root"], frozenset()))
-    kernel(table, np.zeros(6), np.zeros(6), np.ones(6), a)
+    a = by_table(geared, "aba_square_root", [np.zeros(6), np.zeros(6), np.ones(6)], (6,))
     every = TASK_CALLS["forward_dynamics"]
     assert [x for x in every if x not in calls_of(geared, "forward_dynamics", every)] == ["aba_square_root"]
     assert not np.isfinite(a).all()  # no wrong number either where a caller has the kernel itself

@@ -12,10 +12,11 @@ from typing import Any
 import numpy as np
 import pytest
 from inputs import options, random_inputs
+from plain import by_table
 from trees import random_tree
 
 import spatialdyn as sd
-from spatialdyn.calls.dynamics import calls, table_call
+from spatialdyn.calls.dynamics import calls
 from spatialdyn.engines import run
 from spatialdyn.engines.compiled import numba_kernels
 from spatialdyn.recursions import SPECS
@@ -153,11 +154,8 @@ def test_a_sample_beyond_the_program_has_the_table_kernels_meaning(name: str) ->
     np.testing.assert_array_equal(found[[0, 2, 5]], plain[[0, 2, 5]])
     if "row" in {x.name for x in SPECS[name].present}:
         return
-    with np.errstate(all="ignore"):
-        table = np.concatenate(
-            [np.atleast_1d(table_call(name, model, *(x[k] for x in given)))[None] for k in (1, 3, 4)]
-        )
-    shown, sound = found[[1, 3, 4]].reshape(table.shape), np.isfinite(table)
+    table = np.stack([by_table(model, name, [x[k] for x in given], found[k].shape) for k in (1, 3, 4)])
+    shown, sound = found[[1, 3, 4]], np.isfinite(table)
     np.testing.assert_array_equal(np.isfinite(shown), sound)
     for x, y, of in zip(shown, table, sound, strict=True):
         np.testing.assert_allclose(x[of], y[of], rtol=0.0, atol=1e-12 * abs(y[of]).max(initial=0.0))

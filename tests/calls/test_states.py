@@ -129,7 +129,7 @@ def test_bad_arguments_of_random_configuration_are_refused() -> None:
     for rng in (-1, 0.5, True, (2, 3), np.random.RandomState(0)):
         with pytest.raises(sd.SpatialDynError, match=r"rng is (a \w+|-1), expected a numpy\.random\.Generator, a seed"):
             random_configuration(model, rng)  # type: ignore[arg-type]
-    for shape in (-1, (2, -3), 1.5, "ab", None):
+    for shape in (-1, (2, -3), 1.5, "ab", None, True, [np.True_]):
         with pytest.raises(sd.ShapeError, match=r"shape is .*, expected a size"):
             random_configuration(model, np.random.default_rng(0), shape)  # type: ignore[arg-type]
     with pytest.raises(sd.ModelError, match="model is a str, expected a spatialdyn Model"):

@@ -59,3 +59,19 @@ def test_a_path_a_log_a_page_and_a_urdf(tmp_path: Path, capsys: Any) -> None:
     assert "--rate is 0.9, expected 1 or more, twice the highest harmonic" in capsys.readouterr().err
     assert main(["excite", "two_link", "--save", str(tmp_path / "path.txt")]) == 2
     assert "expected a name that ends in .csv" in capsys.readouterr().err
+
+
+def test_joints_that_mimic_others_follow_them(tmp_path: Path) -> None:
+    text = sd.to_urdf(sd.load_urdf("two_link"))
+    coupled = text.replace('<child link="link2"/>', '<child link="link2"/><mimic joint="joint1" multiplier="-0.5"/>')
+    assert coupled != text
+    robot, path, log = (str(tmp_path / name) for name in ("robot.urdf", "path.csv", "log.csv"))
+    Path(robot).write_text(coupled, encoding="utf-8")
+    assert main(["excite", robot, "--duration", "4", "--harmonics", "3", "--save", path]) == 0
+    table = np.genfromtxt(path, delimiter=",", names=True)
+    assert table.dtype.names == ("t", "q0", "v0", "a0")
+    q, v, a = (table[name][:, None] for name in ("q0", "v0", "a0"))
+    tau = sd.rnea(sd.load_urdf(robot, mimic=True), q, v, a)
+    sd.Recording(table["t"], q, tau + 0.01 * np.random.default_rng(0).normal(size=tau.shape), v, a).save(log)
+    assert main(["identify", robot, log, "--save", str(tmp_path / "model.urdf")]) == 0
+    assert sd.load_urdf(str(tmp_path / "model.urdf"), mimic=True).nq == 1

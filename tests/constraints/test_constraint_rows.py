@@ -127,21 +127,25 @@ def test_what_carries_both_frames_drops_out_exactly_far_from_the_origin() -> Non
 # --- engines --------------------------------------------------------------------------------------------
 
 
-def answers(spec: Spec, model: sd.Model, held: sd.Constraints, values: tuple[Any, ...]) -> dict[str, Any]:
-    """One sample by every engine: plain Python, the table kernel, and the program alone and in a batch."""
+def answers(
+    spec: Spec, model: sd.Model, held: sd.Constraints, values: tuple[Any, ...], compiled: bool
+) -> dict[str, Any]:
+    """One sample by every engine: plain Python, the program alone and in a batch, and if ``compiled`` the table kernel,
+    which takes seconds to compile.
+    """
     static = (held.table,)
     names = [x.name for x in spec.present if not x.static]
     given = dict(zip(names, values, strict=True)) | {"constraints": held.table.rows}
-    table = checked_call(spec, model, values, static, None, by_table=True)
-    out = np.empty(table.shape)
+    one = checked_call(spec, model, values, static, None)
+    out = np.empty(one.shape)
     spec.run(model.bodies, np.zeros(model.nv + 1, spec.work), given, out)
     batch = checked_call(
         spec, model, tuple(x if x is None or not np.ndim(x) else np.tile(x, (9, 1)) for x in values), static, None
     )
-    one = checked_call(spec, model, values, static, None)
     present = frozenset(name for name, x in zip(names, values, strict=True) if x is not None)
     assert numba_kernels.PLAIN or run.program(numba_kernels.variant(spec, present), model, static) is not None
-    return {"Python": out, "table kernel": table, "program": one, "program, batch": batch[4]}
+    table = {"table kernel": checked_call(spec, model, values, static, None, by_table=True)} if compiled else {}
+    return {"Python": out, "program": one, "program, batch": batch[4], **table}
 
 
 SPECS = {
@@ -153,8 +157,11 @@ SPECS = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", slow_but(["constrained_motion"], SPECS))
-def test_all_engines_agree(name: str) -> None:
+EVERY = [("constrained_motion", False), *((name, True) for name in SPECS)]
+
+
+@pytest.mark.parametrize(("name", "compiled"), slow_but([EVERY[0], ("constraint_drift", True)], EVERY))
+def test_all_engines_agree(name: str, compiled: bool) -> None:
     model, held, s = every_kind(3)
     spec, rng = SPECS[name], np.random.default_rng(0)
     held = sd.Constraints(model, held.items if name.startswith("constraint_") else [held.items[k] for k in (0, 5, 7)])
@@ -163,7 +170,7 @@ def test_all_engines_agree(name: str) -> None:
     values |= {"a": rng.normal(size=model.nv), "force": rng.normal(size=held.nc), "dt": 1e-3}
     law = ("bristles", "coulomb", "viscous", "static", "stribeck", "stiffness", "damping")
     values |= dict(zip(law, rng.uniform(0.5, 1.0, size=(len(law), model.nv)), strict=True))
-    found = answers(spec, model, held, tuple(values[x.name] for x in spec.present if not x.static))
+    found = answers(spec, model, held, tuple(values[x.name] for x in spec.present if not x.static), compiled)
     for engine, x in found.items():
         assert abs(x - found["Python"]).max() <= 1e3 * SAME * abs(found["Python"]).max(), engine
     assert found["program"].tolist() == found["program, batch"].tolist()

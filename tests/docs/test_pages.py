@@ -24,7 +24,7 @@ from spatialdyn.urdf.load import example_robots
 TESTS, ROOT = Path(__file__).parent.parent, Path(sd.__file__).parents[1]
 # seconds of compiling or of work on each; the others wait a second at most
 LONG = ("choosing", "cookbook/follow_a_path", "cookbook/cart_pole", "cookbook/four_bar", "cookbook/float32",
-        "cookbook/quadruped", "cookbook/damping")  # fmt: skip
+        "cookbook/quadruped", "cookbook/damping", "cookbook/whole_body", "cookbook/adaptation")  # fmt: skip
 SHEETS = [x for x in blocks.pages() if x.startswith("coming_from/") and x != "coming_from/index"]  # test_coming_from.py
 PAGES = [x for x in blocks.pages() if x not in SHEETS and "```python" in blocks.read(x)]
 SHORT = [x for x in PAGES if x not in LONG]
@@ -44,6 +44,9 @@ def needs(page: str) -> None:
         pytest.skip("robots of example-robot-data are not installed")
     if "sd.lqr" in code:
         pytest.importorskip("scipy")
+    if "sd.WholeBody" in code:
+        pytest.importorskip("daqp")
+        pytest.importorskip("qpsolvers")
     if ".plot(" in code:
         pytest.importorskip("matplotlib")
     if "sd.view(" in code:

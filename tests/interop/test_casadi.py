@@ -96,11 +96,53 @@ def test_the_jacobian_of_aba_is_its_own_recursion(model: sd.Model) -> None:
     assert f.jacobian().n_instructions() < 0.7 * bare.jacobian().n_instructions()
 
 
+def called(f: Any) -> dict[str, int]:
+    """The instructions of each function of scalars that a function of CasADi calls."""
+    found: dict[str, int] = {}
+    for k in range(f.n_instructions()) if f.class_name() == "MXFunction" else ():
+        if f.instruction_id(k) == casadi.OP_CALL:
+            inner = f.instruction_MX(k).which_function()
+            found |= called(inner) if inner.class_name() == "MXFunction" else {inner.name(): inner.n_instructions()}
+    return found
+
+
+def test_factory_and_nested_graphs_keep_the_jacobian(model: sd.Model) -> None:
+    f, given, n = sd.specialize(model, sd.aba).to_casadi(), states(model, "aba"), model.nv
+    own = f.jacobian().n_instructions()
+    made = f.factory("made", f.name_in(), ["jac:a:q", "jac:a:tau"])
+    x = casadi.MX.sym("x", 3 * n)
+    inner = casadi.Function("inner", [x], [2.0 * f(*casadi.vertsplit(x, n))])
+    nested = casadi.Function("outer", [x], [inner(3.0 * x)]).factory("nested", ["i0"], ["jac:o0:i0"])
+    for graph in (made, nested):
+        assert called(graph)["jac_aba"] == own
+        assert set(called(graph)) == {"aba", "jac_aba"}
+    by_q, by_v, by_tau = sd.aba_derivatives(model, *given)
+    close(made(*given)[0], by_q)
+    close(nested(np.concatenate(given) / 3.0), 6.0 * np.hstack([by_q, by_v, by_tau]))
+
+
 @compiled
-def test_second_derivatives_are_casadis(model: sd.Model) -> None:
+@pytest.mark.parametrize("call", ["aba", "rnea"])
+def test_one_direction_of_either_mode_is_a_program(model: sd.Model, call: str) -> None:
+    f, given, n = sd.specialize(model, getattr(sd, call)).to_casadi(), states(model, call), model.nv
+    name = f.name_out()[0]
+    rng = np.random.default_rng(3)
+    weights, along = rng.standard_normal(n), rng.standard_normal((3, n))
+    by = getattr(sd, call + "_derivatives")(model, *given)
+    back = f.factory("back", [*f.name_in(), f"lam:{name}"], [f"grad:s:{x}" for x in f.name_in()], {"s": [name]})
+    assert set(called(back)) == {call, f"adj1_{call}"}
+    for found, part in zip(back(*given, weights), by, strict=True):
+        close(np.asarray(found)[:, 0], weights @ part)
+    ahead = f.forward(1)(*given, f(*given), *along)
+    close(np.asarray(ahead)[:, 0], sum(part @ one for part, one in zip(by, along, strict=True)))
+
+
+@compiled
+def test_second_derivatives_are_of_the_program_of_the_first(model: sd.Model) -> None:
     f, (q, v, a) = sd.specialize(model, sd.rnea).to_casadi(), states(model, "rnea")
     x = casadi.MX.sym("x", model.nv)
     half = casadi.Function("half", [x], [casadi.hessian(casadi.dot(f(x, v, a), f(x, v, a)), x)[0]])
+    assert any(name.endswith("_adj1_rnea") for name in called(half))
     k, h = sd.specialize(model, sd.rnea, derivative="vjp"), 1e-4
 
     def slope(q: np.ndarray) -> np.ndarray:

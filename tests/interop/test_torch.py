@@ -13,6 +13,7 @@ from trees import random_tree
 
 import spatialdyn as sd
 from spatialdyn.engines.compiled import numba_kernels
+from spatialdyn.interop.torch import operator
 
 torch = Late("torch")
 pytestmark = pytest.mark.skipif(numba_kernels.PLAIN, reason="derivatives are of programs")
@@ -142,15 +143,67 @@ def test_float32_in_gives_float32_out(case: Case) -> None:
 
 
 @FORWARD
+def test_second_derivatives_agree_in_every_mode(case: Case) -> None:
+    """Forwards and backwards over either, and with differences of the gradient, where samples share an input."""
+    f, weights = sd.specialize(case.model, sd.aba).to_torch(), torch.tensor([1.0, -2.0, 0.5], dtype=torch.float64)
+    q, v, tau = tensors([case.given[0][0], case.given[1][:2], case.given[2][0]])
+
+    def norm(q: Any) -> Any:
+        return (weights * f(q, v, tau)).sum()
+
+    slope, step = torch.func.grad(norm), 1e-5
+    wanted = torch.stack([slope(q + step * e) - slope(q - step * e) for e in torch.eye(3, dtype=q.dtype)]) / (2 * step)
+    func = torch.func
+    for second in (func.hessian, lambda f: func.jacfwd(func.jacfwd(f)), lambda f: func.jacrev(func.jacrev(f))):
+        found = second(norm)(q)
+        np.testing.assert_allclose(found, wanted, rtol=0.0, atol=1e-8 * abs(wanted).max())
+    np.testing.assert_array_equal(torch.autograd.functional.hessian(norm, q), found)
+    close(torch.vmap(func.hessian(norm))(torch.stack([q, 2.0 * q]))[0], found)
+    assert torch.autograd.gradgradcheck(f, tensors([q, v, tau], grad=True))
+
+
+def test_the_operator_tells_shapes_without_a_program(case: Case) -> None:
+    from torch._subclasses.fake_tensor import FakeTensorMode
+
+    call = operator(sd.specialize(case.model, [sd.rnea, sd.crba])._differentiable.node())
+    with FakeTensorMode() as mode:
+        q, v, a = (mode.from_tensor(x) for x in tensors([case.given[0], case.given[1][0], case.given[2][:, None]]))
+        found = call(q, v, a)
+        assert [tuple(x.shape) for x in found] == [(5, 5, 3), (5, 5, 3, 3)]
+        with pytest.raises(sd.ShapeError, match=re.escape("v has shape (2,), expected (..., 3)")):
+            call(q, v[:2], a)
+
+
+@pytest.mark.slow(quick="test_the_operator_tells_shapes_without_a_program")  # torch's compiler alone takes seconds
+@pytest.mark.filterwarnings("ignore:.*should not be instantiated:DeprecationWarning")  # by that compiler
+def test_compiled_and_exported_graphs_hold_it_as_one_node(case: Case) -> None:
+    f, given = sd.specialize(case.model, sd.aba).to_torch(), tensors(case.given)
+
+    class Step(torch.nn.Module):  # type: ignore[misc, name-defined]
+        def forward(self, q: Any, v: Any, tau: Any) -> Any:
+            return q + 0.01 * (v + 0.01 * f(q, v, tau))
+
+    step = Step()
+    made = torch.compile(step, fullgraph=True, backend="aot_eager")
+    np.testing.assert_array_equal(made(*given), step(*given))
+    np.testing.assert_array_equal(made(*(x[:2] for x in given)), step(*(x[:2] for x in given)))
+    slopes = []
+    for one in (made, step):
+        moved = tensors(case.given, grad=True)
+        one(*moved).square().sum().backward()
+        slopes.append(torch.stack([x.grad for x in moved]))
+    close(slopes[0], slopes[1])
+    batch = torch.export.Dim("batch")
+    exported = torch.export.export(step, tuple(given), dynamic_shapes={x: {0: batch} for x in ("q", "v", "tau")})
+    assert sum("spatialdyn" in str(node.target) for node in exported.graph.nodes) == 1
+    np.testing.assert_array_equal(exported.module()(*(x[:3] for x in given)), step(*(x[:3] for x in given)))
+
+
+@FORWARD
 def test_what_it_has_not_is_refused(case: Case) -> None:
-    f, given = sd.specialize(case.model, sd.aba).to_torch(), tensors((x[0] for x in case.given), grad=True)
-    (first,) = torch.autograd.grad(f(*given).sum(), given[:1], create_graph=True)
-    with pytest.raises(sd.SpatialDynError, match="a second derivative is not available"):
-        torch.autograd.grad(first.sum(), given)
-    q, v, tau = tensors(x[0] for x in case.given)
-    for outer, inner in ((torch.func.jacfwd, torch.func.jacfwd), (torch.func.jacfwd, torch.func.jacrev)):
-        with pytest.raises(sd.SpatialDynError, match="a second derivative is not available"):
-            outer(inner(lambda q: f(q, v, tau)))(q)
+    f, (q, v, tau) = sd.specialize(case.model, sd.aba).to_torch(), tensors(x[0] for x in case.given)
+    with pytest.raises(sd.SpatialDynError, match="a third derivative of aba is not available, expected first and"):
+        torch.func.jacfwd(torch.func.hessian(lambda q: f(q, v, tau)[0]))(q)
     with pytest.raises(sd.SpatialDynError, match='q is on "meta", expected a tensor on the CPU'):
         f(q.to("meta"), v, tau)
     with pytest.raises(sd.SpatialDynError, match=r"q is torch\.complex128, expected real numbers"):

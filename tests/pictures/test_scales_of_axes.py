@@ -76,11 +76,11 @@ def test_rounding_errors_are_drawn_as_flat_lines(name: str) -> None:
     figure = FIGURES[name](resting(robot()))
     linear = [axes for axes in figure.axes if axes.get_yscale() == "linear" and "|" not in axes.get_ylabel()]
     assert linear
+    figure.draw_without_rendering()
     for axes in linear:
         several = {round(float(np.mean(line.get_ydata())), 9) for line in axes.lines if len(line.get_ydata()) > 1}
         if len(several) == 1:  # else the panel is as high as lines are apart
             assert share(axes) < 1e-6
-        figure.draw_without_rendering()
         assert axes.yaxis.get_offset_text().get_text() == ""
         low, high = axes.get_ylim()
         assert all(low < y.min() <= y.max() < high for y in (np.asarray(line.get_ydata()) for line in axes.lines))

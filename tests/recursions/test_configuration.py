@@ -93,7 +93,7 @@ class Space:
         return self.normalize(rng.normal(size=self.nq))
 
 
-@pytest.fixture(params=[False, True], ids=["plain", "compiled"])
+@pytest.fixture(params=slow_but([False], [False, True]), ids=["plain", "compiled"])  # which takes 8 s to compile
 def fast(request: pytest.FixtureRequest) -> bool:
     return request.param
 

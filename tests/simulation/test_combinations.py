@@ -1,4 +1,4 @@
-"""Every pair of effects, by a method of every family, runs or is refused for a reason of physics, on three robots.
+"""Every pair of effects runs or is refused for a reason of physics, on three robots by a method of another family each.
 
 Runs are finite, samples of a rollout (by one of the methods) have the bits of a run, work closes the ledger, and files
 keep the scene.
@@ -32,12 +32,12 @@ REASONS = (
 )
 
 
-def methods(k: int, robot: int) -> tuple[str, ...]:
-    """The method that takes every scene, an explicit one and one of the other families: another for each robot, so that
-    a pair meets them all on the three; others for the next pair.
+def method_of(k: int, robot: int) -> str:
+    """On one robot the method that takes every scene, on another an explicit one, on the third one of the other
+    families; others for the next pair.
     """
     family = (CANONICAL[k % 5], "variational", ("dop853", "radau")[k % 2])[(k + robot) % 3]
-    return tuple(dict.fromkeys(("semi_implicit_euler", EXPLICIT[(k + robot) % 4], family)))
+    return ("semi_implicit_euler", EXPLICIT[(k + robot) % 4], family)[(k + 2 * robot) % 3]
 
 
 def attempt(model: sd.Model, given: dict[str, Any], method: str, path: Path, many: bool) -> str:
@@ -88,14 +88,14 @@ def check(name: str, chosen: list[tuple[str, ...]], path: Path) -> None:
             wrong += [] if any(re.search(x, str(error)) for x in REASONS) else [(effects, str(error))]
             continue
         place = list(PARTS).index(name)
-        for i, method in enumerate(methods(k, place)):
-            try:
-                refused = attempt(model, given, method, path, many=i == (k + place) % 3)
-            except Exception as error:
-                wrong.append((effects, method, repr(error)[:300]))
-                continue
-            if refused and not any(re.search(x, refused) for x in REASONS):
-                wrong.append((effects, method, refused))
-            ran += not refused
+        method = method_of(k, place)
+        try:
+            refused = attempt(model, given, method, path, many=(k - place) % 3 == 0)
+        except Exception as error:
+            wrong.append((effects, method, repr(error)[:300]))
+            continue
+        if refused and not any(re.search(x, refused) for x in REASONS):
+            wrong.append((effects, method, refused))
+        ran += not refused
     assert wrong == []
-    assert ran >= len(chosen) / 2  # of three methods; points and constraints refuse the mimic gripper in most
+    assert ran >= len(chosen) / 6  # points and constraints refuse the mimic gripper in most

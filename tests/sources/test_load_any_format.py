@@ -87,6 +87,10 @@ def test_xacro_is_by_suffix_or_argument_only(files: Path) -> None:
     assert sd.load(files / "hidden.urdf", xacro={}).names == ("universe", "left_2")
     with pytest.raises(sd.SpatialDynError, match=r"<text>: xacro refuses it: .*nothing"):
         sd.load('<robot xmlns:xacro="http://www.ros.org/wiki/xacro" name="${nothing}"/>', xacro={})
+    with pytest.raises(sd.SpatialDynError, match=r'xacro is given "side", expected those of "prefix", "short"'):
+        sd.load(XACRO, xacro={"side": "left"})
+    with pytest.raises(sd.SpatialDynError, match='xacro is given "side", expected none: it has no arguments'):
+        sd.load(URDF, xacro={"side": "left"})
     with pytest.raises(sd.SpatialDynError, match="xacro is 'a:=1', expected a mapping"):
         sd.load(XACRO, xacro="a:=1")  # type: ignore[arg-type]
 
@@ -97,7 +101,7 @@ def test_xacro_is_by_suffix_or_argument_only(files: Path) -> None:
         ('<sdf version="1.7"/>', r"<text> is SDF, .* expected URDF or MJCF: the package sdformat-mjcf"),
         ("<html/>", "a web page is not read"),
         ("nothing_of_that_name", "neither a file nor the name of a robot"),
-        ("gone.xml", r"gone\.xml: no such file"),
+        ("gone.xml", r"gone\.xml: no such file, expected a robot's: MJCF, xacro or URDF"),
         (5, "source is of type int"),
         ("", "neither a file nor the name"),
         ("a\0b", "expected"),
@@ -125,8 +129,9 @@ def test_descriptions_are_cloned_at_first_use_and_said_to_be(
     monkeypatch.setenv("ROBOT_DESCRIPTIONS_CACHE", str(tmp_path / "cache"))
     monkeypatch.setitem(sys.modules, f"robot_descriptions.{name}", SimpleNamespace(URDF_PATH=str(files / "r.urdf")))
     said = rf'"{name}" is of robot_descriptions, which clones https://\S+ into {tmp_path / "cache"}'
-    with pytest.warns(UserWarning, match=said):
+    with pytest.warns(UserWarning, match=said) as warned:
         assert sd.load(name) == sd.load_urdf(URDF)
+    assert warned[0].filename == __file__  # the line that calls sd.load
     (tmp_path / "cache" / "edo_sim").mkdir(parents=True)
     assert sd.load(name) == sd.load_urdf(URDF)  # a warning would be an error
     with pytest.raises(sd.UrdfError, match=r"of robot_descriptions: .*edo_description"):

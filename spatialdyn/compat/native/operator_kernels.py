@@ -4,7 +4,7 @@
 it may be an input. Arrays have to be float64, C-ordered, writable and of the right size: nothing is checked.
 ``value_builtin`` makes functions of Python's own calling convention that check their arguments and make the result.
 
-A call takes a tenth of the time or less of the operator in plain Python, which runs it until compiling pays.
+A call is much faster than the operator in plain Python, which answers until compiling pays.
 """
 
 from __future__ import annotations
@@ -196,7 +196,7 @@ def draw_between(generator: Any, units: tuple[tuple[int, int], ...] = ()) -> Any
 
     units  first index and size of parts of unit norm, drawn by ``operators.put_direction``
 
-    Returns None if not applicable. A call of the generator from Python takes hundreds of times as long as a draw.
+    Returns None if not applicable. A call of the generator from Python takes far longer than a draw.
     """
     interface = generator.bit_generator.ctypes  # NumPy offers it for compiled code
     address = ctypes.cast(interface.next_double, ctypes.c_void_p).value or 0

@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import Any
 
 from ...algebra.rotations import UNIT_TOLERANCE
-from ...algebra.scalars import EPS, inline
+from ...algebra.scalars import EPS, everywhere, inline
 from ...bodies.joints import norms_within, pitch_of
 from ...bodies.kinds import LENGTHS, SCREWS, SLIDES
 from ...bodies.table import ANY_NORM
@@ -63,7 +63,7 @@ def singular_row(bodies: Any, q: Any, pivots: Any, eps: Any) -> int:
     for i in range(n, 0, -1):
         b = bodies[i]
         bound = b.armature + b.inertia_bound.x + travel * (2.0 * b.inertia_bound.y + travel * b.inertia_bound.z)
-        if not pivots[i - 1] > n * eps * bound:
+        if not everywhere(pivots[i - 1] > n * eps * bound):
             return i
     return 0
 

@@ -98,7 +98,7 @@ def _array_at(typing_context: Any, memory: Any, shape: Any, dtype: Any) -> Any:
 pointer: Any = intrinsic(_pointer_at)
 memory: Any = intrinsic(_memory)  # (bytes) -> memory of the calling function, on the stack if it is small
 release: Any = intrinsic(_release)  # (memory, bytes): give it back
-array_at: Any = intrinsic(_array_at)  # (memory, shape, dtype) -> the array there: carray, compiled in half the time
+array_at: Any = intrinsic(_array_at)  # (memory, shape, dtype) -> the array there: carray, sooner compiled
 
 
 @inline

@@ -55,7 +55,7 @@ class NumbaCache(_Cache):
         )
         if payload is None:
             return None
-        rtsys.initialize(target_context)  # all that code links to; Numba's registries, 0.2 s, serve the compiler alone
+        rtsys.initialize(target_context)  # all that code links to; Numba's registries serve the compiler alone
         rebuild: Any = compiler.CompileResult._rebuild
         return rebuild(target_context, *pickle.loads(payload))
 
@@ -115,4 +115,6 @@ def _is_value(kind: Any) -> bool:
     """Whether a type's name tells what it is, as that of a function's type does not."""
     if isinstance(kind, types.BaseTuple):
         return all(map(_is_value, kind))  # type: ignore[call-overload]
+    if isinstance(kind, types.Type) and covers(type(kind)):  # lanes and their masks
+        return True
     return isinstance(kind, (types.Number, types.Boolean, types.Array, types.Record, types.NoneType, types.Omitted))

@@ -5,7 +5,8 @@ Each recursion becomes three kernels, generated from its Spec:
 sample_kernel  one sample: checks the arguments, allocates scratch, runs the recursion, checks the result, and
                returns a status. It has one explicit signature, so no input makes it compile again, and it takes the
                table by its address, which is cheaper to pass than an array.
-batch_kernel   many samples, through ``sample_kernel``; an input that does not vary has a step of 0.
+batch_kernel   many samples, through ``sample_kernel``; an input that does not vary has a step of 0. ``lane_kernels``
+               has those of calls that run on SIMD lanes.
 user_kernel    one sample, for a user's own jitted code: raises instead of returning a status.
 
 They are compiled when first called and cached on disk (``numba_cache``) by a digest of their text and what they
@@ -16,8 +17,8 @@ A user's own function in Numba's cache, whose key is its own file only, must cap
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
-from contextlib import AbstractContextManager
+from collections.abc import Callable, Collection, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import cache
 from typing import Any
@@ -28,7 +29,7 @@ from ...recursions import SPECS
 from ...recursions.spec import Argument, Spec, flat, gather, is_record
 from ...waiting import watch
 from .. import locks
-from . import disk_cache
+from . import disk_cache, lane_names
 from .checks import all_finite, no_overlap, pivots_regular, unit_norm
 from .generated import function_from_text
 from .numba_settings import PLAIN as PLAIN
@@ -79,7 +80,7 @@ def _size_checks(spec: Spec, argument: Argument) -> list[str]:
     ]
 
 
-def _scratch(spec: Spec) -> dict[str, tuple[list[str], str]]:
+def scratch_of(spec: Spec) -> dict[str, tuple[list[str], str]]:
     """Shapes, as expressions in the kernel's names, and dtypes of a recursion's scratch, in its order."""
     found = {} if spec.work is None else {"work": (["len(bodies)"], "WORK")}
     if spec.pivots:
@@ -93,7 +94,7 @@ def _scratch_names(spec: Spec) -> list[str]:
     return [f"scratch{k}" for k, _ in enumerate(flat(spec.scratch))]
 
 
-def _call_of(kind: type, values: list[str | None]) -> str:
+def call_of(kind: type, values: list[str | None]) -> str:
     """The text that makes a record."""
     return f"{kind.__name__}({', '.join(x or 'None' for x in values)})"
 
@@ -103,8 +104,15 @@ def _records(spec: Spec) -> dict[str, type]:
     return {type(x).__name__: type(x) for x in (*spec.inputs, spec.parts, *spec.scratch) if is_record(x)}
 
 
-def statements(spec: Spec, fail: Callable[[int], str], plain: bool = PLAIN) -> list[str]:
-    """The statements around a recursion; ``fail(status)`` is the statement that ends the kernel."""
+def statements(spec: Spec, fail: Callable[[int], str], plain: bool = PLAIN, on_lanes: bool = False) -> list[str]:
+    """The statements around a recursion; ``fail(status)`` is the statement that ends the kernel.
+
+    on_lanes  the recursion runs on lanes of one sample, which round as those of more do (``lane_kernels``)
+    """
+
+    def number(name: str) -> str:
+        return f"lanes_of({name})" if on_lanes else name
+
     arrays = [x for x in spec.present if x.shape]
     mismatch = " or ".join(c for x in (*arrays, spec.output) if not x.optional for c in _size_checks(spec, x))
     lines = ["stamp", *(f"{x.name}_rows = rows_at({x.name}, {x.name}_dtype)" for x in spec.present if x.table)]
@@ -121,33 +129,40 @@ def statements(spec: Spec, fail: Callable[[int], str], plain: bool = PLAIN) -> l
         lines += [f"if {' or '.join(overlaps)}:", f"    {fail(SHAPE)}"]
     for x in spec.present:
         if x.unit_norm:
-            lines += [f"if not unit_norm(bodies, {x.name}):", f"    {fail(UNIT)}"]
+            lines += [f"if not unit_norm(bodies, {number(x.name)}):", f"    {fail(UNIT)}"]
     turned = {x.name for x in spec.present if x.turned and not plain}
-    scratch = {f"{name}_turned": (["3", extent(spec, "nq")], "FLOAT") for name in turned} | _scratch(spec)
+    scratch = {f"{name}_turned": (["3", extent(spec, "nq")], "FLOAT") for name in turned} | scratch_of(spec)
     for name, (shape, dtype) in scratch.items():
         lines.append(f"{name}_size = {' * '.join(f'({x})' for x in shape)} * {dtype}_SIZE")
         lines.append(f"{name}_memory = memory({name}_size)")
-        lines.append(f"{name} = array_at({name}_memory, ({', '.join(shape)},), {dtype})")
+        made = f"array_at({name}_memory, ({', '.join(shape)},), {dtype})"
+        if on_lanes and not name.endswith("_turned"):
+            made = f"{'works' if dtype == 'WORK' else f'lanes{len(shape)}'}({name}_memory, ({', '.join(shape)},))"
+        lines.append(f"{name} = {made}")
     lines += [f"turn({name}, {name}_turned)" for name in turned]
     passed: list[str | None] = ["bodies"] if spec.work is None else ["bodies", "work"]
     ends_of = dict.fromkeys(turned, "_turned") | {x.name: "_rows" for x in spec.present if x.table}
-    passed += gather(spec.inputs, lambda x: x.name + ends_of.get(x.name, ""), _call_of)
-    passed += [] if spec.parts else [spec.output.name]
+    passed += gather(
+        spec.inputs,
+        lambda x: x.name + ends_of.get(x.name, "") if x.static else number(x.name + ends_of.get(x.name, "")),
+        call_of,
+    )
+    passed += [] if spec.parts else [number(spec.output.name)]
     parts: list[str | None] = []
     for k, part in enumerate(spec.parts):
         lines.append(f"end{k} = {f'end{k - 1} + ' if k else ''}{extent(spec, *part.shape)}")
-        parts.append(f"{spec.output.name}[{f'end{k - 1}' if k else '0'}:end{k}]")
-    passed += [_call_of(type(spec.parts), parts)] if is_record(spec.parts) else parts
+        parts.append(number(f"{spec.output.name}[{f'end{k - 1}' if k else '0'}:end{k}]"))
+    passed += [call_of(type(spec.parts), parts)] if is_record(spec.parts) else parts
     names = iter(_scratch_names(spec))
-    passed += ["pivots"] * spec.pivots + gather(spec.scratch, lambda _: next(names), _call_of)
+    passed += ["pivots"] * spec.pivots + gather(spec.scratch, lambda _: next(names), call_of)
     lines.append(f"recursion({', '.join(x or 'None' for x in passed)})")
     if spec.pivots:
-        lines.append("regular = pivots_regular(bodies, q, pivots)")
+        lines.append(f"regular = pivots_regular(bodies, {number('q')}, pivots)")
     lines += [f"release({name}_memory, {name}_size)" for name in scratch]
     if spec.pivots:
         lines += ["if not regular:", f"    {fail(PIVOT)}"]
     if spec.output.unit_norm:
-        lines += [f"if not unit_norm(bodies, {spec.output.name}):", f"    {fail(UNIT)}"]
+        lines += [f"if not unit_norm(bodies, {number(spec.output.name)}):", f"    {fail(UNIT)}"]
     return [*lines, f"if not all_finite({spec.output.name}):", f"    {fail(NONFINITE)}"]
 
 
@@ -219,20 +234,26 @@ def label(spec: Spec) -> str:
     return "_".join([spec.name, *(x.name for x in spec.present)])
 
 
-def _named(spec: Spec) -> AbstractContextManager[None]:
-    return watch.work(f"compiling the table kernel of {spec.name}", disk_cache.kept)
+@contextmanager
+def compiling(spec: Spec) -> Iterator[None]:
+    """One thread compiles at a time, and says so where it takes long."""
+    with _LOCK, watch.work(f"compiling the table kernel of {spec.name}", disk_cache.kept):
+        yield
 
 
 @cache
 def sample_kernel(spec: Spec) -> Callable[..., int]:
     """``(table, *inputs, output) -> status`` of one sample; inputs of any layout, none modified."""
-    with _LOCK, _named(spec):  # a fork waits for the import too
+    with compiling(spec):  # a fork waits for the import too
         from . import jit
 
+        on_lanes = lane_names.fits(spec)
         parameters = ["table", *(x.name for x in spec.present), spec.output.name]
-        body = ["bodies = table_at(table)", *statements(spec, lambda status: f"return {status}"), f"return {OK}"]
-        function = kernel_from_text(label(spec), parameters, body, scope(spec))
-        return jit.compile_signature(function, signature(spec), keep=names(spec))
+        inside = statements(spec, lambda status: f"return {status}", on_lanes=on_lanes)
+        body = ["bodies = table_at(table)", *inside, f"return {OK}"]
+        known = scope(spec) | (lane_names.known(spec, 1) if on_lanes else {})
+        function = kernel_from_text(label(spec), parameters, body, known)
+        return jit.compile_signature(function, signature(spec), keep=names(spec), contract=not on_lanes)
 
 
 def signature(spec: Spec) -> tuple[Any, ...]:
@@ -265,7 +286,7 @@ def batch_kernel(spec: Spec) -> Callable[..., int]:
 
     Arrays are C-ordered with the samples first; an input with step 0 has one row, which serves all samples.
     """
-    with _LOCK, _named(spec):  # a fork waits for the import too
+    with compiling(spec):  # a fork waits for the import too
         made = batches_of(spec, sample_kernel(spec), "batch")
         _made.add(spec)
         return made
@@ -273,8 +294,6 @@ def batch_kernel(spec: Spec) -> Callable[..., int]:
 
 def batches_of(spec: Spec, one: Callable[..., int], suffix: str) -> Callable[..., int]:
     """A ``batch_kernel`` of a compiled ``sample_kernel``; ``suffix`` of its name."""
-    from numba import types
-
     from . import jit
 
     varying = [x for x in spec.present if not x.static]
@@ -296,12 +315,19 @@ def batches_of(spec: Spec, one: Callable[..., int], suffix: str) -> Callable[...
         "return failed",
     ]
     function = kernel_from_text(f"{label(spec)}_{suffix}", parameters, body, {"sample_kernel": one})
+    return jit.compile_signature(function, batch_signature(spec), keep=names(spec))
+
+
+def batch_signature(spec: Spec) -> tuple[Any, ...]:
+    """The types of the arguments of a ``batch_kernel``."""
+    from numba import types
+
     kinds: list[Any] = [types.intp, types.int64]
-    for x in varying:
-        kinds += [_type(x, 1, layout="C"), types.int64]
-    kinds += [_type(x, 0) for x in static]
-    kinds += [_type(spec.output, 1, True, "C"), types.Array(types.int8, 1, "C")]
-    return jit.compile_signature(function, tuple(kinds), keep=names(spec))
+    for x in spec.present:
+        if not x.static:
+            kinds += [_type(x, 1, layout="C"), types.int64]
+    kinds += [_type(x, 0) for x in spec.present if x.static]
+    return *kinds, _type(spec.output, 1, True, "C"), types.Array(types.int8, 1, "C")
 
 
 _MESSAGES = {

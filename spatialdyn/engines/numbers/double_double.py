@@ -1,7 +1,7 @@
 """Double-double: a recorded program on numbers of two floats, 106 bits, many samples at once.
 
 A recursion is traced on a table whose numbers are lines of the program, so no constant is folded in float64, and one
-compiled loop runs all such programs, thousands of times faster than mpmath. It is the reference for thousands of
+compiled loop runs all such programs, far faster than mpmath. It is the reference for thousands of
 samples, and for every stage of an integrator; its own reference is ``multiprecision``.
 
 A number is (hi, lo) with hi the float nearest to hi + lo. No operation here may be contracted to a fused one: the

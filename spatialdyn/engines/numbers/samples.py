@@ -167,7 +167,7 @@ class Evaluation:
             part, with_values = ([x[here] if len(x) == n else x for x in of] for of in (inputs, values))
             given = part, out[here], status[here], with_values
             with np.errstate(all="ignore"):
-                if not self._together or len(given[1]) == 1:  # floats, in a quarter of the time
+                if not self._together or len(given[1]) == 1:  # floats, which are faster
                     try:
                         self._part(*given, wrapped=False)
                         continue

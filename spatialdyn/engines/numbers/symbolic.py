@@ -147,8 +147,8 @@ scalars.exceeds.register(Number)(lambda x, floor: 1.0 if x.num else 0.0)  # in a
 
 @dataclass
 class Budget:
-    """Limit of the cost of a closed form, in products of two terms and waves of a series of up to 80 generators,
-    some 50 µs each; with more generators each counts in proportion to its time.
+    """Limit of the cost of a closed form, in products of two terms and waves of a series of up to 80 generators;
+    with more generators each counts in proportion to its time.
 
     owner  in words, for the error message
     most   most that may be spent until ``spent`` is reset to 0

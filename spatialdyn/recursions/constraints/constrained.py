@@ -65,7 +65,7 @@ class RowScratch(NamedTuple):
 
 DEPENDENT = 16.0  # times eps and the number of terms in a pivot: what rounding leaves of a dependent row
 CLEAR = 1e-4  # relative pivot above which a row in its given order is far from those before it
-TINY = 1e-7  # relative pivot below which a row may depend on others but for what a pivot that is not clear adds to it
+TINY = 1e-7  # relative pivot below which a row may depend on others, its pivot left by another that is not clear
 UNSURE = 2.0  # added to a residual, itself at most 1, where a row may depend on others and a pivot is not clear
 RISEN = 1e-6  # relative pivot of a row left out that is no error of a step: 1e-3 rad from a branch point
 

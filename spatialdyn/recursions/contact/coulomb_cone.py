@@ -24,7 +24,7 @@ from ..constraints.dense import factor_dropping, quotient, solve_backward, solve
 from ..signatures import Matrix, Number, Vector
 
 STOPPED = 1e-18  # of a point's velocity, squared: what rounding leaves of it
-ROOT_STEPS = 12  # of Newton's steps on q, of which 6 reach 1e-10 in 99 % of slides
+ROOT_STEPS = 12  # most of Newton's steps on q; nearly all slides need half of them
 ROOT = 1e-6  # of |q - 1| before the last of these steps, each of which squares it
 FAR = 1e30  # a bound of κ above all
 BEGIN = 1e-3  # of S's trace, the least κ to begin with

@@ -57,7 +57,7 @@ WORK = table_dtype(
     m=float,
     h=Vec,
 )
-FAR = 1e30  # a bound that is none
+FAR = 1e30  # a bound that does not hold
 
 
 class Settings(NamedTuple):
@@ -88,7 +88,7 @@ class Goals(NamedTuple):
 
 
 class Ground(NamedTuple):
-    """What may touch, and what it touches."""
+    """The points that may touch, and the ground."""
 
     contacts: Record  # the table of points and joints
     heights: Record  # of the ground; None: a plane
@@ -268,7 +268,7 @@ def write_com(
 
 @inline
 def write_tasks(v: Vector, width: int, tasks: Record, by: Settings, goals: Goals, out: Terms, s: Scratch) -> None:
-    """The rows of tasks, whose terms ``s`` has, and P and g of these, of joints, and of what is small."""
+    """The rows of tasks, from their terms in ``s``; P and g of tasks, of joints, and of small weights."""
     n, nf, ns, nt = len(v), tasks[0].nf, tasks[0].ns, tasks[0].nt
     for k in range(width):
         out.g[k] = 0.0

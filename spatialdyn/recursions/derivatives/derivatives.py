@@ -395,7 +395,7 @@ SPECS = (
         ),
         "Derivatives of the forward dynamics a = aba(q, v, tau): ``da_dq, da_dv, Minv = aba_derivatives(...)``.\n\n"
         "    Their program grows with nv³: above nv = 25 batches run sample by sample, unless ``specialize`` records\n"
-        "    one, which is several times faster and takes half a minute to compile.",
+        "    one, which is faster and takes long to compile.",
         _SOURCE, pivots=True, regroup=True, term_shape=("nv",) * 3, scratch=(("nv",), ("nv", "nv")),
         through_M=aba_derivatives_through_M,
     ),

@@ -232,7 +232,7 @@ def semi_implicit_euler_derivatives(
 
 @inline
 def _add_kept(bodies: Bodies, i: int, lengths: int, h: Scalar, w: Vec, d: Vector, out: Matrix) -> None:
-    """out += the derivative of what keeps the momenta of a free body, its first row i; d is scratch, 0 after it."""
+    """out += the derivative of the term that keeps momenta of a free body, first row i; d is scratch, 0 after it."""
     if not is_free(bodies, i):
         return
     b, r, n = bodies[i], i - 1, len(bodies) - 1
@@ -318,7 +318,7 @@ def acceleration_derivatives(
     bodies: Bodies, work: Work, q: Config, v: Vector, tau: Vector, fext: Matrix, law: SmoothLaw, D: Array,
     pivots: Vector, a: Vector, inverse: Matrix, rubbed: Matrix,
 ) -> None:  # fmt: skip
-    """``aba_derivatives`` with smooth friction, compiled once for all steps: most of what compiling a kernel takes.
+    """``aba_derivatives`` with smooth friction, compiled once for all steps: most of a kernel's compilation.
 
     law     may be None, for no friction
     rubbed  (2, nv)  scratch: torques with friction, slopes of friction by v

@@ -36,7 +36,7 @@ def couple_to_partner(bodies: Bodies, work: Work, i: int, U: Force, D: Scalar) -
 
 @inline
 def push_of_partner(bodies: Bodies, work: Work, i: int, v: Vector, u: Scalar) -> Scalar:
-    """u of row i, less what the acceleration that its partner has by itself takes of the torque; v may be None."""
+    """u of row i, less the torque that goes into its partner's own acceleration; v may be None."""
     k = bodies[i].partner
     partner = work[k]
     own = partner.u

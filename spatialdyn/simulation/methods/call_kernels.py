@@ -48,7 +48,7 @@ def call_kernels(model: Model, family: Family, fext: Array | None) -> Any:
 
     def accelerate(system: System, q: Any, v: Any, a: Any) -> int:
         code = answered(aba, a, model, q, v, system.tau, fext)
-        return code if a.dot(zero) == 0.0 else code or NONFINITE  # in a third of the time of ``finite``
+        return code if a.dot(zero) == 0.0 else code or NONFINITE  # faster than ``finite``
 
     def move(table: Any, q: Any, u: Any, out: Any) -> int:
         return answered(integrate, out, model, q, u)

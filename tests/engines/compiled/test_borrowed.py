@@ -56,9 +56,16 @@ BORROWED: dict[str, set[str]] = {
     "_search_new_conversions": {COMPILED + "jit.py"},
     "_explain_matching_error": {COMPILED + "jit.py"},
     # addresses and arrays in compiled code
-    "numba.np.arrayobj": {COMPILED + "jit.py"},
-    "_getvalue": {COMPILED + "jit.py"},
-    "numba.core.cgutils": {COMPILED + "jit.py"},
+    "numba.np.arrayobj": {COMPILED + "jit.py", COMPILED + "lane_arrays.py"},
+    "_getvalue": {COMPILED + "jit.py", COMPILED + "lane_arrays.py"},
+    "numba.core.cgutils": {COMPILED + "jit.py", COMPILED + "lane_arrays.py", COMPILED + "lanes.py"},
+    # numbers, arrays and matrices of lanes: types, their operators and conversions
+    "numba.core.datamodel.models": {COMPILED + "lane_arrays.py", COMPILED + "lanes.py"},
+    "numba.core.datamodel.register_default": {COMPILED + "lane_arrays.py", COMPILED + "lanes.py"},
+    "numba.core.typeconv.Conversion": {COMPILED + "lanes.py"},
+    "numba.core.typing.templates.AbstractTemplate": {COMPILED + "lane_arrays.py", COMPILED + "lanes.py"},
+    "numba.core.typing.templates.infer_global": {COMPILED + "lane_arrays.py", COMPILED + "lanes.py"},
+    "numba.core.typing.templates.signature": {COMPILED + "lane_arrays.py", COMPILED + "lanes.py"},
     # CPython builtins that read NumPy's array objects
     "ctypes": {
         "compat/native/operator_kernels.py",
@@ -116,11 +123,13 @@ def own_names() -> set[str]:
     return found
 
 
-def root_of(node: ast.expr) -> str:
-    """The first name of ``a.b.c``; "" of another expression."""
+def dotted(node: ast.expr) -> str:
+    """The text of ``a.b.c``; "" of another expression."""
+    parts = []
     while isinstance(node, ast.Attribute):
+        parts.append(node.attr)
         node = node.value
-    return node.id if isinstance(node, ast.Name) else ""
+    return ".".join([node.id, *reversed(parts)]) if isinstance(node, ast.Name) else ""
 
 
 def borrowed(tree: ast.Module, own: set[str]) -> Iterator[str]:
@@ -134,7 +143,7 @@ def borrowed(tree: ast.Module, own: set[str]) -> Iterator[str]:
         elif isinstance(node, ast.Import):
             yield from (a.name for a in node.names if a.name.split(".")[0] in FOREIGN and a.name not in PUBLIC)
         elif isinstance(node, ast.Attribute):
-            name = ast.unparse(node) if root_of(node) in ("ctypes", "numba", "np") else ""
+            name = dotted(node)
             if name == "ctypes.pythonapi" or name.startswith(("numba.core", "numba.np", "np.core", "np._core")):
                 yield name
             if node.attr.startswith("_") and not node.attr.startswith("__") and node.attr not in known:
@@ -166,12 +175,12 @@ def test_private_parts_of_other_packages_stand_in_the_files_named_for_them() -> 
 
 
 def test_what_replaces_numbas_own_methods_stands_in_one_file() -> None:
+    names = {
+        file: {getattr(n, kind, "") for n in ast.walk(tree) for kind in ("name", "attr")}
+        for file, tree in trees().items()
+    }
     for name, file in OVERRIDDEN.items():
-        assert {
-            f
-            for f, tree in trees().items()
-            if any(name in (getattr(n, "name", ""), getattr(n, "attr", "")) for n in ast.walk(tree))
-        } == {file}
+        assert {f for f, known in names.items() if name in known} == {file}
 
 
 @pytest.mark.parametrize(

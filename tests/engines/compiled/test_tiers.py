@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from slow import slow_but
 from trees import random_state, random_tree
 
 from spatialdyn.algebra.scalars import cos, sin
@@ -68,7 +69,7 @@ def test_sines_have_the_bits_of_the_kernels() -> None:
     assert float(Fraction(angles[0])) == q[0]
 
 
-@pytest.mark.parametrize("name", ["rnea", "aba", "frame_jacobian"])
+@pytest.mark.parametrize("name", slow_but(["frame_jacobian"], ["rnea", "aba", "frame_jacobian"]))
 def test_table_kernels_have_the_same_bits_in_plain_python(name: str) -> None:
     made = random_tree(2, 7, floating=True)
     model, s = made.model, random_state(made.tree, np.random.default_rng(0))

@@ -22,7 +22,7 @@ from ..types.arguments import NUMBERS, ArgumentError, Array, described, expected
 
 __all__ = ["ModelPool", "abaInParallel", "omp_get_max_threads", "rneaInParallel"]
 
-LEAST = 128  # samples a thread needs to pay off, some 100 µs
+LEAST = 128  # least samples of a thread: fewer take less time than waking it
 
 
 class PoolError(SpatialDynError):

@@ -182,8 +182,8 @@ computeMinverse(model, data), computeABADerivatives(model, data) after aba in it
 computeMinverse(model, data), computeABADerivatives(model, data) without an aba before | zeros or wrong numbers | an
     error that says so
 buildReducedModel of joint 0 or of one that does not exist | ignored, silently | ModelError naming the index
-the first call after an edit of a model's joints | costs as any call | assembles the library's model again, some 2 ms
-    with nine; of numbers alone some 1 µs of gravity or an inertia, 30 of an armature, 130 of a placement
+the first call after an edit of a model's joints | costs as any call | assembles the library's model again, in some
+    milliseconds; an edit of numbers alone costs microseconds: least of gravity or an inertia, most of a placement
 np.asarray(x)[0] = 1, memoryview, np.nditer and out= of random generators, where x is Model.armature or an array of a
     Model's placement, inertia or gravity | write | an error: x is read-only to them; x[0] = 1 or Model.armature = y
     write

@@ -88,10 +88,10 @@ class Data(Stored, Registered, Copied):
 
     Fields are those of Pinocchio: ``data.M``, ``data.tau``, ``data.oMi`` ... but for the scratch of its algorithms.
 
-    Two books: ``_runs``, stamped sources of all fields: the last calls by kind, and arrays that the user assigned by
-    field; and ``_held``, the arrays of fields that were read, which calls write in place. The rest follows from them:
-    ``_bound``, builtins on these arrays by the call that bound them; ``_sources``, those of a field; ``_latest``, the
-    Runs that getters of Jacobians read.
+    Two records: ``_runs``, the stamped sources of all fields, which are the last calls by kind and arrays that the user
+    assigned by field; and ``_held``, the arrays of fields that were read, which calls write in place. The rest follows
+    from them: ``_bound``, builtins on these arrays by the call that bound them; ``_sources``, those of a field;
+    ``_latest``, the Runs that getters of Jacobians read.
     """
 
     contacts: Any = None  # of the last initConstraintDynamics or constraintDynamics, with its ProximalSettings

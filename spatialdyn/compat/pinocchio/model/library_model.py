@@ -307,7 +307,7 @@ def _takes_edit(model: Model, before: LibraryModel) -> bool:
         if not before.put_inertia(model._inertia_rows[key], inertia._x):
             return False
     changed.clear()
-    vars(model)["_inertia_numbers"] = before.inertias  # past the checks of Model, half a microsecond
+    vars(model)["_inertia_numbers"] = before.inertias  # past the checks of Model, which take longer
     return True
 
 

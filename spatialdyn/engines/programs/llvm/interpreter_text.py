@@ -72,8 +72,8 @@ class _Text(Vectors):
     def branches(self, opcode: str, end: str, write: Callable[[int, str], None]) -> None:
         """A switch by opcode, END to block ``end``: ``write(code, label)`` writes the branch of a code.
 
-        ARITHMETIC is one branch, ANY, before the switch: the processor predicts it, which a jump by opcode it does
-        not in long programs (of talos one sample takes a tenth of the time).
+        ARITHMETIC is one branch, ANY, before the switch: the processor predicts it, but not a jump by opcode in long
+        programs, which are far slower without this.
         """
         self.branch(self.put(f"icmp ult i32 {opcode}, {len(ARITHMETIC)}"), "fused", "other", then="fused")
         signs = self.at(f"[2 x {self.vector}]", "@signs", self.put(f"zext i32 {opcode} to i64"))

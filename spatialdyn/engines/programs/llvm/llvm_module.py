@@ -24,7 +24,7 @@ def module(main: Vectors, functions: Sequence[str], layout: KernelLayout, worksp
     outs = "".join(f"ptr noalias %out{a}, " for a in range(len(layout.outputs)))
     body, last = _in_blocks(main.lines)
     wide = 8 * size * main.lanes
-    # alignstack: else vectors spilled to the stack may straddle cache lines, a fifth of panda's RNEA
+    # alignstack: else vectors spilled to the stack may straddle cache lines, which is slower
     streaming = _STREAM.format(v=v, align=size * main.lanes) if stream else ""
     columns = tuple(map(len, layout.outputs))
     return f"""

@@ -11,7 +11,7 @@ from ..record.program import Program
 CHUNK_LENGTH = 8000  # operations of one function, in programs of more than MOST_WHOLE; short functions cost time
 MOST_LATE = 3000  # most operations of a program whose values are computed near their readers
 MOST_HELD = 3050  # most operations of a program with bounds that keeps its numbers in registers, see ``held``
-MOST_WHOLE = 12000  # most operations of one function: aba of talos, 9600, is faster whole, and compiled in 1 s
+MOST_WHOLE = 12000  # most operations of one function: aba of talos, 9600, is faster whole
 
 
 class Schedule:
@@ -62,9 +62,8 @@ class Schedule:
 def late(program: Program, layout: KernelLayout) -> bool:
     """Whether a program's values are computed near their readers.
 
-    With pivots there is a third sweep over the robot, for which fewer values are spilled: it saves some per cent of
-    aba, and nothing without pivots. Longer programs are slower with it: aba with bounds, a step's derivatives, aba of
-    talos.
+    With pivots there is a third sweep over the robot, for which fewer values are spilled; without pivots nothing is
+    saved. Longer programs are slower with it: aba with bounds, a step's derivatives, aba of talos.
     """
     return bool(layout.pivots) and len(program.lines) <= MOST_LATE and not program.regions
 
@@ -118,8 +117,9 @@ def angles(program: Program, late: bool) -> list[list[int]]:
 
 
 def _angles_depth_first(program: Program, readers: Collection[int]) -> list[int]:
-    """The angles in the order in which ``depth_first`` meets their readers: it enters no line all of whose angles it
-    has met, which saves four fifths of its time.
+    """The angles in the order in which ``depth_first`` meets their readers.
+
+    To save time it does not enter lines whose angles it has all met.
     """
     lines, arity_of = program.lines, arities()
     bits: dict[int, int] = {}

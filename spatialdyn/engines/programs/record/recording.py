@@ -33,8 +33,8 @@ from .program import Program
 from .regroup import regroup
 from .tracer import Tape, table
 
-MOST_ROWS = 128  # above, programs grow too long: rnea, aba, crba of 101 rows compile in 0.7, 1.3 and 2.0 s
-MOST_RESULTS = MOST_ROWS**2  # or terms, of a sample: Christoffel symbols of 18 rows compile in 1 s, of 50 rows in 54 s
+MOST_ROWS = 128  # above, programs take too long to compile
+MOST_RESULTS = MOST_ROWS**2  # or terms, of a sample: those of Christoffel symbols grow by the cube of the rows
 MOST_TABLE = 2048  # rows of a static table: each height of a ground is in its program
 MOST_EQUATIONS = 36  # of a static table: 8400 multiplications to factor a matrix of 36 rows
 ALONE = ("nl", "nd", "total")  # sizes of a static table that are no equations: entries with a row of J alone, results
@@ -60,8 +60,10 @@ class ProgramOptions(NamedTuple):
     exact_inputs   of bounds in float32: inputs are numbers of it, not roundings of others
     derivative     "jvp": with tangents as further inputs, an array for each one, and derivatives along them as further
                    outputs; "vjp": with weights of the results as further inputs, and derivatives of the weighted sum by
-                   each input as further outputs. Of a configuration they are by displacements; "tangent" and
-                   "gradient" are "jvp" and "vjp" by its entries
+                   each input as further outputs. Of a configuration they are by displacements. "along k" is a
+                   derivative alone, without the results, by the entries of all inputs: of order k, along k directions,
+                   each of the arrays of the inputs; "along k weighted" has weights of the results behind those, and
+                   is the derivative of that weighted sum by each input
     """
 
     fixed: tuple[tuple[str, tuple[float, ...]], ...] = ()
@@ -75,6 +77,12 @@ class ProgramOptions(NamedTuple):
 
 
 ALL = ProgramOptions()
+
+
+def along(derivative: str) -> tuple[int, bool] | None:
+    """How many directions a derivative alone has, and whether weights; None for another derivative."""
+    words = derivative.split()
+    return (int(words[1]), len(words) > 2) if words[:1] == ["along"] else None
 
 
 @contextmanager

@@ -37,11 +37,11 @@ from .batches import Batches, rejected
 
 Made = TypeVar("Made")
 CACHE_SIZE = 128  # programs in memory, and structures
-THREAD_BYTES = 16 << 20  # least bytes of machine code that a thread runs: some 100 µs
-SLICE_BYTES = 1 << 30  # bytes of machine code that a thread runs until Ctrl-C is handled: some 50 ms
-RESULT_COST = 64  # bytes of machine code for each byte of results: 0.3 ns of fresh memory, 10 in a machine without any
+THREAD_BYTES = 16 << 20  # least bytes of machine code that a thread runs: fewer take less time than waking it
+SLICE_BYTES = 1 << 30  # bytes of machine code that a thread runs until Ctrl-C is handled
+RESULT_COST = 64  # bytes of machine code that take as long as a byte of results in fresh memory
 DIGEST_SIZE = 64  # characters of a digest
-STREAM_BYTES = 16 << 20  # least bytes of an output that bypasses the CPU caches: half the time of crba of talos
+STREAM_BYTES = 16 << 20  # least bytes of an output that bypasses the CPU caches
 
 _lock = locks.new()
 _programs: OrderedDict[str, Kernel | None] = OrderedDict()
@@ -69,7 +69,8 @@ class MachineCode:
         kinds: list[Any] = [ctypes.py_object, ctypes.c_int64] * len(inputs)
         kinds += [ctypes.py_object] * (len(outputs) + 3)
         kind = ctypes.CFUNCTYPE(ctypes.c_int64, *kinds, ctypes.c_int64, ctypes.c_int64)
-        self.run: Callable[..., int] = kind(self._loaded.address("batch_entry"))
+        self.batch = self._loaded.address("batch_entry")
+        self.run: Callable[..., int] = kind(self.batch)
 
 
 class Kernel(Batches):
@@ -149,6 +150,19 @@ def kernel(
             code = _keep(_codes, of_code, MachineCode(objects, workspace, layout.inputs, columns, dtype, one))
         disk_cache.write(digest, of_code.encode() + numbers.tobytes(), disk_cache.NUMBERS)
         return _keep(_programs, digest, Kernel(code, numbers))
+
+
+def name_of(
+    specs: tuple[Spec, ...],
+    key: str,
+    static: Sequence[Any],
+    dtype: Any,
+    options: ProgramOptions,
+    recorded: Callable[[], Recording],
+) -> str:
+    """A digest of what ``kernel`` returns for these arguments; ``recorded`` is asked where they do not tell it."""
+    key = key if all(map(names, specs)) else structure.content(*recorded())
+    return _digest(specs, key, static, dtype, options, False, False)
 
 
 def compiled(program: Program, layout: KernelLayout, dtype: Any = np.float64, one: bool = False) -> Kernel:

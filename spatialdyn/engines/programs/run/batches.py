@@ -23,7 +23,7 @@ class Batches(ABC):
     lanes    samples of a tile
     inputs   columns of each input
     outputs  columns of each output
-    share    least tiles that a thread runs: some 100 µs
+    share    least tiles that a thread runs
     """
 
     dtype: np.dtype[Any]
@@ -35,7 +35,7 @@ class Batches(ABC):
     @property
     @abstractmethod
     def reach(self) -> int:
-        """How many tiles, or steps of one tile, a thread runs until Ctrl-C is handled: some 50 ms."""
+        """How many tiles, or steps of one tile, a thread runs until Ctrl-C is handled."""
 
     def __call__(
         self, inputs: Sequence[NDArray[Any]], outputs: Sequence[NDArray[Any]], seen: bool = True

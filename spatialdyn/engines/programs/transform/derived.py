@@ -24,7 +24,7 @@ from ..record.kernel_layout import KernelLayout
 from ..record.operations import SUB
 from ..record.parameters import shape as parameter_shape
 from ..record.program import Program
-from ..record.recording import ALL, ProgramOptions, Recording, shape_of
+from ..record.recording import ALL, ProgramOptions, Recording, along, shape_of
 from ..record.tracer import Tape
 from .derivative import Turn, jvp, vjp
 from .error_bound import Bounded, Bounding
@@ -42,6 +42,8 @@ def record(
     """Some calls on one table of bodies as one program, as ``recording.record``, with all that the options ask for."""
     if options.bounds:
         return _with_bounds(specs, bodies, static, options._replace(bounds=False), dtype)
+    if along(options.derivative):
+        return _derivative_alone(specs, bodies, static, options, dtype)
     if options.derivative:
         return _with_derivative(specs, bodies, static, options, dtype)
     return recording.record(specs, bodies, static, options, dtype)
@@ -126,6 +128,97 @@ def _chosen(
     return [*chosen, *inputs[len(inputs) - count :]]
 
 
+def _derivative_alone(
+    specs: Sequence[Spec], bodies: NDArray[Any], static: Sequence[Any], options: ProgramOptions, dtype: Any
+) -> Recording:
+    """A derivative of some calls by the entries of their inputs, of any order, without the results themselves.
+
+    Of the first order it has the results as further inputs, behind all others: what is solved for needs them.
+    """
+    directions, weighted = along(options.derivative) or (0, False)
+    if directions + weighted == 1 and inverse_of(specs, bodies, options):
+        return _by_inverse(specs[0], bodies, weighted)
+    program, layout = recording.record(specs, bodies, static, options._replace(derivative="", ranged=False), dtype)
+    entries, checks = program.inputs, _checks(layout)
+    program = program.only([*checks, *itertools.chain.from_iterable(layout.outputs)])
+    for _ in range(directions):
+        tape, n = Tape(), program.inputs
+        inputs = [tape.input(k) for k in range(n + entries)]
+        values, rates = jvp(tape, program, inputs[:n], [*inputs[n:], *[0.0] * (n - entries)])
+        program = Program(tape, [*values[: len(checks)], *rates[len(checks) :]], n + entries)
+    columns = tuple(map(len, layout.outputs))
+    given = layout.inputs * (directions + 1)
+    if weighted:
+        tape, n = Tape(), program.inputs
+        inputs = [tape.input(k) for k in range(n + sum(columns))]
+        values, found = vjp(tape, program, inputs[:n], [*[0.0] * len(checks), *inputs[n:]])
+        program = Program(tape, [*values[: len(checks)], *found[:entries]], n + sum(columns))
+        given, columns = (*given, *columns), layout.inputs
+    return Recording(program, _behind_checks(layout, given, columns))
+
+
+def inverse_of(specs: Sequence[Spec], bodies: NDArray[Any], options: ProgramOptions) -> bool:
+    """Whether calls are one that solves rnea for the acceleration, of q, v and tau alone, without quaternions or pairs.
+
+    Its derivatives are then those of rnea, multiplied by M⁻¹: two thirds of the operations of those of its own lines.
+    """
+    residual = specs[0].residual
+    if set(bodies["kind"][1:].tolist()) - {CONTINUED, *R1}:  # off unit norm aba and rnea are no inverses
+        return False
+    plain = not (len(specs) > 1 or options.fixed or options.parameters or options.outputs)
+    return plain and residual[:1] == ("rnea",) and [x.name for x in specs[0].present] == ["q", "v", "tau"]
+
+
+def _by_inverse(spec: Spec, bodies: NDArray[Any], weighted: bool) -> Recording:
+    """The first derivative of what solves rnea(q, v, a) = tau: M da = dtau - ∂rnea/∂q dq - ∂rnea/∂v dv."""
+    still = bodies.copy()
+    still[0]["gravity"] = 0.0
+    n = len(independent(bodies)) - 1
+    solver, layout = recording.record((spec,), still, (), ProgramOptions(fixed=(("v", (0.0,) * n),)))
+    checks, nq = _checks(layout), layout.inputs[0]
+    solver = solver.only([*checks, *layout.outputs[0]])
+    forces = recording.record((variant(SPECS["rnea"], frozenset()),), bodies).program
+    forces = forces.only(range(n))
+    given = (nq, n, n, n, n) if weighted else (nq, n, n, nq, n, n, n)  # those of the call, what it is along, the result
+    tape = Tape()
+    parts = [
+        [tape.input(k) for k in range(a, b)] for a, b in itertools.pairwise(itertools.accumulate(given, initial=0))
+    ]
+    q, v, a = parts[0], parts[1], parts[-1]
+
+    def solved(force: Sequence[Any]) -> list[Any]:
+        return jvp(tape, solver, [*q, *force], [0.0] * (nq + n))[0]
+
+    if weighted:
+        found = solved(parts[3])
+        slopes = vjp(tape, forces, [*q, *v, *a], found[len(checks) :])[1]
+        results = [*found[: len(checks)], *(-x for x in slopes[: nq + n]), *found[len(checks) :]]
+        columns: tuple[int, ...] = (nq, n, n)
+    else:
+        rates = jvp(tape, forces, [*q, *v, *a], [*parts[3], *parts[4], *[0.0] * n])[1]
+        results, columns = solved([x - y for x, y in zip(parts[5], rates, strict=True)]), (n,)
+    return Recording(Program(tape, results, sum(given)), _behind_checks(layout, given, columns))
+
+
+def _checks(layout: KernelLayout) -> list[int]:
+    """The places of all results that are checked beside being finite."""
+    return [place for place, _ in layout.pivots] + [place for group in layout.norms for place in group]
+
+
+def _behind_checks(layout: KernelLayout, inputs: tuple[int, ...], outputs: Sequence[int]) -> KernelLayout:
+    """The layout of a program that has the results of ``_checks``, then arrays of so many columns."""
+    order = itertools.count(len(layout.pivots))
+    norms = tuple(tuple(next(order) for _ in group) for group in layout.norms)
+    ends = itertools.accumulate(outputs, initial=next(order))
+    return replace(
+        layout,
+        inputs=inputs,
+        outputs=tuple(tuple(range(a, b)) for a, b in itertools.pairwise(ends)),
+        pivots=tuple((k, least) for k, (_, least) in enumerate(layout.pivots)),
+        norms=norms,
+    )
+
+
 def _with_derivative(
     specs: Sequence[Spec], bodies: NDArray[Any], static: Sequence[Any], options: ProgramOptions, dtype: Any
 ) -> Recording:
@@ -134,11 +227,10 @@ def _with_derivative(
     program, layout = recording.record(specs, bodies, static, options._replace(derivative="", ranged=False), dtype)
     tape, order = Tape(), itertools.count(program.inputs)
     inputs = [tape.input(k) for k in range(program.inputs)]
-    by_entries = options.derivative in ("tangent", "gradient")
-    arrays = [""] * len(layout.inputs) if by_entries else _arrays(specs, options, bodies)
+    arrays = _arrays(specs, options, bodies)
     ends = list(itertools.accumulate(layout.inputs, initial=0))
     parts = [inputs[a:b] for a, b in itertools.pairwise(ends)]
-    forward = options.derivative in ("jvp", "tangent")
+    forward = options.derivative == "jvp"
     further, results = [], []
     turns = [_turns(own, part) if mover else [] for mover, part in zip(arrays, parts, strict=True)]
     every = [turn for those in turns for _, turn in those]

@@ -11,8 +11,16 @@ import pytest
 from spatialdyn.engines.programs.gpu.arrays import CPU, CUDA, LIBRARIES, View, device_of, library_of, read
 from spatialdyn.errors import ShapeError, SpatialDynError
 
-torch, jax = pytest.importorskip("torch"), pytest.importorskip("jax")
 DTYPES = [np.float64, np.float32, np.int64, np.int32, np.uint8]
+torch: Any
+jax: Any
+
+
+@pytest.fixture(scope="module", autouse=True)
+def libraries() -> None:
+    """Import both for the tests alone: it takes seconds in each process that collects them."""
+    global torch, jax
+    torch, jax = pytest.importorskip("torch"), pytest.importorskip("jax")
 
 
 @pytest.mark.parametrize("dtype", DTYPES)

@@ -1,14 +1,29 @@
-"""Put the measured table of benchmarks/results.json between the marks in README.md.
+"""Write what README.md and the pages of figures take from the code and the kept results of benchmarks.
 
-python benchmarks/report.py [--check]
+python benchmarks/readme.py              README's table and counts, the pages of figures
+python benchmarks/readme.py --measure    run the benchmarks behind them first, which wants a quiet machine
+python benchmarks/readme.py --measure run.py studies.py    run these alone
+python benchmarks/readme.py --check      write nothing; exit status 1 unless README is as it would be written
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import re
+import subprocess
+import sys
 from pathlib import Path
 
+import mutants
+
+from spatialdyn.examples import gallery
+
+MEASURED = (  # what README's table and the pages of figures are made of
+    "run.py", "lagrange.py", "integrators.py", "forward.py --json forward.json", "tradeoff.py",
+    "studies.py --write", "chips.py",
+)  # fmt: skip
+PAGES = ("pages.py", "scale.py --write", "chips.py --page")
 BATCHES = {  # the robots of the table, with their headings
     "ur5, fixed": "ur5, fixed", "panda, fixed": "panda, fixed", "talos_full, fixed": "talos_full, fixed",
     "anymal, floating": "anymal, base floating",
@@ -48,18 +63,40 @@ def table() -> str:
     return "\n".join([*lines, "", about]) + "\n"
 
 
-def main() -> int:
-    """Write the table, or compare. Returns 1 if --check finds another, else 0."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--check", action="store_true", help="write nothing; exit status 1 unless the table is there")
-    check = parser.parse_args().check
-    text = README.read_text(encoding="utf-8")
+def counted(text: str) -> str:
+    """A text with the numbers of faults and examples that there are."""
+    text = re.sub(r"\b\d+ faults", f"{len(mutants.faults())} faults", text)
+    return re.sub(r"\b\d+ short programs", f"{len(gallery.names())} short programs", text)
+
+
+def written(text: str) -> str:
+    """README with the measured table and the counts."""
     before, rest = text.split(BEGIN)
     _, after = rest.split(END)
-    new = before + BEGIN + table() + END + after
-    if check:
-        return int(new != text)
-    README.write_text(new, encoding="utf-8")
+    return counted(before + BEGIN + table() + END + after)
+
+
+def scripts(names: tuple[str, ...]) -> None:
+    """Run benchmarks of this folder, one after the other."""
+    for name in names:
+        print(name, flush=True)
+        subprocess.run([sys.executable, *name.split()], cwd=HERE, check=True)
+
+
+def main() -> int:
+    """Write the table, the counts and the pages, or compare. Returns 1 if --check finds other text, else 0."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    known = [x.split()[0] for x in MEASURED]
+    parser.add_argument("--measure", nargs="*", choices=known, metavar="SCRIPT", help="run all of them first, or these")
+    parser.add_argument("--check", action="store_true", help="write nothing; exit status 1 where README would change")
+    given = parser.parse_args()
+    text = README.read_text(encoding="utf-8")
+    if given.check:
+        return int(written(text) != text)
+    if given.measure is not None:
+        scripts(tuple(x for x in MEASURED if not given.measure or x.split()[0] in given.measure))
+    README.write_text(written(text), encoding="utf-8")
+    scripts(PAGES)
     return 0
 
 

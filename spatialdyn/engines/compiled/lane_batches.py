@@ -1,0 +1,87 @@
+"""Batches on any table: by the table kernel of one sample until compiling that on lanes pays. Both have the same bits.
+
+The first takes no longer to compile than it always did; lanes are compiled once the time spent in it reaches what
+compiling them is expected to take, or loaded at once if their code is on disk.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from ...recursions.spec import Spec
+from .. import locks
+from . import lane_kernels, lane_names, numba_kernels
+
+COMPILE_SECONDS = 6.0  # expected to compile a kernel on lanes
+
+
+class LaneBatches:
+    """A ``numba_kernels.batch_kernel``."""
+
+    def __init__(self, spec: Spec) -> None:
+        """Of a call that ``lane_names.fits``."""
+        self._spec = spec
+        self._lanes: Callable[..., int] | None = None
+        self._looked = False
+        self._spent = 0.0  # seconds in the kernel of one sample
+        self._lock = locks.new()
+
+    @property
+    def is_made(self) -> bool:
+        """Whether lanes are in memory."""
+        return self._lanes is not None
+
+    def prepare(self, count: int) -> None:
+        """Get what computes a batch of so many samples, on the calling thread."""
+        with self._lock:
+            if self._lanes is None and 2 * count > lane_names.width():
+                first, self._looked = not self._looked, True
+                stored = first and lane_kernels.is_stored(self._spec, lane_names.width())
+                if stored or self._spent >= COMPILE_SECONDS:
+                    self._lanes = lane_kernels.kernel(self._spec, lane_names.width())
+        if self._lanes is None:
+            numba_kernels.batch_kernel(self._spec)
+
+    def compile_now(self) -> None:
+        """Compile both, whether that pays or not."""
+        numba_kernels.batch_kernel(self._spec)
+        self._spent = COMPILE_SECONDS
+        self.prepare(lane_names.width())
+
+    def __call__(self, table: int, n: int, *arguments: Any) -> int:
+        lanes = self._lanes
+        if lanes is None or 2 * n <= lane_names.width():
+            start = perf_counter()
+            failed = numba_kernels.batch_kernel(self._spec)(table, n, *arguments)
+            self._spent += perf_counter() - start
+            return failed
+        left = lanes(table, n, *arguments)
+        if left == 0:
+            return 0
+        if left < 0:  # none is computed
+            return numba_kernels.batch_kernel(self._spec)(table, n, *arguments)
+        return self._again(table, arguments)
+
+    def _again(self, table: int, arguments: tuple[Any, ...]) -> int:
+        """The samples that lanes have left; returns how many failed."""
+        *given, out, status = arguments
+        again = np.flatnonzero(status == lane_kernels.RETRY)
+        varying = 2 * sum(not x.static for x in self._spec.present)
+        for k in range(0, varying, 2):
+            if given[k + 1]:
+                given[k] = given[k][again]
+        results, found = np.empty((len(again), *out.shape[1:])), np.empty(len(again), np.int8)
+        failed = numba_kernels.batch_kernel(self._spec)(table, len(again), *given, results, found)
+        out[again], status[again] = results, found
+        return failed
+
+
+@cache
+def batches(spec: Spec) -> LaneBatches:
+    """The batches of a call."""
+    return LaneBatches(spec)

@@ -1,0 +1,129 @@
+"""Kernels over the table of bodies on lanes: W samples at a time, compiled once, for all models.
+
+The recursion runs on a tile, the numbers of W samples side by side, with the checks of a ``sample_kernel``, whose bits
+it has: that is made of the same text on lanes of one sample. A tile with a sample that fails a check, or with an angle
+beyond the polynomials' range, is left to the caller: RETRY is then the status of all its samples.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from typing import Any
+
+from ...bodies.table import ANY_NORM
+from ...recursions.spec import Spec, flat, gather, is_record
+from . import disk_cache, lane_names, numba_kernels
+from .numba_kernels import OK
+
+LINE = 64  # bytes of a cache line, to which scratch is aligned
+MOST_BYTES = 48 << 20  # of tiles and scratch of a thread: of larger ones lanes are no faster
+RETRY = -1  # status of a sample that the kernel leaves to the caller
+
+
+def _lines(spec: Spec, width: int) -> tuple[list[str], list[str]]:
+    """Parameters and statements of the kernel."""
+    extent, shape_of = numba_kernels.extent, numba_kernels.kernel_shape
+    varying, static, out = [x for x in spec.present if not x.static], [x for x in spec.present if x.static], spec.output
+    parameters = ["table", "n"]
+    for x in varying:
+        parameters += [x.name, f"{x.name}_step"]
+    parameters += [x.name for x in static] + [out.name, "status"]
+    lines = ["stamp", "bodies = table_at(table)"]
+    lines += [f"{x.name}_rows = rows_at({x.name}, {x.name}_dtype)" for x in static if x.table]
+    refused = ["bodies[0].kind == ANY_NORM"]
+    for x in (*varying, out):
+        refused += [f"{x.name}.shape[{k + 1}] != {extent(spec, s)}" for k, s in enumerate(shape_of(x))]
+    refused += [f"not no_overlap({x.name}, {out.name})" for x in varying]
+    lines += [f"if {' or '.join(refused)}:", "    return -1"]
+    tiles: dict[str, list[str]] = {x.name: [extent(spec, s) for s in shape_of(x)] for x in (*varying, out)}
+    tiles |= {f"{x.name}_turned": ["3", extent(spec, "nq")] for x in varying if x.turned}
+    scratch = numba_kernels.scratch_of(spec)
+    tiles |= {name: shape for name, (shape, dtype) in scratch.items() if dtype == "FLOAT"}
+    lines.append("size = 0")
+    if spec.mirrored:
+        side = tiles[out.name][0]
+        tiles[out.name] = [f"({side}) * ({side} + 1) // 2"]
+    for name, shape in tiles.items():
+        lines += [f"{name}_columns = {' * '.join(f'({s})' for s in shape)}", f"{name}_first = size"]
+        lines.append(f"size += (8 * {width} * {name}_columns + {LINE - 1}) // {LINE} * {LINE}")
+    if spec.work is not None:
+        lines += ["work_first = size", f"size += {width} * WORK_SIZE * len(bodies)"]
+    lines += [f"size += {LINE}", f"if size > {MOST_BYTES}:", "    return -1", "block = memory(size)"]
+    if spec.mirrored:
+        lines.append(f"{out.name}_tile = lower(aligned(block, {out.name}_first))")
+    for name, shape in tiles.items():
+        if spec.mirrored and name == out.name:
+            continue
+        lines.append(f"{name}_tile = lanes{len(shape)}(aligned(block, {name}_first), ({', '.join(shape)},))")
+    if spec.work is not None:
+        lines.append("work_tile = works(aligned(block, work_first), (len(bodies),))")
+    lines += [f"{x.name}_at = {x.name}.ctypes.data" for x in (*varying, out)]
+    lines += ["failed = 0", f"for s in range(0, n, {width}):", "    sound = True"]
+    inside = []
+    for x in varying:
+        inside.append(
+            f"fill({x.name}_at, {x.name}_columns, s * {x.name}_step, (n - 1) * {x.name}_step, "
+            f"aligned(block, {x.name}_first))"
+        )
+    inside += [f"sound = sound and unit_norm(bodies, {x.name}_tile)" for x in varying if x.unit_norm]
+    inside += [f"sound = turn_lanes({x.name}_tile, {x.name}_turned_tile) and sound" for x in varying if x.turned]
+    passed: list[str | None] = ["bodies"] + ["work_tile"] * (spec.work is not None)
+
+    def named(x: Any) -> str:
+        if x.static:
+            return f"{x.name}_rows" if x.table else str(x.name)
+        if x.turned:
+            return f"{x.name}_turned_tile"
+        return f"{x.name}_tile" if x.shape else f"{x.name}_tile[0]"
+
+    call_of = numba_kernels.call_of
+    passed += gather(spec.inputs, named, call_of)
+    passed += [] if spec.parts else [f"{out.name}_tile"]
+    parts: list[str | None] = []
+    for k, part in enumerate(spec.parts):
+        inside.append(f"end{k} = {f'end{k - 1} + ' if k else ''}{extent(spec, *part.shape)}")
+        parts.append(f"{out.name}_tile[{f'end{k - 1}' if k else '0'}:end{k}]")
+    passed += [call_of(type(spec.parts), parts)] if is_record(spec.parts) else parts
+    names = (f"scratch{k}_tile" for k, _ in enumerate(flat(spec.scratch)))
+    passed += ["pivots_tile"] * spec.pivots + gather(spec.scratch, lambda _: next(names), call_of)
+    inside.append(f"recursion({', '.join(x or 'None' for x in passed)})")
+    if spec.pivots:
+        inside.append("sound = sound and pivots_regular(bodies, q_tile, pivots_tile)")
+    if out.unit_norm:
+        inside.append(f"sound = sound and unit_norm(bodies, {out.name}_tile)")
+    drain, columns = ("mirror", side) if spec.mirrored else ("drain", f"{out.name}_columns")
+    inside += [
+        f"sound = {drain}(aligned(block, {out.name}_first), {out.name}_at, {columns}, s, n - 1) and sound",
+        f"for k in range(s, min(s + {width}, n)):",
+        f"    status[k] = {OK} if sound else {RETRY}",
+        "    failed += 0 if sound else 1",
+    ]
+    lines += [f"    {line}" for line in inside] + ["release(block, size)", "return failed"]
+    return parameters, lines
+
+
+@cache
+def kernel(spec: Spec, width: int) -> Callable[..., int]:
+    """A ``batch_kernel`` on lanes, compiled or from the disk: the samples of status RETRY are left; -1 if all are."""
+    with numba_kernels.compiling(spec):
+        from . import jit
+
+        return jit.compile_signature(source(spec, width), numba_kernels.batch_signature(spec), contract=False)
+
+
+def source(spec: Spec, width: int) -> Callable[..., int]:
+    """The kernel's function."""
+    parameters, lines = _lines(spec, width)
+    name = f"{numba_kernels.label(spec)}_lanes{width}"
+    scope = numba_kernels.scope(spec) | lane_names.known(spec, width) | {"ANY_NORM": ANY_NORM}
+    return numba_kernels.kernel_from_text(name, parameters, lines, scope)
+
+
+def is_stored(spec: Spec, width: int) -> bool:
+    """Whether the compiled kernel is on disk."""
+    from . import jit, tiers
+
+    if disk_cache.folder() is None:
+        return False
+    return tiers.is_stored(jit.numba_jit(source(spec, width), contract=False), numba_kernels.batch_signature(spec))

@@ -1,0 +1,400 @@
+"""LLVM text of the function through which XLA runs a compiled program: a handler of its foreign function interface.
+
+XLA passes a call frame, a C struct that holds the buffers and the functions of its interface. Every struct begins with
+its size and a list of extensions, and has a version: 0.3 here, whose fields keep their places in all of version 0.
+
+Source: OpenXLA, xla/ffi/api/c_api.h, which jaxlib has in ``jax.ffi.include_dir()``.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from .llvm_entry import ALIGNMENT, DATA_OFFSET, round_up
+from .llvm_text import Body
+
+VERSION = 0, 3
+METADATA, EXECUTE, BUFFER = 1, 3, 1  # an extension's type, a stage, a type of arguments and results
+FLOATS = {4: ("float", 11), 8: ("double", 12)}  # by bytes: LLVM's type, XLA's
+INVALID_ARGUMENT, OUT_OF_MEMORY = 3, 8
+# offsets of fields in bytes, of the struct that the name begins with, and the sizes of structs up to the last one used
+FIELDS = {
+    "frame.extension": 8, "frame.api": 16, "frame.ctx": 24, "frame.stage": 32, "frame.args": 40, "frame.rets": 80,
+    "args.count": 16, "args.types": 24, "args.items": 32,
+    "buffer.dtype": 16, "buffer.data": 24, "buffer.rank": 32, "buffer.dims": 40,
+    "extension.type": 8, "extension.metadata": 24, "metadata.version": 8, "version.major": 16, "version.minor": 20,
+    "api.version": 16, "api.error_create": 48, "api.error_destroy": 64, "api.schedule": 136,
+}  # fmt: skip
+SIZES = {"frame": 168, "args": 40, "buffer": 48, "metadata": 36, "api": 144, "version": 24, "error": 28, "task": 40}
+WORDS = ("count", "bits", "rank", "dims")  # that the callback gets before addresses of inputs and rows, and of outputs
+_CLOSED = 1 << 32  # in a call's word ``entered``: threads that come later find nothing left
+_STATE = (
+    "refs",
+    "entered",
+    "finished",
+    "piece",
+    "failed",
+)  # words of a call that threads share, behind an array's head
+
+
+class Handler(NamedTuple):
+    """What a handler is made for.
+
+    inputs, outputs  (columns, axes of one sample) of each array
+    size, buffers    bytes of a number of the program, and of one in XLA's buffers
+    lanes, share     samples of a tile, and least tiles that a thread runs
+    buffer           bytes of ``buffer_size``
+    run, numbers     addresses of ``batch_entry``, and of an array object of the program's numbers
+    callback         address of ``i64 callback(words)``, which recomputes rejected samples: 0, or a message's address
+    allocate, free, give_way  addresses of functions as malloc, free and sched_yield
+    threads          address of the most threads, a word
+    """
+
+    inputs: tuple[tuple[int, int], ...]
+    outputs: tuple[tuple[int, int], ...]
+    size: int
+    buffers: int
+    lanes: int
+    share: int
+    buffer: int
+    run: int
+    numbers: int
+    callback: int
+    allocate: int
+    free: int
+    give_way: int
+    threads: int
+
+
+class _Writer(Body):
+    def field(self, base: str, name: str, kind: str) -> str:
+        return self.load(kind, self.byte(base, FIELDS[name]))
+
+    def address(self, at: int) -> str:
+        return self.put(f"inttoptr i64 {at} to ptr")
+
+    def compare(self, how: str, a: str, b: str | int, kind: str = "i64") -> str:
+        return self.put(f"icmp {how} {kind} {a}, {b}")
+
+    def both(self, a: str, b: str) -> str:
+        return self.put(f"and i1 {a}, {b}")
+
+    def least(self, a: str, b: str) -> str:
+        return self.put(f"select i1 {self.compare('slt', a, b)}, i64 {a}, i64 {b}")
+
+    def atomic(self, how: str, at: str, by: int) -> str:
+        return self.put(f"atomicrmw {how} ptr {at}, i64 {by} seq_cst")
+
+
+def handler(made: Handler) -> str:
+    """A module with ``ptr handler(ptr frame)``: null, or an error of XLA.
+
+    A batch that is long enough is shared with tasks of XLA's thread pool, through a state on the heap: a task that
+    comes when all is done finds the state closed, and whoever is last frees it. Samples that the program rejects are
+    recomputed by the callback, which takes Python's lock.
+    """
+    return "\n".join((_COPY, _worker(made), _task(made), _metadata(), _failure(), _entry(made)))
+
+
+def _places(made: Handler) -> dict[str, int]:
+    """The offset in the state of the address of each array's data, and of words; its end is the offset "end"."""
+    names = [f"in{k}" for k in range(len(made.inputs))] + [f"out{k}" for k in range(len(made.outputs))]
+    words = [*_STATE, "n", *(f"rows{k}" for k in range(len(made.inputs))), *names, "shared"]
+    found = {name: 8 * k for k, name in enumerate(words)}
+    found["end"] = round_up(8 * len(words))
+    return found
+
+
+def _worker(made: Handler) -> str:
+    """``void @work(state, buffer)``: run tiles until none is left."""
+    code, places = _Writer(), _places(made)
+    code.label("start")
+    own = code.put("alloca ptr")
+    code.store("ptr", "%buffer", own)
+
+    def array(name: str) -> str:
+        """What ``batch_entry`` takes for an array object: the address of its data is DATA_OFFSET behind it."""
+        return code.byte("%state", places[name] - DATA_OFFSET)
+
+    passed = ""
+    for k in range(len(made.inputs)):
+        rows = code.load("i64", code.byte("%state", places[f"rows{k}"]))
+        passed += f"ptr {array(f'in{k}')}, i64 {rows}, "
+    passed += "".join(f"ptr {array(f'out{k}')}, " for k in range(len(made.outputs)))
+    passed += f"ptr {code.address(made.numbers)}, ptr {array('shared')}, ptr {code.byte(own, -DATA_OFFSET)}, "
+    n, piece = (code.load("i64", code.byte("%state", places[x])) for x in ("n", "piece"))
+    done = code.put(f"call i64 {code.address(made.run)}({passed}i64 {n}, i64 {piece})")
+    code.branch(code.compare("eq", done, 0), "overlap", "end", then="overlap")
+    code.atomic("add", code.byte("%state", places["failed"]), 1)
+    code.jump("end", then="end")
+    code.do("ret void")
+    return code.function("define internal void @work(ptr %state, ptr %buffer)")
+
+
+def _task(made: Handler) -> str:
+    """``void @task(state)``: what XLA's thread pool runs."""
+    code, places = _Writer(), _places(made)
+    code.label("start")
+    entered = code.atomic("add", code.byte("%state", places["entered"]), 1)
+    code.branch(code.compare("ult", entered, _CLOSED), "share", "leave", then="share")
+    buffers = code.byte("%state", places["end"])
+    code.do(f"call void @work(ptr %state, ptr {code.byte(buffers, code.times(code.add(entered, 1), made.buffer))})")
+    code.atomic("add", code.byte("%state", places["finished"]), 1)
+    code.jump("leave", then="leave")
+    code.do("call void @release(ptr %state)")
+    code.do("ret void")
+    text = code.function("define internal void @task(ptr %state)")
+    code = _Writer()
+    code.label("start")
+    left = code.atomic("sub", code.byte("%state", places["refs"]), 1)
+    code.branch(code.compare("eq", left, 1), "free", "end", then="free")
+    code.do(f"call void {code.address(made.free)}(ptr %state)")
+    code.jump("end", then="end")
+    code.do("ret void")
+    return text + code.function("define internal void @release(ptr %state)")
+
+
+def _metadata() -> str:
+    """``ptr @metadata(frame, extension)``: the version that the handler is of, refused where structs are smaller."""
+    code = _Writer()
+    code.label("start")
+    api = code.field("%frame", "frame.api", "ptr")
+    version = code.byte(api, FIELDS["api.version"])
+    metadata = code.field("%extension", "extension.metadata", "ptr")
+    big = "true"
+    for base, name in (("%frame", "frame"), (api, "api"), (metadata, "metadata"), (version, "version")):
+        big = code.both(big, code.compare("uge", code.load("i64", base), SIZES[name]))
+    major = code.field(version, "version.major", "i32")
+    known = code.both(big, code.compare("eq", major, VERSION[0], "i32"))
+    code.branch(known, "tell", "refuse", then="refuse")
+    refused = code.put(f"call ptr @failure(ptr {api}, ptr @version.text, i32 {INVALID_ARGUMENT})")
+    code.do(f"ret ptr {refused}")
+    code.label("tell")
+    minor = code.field(version, "version.minor", "i32")
+    older = code.compare("slt", minor, VERSION[1], "i32")
+    own = code.byte(metadata, FIELDS["metadata.version"])
+    code.store("i32", str(VERSION[0]), code.byte(own, FIELDS["version.major"]))
+    lower = code.put(f"select i1 {older}, i32 {minor}, i32 {VERSION[1]}")
+    code.store("i32", lower, code.byte(own, FIELDS["version.minor"]))
+    code.do("ret ptr null")
+    return code.function("define internal ptr @metadata(ptr %frame, ptr %extension)")
+
+
+def _failure() -> str:
+    """``ptr @failure(api, message, code)``: an error of XLA, which copies the message."""
+    code = _Writer()
+    code.label("start")
+    given = code.put("alloca [32 x i8], align 8")
+    for kind, value, at in (
+        ("i64", str(SIZES["error"]), 0), ("ptr", "null", 8), ("ptr", "%message", 16), ("i32", "%code", 24),
+    ):  # fmt: skip
+        code.store(kind, value, code.byte(given, at))
+    create = code.field("%api", "api.error_create", "ptr")
+    code.do(f"ret ptr {code.put(f'call ptr {create}(ptr {given})')}")
+    return code.function("define internal ptr @failure(ptr %api, ptr %message, i32 %code)")
+
+
+def _entry(made: Handler) -> str:
+    """``ptr @handler(frame)``."""
+    c, places, converts = _Writer(), _places(made), made.size != made.buffers
+    ins, outs = [f"in{k}" for k in range(len(made.inputs))], [f"out{k}" for k in range(len(made.outputs))]
+    arrays = dict(zip([*ins, *outs], [*made.inputs, *made.outputs], strict=True))
+    c.label("start")
+    words = c.put(f"alloca [{len(WORDS) + 2 * len(ins) + len(outs)} x i64]")
+    given = c.put(f"alloca [{SIZES['task']} x i8], align 8")
+    api = c.field("%frame", "frame.api", "ptr")
+    extension = c.field("%frame", "frame.extension", "ptr")
+    c.branch(c.compare("eq", extension, "null", "ptr"), "plain", "extended", then="extended")
+    is_query = c.compare("eq", c.field(extension, "extension.type", "i32"), METADATA, "i32")
+    c.branch(is_query, "query", "plain", then="query")
+    c.do(f"ret ptr {c.put(f'call ptr @metadata(ptr %frame, ptr {extension})')}")
+    c.label("plain")
+
+    # the buffers: their count and types, and that axes are within the structs
+    args, rets = (c.byte("%frame", FIELDS[f"frame.{x}"]) for x in ("args", "rets"))
+    right = c.compare("uge", c.load("i64", "%frame"), SIZES["frame"])
+    for base, count in ((args, len(ins)), (rets, len(outs))):
+        right = c.both(right, c.compare("eq", c.field(base, "args.count", "i64"), count))
+    c.branch(right, "counted", "unknown", then="counted")
+    buffer = {}
+    right = "true"
+    for base, names in ((args, ins), (rets, outs)):
+        items, types = (c.field(base, f"args.{x}", "ptr") for x in ("items", "types"))
+        for k, x in enumerate(names):
+            right = c.both(right, c.compare("eq", c.load("i32", c.at("i32", types, k)), BUFFER, "i32"))
+            buffer[x] = c.load("ptr", c.at("ptr", items, k))
+    c.branch(right, "typed", "unknown", then="typed")
+    right, data = "true", {}
+    for x, (_, axes) in arrays.items():
+        dtype, rank = c.field(buffer[x], "buffer.dtype", "i32"), c.field(buffer[x], "buffer.rank", "i64")
+        right = c.both(right, c.compare("eq", dtype, FLOATS[made.buffers][1], "i32"))
+        right = c.both(right, c.compare("sge", rank, axes))
+        data[x] = c.field(buffer[x], "buffer.data", "ptr")
+    c.branch(right, "ranked", "unknown", then="ranked")
+    rows = {x: _rows(c, x, buffer[x], axes) for x, (_, axes) in arrays.items()}
+    n = rows[outs[0]]
+    c.branch(c.compare("sgt", n, 0), "some", "none", then="some")
+    right = "true"
+    for x in ins:
+        full, shared = c.compare("eq", rows[x], n), c.compare("eq", rows[x], 1)
+        right = c.both(right, c.put(f"or i1 {full}, {shared}"))
+    c.branch(right, "shaped", "unknown", then="shaped")
+
+    # the state, with a buffer for each thread, the bits of all tiles, and numbers that are converted
+    tiles = c.put(f"sdiv i64 {c.add(n, made.lanes - 1)}, {made.lanes}")
+    shares = c.put(f"sdiv i64 {tiles}, {made.share}")
+    limit = c.load("i64", c.address(made.threads))
+    some = c.least(c.put(f"select i1 {c.compare('sgt', shares, 1)}, i64 {shares}, i64 1"), limit)
+    threads = c.put(f"select i1 {c.compare('sgt', some, 1)}, i64 {some}, i64 1")
+    behind = c.add(c.times(threads, made.buffer), places["end"] + ALIGNMENT)
+    bits_at = behind
+    total = c.add(c.add(behind, c.times(tiles, 2)), 8 + ALIGNMENT)
+    total = c.put(f"and i64 {total}, {-ALIGNMENT}")
+    own_at = {}
+    for x, (columns, _) in arrays.items() if converts else ():
+        own_at[x] = total
+        total = c.add(total, c.put(f"and i64 {c.add(c.times(rows[x], columns * made.size), ALIGNMENT)}, {-ALIGNMENT}"))
+    state = c.put(f"call ptr {c.address(made.allocate)}(i64 {total})")
+    c.branch(c.compare("eq", state, "null", "ptr"), "full", "held", then="held")
+
+    def at(name: str) -> str:
+        return c.byte(state, places[name])
+
+    shared = c.byte(state, bits_at)
+    c.store("i64", "0", shared, 1)
+    for x in own_at:
+        data[f"{x}.buffer"], data[x] = data[x], c.byte(state, own_at[x])
+    for k, x in enumerate(ins):
+        if converts:
+            numbers = c.times(rows[x], arrays[x][0])
+            _converted(c, f"read.{x}", data[f"{x}.buffer"], made.buffers, data[x], made.size, numbers)
+        c.store("i64", rows[x], at(f"rows{k}"))
+    for x in arrays:
+        c.store("ptr", data[x], at(x))
+    c.store("ptr", shared, at("shared"))
+    for name, value in (("entered", "0"), ("finished", "0"), ("failed", "0"), ("n", n), ("refs", threads)):
+        c.store("i64", value, at(name))
+    several = c.compare("sgt", threads, 1)
+    part = c.put(f"sdiv i64 {tiles}, {c.times(threads, 4)}")
+    c.store("i64", c.put(f"select i1 {several}, i64 {part}, i64 {tiles}"), at("piece"))
+
+    # other threads, as many as XLA has for this
+    before = _block(c)
+    c.jump("more", then="more")
+    c.do(f"%other = phi i64 [ 1, %{before} ], [ %other.next, %scheduled ]")
+    c.branch(c.compare("slt", "%other", threads), "schedule", "run", then="schedule")
+    context = c.field("%frame", "frame.ctx", "ptr")
+    for kind, value, place in (
+        ("i64", str(SIZES["task"]), 0), ("ptr", "null", 8), ("ptr", context, 16), ("ptr", "@task", 24),
+        ("ptr", state, 32),
+    ):  # fmt: skip
+        c.store(kind, value, c.byte(given, place))
+    refused = c.put(f"call ptr {c.field(api, 'api.schedule', 'ptr')}(ptr {given})")
+    c.branch(c.compare("eq", refused, "null", "ptr"), "scheduled", "alone", then="alone")
+    for kind, value, place in (("i64", "24", 0), ("ptr", "null", 8), ("ptr", refused, 16)):
+        c.store(kind, value, c.byte(given, place))
+    c.do(f"call void {c.field(api, 'api.error_destroy', 'ptr')}(ptr {given})")
+    c.atomic("sub", at("refs"), 1)
+    c.jump("scheduled", then="scheduled")
+    c.do("%other.next = add i64 %other, 1")
+    c.jump("more", then="run")
+    c.do(f"call void @work(ptr {state}, ptr {c.byte(state, places['end'])})")
+    entered = c.atomic("or", at("entered"), _CLOSED)
+    c.jump("wait", then="wait")
+    finished = c.put(f"load atomic i64, ptr {at('finished')} seq_cst, align 8")
+    c.branch(c.compare("eq", finished, entered), "done", "sleep", then="sleep")
+    c.do(f"call i32 {c.address(made.give_way)}()")
+    c.jump("wait", then="done")
+    c.branch(c.compare("eq", c.load("i64", at("failed")), 0), "check", "overlap", then="check")
+
+    # samples that the program rejects
+    whole, flags = (1 << made.lanes) - 1, c.byte(shared, 8)
+    c.jump("bits", then="bits")
+    c.do("%tile = phi i64 [ 0, %check ], [ %tile.next, %bits.more ]")
+    c.branch(c.compare("slt", "%tile", tiles), "bits.more", "fine", then="bits.more")
+    found = c.load("i16", c.at("i16", flags, "%tile"), 1)
+    c.do("%tile.next = add i64 %tile, 1")
+    c.branch(c.compare("eq", found, _signed16(whole), "i16"), "bits", "rejected", then="rejected")
+    rank, dims = c.field(buffer[outs[0]], "buffer.rank", "i64"), c.field(buffer[outs[0]], "buffer.dims", "ptr")
+    rank = c.add(rank, -made.outputs[0][1])
+    told = [n, flags, rank, dims, *(data[x] for x in ins), *(rows[x] for x in ins), *(data[x] for x in outs)]
+    pointers = {flags, dims, *(data[x] for x in arrays)}
+    for k, word in enumerate(told):
+        c.store("ptr" if word in pointers else "i64", word, c.at("i64", words, k))
+    message = c.put(f"call i64 {c.address(made.callback)}(ptr {words})")
+    c.branch(c.compare("eq", message, 0), "fine", "wrong", then="fine")
+    for x in outs if converts else ():
+        numbers = c.times(rows[x], arrays[x][0])
+        _converted(c, f"write.{x}", data[x], made.size, data[f"{x}.buffer"], made.buffers, numbers)
+    c.do(f"call void @release(ptr {state})")
+    c.jump("none", then="none")
+    c.do("ret ptr null")
+    c.label("wrong")
+    text = c.put(f"inttoptr i64 {message} to ptr")
+    c.do(f"call void @release(ptr {state})")
+    c.do(f"ret ptr {c.put(f'call ptr @failure(ptr {api}, ptr {text}, i32 {INVALID_ARGUMENT})')}")
+    c.label("overlap")
+    c.do(f"call void @release(ptr {state})")
+    c.do(f"ret ptr {c.put(f'call ptr @failure(ptr {api}, ptr @overlap.text, i32 {INVALID_ARGUMENT})')}")
+    for label, name, errc in (("unknown", "frame", INVALID_ARGUMENT), ("full", "memory", OUT_OF_MEMORY)):
+        c.label(label)
+        c.do(f"ret ptr {c.put(f'call ptr @failure(ptr {api}, ptr @{name}.text, i32 {errc})')}")
+    return c.function("define ptr @handler(ptr %frame)")
+
+
+def _block(code: Body) -> str:
+    """The block that is being written."""
+    return next(line for line in reversed(code.lines) if line.endswith(":"))[:-1]
+
+
+def _signed16(bits: int) -> int:
+    return bits - (1 << 16) if bits >> 15 else bits
+
+
+def _rows(c: _Writer, name: str, buffer: str, axes: int) -> str:
+    """The product of a buffer's axes before those of one sample."""
+    rank, dims = c.field(buffer, "buffer.rank", "i64"), c.field(buffer, "buffer.dims", "ptr")
+    lead = c.add(rank, -axes)
+    before = _block(c)
+    c.jump(f"{name}.axes", then=f"{name}.axes")
+    c.do(f"%{name}.k = phi i64 [ 0, %{before} ], [ %{name}.next, %{name}.axis ]")
+    c.do(f"%{name}.rows = phi i64 [ 1, %{before} ], [ %{name}.more, %{name}.axis ]")
+    c.branch(c.compare("slt", f"%{name}.k", lead), f"{name}.axis", f"{name}.counted", then=f"{name}.axis")
+    c.do(f"%{name}.next = add i64 %{name}.k, 1")
+    c.do(f"%{name}.more = mul i64 %{name}.rows, {c.load('i64', c.at('i64', dims, f'%{name}.k'))}")
+    c.jump(f"{name}.axes", then=f"{name}.counted")
+    return f"%{name}.rows"
+
+
+def _converted(c: _Writer, name: str, source: str, size: int, to: str, into: int, count: str) -> None:
+    """Convert so many numbers, eight at a time and the rest one by one."""
+    one, other = FLOATS[size][0], FLOATS[into][0]
+    how = "fpext" if into > size else "fptrunc"
+    eights = c.put(f"and i64 {count}, -8")
+    before = _block(c)
+    for step, end in ((8, eights), (1, count)):
+        start = "0" if step == 8 else f"%{name}.8"
+        a, b = (one, other) if step == 1 else (f"<8 x {one}>", f"<8 x {other}>")
+        c.jump(f"{name}.{step}.loop", then=f"{name}.{step}.loop")
+        c.do(f"%{name}.{step} = phi i64 [ {start}, %{before} ], [ %{name}.{step}.next, %{name}.{step}.one ]")
+        more = c.compare("slt", f"%{name}.{step}", end)
+        c.branch(more, f"{name}.{step}.one", f"{name}.{step}.end", then=f"{name}.{step}.one")
+        x = c.load(a, c.at(one, source, f"%{name}.{step}"), size)
+        c.store(b, c.put(f"{how} {a} {x} to {b}"), c.at(other, to, f"%{name}.{step}"), into)
+        c.do(f"%{name}.{step}.next = add i64 %{name}.{step}, {step}")
+        c.jump(f"{name}.{step}.loop", then=f"{name}.{step}.end")
+        before = f"{name}.{step}.end"
+
+
+def _text(name: str, text: str) -> str:
+    data = text.encode() + b"\0"
+    shown = "".join(chr(b) if 32 <= b < 127 and b not in b'"\\' else f"\\{b:02X}" for b in data)
+    return f'@{name}.text = internal constant [{len(data)} x i8] c"{shown}"\n'
+
+
+_COPY = (
+    _text("version", "XLA's foreign function interface has another layout than its version 0.3")
+    + _text("frame", "a call of a program has other buffers than the program's")
+    + _text("memory", "no memory is left for a program's workspace")
+    + _text("overlap", "a result overlaps another array in memory")
+)

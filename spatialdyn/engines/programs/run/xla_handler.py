@@ -1,0 +1,132 @@
+"""Compiled programs as handlers of XLA's foreign function interface: a name, an address, and what it must not lose.
+
+XLA keeps a handler for as long as the process runs, and executables name it: what a handler uses is never freed. Its
+name tells what it computes, so that an executable that is loaded in another process finds the same program or none.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import hashlib
+import sys
+import threading
+from collections.abc import Callable, Sequence
+from functools import cache
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ... import locks, object_layout
+from ...threads import thread_pool
+from ..llvm.host_cpu import LoadedCode, object_code
+from ..llvm.llvm_entry import buffer_size
+from ..llvm.xla_text import WORDS, Handler, handler
+from .batch_kernels import Kernel
+from .batches import rejected
+
+Recompute = Callable[[Sequence[NDArray[Any]], Sequence[NDArray[Any]], tuple[int, ...], NDArray[np.intp]], None]
+_lock = locks.new()
+_handlers: dict[str, Registered] = {}
+_message = threading.local()  # of the last error, until XLA has copied it
+
+
+class Registered(NamedTuple):
+    """A handler: its name, its address, and what they use."""
+
+    name: str
+    address: int
+    alive: tuple[Any, ...]
+
+
+def registered(
+    key: str,
+    kernel: Kernel,
+    inputs: Sequence[tuple[int, ...]],
+    outputs: Sequence[tuple[int, ...]],
+    buffers: Any,
+    recompute: Recompute,
+) -> Registered:
+    """The handler of a kernel, made once for all kernels of one key and dtype of the buffers.
+
+    key        names what the kernel computes
+    inputs     shape of one sample of each input; ``outputs`` as well
+    buffers    dtype of XLA's buffers; numbers are converted where it is not the kernel's
+    recompute  of inputs (n or 1, columns), outputs (n, columns), the batch's shape and the indices of the samples that
+               the kernel rejects: writes their results, in the kernel's dtype. What it raises is the error of the call,
+               whose last line is its class and message
+    """
+    dtype = np.dtype(buffers)
+    name = f"spatialdyn_{hashlib.sha256(key.encode()).hexdigest()[:24]}_{dtype.name}"
+    with _lock:
+        if name not in _handlers:
+            _handlers[name] = _made(name, kernel, inputs, outputs, dtype, recompute)
+        return _handlers[name]
+
+
+def _made(
+    name: str,
+    kernel: Kernel,
+    inputs: Sequence[tuple[int, ...]],
+    outputs: Sequence[tuple[int, ...]],
+    dtype: np.dtype[Any],
+    recompute: Recompute,
+) -> Registered:
+    code = kernel.code
+    called = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_int64)(_callback(kernel, recompute))
+    give_way, owner = _give_way()
+    text = handler(
+        Handler(
+            inputs=tuple(zip(kernel.inputs, map(len, inputs), strict=True)),
+            outputs=tuple(zip(kernel.outputs, map(len, outputs), strict=True)),
+            size=kernel.dtype.itemsize,
+            buffers=dtype.itemsize,
+            lanes=kernel.lanes,
+            share=kernel.share,
+            buffer=buffer_size(kernel.inputs, kernel.outputs, code.workspace, kernel.lanes, kernel.dtype.itemsize),
+            run=code.batch,
+            numbers=id(kernel.numbers),
+            callback=ctypes.cast(called, ctypes.c_void_p).value or 0,
+            allocate=object_layout.api("PyMem_RawMalloc"),
+            free=object_layout.api("PyMem_RawFree"),
+            give_way=give_way,
+            threads=thread_pool.most.ctypes.data,
+        )
+    )
+    loaded = LoadedCode(object_code(text))
+    return Registered(name, loaded.address("handler"), (kernel, called, owner, loaded, thread_pool.most))
+
+
+@cache
+def _give_way() -> tuple[int, Any]:
+    """The address of a function without arguments that lets another thread run, and the library that has it."""
+    library: Any = ctypes.CDLL("kernel32" if sys.platform == "win32" else None)
+    function = library.SwitchToThread if sys.platform == "win32" else library.sched_yield
+    return ctypes.cast(function, ctypes.c_void_p).value or 0, library
+
+
+def _callback(kernel: Kernel, recompute: Recompute) -> Callable[[int], int]:
+    """What a handler calls for a batch with rejected samples; see ``WORDS``."""
+    several, results = len(kernel.inputs), len(kernel.outputs)
+
+    def array(address: int, rows: int, columns: int) -> NDArray[Any]:
+        held: Any = (ctypes.c_byte * (rows * columns * kernel.dtype.itemsize)).from_address(address)
+        return np.asarray(np.frombuffer(held, kernel.dtype)).reshape(rows, columns)
+
+    def call(address: int) -> int:
+        try:
+            words = object_layout.words_at(address, len(WORDS) + 2 * several + results)
+            n, bits, rank, dims = words[: len(WORDS)]
+            at, rows = words[len(WORDS) :], words[len(WORDS) + several :]
+            tiles = -(-n // kernel.lanes)
+            held: Any = (ctypes.c_uint16 * tiles).from_address(bits)
+            samples = rejected(np.frombuffer(held, np.uint16), kernel.lanes, n)
+            given = [array(*x) for x in zip(at, rows, kernel.inputs, strict=False)]
+            found = [array(x, n, columns) for x, columns in zip(rows[several:], kernel.outputs, strict=True)]
+            recompute(given, found, tuple(object_layout.words_at(dims, rank)), samples)
+        except BaseException as error:  # it goes through XLA, as text
+            _message.text = f"a program refuses its inputs\n{type(error).__name__}: {error}".encode() + b"\0"
+            return ctypes.cast(ctypes.c_char_p(_message.text), ctypes.c_void_p).value or 0
+        return 0
+
+    return call

@@ -1,0 +1,187 @@
+"""Kernels on lanes: the bits of one sample in every width, faults in their own sample, and when they are compiled."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from fractions import Fraction
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+from trees import random_tree
+
+import spatialdyn as sd
+from spatialdyn.bodies.table import BODIES
+from spatialdyn.engines import run
+from spatialdyn.engines.compiled import lane_batches, lane_kernels, lane_names, numba_kernels
+from spatialdyn.engines.compiled.numba_settings import PLAIN
+from spatialdyn.engines.numbers.samples import Evaluation
+from spatialdyn.engines.programs.record import recording
+from spatialdyn.recursions import SPECS
+from spatialdyn.recursions.spec import Spec
+
+pytestmark = pytest.mark.skipif(PLAIN or not lane_names.fits(SPECS["crba"]), reason="no lanes here")
+COUNT = 13  # samples: no multiple of a width
+ROUNDING = 1e-13  # of the largest entry of a result, over 15 random joints; measured 3e-15
+SCALES = {"aba": 1e3}  # a solve in a badly conditioned tree
+
+
+@cache
+def model(seed: int) -> sd.Model:
+    """Fifteen joints of all kinds: twelve trees have every kind, both layouts, rotors and both roots."""
+    layout = "cos_sin" if seed % 3 == 0 else "angle"
+    found: sd.Model = random_tree(seed, 14, floating=seed % 2 == 1, continuous=layout).model
+    return found
+
+
+def inputs(spec: Spec, of: sd.Model, seed: int) -> list[np.ndarray]:
+    """Random values of the varying inputs."""
+    rng = np.random.default_rng(seed)
+    q = np.ascontiguousarray(sd.random_configuration(of, seed, COUNT))
+    shapes = [(x, recording.shape_of(x, of.bodies, ())) for x in spec.present if not x.static]
+    return [q if x.name == "q" else rng.normal(size=(COUNT, *shape)) for x, shape in shapes]
+
+
+def result(kernel: Callable[..., int], spec: Spec, of: sd.Model, given: list[np.ndarray]) -> tuple[Any, Any]:
+    """Results and statuses of a batch kernel."""
+    out = np.full((len(given[0]), *(recording.shape_of(spec.output, of.bodies, ()) or (1,))), np.nan)
+    status = np.full(len(out), 99, np.int8)
+    failed = kernel(of.address, len(out), *(y for x in given for y in (x, 1)), out, status)
+    assert failed == np.count_nonzero(status)
+    return out, status
+
+
+def check(spec: Spec, width: int) -> None:
+    lanes, one = lane_kernels.kernel(spec, width), numba_kernels.batch_kernel(spec)
+    for seed in range(12):
+        given = inputs(spec, model(seed), seed)
+        wanted, _ = result(one, spec, model(seed), given)
+        found, status = result(lanes, spec, model(seed), given)
+        assert not status.any()
+        np.testing.assert_array_equal(found, wanted)
+        exact, statuses = np.empty((COUNT, wanted[0].size)), np.empty(COUNT, np.int8)
+        Evaluation(spec, model(seed).bodies, ())(given, exact, statuses)
+        bound = SCALES.get(spec.name, 1.0) * ROUNDING * abs(exact).max()
+        np.testing.assert_allclose(found.reshape(exact.shape), exact, rtol=0.0, atol=bound)
+
+
+@pytest.mark.parametrize("name", ["generalized_gravity", "crba"])
+def test_lanes_have_the_bits_of_one_sample_and_are_right(name: str) -> None:
+    check(numba_kernels.variant(SPECS[name], ()), lane_names.width())
+
+
+@pytest.mark.slow(quick="test_lanes_have_the_bits_of_one_sample_and_are_right")
+@pytest.mark.parametrize("name", [x.name for x in SPECS.values() if x.on_lanes])
+def test_every_call_on_lanes_of_every_width(name: str) -> None:
+    of = SPECS[name]
+    for present in {(), tuple(x.name for x in of.present if x.optional)}:
+        for width in (2, 4, 8):
+            check(numba_kernels.variant(of, present), width)
+
+
+@pytest.fixture
+def lanes(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No programs, and lanes at once."""
+    monkeypatch.setattr(recording, "MOST_ROWS", 1)
+    monkeypatch.setattr(lane_batches, "COMPILE_SECONDS", 0.0)
+    lane_batches.batches.cache_clear()
+    run.forget_programs()
+
+
+@pytest.mark.usefixtures("lanes")
+def test_a_batch_is_its_samples_one_by_one_whatever_is_wrong_with_others(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Angles that the C library turns, and more NaN than NumPy is given."""
+    of = random_tree(1, 9, kinds=("revolute",)).model
+    q = np.random.default_rng(0).normal(size=(40, of.nq))
+    q[3], q[17, 0], q[18] = 1e6, np.nan, 3e7
+    monkeypatch.setattr(run, "_few", lambda *given: 0)
+    alone = np.array([sd.generalized_gravity(of, x) for x in q])
+    found = sd.generalized_gravity(of, q)
+    assert lane_batches.batches(numba_kernels.variant(SPECS["generalized_gravity"], ())).is_made
+    np.testing.assert_array_equal(found, alone)
+    assert np.isnan(found[17]).any()
+    assert np.isfinite(np.delete(found, 17, axis=0)).all()
+
+
+@pytest.mark.usefixtures("lanes")
+def test_the_sample_that_fails_is_named() -> None:
+    of = random_tree(2, 9, kinds=("revolute", "spherical")).model
+    q = sd.random_configuration(of, 0, 20)
+    joint = next(j for j in of.joints if j.nq == 4)
+    q[11, joint.idx_q : joint.idx_q + 4] *= 1.5
+    with pytest.raises(sd.ConfigurationError, match=f'joint "{joint.name}" in sample 11, expected 1'):
+        sd.generalized_gravity(of, q)
+
+
+@pytest.mark.usefixtures("lanes")
+def test_float32_overflows_as_before_and_a_step_of_zero_serves_all() -> None:
+    of = random_tree(3, 9, kinds=("revolute",)).model
+    q = np.random.default_rng(1).normal(size=(20, of.nq))
+    k = sd.specialize(of, sd.generalized_gravity, dtype=np.float32)
+    q32 = q.astype(np.float32)
+    found = k(q32)
+    np.testing.assert_array_equal(found, sd.generalized_gravity(of, q32.astype(float)).astype(np.float32))
+
+
+def test_one_sample_answers_until_compiling_pays(monkeypatch: pytest.MonkeyPatch) -> None:
+    spec = numba_kernels.variant(SPECS["generalized_gravity"], ())
+    asked: list[int] = []
+    monkeypatch.setattr(lane_kernels, "is_stored", lambda spec, width: False)
+    monkeypatch.setattr(lane_kernels, "kernel", lambda spec, width: asked.append(width) or (lambda *given: 0))
+    tiers = lane_batches.LaneBatches(spec)
+    given = inputs(spec, model(0), 0)
+    tiers.prepare(COUNT)
+    wanted, _ = result(numba_kernels.batch_kernel(spec), spec, model(0), given)
+    found, _ = result(tiers, spec, model(0), given)
+    np.testing.assert_array_equal(found, wanted)
+    assert not asked
+    monkeypatch.setattr(lane_batches, "COMPILE_SECONDS", 1e-9)
+    tiers.prepare(1)
+    assert not asked  # one sample has no use for lanes
+    tiers.prepare(COUNT)
+    assert asked == [lane_names.width()]
+
+
+def test_results_larger_than_the_caches_are_left_to_one_sample() -> None:
+    """The table is empty but for its sizes: none of it is read."""
+    spec, n = numba_kernels.variant(SPECS["crba"], ()), 2600
+    bodies = np.zeros(n + 1, BODIES)
+    bodies[0]["q_index"] = bodies[0]["last_row"] = n
+    kernel = lane_kernels.kernel(spec, lane_names.width())
+    given = np.zeros((1, n)), 1, np.empty((1, n, n)), np.empty(1, np.int8)
+    assert kernel(bodies.ctypes.data, 1, *given) == -1
+
+
+# --- the number ---------------------------------------------------------------------------------------------
+
+
+def test_a_product_and_a_sum_are_rounded_once_and_comparisons_have_no_truth() -> None:
+    from numba import njit
+    from numba.core.errors import TypingError
+
+    from spatialdyn.engines.compiled import jit, lane_arrays
+
+    jit.hand_over()
+
+    @njit
+    def fused(x: Any, out: Any) -> None:
+        y = lane_arrays.lanes_of(x)
+        z = lane_arrays.lanes_of(out)
+        z[0] = y[0] * y[1] + y[2]
+        z[1] = y[2] - y[0] * y[1]
+
+    a = 1.0 + 2.0**-30
+    x, out = np.array([a, a, -1.0]), np.empty(2)
+    fused(x, out)
+    exact = Fraction(a) * Fraction(a)
+    assert out.tolist() == [float(exact - 1), float(-1 - exact)]
+    assert math.fsum([a * a, -1.0]) != out[0]
+
+    @njit
+    def branches(x: Any) -> bool:
+        return bool(lane_arrays.lanes_of(x)[0] > 0.0)
+
+    with pytest.raises(TypingError):
+        branches(x)
