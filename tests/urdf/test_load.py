@@ -536,7 +536,10 @@ ODD = {
         changed('upper="1"', 'upper="45"'),
         'joint has a limit beyond two turns, of degrees perhaps: "elbow"',
     ),
-    "a negative limit": (changed('velocity="2"', 'velocity="-1"'), 'velocity or effort limit < 0 counts as none: "elbow"'),
+    "a negative limit": (
+        changed('velocity="2"', 'velocity="-1"'),
+        'velocity or effort limit < 0 counts as none: "elbow"',
+    ),
     "a negative effort": (changed('effort="3"', 'effort="-3"'), 'velocity or effort limit < 0 counts as none: "elbow"'),
     "a long axis": (changed("0 1 0", "0 2 0"), 'axis is not of unit length, normalised: "elbow"'),
     "a lost mimic": (changed("<axis", '<mimic joint="x"/><axis'), '<mimic> names no joint of the robot: "elbow"'),
