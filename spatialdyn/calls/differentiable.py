@@ -17,7 +17,6 @@ from .arguments import aligned
 
 if TYPE_CHECKING:
     from ..engines.programs.run.xla_handler import Registered
-    from .specialized import Specialized
 
 MOST_ORDER = 2  # of derivatives: each further one has some three times the operations
 
@@ -45,7 +44,7 @@ class Node:
         self._handlers: dict[Any, Registered] = {}
 
     @cached_property
-    def program(self) -> Specialized:
+    def program(self) -> Any:
         """The Specialized. Raises SpatialDynError without a program."""
         return self.made.program_of(self.directions, self.weighted)
 
@@ -150,10 +149,10 @@ class Differentiable:
 
     def __init__(
         self,
-        program: Specialized,
+        program: Any,
         text: str,
         request_of: Callable[[int, bool], Any],
-        derivative: Callable[[int, bool], Specialized],
+        derivative: Callable[[int, bool], Any],
     ) -> None:
         """``request_of`` and ``derivative`` of directions and weights: what a derivative is of, and its program."""
         request = request_of(0, False)
@@ -176,6 +175,6 @@ class Differentiable:
             self._nodes[key] = Node(self, *key)
         return self._nodes[key]
 
-    def program_of(self, directions: int, weighted: bool) -> Specialized:
+    def program_of(self, directions: int, weighted: bool) -> Any:
         """The Specialized of a node."""
         return self._derivative(directions, weighted) if directions or weighted else self._program

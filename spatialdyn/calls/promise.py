@@ -55,8 +55,9 @@ class Promise:
     choice depends on the sample and the model alone:
 
         "float32"        with dtype=np.float32, unless most bounds of random states are infinite in it, as of thin rods
-                         that turn about their own axes; else only where it is cheaper: for calls that solve (aba, minverse),
-                         from 6 freedoms on, if it is enough for three quarters of 64 random states, as at 1e-3 or so
+                         that turn about their own axes; else only where it is cheaper: for calls that solve (aba,
+                         minverse), from 6 freedoms on, if it is enough for three quarters of 64 random states, as at
+                         1e-3 or so
         "float64"
         "double-double"  for calls without ``fixed``, ``outputs``, parameters and tables, and models without quaternions
                          and (cos, sin) pairs; far slower, and compiled at its first sample
@@ -85,7 +86,7 @@ class Promise:
         self,
         request: SpecializeRequest,
         tolerance: Any,
-        bounded: Callable[[Any], Call],
+        bounded: Callable[[Any], Specialized],
         maker: Callable[..., Any],
         arguments: tuple[Any, ...],
     ) -> None:
@@ -98,7 +99,7 @@ class Promise:
         (self._spec,) = request.specs
         self._cores = [x.shape for x in request.inputs()]
         self._core = request.results()[0].shape
-        ladder = {DOUBLE: bounded(np.float64)}
+        ladder: dict[str, Call] = {DOUBLE: bounded(np.float64)}
         asked = request.dtype == np.float32
         cheaper = bool(self._spec.residual) and request.model.nv >= LEAST_SOLVED
         if asked or (cheaper and sum(self.tolerance) >= HALF_ULP):

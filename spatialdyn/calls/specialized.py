@@ -235,13 +235,13 @@ class Specialized:
         It takes numbers, SX and MX; in MX graphs, nested ones and those of ``factory`` too, it is one node, whose
         Jacobian is that of ``c_code``: of rnea and aba by their own recursions, in about half the operations of
         CasADi's. One direction, forwards or backwards, is a program of its own, of the size of some two or three calls,
-        and a Hessian is CasADi's derivative of that one: of aba in two fifths of the operations. Inputs are named as in
-        ``c_code``: a payload that is the fourth is ``payload_4``. It has no argument checks and no range: a joint with
-        zero articulated inertia divides by zero. The same holds for ``bounded``: where its program has an infinite
-        bound (angles above 1e5, joints of hardly any articulated inertia, numbers beyond the range), the exported
-        function returns a finite number that bounds nothing. Derivatives with respect to a configuration are by its
-        entries, as always in CasADi: with quaternions or (cos, sin) pairs export the next configuration too, by
-        ``sd.integrate``, so that everything stays in coordinates.
+        and a Hessian is CasADi's derivative of the latter. Inputs are named as in ``c_code``: a payload that is the
+        fourth is ``payload_4``. It has no argument checks and no range: a joint with zero articulated inertia divides
+        by zero. The same holds for ``bounded``: where its program has an infinite bound (angles above 1e5, joints of
+        hardly any articulated inertia, numbers beyond the range), the exported function returns a finite number that
+        bounds nothing. Derivatives with respect to a configuration are by its entries, as always in CasADi: with
+        quaternions or (cos, sin) pairs export the next configuration too, by ``sd.integrate``, so that everything stays
+        in coordinates.
 
         name      as of ``c_code``
         jacobian  False leaves the derivatives to CasADi, also in an MX graph: it is made in a fraction of the time
@@ -295,12 +295,9 @@ class Specialized:
 
     @cached_property
     def _differentiable(self) -> Differentiable:
-        request_of = partial(derivative_request, self)
-        if recording.fits(self._request.specs, self.model.bodies, 1, self._request.tables) and not numba_kernels.PLAIN:
-            self.program  # raises without one
-        else:
-            derivative_of(self, 0, True)
-        return Differentiable(self, self.signature, request_of, partial(derivative_of, self))
+        if self._kernel is None:
+            derivative_of(self, 0, True)  # raises, unless it is float32 alone that has no program
+        return Differentiable(self, self.signature, partial(derivative_request, self), partial(derivative_of, self))
 
     def python_code(self, name: str | None = None) -> str:
         """As ``c_code``, a Python function of arrays of any batch shape that needs NumPy only.

@@ -29,7 +29,7 @@ def _run(arguments: argparse.Namespace) -> int:
     if arguments.source:
         print(inspect.getsource(module), end="")
         return 0
-    given = {"quick": arguments.quick, "save": arguments.save, "robot": arguments.robot}
+    given = {"quick": arguments.quick, "long": arguments.long, "save": arguments.save, "robot": arguments.robot}
     options = gallery.checked(arguments.name, module.main, **given)
     print(f"{inspect.getdoc(module)}\n")
     with watch.call("the example"):

@@ -9,6 +9,7 @@ Needs    pip install torch
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -38,7 +39,7 @@ def networks(torch: Any, k: sd.Specialized, width: int) -> dict[str, Any]:
     """Accelerations of a state by each of the two, and what is trained of it."""
 
     def layers(*sizes: int) -> Any:
-        made = [x for a, b in zip(sizes, sizes[1:], strict=False) for x in (torch.nn.Linear(a, b), torch.nn.Tanh())]
+        made = [x for a, b in pairwise(sizes) for x in (torch.nn.Linear(a, b), torch.nn.Tanh())]
         return torch.nn.Sequential(*made[:-1]).double()
 
     def turned(q: Any) -> Any:

@@ -31,12 +31,17 @@ ORDER = (  # in which a reader may take them; test_gallery.py holds it complete
     "panda_identification", "pushed_while_standing", "payload_identification", "friction_of_a_joint",
     "payloads_on_lanes", "payload_study", "series_elastic_joint", "rotor_on_a_leg", "rotors_of_a_geared_arm",
     "what_a_scene_requires", "standing_or_trotting", "price_of_a_digit", "error_bar_of_a_torque", "own_loop",
-    "many_processes", "mppi_on_lanes", "gradient_of_a_design", "c_export", "casadi_export",
+    "many_processes", "mppi_on_lanes", "gradient_of_a_design", "friction_network", "c_export", "casadi_export",
     "porting_a_pinocchio_script", "vector_environment", "exercise_1_numbers", "exercise_3_pendulum",
     "exercise_4_spatial_arm", "exercise_5_hamilton", "exercise_7_two_ways_to_coriolis", "last_exercise_1_christoffel",
     "last_exercise_2_legendre", "last_exercise_3_mass_matrix", "last_exercise_5_single_body", "troubleshooting",
 )  # fmt: skip
-OPTIONS = {"quick": "quick setting", "save": "picture", "robot": "robot to choose"}  # of the main functions
+OPTIONS = {
+    "quick": "quick setting",
+    "long": "long setting",
+    "save": "picture",
+    "robot": "robot to choose",
+}  # of the main functions
 
 
 def names() -> list[str]:
@@ -95,10 +100,12 @@ def start(main: Callable[..., Any], argv: Sequence[str] | None = None) -> None:
 
 
 def add_options(parser: argparse.ArgumentParser, main: Callable[..., Any] | None = None) -> None:
-    """Add --quick, --save and --robot, those that a main function has, all by default."""
+    """Add --quick, --long, --save and --robot, those that a main function has, all by default."""
     has = OPTIONS if main is None else inspect.signature(main).parameters
     if "quick" in has:
         parser.add_argument("--quick", action="store_true", help="a smaller run")
+    if "long" in has:
+        parser.add_argument("--long", action="store_true", help="a larger run, of minutes")
     if "save" in has:
         parser.add_argument("--save", metavar="FILE", help="write its picture to a PNG, SVG or PDF file")
     if "robot" in has:

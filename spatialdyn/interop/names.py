@@ -127,6 +127,7 @@ EXAMPLES: dict[str, str] = {  # of the gallery: words for what it shows that no 
     "ilqr": "ilqr ddp trajopt trajectory_optimization optimal_control",
     "mppi_on_lanes": "mppi mpc",
     "gravity_compensation": "gravity_compensation",
+    "friction_network": "network neural lagrangian hamiltonian dissipation residual learning",
     "gradient_of_a_design": "grad gradient gradients autodiff autograd",
     "c_export": "c_code codegen export_c",
     "casadi_export": "casadi to_casadi",

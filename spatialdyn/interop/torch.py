@@ -19,8 +19,6 @@ from ..calls.differentiable import Differentiable, Node
 from ..errors import ShapeError, SpatialDynError
 from .frameworks import framework
 
-_operators: dict[str, Any] = {}
-
 
 def to_torch(made: Differentiable) -> Callable[..., Any]:
     """``Specialized.to_torch``."""
@@ -69,8 +67,8 @@ def operator(node: Node) -> Any:
     """The operator of a node, of tensors of one dtype whose leading axes broadcast; one for all nodes of one key."""
     torch = framework("torch")
     name = f"{node.name}_{hashlib.sha256(node.key.encode()).hexdigest()[:16]}"
-    if name in _operators:
-        return _operators[name]
+    if name in _operators():
+        return _operators()[name]
 
     def run(*tensors: Any) -> Any:
         found = node.program(*[(x.detach() if x.requires_grad else x).numpy() for x in tensors])
@@ -90,7 +88,13 @@ def operator(node: Node) -> Any:
     torch.library.register_fake(path, shaped, lib=library)
     torch.library.register_vmap(path, mapped, lib=library)
     call = getattr(torch.ops.spatialdyn, name).default
-    return _operators.setdefault(name, call)
+    return _operators().setdefault(name, call)
+
+
+@cache
+def _operators() -> dict[str, Any]:
+    """Those that were made, by name."""
+    return {}
 
 
 def _leads(node: Node, tensors: Sequence[Any]) -> list[tuple[Any, ...]]:

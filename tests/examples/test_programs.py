@@ -89,6 +89,15 @@ def test_both_frameworks_find_the_design_with_the_gradient_of_differences() -> N
     assert loss(3.0, 0.4) == pytest.approx(jax["losses"][0], rel=1e-12)
 
 
+@compiled
+def test_the_energy_of_a_learned_friction_only_falls() -> None:
+    """Of the structure, after few steps of training too."""
+    pytest.importorskip("torch")
+    found = run("friction_network")
+    assert np.diff(found["lagrangian"]).max() < 1e-3 < np.diff(found["plain"]).max()
+    assert found["robot"][0] == found["lagrangian"][0] == found["plain"][0]
+
+
 def test_casadi_swings_up_what_the_library_then_swings_up() -> None:
     pytest.importorskip("casadi")
     found = run("casadi_export")

@@ -78,6 +78,7 @@ BORROWED: dict[str, set[str]] = {
         "engines/programs/run/interpreter.py",
         "engines/programs/run/single_call.py",
         "engines/programs/run/time_loop.py",
+        "engines/programs/run/xla_handler.py",
         "examples/c_export.py",
     },
     "ctypes.pythonapi": {

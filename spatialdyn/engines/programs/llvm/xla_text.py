@@ -90,7 +90,7 @@ def handler(made: Handler) -> str:
     """A module with ``ptr handler(ptr frame)``: null, or an error of XLA.
 
     A batch that is long enough is shared with tasks of XLA's thread pool, through a state on the heap: a task that
-    comes when all is done finds the state closed, and whoever is last frees it. Samples that the program rejects are
+    comes when all is done finds the state closed, and the last to leave frees it. Samples that the program rejects are
     recomputed by the callback, which takes Python's lock.
     """
     return "\n".join((_COPY, _worker(made), _task(made), _metadata(), _failure(), _entry(made)))

@@ -27,8 +27,6 @@ from .batches import rejected
 
 Recompute = Callable[[Sequence[NDArray[Any]], Sequence[NDArray[Any]], tuple[int, ...], NDArray[np.intp]], None]
 _lock = locks.new()
-_handlers: dict[str, Registered] = {}
-_message = threading.local()  # of the last error, until XLA has copied it
 
 
 class Registered(NamedTuple):
@@ -59,9 +57,16 @@ def registered(
     dtype = np.dtype(buffers)
     name = f"spatialdyn_{hashlib.sha256(key.encode()).hexdigest()[:24]}_{dtype.name}"
     with _lock:
-        if name not in _handlers:
-            _handlers[name] = _made(name, kernel, inputs, outputs, dtype, recompute)
-        return _handlers[name]
+        known = _handlers()
+        if name not in known:
+            known[name] = _made(name, kernel, inputs, outputs, dtype, recompute)
+        return known[name]
+
+
+@cache
+def _handlers() -> dict[str, Registered]:
+    """Those that were made, by name."""
+    return {}
 
 
 def _made(
@@ -108,6 +113,7 @@ def _give_way() -> tuple[int, Any]:
 def _callback(kernel: Kernel, recompute: Recompute) -> Callable[[int], int]:
     """What a handler calls for a batch with rejected samples; see ``WORDS``."""
     several, results = len(kernel.inputs), len(kernel.outputs)
+    message = threading.local()  # of the last error, until XLA has copied it
 
     def array(address: int, rows: int, columns: int) -> NDArray[Any]:
         held: Any = (ctypes.c_byte * (rows * columns * kernel.dtype.itemsize)).from_address(address)
@@ -125,8 +131,8 @@ def _callback(kernel: Kernel, recompute: Recompute) -> Callable[[int], int]:
             found = [array(x, n, columns) for x, columns in zip(rows[several:], kernel.outputs, strict=True)]
             recompute(given, found, tuple(object_layout.words_at(dims, rank)), samples)
         except BaseException as error:  # it goes through XLA, as text
-            _message.text = f"a program refuses its inputs\n{type(error).__name__}: {error}".encode() + b"\0"
-            return ctypes.cast(ctypes.c_char_p(_message.text), ctypes.c_void_p).value or 0
+            message.text = f"a program refuses its inputs\n{type(error).__name__}: {error}".encode() + b"\0"
+            return ctypes.cast(ctypes.c_char_p(message.text), ctypes.c_void_p).value or 0
         return 0
 
     return call

@@ -158,15 +158,19 @@ def _derivative_alone(
 
 
 def inverse_of(specs: Sequence[Spec], bodies: NDArray[Any], options: ProgramOptions) -> bool:
-    """Whether calls are one that solves rnea for the acceleration, of q, v and tau alone, without quaternions or pairs.
+    """Whether calls are one that is solved for its result, of q, v and a force, without quaternions or pairs.
 
-    Its derivatives are then those of rnea, multiplied by M⁻¹: two thirds of the operations of those of its own lines.
+    Its derivatives are then those of its inverse, multiplied by M⁻¹: two thirds of the operations of its own lines'.
     """
     residual = specs[0].residual
     if set(bodies["kind"][1:].tolist()) - {CONTINUED, *R1}:  # off unit norm aba and rnea are no inverses
         return False
     plain = not (len(specs) > 1 or options.fixed or options.parameters or options.outputs)
-    return plain and residual[:1] == ("rnea",) and [x.name for x in specs[0].present] == ["q", "v", "tau"]
+    if not (plain and residual):
+        return False
+    inverse, (spec,) = variant(SPECS[residual[0]], frozenset()), specs
+    back = ["q", "v", spec.output.name], ["q", "v", inverse.output.name]
+    return ([x.name for x in inverse.present], [x.name for x in spec.present]) == back
 
 
 def _by_inverse(spec: Spec, bodies: NDArray[Any], weighted: bool) -> Recording:
@@ -177,7 +181,7 @@ def _by_inverse(spec: Spec, bodies: NDArray[Any], weighted: bool) -> Recording:
     solver, layout = recording.record((spec,), still, (), ProgramOptions(fixed=(("v", (0.0,) * n),)))
     checks, nq = _checks(layout), layout.inputs[0]
     solver = solver.only([*checks, *layout.outputs[0]])
-    forces = recording.record((variant(SPECS["rnea"], frozenset()),), bodies).program
+    forces = recording.record((variant(SPECS[spec.residual[0]], frozenset()),), bodies).program
     forces = forces.only(range(n))
     given = (nq, n, n, n, n) if weighted else (nq, n, n, nq, n, n, n)  # those of the call, what it is along, the result
     tape = Tape()
