@@ -77,9 +77,7 @@ def main(quick: bool = False, long: bool = False, save: str | None = None) -> di
             path.append(tuple(x.detach() if trained else x for x in runge_kutta(acceleration, *path[-1])))
         q, v = (np.array([np.asarray(x[i]) for x in path]) for i in range(2))
         found[name] = sd.kinetic_energy(model, q, v) + sd.potential_energy(model, q)
-        print(
-            f"{name:11}last energy {found[name][-1]:6.2f} J, most gained in a step {np.diff(found[name]).max():.1e} J"
-        )
+        print(f"{name:11}last energy {found[name][-1]:6.2f} J, most gained {np.diff(found[name]).max():.1e} J")
     if save:
         figure, axes = picture()
         for (name, energy), style in zip(found.items(), ("-", "--", ":"), strict=True):
