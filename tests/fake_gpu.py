@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from spatialdyn.calls import on_gpu
+from spatialdyn.calls import devices
 from spatialdyn.engines.programs.gpu import cuda
 from spatialdyn.engines.programs.gpu.arrays import CUDA
 from spatialdyn.engines.programs.gpu.kernel_text import HOST, NVPTX
@@ -144,7 +144,7 @@ def install(monkeypatch: pytest.MonkeyPatch, spills: tuple[int, ...] = ()) -> Dr
     monkeypatch.setitem(sys.modules, "cuda.bindings.driver", driver)
     monkeypatch.setitem(sys.modules, "cupy", cupy)
     monkeypatch.setattr(cuda.Cuda, "image", lambda self, text: driver.image(self, text))
-    for kept in (cuda._driver, cuda._context, on_gpu._cuda):
+    for kept in (cuda._driver, cuda._context, devices._cuda):
         kept.cache_clear()
         monkeypatch.setattr(sys.modules[kept.__module__], kept.__name__, kept.__wrapped__)
     Array.streams.clear()

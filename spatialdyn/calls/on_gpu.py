@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Sequence
-from functools import cache, cached_property
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -13,36 +13,14 @@ from numpy.typing import NDArray
 
 from ..engines.programs.gpu import arrays as device_arrays
 from ..engines.programs.gpu.arrays import Library, View
-from ..engines.programs.gpu.cuda import Cuda
 from ..engines.programs.gpu.device import Device
 from ..engines.programs.gpu.gpu_kernel import GpuKernel, Rows
-from ..errors import ShapeError, SpatialDynError, literal
+from ..errors import ShapeError, SpatialDynError
 from . import specialize_fallback
 from .arguments import as_flag, broadcast
 from .differentiable import Differentiable
 from .specialize_request import Array, SpecializeRequest
 from .specialized import Specialized, lead_of, of_request
-
-
-@cache
-def _cuda() -> Device:
-    return Cuda()
-
-
-def as_device(value: Any) -> Device | None:
-    """The argument ``device``, None for the CPU. Raises SpatialDynError."""
-    if isinstance(value, Device):
-        return value
-    if not isinstance(value, str) or value not in ("cpu", "cuda"):
-        raise SpatialDynError(f'device is {literal(value)}, expected "cpu" or "cuda"')
-    return _cuda() if value == "cuda" else None
-
-
-def on_device(
-    request: SpecializeRequest, maker: Callable[..., Specialized], arguments: tuple[Any, ...], device: Device
-) -> SpecializedOnGpu:
-    """The program of a request on a device."""
-    return SpecializedOnGpu(request, maker, arguments, device)
 
 
 class SpecializedOnGpu(Specialized):

@@ -16,7 +16,7 @@ from numpy.typing import DTypeLike
 
 from ..errors import SpatialDynError, literal
 from ..model.model import Frame, Model
-from .on_gpu import as_device, on_device
+from .devices import as_device
 from .specialize_request import Names, SpecializeRequest, check_derivative, read_request
 from .specialized import Specialized, check_program, of_request
 
@@ -171,8 +171,8 @@ def specialize(
 
 def _made(request: SpecializeRequest, arguments: tuple[Any, ...], device: Device | None) -> Specialized:
     """The program of a request, on the CPU or on a device."""
-    return (
-        of_request(request, specialize, arguments)
-        if device is None
-        else on_device(request, specialize, arguments, device)
-    )
+    if device is None:
+        return of_request(request, specialize, arguments)
+    from .on_gpu import SpecializedOnGpu
+
+    return SpecializedOnGpu(request, specialize, arguments, device)

@@ -6,7 +6,6 @@ configuration, or one for each step. Laws add, are clipped (``limited_by``), and
 
 from __future__ import annotations
 
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -20,7 +19,7 @@ from ..laws.law_specs import RATE, evaluated, in_step, kept, with_values
 from ..model.model import Model
 from ..recursions.control.control_laws import GRAVITY, STATE_FEEDBACK, law_spec
 from ..recursions.control.paths import CLOCK
-from ..recursions.spec import TAU, Argument, Q, Spec, V
+from ..recursions.spec import TAU, Argument, Q, Spec, V, made_once
 from .paths import Path
 
 Array = NDArray[np.float64]
@@ -52,7 +51,7 @@ class Law(Control):
         self._hold(held)
 
 
-@lru_cache(maxsize=64)
+@made_once(64)
 def following(core: Spec, path: Spec) -> Spec:
     """The Spec of a law that follows a path, by a clock."""
     own = tuple(x for x in core.present if x.name not in (Q.name, V.name, "q_ref", "v_ref", "a_ref"))

@@ -39,6 +39,7 @@ FEW, FEW_NUMBERS = 512, 1 << 20  # most samples, and numbers of their results, t
 FEW_ALONE = 16  # of a recursion that branches on values, which takes them one by one
 MANY_ALONE = 512  # samples of a recursion that branches on values that compile it at once
 MOST_STEPS = 200_000  # rows of the table times numbers of a result that NumPy is given
+MOST_BESIDE_LANES = 1 << 12  # numbers of a result of a program, where the table kernel runs on lanes
 MANY = 8192  # samples of a batch to prepare for
 _lock = locks.new()
 STATIC = "rows" if numba_kernels.PLAIN else "address"  # the attribute of a StaticTable that kernels take
@@ -137,6 +138,8 @@ def forget_programs() -> None:
 def _program(spec: Spec, table: Table, static: tuple[bytes | int, ...]) -> CallProgram | None:
     """As ``program``, for one thread at a time: each is recorded once."""
     if numba_kernels.PLAIN or not recording.fits((spec,), table.bodies, static=static):
+        return None
+    if lane_names.fits(spec) and math.prod(_core(spec, table, static)) > MOST_BESIDE_LANES:
         return None
     values = tuple(np.frombuffer(x).reshape(4, 4) if isinstance(x, bytes) else x for x in static)
     try:

@@ -12,7 +12,7 @@ import numpy as np
 from ..algebra.scalars import select
 from ..recursions.control.paths import CLOCK as CLOCK
 from ..recursions.joints.friction import DT
-from ..recursions.spec import TAU, Argument, Q, Spec, V
+from ..recursions.spec import TAU, Argument, Q, Spec, V, made_once
 from .law_specs import AFTER, BEGUN, begun, begun_of, given_by_step, in_step, law_on, own_name
 
 LIMITS = Argument("limits", ("nv",), "N m | N", "largest torques")
@@ -74,8 +74,8 @@ def _composed(
 
 
 @lru_cache(maxsize=64)
-def total(specs: tuple[Spec, ...], held: tuple[bool, ...]) -> tuple[Spec, list[dict[str, str]]]:
-    """The sum of laws, and what their own inputs are called in it: a name that several have gets their numbers.
+def names_in_sum(specs: tuple[Spec, ...]) -> list[dict[str, str]]:
+    """What the own inputs of laws are called in their sum: a name that several have gets their numbers.
 
     They share one clock.
     """
@@ -92,6 +92,13 @@ def total(specs: tuple[Spec, ...], held: tuple[bool, ...]) -> tuple[Spec, list[d
                 named[name] += f"_{k}"
         names.append(named)
         taken |= {*named.values()}
+    return names
+
+
+@made_once(64)
+def total(specs: tuple[Spec, ...], held: tuple[bool, ...]) -> Spec:
+    """The sum of laws."""
+    names = names_in_sum(specs)
     own: dict[str, Argument] = {}
     ends: dict[str, Argument] = {}
     for spec, named in zip(specs, names, strict=True):
@@ -111,7 +118,7 @@ def total(specs: tuple[Spec, ...], held: tuple[bool, ...]) -> tuple[Spec, list[d
 
     ordered = tuple(ends[name] for name, x in own.items() if x.start is not None)
     name, inputs = "_and_".join(x.name for x in specs), tuple(own.values())
-    return _composed(name, recursion, inputs, ordered, specs, any(held)), names
+    return _composed(name, recursion, inputs, ordered, specs, any(held))
 
 
 def unused(name: str, spec: Spec) -> str:
@@ -122,7 +129,7 @@ def unused(name: str, spec: Spec) -> str:
     return name
 
 
-@lru_cache(maxsize=64)
+@made_once(64)
 def limited(spec: Spec) -> Spec:
     """A law within -limits to limits, an input of the name ``unused``."""
     names = {x.name: x.name for x in own_of(spec)}
@@ -141,7 +148,7 @@ def limited(spec: Spec) -> Spec:
     return _composed(f"limited_{spec.name}", recursion, own, ends_of(spec), (spec,))
 
 
-@lru_cache(maxsize=64)
+@made_once(64)
 def sampled(spec: Spec) -> Spec:
     """A law that is taken anew once in a period and held in between; its states that change at ends do so then.
 

@@ -26,7 +26,7 @@ from ..errors import NonFiniteError, ShapeError, SimulationError, literal
 from ..model.model import Model
 from ..recursions.joints.friction import DT
 from ..recursions.spec import TAU, Q, Spec, V
-from .composed_laws import CLOCK, HELD, LEFT, LIMITS, PERIOD, limited, sampled, total, unused
+from .composed_laws import CLOCK, HELD, LEFT, LIMITS, PERIOD, limited, names_in_sum, sampled, total, unused
 from .law_specs import OF_STEP, begun_of, check_parts, check_recordable, in_step, kept, law_on, own_name, with_values
 
 Array = NDArray[Any]
@@ -117,7 +117,8 @@ class Control:
         laws = (self, other)
         for law in laws:
             law._acts("beside another law")
-        spec, names = total(tuple(x.spec for x in laws), tuple(x.held for x in laws))
+        specs = self.spec, other.spec
+        spec, names = total(specs, (self.held, other.held)), names_in_sum(specs)
         values = {named[x]: y for law, named in zip(laws, names, strict=True) for x, y in law.values.items()}
         made = Control.of(spec, values, self.static + other.static, False, self.checks + other.checks)
         made.smooth = self.smooth and other.smooth

@@ -19,6 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..calls.by_program import along, run
 from ..calls.dynamics import calls
 from ..calls.failures import sample_of
 from ..engines.compiled import numba_kernels
@@ -35,7 +36,6 @@ from ..simulation.methods.methods import DISCRETE, Method
 from ..simulation.methods.symplectic import GAUSS2, GAUSS4, GAUSS6, Tableau
 from ..simulation.momenta_steps import begun, momenta_specs, rows_kept
 from ..simulation.system import State, System, held_torque, units
-from ..simulation.tangents import along, run
 
 Array = NDArray[Any]
 TABLEAUX = {"implicit_midpoint": GAUSS2, "gauss4": GAUSS4, "gauss6": GAUSS6}

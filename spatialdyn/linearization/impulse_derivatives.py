@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from ..bodies.kinds import SE2, SE3
 from ..bodies.static_table import StaticTable
 from ..bodies.table import independent
+from ..calls.by_program import along, run
 from ..calls.dynamics import calls, checked_call
 from ..calls.failures import sample_of
 from ..constraints.dynamics import constraint_error, constraint_jacobian, rows_to_keep
@@ -38,7 +39,6 @@ from ..simulation.effects.constraints import Constrained
 from ..simulation.effects.contacts import Contact
 from ..simulation.effects.effect import find
 from ..simulation.effects.friction import DryFriction, LuGreFriction, dry
-from ..simulation.tangents import along, run
 from .active_set import ActiveSet
 from .bounces import Phase, hits_of, last_phase
 from .step_torques import Torques

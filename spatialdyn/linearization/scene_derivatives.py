@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..calls.arguments import as_array, batch_shape, broadcast, core_shape
+from ..calls.by_program import along
 from ..calls.dynamics import calls, checked_call
 from ..constraints.derivatives import constrained_dynamics_derivatives
 from ..errors import SimulationError, literal
@@ -29,7 +30,6 @@ from ..simulation.rollouts import rollout
 from ..simulation.scene import Scene, check_method
 from ..simulation.states import run_states
 from ..simulation.steps import step_specs
-from ..simulation.tangents import along
 from .impulse_derivatives import SWITCH, Found, laws_of
 from .impulse_derivatives import derivatives as by_impulses
 from .step_torques import bent_labels, torques_of

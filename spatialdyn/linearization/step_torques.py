@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..calls.by_program import along, run
 from ..calls.dynamics import calls, checked_call
 from ..calls.failures import joint_of_velocity
 from ..model.model import Model
@@ -31,7 +32,6 @@ from ..simulation.effects.effect import Effect, find
 from ..simulation.effects.friction import DryFriction, LuGreFriction, SmoothFriction
 from ..simulation.effects.motor import VOLTAGE, Drive, geared
 from ..simulation.effects.springs import has_springs
-from ..simulation.tangents import along, run
 
 Array = NDArray[Any]
 COMMANDED, SATURATED, BENDS = "commanded", "saturated", "bends"

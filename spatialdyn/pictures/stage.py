@@ -159,14 +159,20 @@ class Stage:
 
     # --- camera and floor ----------------------------------------------------------------------------------
 
-    def look_at(self, box: Array, floor: float | None) -> None:
-        """Point the camera at a box (2, 3), all of it in view, and lay the floor at a height [m], if any."""
+    def look_at(self, box: Array, floor: float | None, up: Array | None = None) -> None:
+        """Point the camera at a box (2, 3), all of it in view, and lay the floor at a height [m], if any.
+
+        up  (3,) the unit normal of a ground, which the camera looks at from above
+        """
         middle, radius = box.mean(0), max(0.5 * float(np.linalg.norm(box[1] - box[0])), 1e-6)
         away = 1.1 * radius / np.sin(0.5 * FIELD)
         camera = self.server.initial_camera
         camera.fov, camera.near, camera.far = FIELD, 0.01 * away, 200.0 * away
         camera.look_at = middle
-        camera.position = middle + away * VIEW / np.linalg.norm(VIEW)
+        way = VIEW / np.linalg.norm(VIEW)
+        if up is not None:
+            way = way - 2.0 * min(0.0, float(up @ way)) * up
+        camera.position = middle + away * way
         for client in self.server.get_clients().values():
             client.camera.look_at, client.camera.position = camera.look_at, camera.position
         if floor is not None:

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..calls.arguments import as_array
 from ..calls.dynamics import calls
 from ..calls.files import check_ending
+from ..constraints.contact_points import Plane
 from ..engines import locks
 from ..errors import NonFiniteError, ShapeError, SpatialDynError, literal
 from ..model.model import Frame
@@ -102,7 +103,9 @@ class View:
             self.show(q)
         else:
             self._show_at(0)
-        self.stage.look_at(box, None if floor is None or "contacts" in scene.acts else float(floor))
+        terrain = None if scene.contacts is None else scene.contacts.terrain
+        up = np.array(terrain.normal) if isinstance(terrain, Plane) else None
+        self.stage.look_at(box, None if floor is None or terrain is not None else float(floor), up)
 
     # --- what is shown -------------------------------------------------------------------------------------
 

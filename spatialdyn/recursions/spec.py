@@ -22,14 +22,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
-from functools import cached_property
-from typing import Any, Protocol
+from dataclasses import dataclass, fields, replace
+from functools import cached_property, lru_cache, wraps
+from typing import Any, ParamSpec, Protocol
 
 import numpy as np
 
 from .signatures import Array, Bodies, Work
 
+P = ParamSpec("P")
 Shape = tuple[str | int, ...]
 Record = tuple[Any, ...]  # a NamedTuple of Arguments, or of shapes
 
@@ -139,6 +140,10 @@ class Spec:
     mirrored: bool = False
     stamped: bool = True
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        known: tuple[Any, ...] | None = self.__dict__.get("made_by")
+        return known or (_unpickled, tuple(getattr(self, x.name) for x in fields(self)))
+
     @cached_property  # read a dozen times by each call of a rollout
     def present(self) -> tuple[Argument, ...]:
         """The inputs that the call has, those of records one by one."""
@@ -178,6 +183,31 @@ class Spec:
             found.append(out[..., at : at + width])
             at += width
         return found
+
+
+@lru_cache(maxsize=256)
+def _unpickled(*values: Any) -> Spec:
+    """One Spec of the same values, so that a process that is sent it again and again records it once."""
+    return Spec(*values)
+
+
+def made_once(most: int | None = None) -> Callable[[Callable[P, Spec]], Callable[P, Spec]]:
+    """A decorator of a function that makes Specs: the same one for the same arguments, of the ``most`` last used.
+
+    Such a Spec pickles as the call that made it, so that a process has one of each, whatever it was sent.
+    """
+
+    def wrap(factory: Callable[P, Spec]) -> Callable[P, Spec]:
+        @wraps(factory)
+        @lru_cache(maxsize=most)
+        def made(*arguments: Any) -> Spec:
+            spec = factory(*arguments)  # type: ignore[call-arg]
+            object.__setattr__(spec, "made_by", (made, arguments))
+            return spec
+
+        return made  # type: ignore[return-value]
+
+    return wrap
 
 
 def is_record(x: object) -> bool:

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..algebra.scalars import select
+from ..calls.by_program import run
 from ..engines.programs.record.tracer import scratch
 from ..model.model import Model
 from ..recursions.coordinates.configuration import integrate
@@ -40,7 +41,6 @@ from .methods.symplectic import SymplecticKernels
 from .methods.variational import TURN, VariationalKernels
 from .steps import specs_of
 from .system import OK, State, System, held_torque
-from .tangents import run
 
 Array = NDArray[Any]
 UNITS = Argument("units", ("nv+nv",), "1", "weights that make freedoms and momenta comparable")

@@ -133,10 +133,10 @@ class Recorder:
         if contact is not None and contact.records:
             at = dict(zip((x.name for x in self.states.arguments), self.states.slices, strict=True))
             impulses = contact.record(q, self.own_rows[:n, at[contact.own.name]])
-        held = spring_energy(model, q) if "springs" in (x.name for x in self.plan.scene.effects) else None
-        energy = T + V if held is None else T + V + held
+        sprung = spring_energy(model, q) if "springs" in (x.name for x in self.plan.scene.effects) else None
+        energy = T + V if sprung is None else T + V + sprung
         words = (self.method.name, self.steps.dt, model.name, interrupted, model)
-        return Trajectory(self.t[:n].copy(), q, v, p, tau, energy, *words, states, impulses, held, self.plan.scene)
+        return Trajectory(self.t[:n].copy(), q, v, p, tau, energy, *words, states, impulses, sprung, self.plan.scene)
 
 
 def _of_samples(calls_of: Specialized, *arrays: Array) -> list[Array]:

@@ -14,14 +14,13 @@ import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from ..calls.arguments import as_array, as_flag, as_number, broadcast
+from ..calls.devices import as_device
 from ..calls.dynamics import calls
-from ..calls.on_gpu import as_device
 from ..errors import NonFiniteError, ShapeError, SimulationError, literal
 from ..laws.control import Control, check_control
 from ..laws.cost import Cost, check_cost, with_cost
 from ..model.model import Model
 from ..model.robot_checks import masked
-from .device_runs import DeviceInputs, check_on_device
 from .driver import run_samples
 from .effects.control import Feedback, check_law
 from .effects.friction import check_stable
@@ -127,6 +126,8 @@ def rollout(
     check_law(control, method)
     given, rows = None, _step_rows
     if where is not None:
+        from .device_runs import DeviceInputs, check_on_device
+
         given, rows = DeviceInputs(where, number, {"q0": q0, "v0": v0, "tau": tau, "fext": fext}), _shape_alone
         q0, v0, tau, fext = given.on_host()
     start, (B, T), (tau_rows, fext_rows) = _inputs(model, q0, v0, (tau, fext), control, steps, rows)

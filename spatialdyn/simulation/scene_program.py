@@ -57,9 +57,9 @@ def step_request(given: Any, calls: Any, dtype: Any, fixed: Any, derivative: str
 
 def _at_a_closed_one(scene: Scene, effect: Constrained) -> Constrained:
     """The constraints with their rank in a configuration that meets them."""
-    model, held = scene.model, effect.constraints
-    q = close_loops(model, held, 1e-2 * np.arange(1.0, model.nq + 1.0)) if model.nq == model.nv else None
+    model, constraints = scene.model, effect.constraints
+    q = close_loops(model, constraints, 1e-2 * np.arange(1.0, model.nq + 1.0)) if model.nq == model.nv else None
     if q is None:
         raise SpatialDynError(f'robot "{model.name}" has joints of several freedoms, expected none beside constraints')
-    rank = np.asarray(rows_to_keep(model, held, q)[1], np.intp)
-    return Constrained(held, effect.rate, rank.reshape(-1))
+    rank = np.asarray(rows_to_keep(model, constraints, q)[1], np.intp)
+    return Constrained(constraints, effect.rate, rank.reshape(-1))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from typing import Any
 
 import numpy as np
@@ -49,6 +50,19 @@ def formula(name: str, model: sd.Model, q: np.ndarray, v: np.ndarray, at: sd.Pat
         "passivity": lambda: M @ (at.a + Kp @ de) + C @ (at.v + Kp @ e) + g - Kd @ (v - at.v - Kp @ e),
     }
     return np.asarray(lines[name]())
+
+
+def test_laws_that_are_made_of_others_pickle(arm: sd.Model) -> None:
+    """They are sent to other processes, each of which has one Spec of equal laws, and so one program."""
+    path = sd.quintic(np.zeros(N), np.ones(N), 2.0)
+    on_path, hold = sd.PDPlus(9.0, 6.0, path), sd.PD(4.0, 3.0, np.zeros(N), held=0.01)
+    known = on_path.limited_by(5.0) + hold
+    at = 0.3, np.full(N, 0.1), np.full(N, 0.2)
+    for law in (on_path, hold, known, known + sd.Gravity()):
+        sent = [pickle.loads(pickle.dumps(law)) for _ in range(2)]
+        assert sent[0].spec is sent[1].spec
+        assert sent[0](arm, *at).tobytes() == law(arm, *at).tobytes()
+    assert pickle.loads(pickle.dumps(known)).spec is known.spec
 
 
 @pytest.mark.parametrize("name", laws([0.0] * N))

@@ -18,13 +18,13 @@ from spatialdyn.algebra.euclidean import Vec
 from spatialdyn.algebra.lie import log_jacobian, log_jacobian_times_derivative
 from spatialdyn.algebra.spatial import Motion
 from spatialdyn.bodies.kinds import LENGTHS, NV
+from spatialdyn.calls import by_program
 from spatialdyn.calls.dynamics import checked_call
 from spatialdyn.calls.exact import Exact
 from spatialdyn.engines.compiled import numba_kernels
 from spatialdyn.engines.programs.record import recording
 from spatialdyn.linearization.step_derivatives import NO_LAW
 from spatialdyn.recursions.derivatives.step_derivatives import MOTION, STEPS
-from spatialdyn.simulation import tangents
 from spatialdyn.simulation.steps import step_specs
 
 EXPLICIT = ("explicit_euler", "semi_implicit_euler", "velocity_verlet", "rk4")
@@ -608,5 +608,5 @@ def test_programs_that_run_in_numpy_give_the_same(monkeypatch: pytest.MonkeyPatc
     model = sd.load_urdf("two_link")
     q, v, tau = state(model)
     A, _ = sd.step_derivatives(model, q, v, tau, 0.01, "variational")
-    monkeypatch.setattr(tangents, "fits", lambda specs, bodies, static=(): False)
+    monkeypatch.setattr(by_program, "fits", lambda specs, bodies, static=(): False)
     np.testing.assert_allclose(sd.step_derivatives(model, q, v, tau, 0.01, "variational")[0], A, rtol=0, atol=EXACT)

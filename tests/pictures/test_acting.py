@@ -104,6 +104,15 @@ def test_a_plane_is_drawn_where_it_is(terrain: Any, view: Any) -> None:
     assert up == pytest.approx(np.array(plane.normal), abs=SINGLE)
 
 
+@pytest.mark.parametrize("normal", [(0, 1, 0), (-1, 0, 0), (0, 0, -1), (0.3, -0.1, 1.0)])
+def test_the_camera_is_above_a_plane_whichever_way_it_faces(normal: Any, view: Any) -> None:
+    """Below it the ground hides the robot."""
+    model = box()
+    shown = view(sd.Scene(model, contacts=sd.Contacts(model, {"c0": 0.01}, terrain=sd.Plane(normal, -0.5))))
+    camera = shown.server.initial_camera
+    assert (camera.position - camera.look_at) @ np.array(normal) > 0.0
+
+
 def test_a_heightfield_is_drawn_as_high_as_contacts_feel_it(view: Any) -> None:
     """Gaps of a point of radius 0 straight above the ground are heights over it, times the slope's cosine."""
     box_around = np.array([[-2.0, -0.2, -1.0], [0.5, 3.0, 1.0]])

@@ -220,7 +220,7 @@ def test_what_runs_on_the_cpu_alone_is_refused_by_name(model: sd.Model) -> None:
         sd.rollout(model, q0, np.ones((B, 4))[:, ::2], tau, dt=DT, device=GRID)
     with pytest.raises(sd.ShapeError, match=r"tau has shape \(133, 6, 1\), expected"):
         sd.rollout(model, q0, v0, tau[..., :1], dt=DT, device=GRID)
-    scene = sd.Scene(model, limits=True)
+    scene = sd.Scene(model, contacts=sd.Contacts(model, {"tip": 0.02}, terrain=sd.Plane(height=-9.0)))
     with pytest.raises(sd.SimulationError, match=REFUSED[0]):
         sd.rollout(scene, np.zeros((3, 2)), np.zeros((3, 2)), dt=DT, steps=2, record="contacts", device=GRID)
 

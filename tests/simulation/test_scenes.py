@@ -153,6 +153,16 @@ def test_constant_forces_are_of_the_scene_and_others_of_the_run() -> None:
         sd.rollout(model, still, still, dt=0.1, steps=2, fext=push)
 
 
+def test_limits_of_a_robot_that_has_none_are_nothing() -> None:
+    """Not another step with other rounding; and there is nothing of them to record."""
+    builder = sd.ModelBuilder("arm").add_body("rod", None, "revolute", (0, 1, 0), inertia=(1.0, (0.1, 0, 0), np.eye(3)))
+    rubs = sd.Scene(builder.build(), friction=sd.Friction(0.1, 0.2))
+    runs = [sd.simulate(x, [0.3], [1.0], 0.05, 1e-3) for x in (rubs, rubs.with_(limits=True))]
+    assert runs[0].v.tobytes() == runs[1].v.tobytes()
+    with pytest.raises(sd.SimulationError, match="expected contacts, or limits=True of joints that have limits"):
+        sd.simulate(rubs.with_(limits=True), [0.3], [1.0], 0.05, 1e-3, record="contacts")
+
+
 def test_the_scene_of_a_file_has_all_that_it_declares() -> None:
     panda = sd.load_urdf("panda")
     scene = sd.Scene.of(panda)

@@ -26,7 +26,7 @@ from typing import Any
 import numpy as np
 
 from ...recursions import SPECS
-from ...recursions.spec import Argument, Spec, flat, gather, is_record
+from ...recursions.spec import Argument, Spec, flat, gather, is_record, made_once
 from ...waiting import watch
 from .. import locks
 from . import disk_cache, lane_names
@@ -49,7 +49,7 @@ def variant(spec: Spec, present: Collection[str]) -> Spec:
     return _variant(spec, frozenset(x.name for x in spec.present if x.optional and x.name in present))
 
 
-@cache
+@made_once()
 def _variant(spec: Spec, present: frozenset[str]) -> Spec:
     return replace(
         spec,

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from functools import cache
 from typing import Any
 
 from ..joints.friction import DT
-from ..spec import TAU, Argument, Q, Spec, V
+from ..spec import TAU, Argument, Q, Spec, V, made_once
 from .adaptive_laws import (
     TABLE,
     WORK,
@@ -62,7 +61,7 @@ RECURSIONS: dict[tuple[bool, bool, bool], Any] = {  # by whether they are natura
 }  # fmt: skip
 
 
-@cache
+@made_once()
 def adaptive_spec(
     natural_law: bool, matrix_rates: bool, matrix_gain: bool, friction: bool, predicts: bool = False
 ) -> Spec:  # fmt: skip

@@ -18,14 +18,13 @@ of robot manipulators (1987), without adaptation; Spong, Hutchinson, Vidyasagar,
 
 from __future__ import annotations
 
-from functools import cache
 from typing import Any
 
 from ...algebra.scalars import Scalar, inline, sin
 from ..coordinates.configuration import difference
 from ..momenta.coriolis import WORK_MODIFIED, modified_rnea
 from ..signatures import Array, Bodies, Config, Matrix, Vector, Work
-from ..spec import TAU, Argument, Q, Spec, V
+from ..spec import TAU, Argument, Q, Spec, V, made_once
 from ..tree.rnea import WORK, rnea
 
 Q_REF = Argument("q_ref", ("nq",), "rad | m", "positions to reach")
@@ -165,7 +164,7 @@ def state_feedback(
             tau[i] = tau[i] - gain[i, j] * e[j] - gain[i, n + j] * de[j]
 
 
-@cache
+@made_once()
 def law_spec(name: str, position: bool = False, velocity: bool = False) -> Spec:
     """The Spec of a law; whether its first and its second gain are matrices."""
     unit = "N m/rad | N/m", "N m s/rad | N s/m"

@@ -12,7 +12,6 @@ Source: Hogan, Impedance control (1985); Ott, Cartesian impedance control of red
 
 from __future__ import annotations
 
-from functools import cache
 from typing import NamedTuple
 
 from ...algebra.euclidean import Vec
@@ -21,7 +20,7 @@ from ...algebra.scalars import inline
 from ...algebra.spatial import Force, Inertia, Motion, Pose
 from ..momenta.coriolis import modified_rnea
 from ..signatures import Bodies, Config, Matrix, Vector, Work
-from ..spec import LOCAL_WORLD_ALIGNED, ROW, TAU, Argument, Q, Spec, V
+from ..spec import LOCAL_WORLD_ALIGNED, ROW, TAU, Argument, Q, Spec, V, made_once
 from ..tree.crba import crba
 from ..tree.kinematics import frame_jacobian, frame_jacobian_dot, frame_placement
 from ..tree.ltdl import factor_tree, solve_tree
@@ -167,7 +166,7 @@ PLACE = Argument("frame_in_body", (4, 4), "m", "pose of the frame in the body th
 TARGET = Argument("target", (4, 4), "m", "pose to reach, in the world")
 
 
-@cache
+@made_once()
 def impedance_spec(moving: bool) -> Spec:
     """The Spec of the law, of a frame that is held or that moves."""
     if not moving:

@@ -10,8 +10,6 @@ Swevers et al., Optimal robot excitation and identification (1997), for the seri
 
 from __future__ import annotations
 
-from functools import cache
-
 from ...algebra.euclidean import add, neg, rotate
 from ...algebra.lie import Tangent, exp_jacobian, log_jacobian_times_derivative
 from ...algebra.scalars import Scalar, cos, inline, select, sin
@@ -19,7 +17,7 @@ from ...algebra.spatial import Motion, add_motion
 from ...bodies.kinds import CONTINUED, NV
 from ..coordinates.configuration import integrate, put_twist, twist
 from ..signatures import Array, Bodies, Config, Matrix, Vector
-from ..spec import A, Argument, Q, Spec, V
+from ..spec import A, Argument, Q, Spec, V, made_once
 
 CLOCK = Argument("clock", (1,), "s", "time since the beginning", start=0.0)
 CENTRE = Argument("centre", ("nq",), "rad | m", "configuration that displacements start from")
@@ -133,7 +131,7 @@ def minus(m: Motion) -> Motion:
     return Motion(neg(m.w), neg(m.v))
 
 
-@cache
+@made_once()
 def polynomial_spec(segments: int, order: int) -> Spec:
     """The Spec of a path of so many segments, each of so many coefficients."""
     return Spec(
@@ -147,7 +145,7 @@ def polynomial_spec(segments: int, order: int) -> Spec:
     )  # fmt: skip
 
 
-@cache
+@made_once()
 def timed_spec(segments: int, order: int) -> Spec:
     """The Spec of a path in one direction of so many segments, each of so many coefficients."""
     return Spec(
@@ -162,7 +160,7 @@ def timed_spec(segments: int, order: int) -> Spec:
     )  # fmt: skip
 
 
-@cache
+@made_once()
 def fourier_spec(harmonics: int) -> Spec:
     """The Spec of a path of so many harmonics."""
     of_velocity = (harmonics, "nv"), "rad/s | m/s"

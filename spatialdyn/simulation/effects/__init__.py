@@ -42,6 +42,6 @@ def of_run(scene: Any, constrained: Constrained | None, records: bool, forces: A
 def of_structure(scene: Any) -> tuple[Effect, ...]:
     """The effects of a scene as programs know them: of no start."""
     rate = None if scene.stabilization is None else 1.0 / scene.stabilization
-    held = None if scene.constraints is None else Constrained(scene.constraints, rate, np.zeros(1, np.intp))
+    constrained = None if scene.constraints is None else Constrained(scene.constraints, rate, np.zeros(1, np.intp))
     forces = None if scene.fext is None else scene.fext.reshape((1, 1, -1))
-    return of_run(scene, held, False, forces)
+    return of_run(scene, constrained, False, forces)

@@ -78,17 +78,14 @@ class Constrained(Effect):
 
     @property
     def inputs(self) -> Any:
-        """See ``Effect``."""
         return (CONSTRAINTS_ARGUMENT, RANK, *(() if self.rate is None else (RATE,)))
 
     @property
     def tables(self) -> tuple[StaticTable, ...]:
-        """See ``Effect``."""
         return (self.constraints.table,)
 
     @property
     def values(self) -> dict[str, Array]:
-        """See ``Effect``."""
         made = {"rank": self.rank.reshape((-1, 1, 1)).astype(float)}
         return made if self.rate is None else {**made, "rate": np.full((1, 1, 1), self.rate)}
 
@@ -99,7 +96,6 @@ class Constrained(Effect):
 
     @property
     def form(self) -> tuple[Any, ...]:
-        """See ``Effect``."""
         return (self.chooses,)
 
     @property
@@ -129,9 +125,13 @@ class Constrained(Effect):
         else:
             chosen, first = at.given.get(CHOSEN), at.given.pop(UNJUDGED, False)
         if not at.recorded:
-            model, held, given = self.constraints.model, self.constraints, (np.array(q), np.array(v), np.array(tau))
+            model, constraints, given = (
+                self.constraints.model,
+                self.constraints,
+                (np.array(q), np.array(v), np.array(tau)),
+            )
             values = *given, _forces(at), self.rate, chosen
-            a[:], force, residual, rank = by_rows(constrained.MOTION, model, held, *values)
+            a[:], force, residual, rank = by_rows(constrained.MOTION, model, constraints, *values)
             self.check_rank(rank, at.given[RANK.name])
             if first and residual > CONTRADICTS:
                 self.raise_contradiction(q, v, tau, residual, at)
@@ -143,12 +143,12 @@ class Constrained(Effect):
 
     def raise_contradiction(self, q: Any, v: Any, tau: Any, residual: float, at: Any) -> None:
         """Raise ConstraintError: equations that contradict others by name if a call finds them, or another rank."""
-        held, time = self.constraints, None if self.rate is None else 1.0 / self.rate
+        constraints, time = self.constraints, None if self.rate is None else 1.0 / self.rate
         q, v, tau = (np.array(x, float) for x in (q, v, tau))
-        found = constrained_motion(held.model, held, q, v, tau, time, fext=_forces(at))
+        found = constrained_motion(constraints.model, constraints, q, v, tau, time, fext=_forces(at))
         self.check_rank(int(found.rank), at.given[RANK.name])
         raise ConstraintError(
-            f"equations of {', '.join(x.label for x in held)} contradict each other by {residual:.2g} of the "
+            f"equations of {', '.join(x.label for x in constraints)} contradict each other by {residual:.2g} of the "
             "motion, expected fewer constraints, or a state that meets them"
         )
 
@@ -212,18 +212,18 @@ class Constrained(Effect):
         Those meet J v⁺ = 0 there to the order of h³, in an impact h² (``impulse_step.meet``); a projection would move
         joints and points that stick.
         """
-        model, held, chosen = self.constraints.model, self.constraints, at.given.get(CHOSEN)
+        model, constraints, chosen = self.constraints.model, self.constraints, at.given.get(CHOSEN)
         if not at.recorded:
             if not self.projects:
                 return
-            phi = constraint_error(model, held, q)
-            q[:] = calls["integrate"](model, q, by_rows(constrained.RESPONSE, model, held, q, -phi, chosen)[0])
+            phi = constraint_error(model, constraints, q)
+            q[:] = calls["integrate"](model, q, by_rows(constrained.RESPONSE, model, constraints, q, -phi, chosen)[0])
             if chosen is not None:
-                left = constraint_error(model, held, q)
+                left = constraint_error(model, constraints, q)
                 self._check_closed(abs(phi), abs(left), chosen)
             if velocities:
-                rates = constraint_jacobian(model, held, q) @ v
-                v += by_rows(constrained.RESPONSE, model, held, q, -rates, chosen)[0]
+                rates = constraint_jacobian(model, constraints, q) @ v
+                v += by_rows(constrained.RESPONSE, model, constraints, q, -rates, chosen)[0]
             return
         if self.projects:
             phi = at.evaluate(ERROR, q=q)["phi"]
@@ -301,7 +301,7 @@ def _check_rates(constraints: Constraints, rates: Array, most: Array) -> None:
 
 
 def closed(
-    held: Constrained, model: Model, system: System, t: float, q: Array, settle: Callable[[], Array],
+    effect: Constrained, model: Model, system: System, t: float, q: Array, settle: Callable[[], Array],
     add: Callable[[Array], None],
 ) -> Array:  # fmt: skip
     """The positions at the end of a step of a symplectic method, where φ = 0: Newton's steps on its multipliers.
@@ -313,7 +313,7 @@ def closed(
     between J at the beginning and J at the end. Writes the status STALLED if φ stays. It raises ConstraintError, also
     where it fails near a branch point.
     """
-    constraints, before, chosen, exact = held.constraints, np.inf, held.rows(q), False
+    constraints, before, chosen, exact = effect.constraints, np.inf, effect.rows(q), False
     for sweep in range(SWEEPS):
         ahead = settle()
         phi = constraint_error(model, constraints, ahead)
@@ -331,25 +331,25 @@ def closed(
         impulse[chosen > 0.0] = -np.linalg.lstsq(end @ calls["minverse"](model, q) @ J.T, phi[chosen > 0.0])[0]
         add(impulse)
     if system.status[0] != OK:
-        raise_if_branching(held, model, q, chosen)
+        raise_if_branching(effect, model, q, chosen)
     return ahead
 
 
-def raise_if_branching(held: Constrained, model: Model, q: Array, chosen: Array) -> None:
+def raise_if_branching(effect: Constrained, model: Model, q: Array, chosen: Array) -> None:
     """Raise ConstraintError if equations that are kept nearly depend on each other."""
-    G = delassus(model, held.constraints, q)[np.ix_(chosen > 0.0, chosen > 0.0)]
+    G = delassus(model, effect.constraints, q)[np.ix_(chosen > 0.0, chosen > 0.0)]
     values = np.linalg.eigvalsh(G)
     if values[0] < BRANCHING * values[-1]:
         raise ConstraintError(
-            f"{', '.join(x.label for x in held.constraints)} nearly lose rank, {int(chosen.sum())} at the beginning: "
+            f"{', '.join(x.label for x in effect.constraints)} nearly lose rank, {int(chosen.sum())} at the beginning: "
             "the step fails near a branch point, from which the mechanism may go several ways"
         )
 
 
-def momentum_along(held: Constrained, model: Model, q: Array, p: Array) -> Array:
+def momentum_along(effect: Constrained, model: Model, q: Array, p: Array) -> Array:
     """The momenta nearest to p whose velocities keep J v = 0."""
     v = calls["velocity_from_momentum"](model, q, p)
-    Jv = constraint_jacobian(model, held.constraints, q) @ v
-    change = by_rows(constrained.RESPONSE, model, held.constraints, q, -Jv, held.rows(q))[0]
+    Jv = constraint_jacobian(model, effect.constraints, q) @ v
+    change = by_rows(constrained.RESPONSE, model, effect.constraints, q, -Jv, effect.rows(q))[0]
     made: Array = calls["momentum"](model, q, v + change)
     return made

@@ -33,7 +33,7 @@ from . import work
 from .constraints import Constrained
 from .effect import Effect, Forces, find
 from .external import external_torque
-from .friction import IMPLICIT, LUGRE, JointFriction, bent, dry, law_of, named
+from .friction import IMPLICIT, LUGRE, JointFriction, bent, dry, law_of, named, with_torques
 from .motor import geared
 
 Array = NDArray[Any]
@@ -54,24 +54,23 @@ CONTRADICTS = 1e-4  # of the motion: what no step leaves of equations that agree
 class Contact(Effect):
     """Points on the ground, and limits of joints.
 
-    contacts  Contacts, perhaps of joint limits alone, or of nothing beside constraints
-    records   whether impulses are recorded
-    table     of the contacts and of freedoms that rub dry
-    way       of friction that is solved for together with them, None for none
-    held      whether constraints are
+    contacts     Contacts, perhaps of joint limits alone, or of nothing beside constraints
+    records      whether impulses are recorded
+    table        of the contacts and of freedoms that rub dry
+    way          of friction that is solved for together with them, None for none
+    constrained  whether constraints are
     """
 
     contacts: Contacts
     records: bool
     table: StaticTable
     way: str | None = None
-    held: bool = False
+    constrained: bool = False
     name = "contacts"
 
     @property
     def form(self) -> Any:
-        """See ``Effect``."""
-        return self.way, self.held
+        return self.way, self.constrained
 
     @property
     def own(self) -> Argument:
@@ -80,7 +79,6 @@ class Contact(Effect):
 
     @property
     def states(self) -> Any:
-        """See ``Effect``."""
         return (self.own, IMPULSES) if self.warm else (self.own,)
 
     @property
@@ -90,7 +88,6 @@ class Contact(Effect):
 
     @property
     def work(self) -> Any:
-        """See ``Effect``."""
         return work.CONTACTS if self.table.sizes["np"] + self.table.sizes["nl"] else None
 
     @property
@@ -100,7 +97,6 @@ class Contact(Effect):
 
     @property
     def inputs(self) -> Any:
-        """See ``Effect``."""
         return (*(CONTACTS_ARGUMENT, HEIGHTS_ARGUMENT)[: len(self.tables)], *self._coefficients)
 
     @property
@@ -109,7 +105,6 @@ class Contact(Effect):
 
     @property
     def values(self) -> dict[str, Array]:
-        """See ``Effect``."""
         rows = self.contacts.friction, self.contacts.restitution
         return {x.name: y[None, None] for x, y in zip(self._coefficients, rows, strict=False)}
 
@@ -118,16 +113,14 @@ class Contact(Effect):
         """Whether programs of its steps are too long: those that hold rows in turn, and those of many points."""
         points, rows = len(self.contacts), len(self.table.rows) - 1
         heights = sum(len(x.rows) - 1 for x in self.tables[1:])
-        several = (self.way is not None or self.held) and rows + 2 * points > MOST_ROWS
+        several = (self.way is not None or self.constrained) and rows + 2 * points > MOST_ROWS
         return several or points > MOST_POINTS or heights > MOST_TABLE
 
     @property
     def solves(self) -> bool:
-        """See ``Effect``."""
         return True
 
     def solve(self, at: Arithmetic, acting: tuple[Effect, ...], tau: Any) -> tuple[Any, dict[str, Any], Forces]:
-        """See ``Effect``."""
         given, v, push = at.given, at.given["v"], tau
         constrained = find(acting, Constrained)
         lost, law = None, None
@@ -136,11 +129,7 @@ class Contact(Effect):
             lost = push - tau if push is not tau else None
         pushed = given.get(FEXT.name) is not None
         general = self.way is not None or constrained is not None
-        forces: Forces = {}
-        for effect in acting:
-            made = effect.torque(at, given["q"], v)
-            if made is not None and effect.work is not None:
-                push, forces[effect.work.name] = push + made, made
+        push, forces = with_torques(at, acting, push)
         if pushed and not general:
             made = external_torque(at, given["q"])
             push, forces[work.EXTERNAL.name] = push + made, made
@@ -204,7 +193,6 @@ class Contact(Effect):
             constrained.check_rank(int(rank), at.given["rank"])
 
     def failure(self, states: dict[str, Array], dt: float, t: float) -> str:
-        """See ``Effect``."""
         own = states[self.own.name]
         worst, which, step = own[1], int(own[2]), int(own[3])
         if not worst > UNSOLVED:
@@ -243,13 +231,14 @@ def contact_of(
 
     Raises  SimulationError for contacts that are recorded and do not act
     """
-    contacts, stops, friction = scene.contacts, scene.limits, find(acting, JointFriction)
-    if contacts is None and not stops and records:
-        raise SimulationError('record has "contacts", expected contacts or limits=True in the scene')
+    friction, given = find(acting, JointFriction), scene.unilateral
+    nothing = scene.contacts is None and not given.stops  # limits of a robot that has none are nothing
+    if nothing and records:
+        expected = "expected contacts, or limits=True of joints that have limits, in the scene"
+        raise SimulationError(f'record has "contacts", {expected}')
     solved = friction.way if friction is not None and friction.way in (IMPLICIT, LUGRE) else None
-    if contacts is None and not stops and (constrained is None or solved != IMPLICIT):
+    if nothing and (constrained is None or solved != IMPLICIT):
         return None
-    given = scene.unilateral
     table = given.with_dry(dry(acting, scene.model.nv))
     made = Contact(given, records, table, solved, constrained is not None)
     return made if len(table.rows) > 1 or constrained is not None else None

@@ -60,32 +60,26 @@ class Feedback(Effect):
         return cls(control.spec, control.held, control.static, control.rows(model, samples, steps))
 
     def structure(self) -> Feedback:
-        """See ``Effect``."""
         return Feedback(self.spec, self.held)
 
     @property
     def form(self) -> Any:
-        """See ``Effect``."""
         return self.spec, self.held
 
     @property
     def inputs(self) -> Any:
-        """See ``Effect``."""
         return inputs_of(self.spec)
 
     @property
     def states(self) -> Any:
-        """See ``Effect``."""
         return states_of(self.spec)
 
     @property
     def tables(self) -> tuple[Any, ...]:
-        """See ``Effect``."""
         return self.static
 
     @property
     def values(self) -> dict[str, Array]:
-        """See ``Effect``."""
         return dict(self.rows)
 
     @property

@@ -31,11 +31,9 @@ class ExternalForces(Effect):
 
     @property
     def values(self) -> dict[str, Array]:
-        """See ``Effect``."""
         return {FEXT.name: self.rows}
 
     def structure(self) -> ExternalForces:
-        """See ``Effect``."""
         return ExternalForces(np.empty(0))
 
 

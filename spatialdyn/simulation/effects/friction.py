@@ -67,7 +67,6 @@ class JointFriction(Effect):
 
     @property
     def values(self) -> dict[str, Array]:
-        """See ``Effect``."""
         rows = (*self.friction.law, *self.coefficients)
         return {x.name: y[None, None] for x, y in zip(self.inputs, rows, strict=True)}
 
@@ -85,7 +84,6 @@ class SmoothFriction(JointFriction):
         return (_needed(self.friction.smoothing, "smoothing", SMOOTH),)
 
     def torque(self, at: Arithmetic, q: Any, v: Any) -> Any:
-        """See ``Effect``."""
         (made,) = at.evaluate(FRICTION_TORQUE, v=v).values()
         return made
 
@@ -102,24 +100,20 @@ class DryFriction(JointFriction):
 
     @property
     def states(self) -> Any:
-        """See ``Effect``."""
         return () if self.coupled else (VIOLATION,)
 
     def as_coupled(self) -> DryFriction:
-        """See ``Effect``."""
         return DryFriction(self.friction, True)
 
     @property
     def solves(self) -> bool:
-        """See ``Effect``."""
         return True
 
     def solve(self, at: Arithmetic, acting: tuple[Effect, ...], tau: Any) -> tuple[Any, dict[str, Any], Forces]:
-        """See ``Effect``."""
         given, v = at.given, at.given["v"]
         push, law = geared(given, v, tau, law_of(given))
         lost = push - tau if push is not tau else 0.0
-        push, forces = _with_torques(at, acting, push)
+        push, forces = with_torques(at, acting, push)
         (made,) = at.evaluate(FRICTION_STEP, tau=push, **named(law)).values()
         after, beyond, dry = made
         largest = given[VIOLATION.name][0]
@@ -129,7 +123,6 @@ class DryFriction(JointFriction):
         return after, {VIOLATION.name: np.array([largest], after.dtype)}, forces
 
     def failure(self, states: dict[str, Array], dt: float, t: float) -> str:
-        """See ``Effect``."""
         if self.coupled or not states[VIOLATION.name][0] > UNSOLVED:
             return ""
         return (
@@ -157,19 +150,17 @@ class LuGreFriction(JointFriction):
 
     @property
     def solves(self) -> bool:
-        """See ``Effect``."""
         return True
 
     def solve(self, at: Arithmetic, acting: tuple[Effect, ...], tau: Any) -> tuple[Any, dict[str, Any], Forces]:
-        """See ``Effect``."""
-        push, forces = _with_torques(at, acting, tau)
-        held = find(acting, Constrained)
-        if held is None:
+        push, forces = with_torques(at, acting, tau)
+        constrained = find(acting, Constrained)
+        if constrained is None:
             (made,) = at.evaluate(BRISTLE_STEP, tau=push).values()
             after, bristles = made
         else:
-            after, bristles, force = held.after_bristles(at, push)
-            forces[work.CONSTRAINTS.name] = lambda way: force * held.rates(at, at.given["q"], way)
+            after, bristles, force = constrained.after_bristles(at, push)
+            forces[work.CONSTRAINTS.name] = lambda way: force * constrained.rates(at, at.given["q"], way)
         forces[work.FRICTION.name] = bent(at.given, law_of(at.given), after, bristles)
         return after, {BRISTLES.name: bristles}, forces
 
@@ -177,7 +168,7 @@ class LuGreFriction(JointFriction):
 KINDS: dict[str, type[JointFriction]] = {IMPLICIT: DryFriction, LUGRE: LuGreFriction, SMOOTH: SmoothFriction}
 
 
-def _with_torques(at: Arithmetic, acting: tuple[Effect, ...], push: Any) -> tuple[Any, Forces]:
+def with_torques(at: Arithmetic, acting: tuple[Effect, ...], push: Any) -> tuple[Any, Forces]:
     """tau with the torques of effects at the beginning of a step, and those by their states of work."""
     forces: Forces = {}
     for effect in acting:

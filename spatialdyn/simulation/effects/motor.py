@@ -33,12 +33,10 @@ class Drive(Effect):
 
     @property
     def inputs(self) -> Any:
-        """See ``Effect``."""
         return (SUPPLY if self.given == VOLTAGE else STALL, EMF, MOST, EFFICIENCY, LIMIT)
 
     @property
     def values(self) -> dict[str, Array]:
-        """See ``Effect``."""
         stall, emf, most, efficiency, limit = self.motor.lines
         return {x.name: y[None, None] for x, y in zip(self.inputs, (stall, emf, most, efficiency, limit), strict=True)}
 

@@ -35,7 +35,6 @@ class Springs(Effect):
     work = work.SPRINGS
 
     def torque(self, at: Arithmetic, q: Any, v: Any) -> Any:
-        """See ``Effect``."""
         (made,) = at.evaluate(SPRING_TORQUE, q=q, v=v).values()
         return made
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from ...bodies.kinds import NV
 from ...bodies.table import independent
+from ...calls.by_program import OneByOne
 from ...calls.dynamics import calls
 from ...calls.one_sample import of_model
 from ...engines.programs.record import tracer
@@ -27,7 +28,6 @@ from ...recursions.momenta.discrete_momenta import ENDS, WORK_AFTER, WORK_BEFORE
 from ...recursions.momenta.hamilton import P
 from ..arithmetic import answered, finite
 from ..system import NONFINITE, OK, TURNED, System
-from ..tangents import OneByOne
 from .explicit import HALF_TURN, ExplicitKernels
 from .iteration import end
 from .methods import CANONICAL, EXPLICIT, Family

@@ -34,9 +34,9 @@ NAME = "variational"
 ROUNDING = 4.0 * EPS  # of an iterate
 
 
-def constrained_variational(held: Constrained, model: Model) -> Callable[..., None]:
+def constrained_variational(constrained: Constrained, model: Model) -> Callable[..., None]:
     """The step, which advances (q, p). It raises ConstraintError."""
-    n, constraints = model.nv, held.constraints
+    n, constraints = model.nv, constrained.constraints
     impulse, xi = np.zeros(constraints.nc), np.zeros(n)  # Λ and ξ of the last step, from which the next starts
 
     def step(system: System, t: float, h: float, state: State) -> None:
@@ -66,7 +66,7 @@ def constrained_variational(held: Constrained, model: Model) -> Callable[..., No
         def add(more: Array) -> None:
             impulse[:] += more / h
 
-        ahead = closed(held, model, system, t, q, settle, add)
+        ahead = closed(constrained, model, system, t, q, settle, add)
         if system.status[0] != 0:
             return
         set_status(system, k.before(system.table, q, xi, state.by_row, left), t)
@@ -74,6 +74,6 @@ def constrained_variational(held: Constrained, model: Model) -> Callable[..., No
         set_status(system, k.load(system, ahead, g), t + h)
         system.torque(system, t + h, ahead, xi / h)
         state.q[:] = ahead
-        state.w[:] = momentum_along(held, model, ahead, left / h + 0.5 * h * (system.tau - g))
+        state.w[:] = momentum_along(constrained, model, ahead, left / h + 0.5 * h * (system.tau - g))
 
     return step

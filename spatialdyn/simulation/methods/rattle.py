@@ -50,9 +50,9 @@ def unfit(model: Model, constraints: Constraints, stabilization: float | None, m
     return ""
 
 
-def rattle(held: Constrained, model: Model) -> Callable[..., None]:
+def rattle(constrained: Constrained, model: Model) -> Callable[..., None]:
     """The step, which advances z = (q, p) in row 0 of ``state.work``. It raises ConstraintError."""
-    n, constraints = model.nv, held.constraints
+    n, constraints = model.nv, constrained.constraints
     force = np.zeros(constraints.nc)  # λ of the last step, from which the next starts
 
     def step(system: System, t: float, h: float, state: State) -> None:
@@ -81,9 +81,9 @@ def rattle(held: Constrained, model: Model) -> Callable[..., None]:
         def add(impulse: Array) -> None:
             force[:] += 2.0 / h**2 * impulse
 
-        closed(held, model, system, t, q, settle, add)
+        closed(constrained, model, system, t, q, settle, add)
         joint_rates(system, t + h, ahead, half, rates)
-        z[:n], z[n:] = ahead, momentum_along(held, model, ahead, half + 0.5 * h * rates[1])
+        z[:n], z[n:] = ahead, momentum_along(constrained, model, ahead, half + 0.5 * h * rates[1])
 
     return step
 

@@ -154,6 +154,12 @@ def test_results_larger_than_the_caches_are_left_to_one_sample() -> None:
     assert kernel(bodies.ctypes.data, 1, *given) == -1
 
 
+def test_the_mass_matrix_of_a_long_chain_has_no_program() -> None:
+    of = random_tree(1, 65, kinds=("revolute",), branching=0.0).model
+    assert run.program(SPECS["crba"], of, ()) is None
+    assert recording.fits((SPECS["crba"],), of.bodies)  # which ``specialize`` goes by
+
+
 # --- the number ---------------------------------------------------------------------------------------------
 
 
