@@ -61,10 +61,10 @@ def main(quick: bool = False, long: bool = False, save: str | None = None) -> di
     for _ in range(99):
         states.append(runge_kutta(lambda q, v: k(q, v, friction(v)), *states[-1]))
     before, behind = (torch.tensor(np.concatenate(x, 1).reshape(2, -1, 2)) for x in (states[:-1], states[1:]))
-    found, swing = {}, [(np.array([2.0, 0.5]), np.zeros(2))]
+    found, swing = dict[str, Any](), [(np.array([2.0, 0.5]), np.zeros(2))]
     ways = {"robot": (lambda q, v: k(q, v, friction(v)), []), **networks(torch, k, width)}
     for name, (acceleration, trained) in ways.items():
-        optimizer = torch.optim.Adam(trained, 0.005) if trained else None
+        optimizer: Any = torch.optim.Adam(trained, 0.005) if trained else None
         for _ in range(steps if trained else 0):
             chosen = rng.integers(before.shape[1], size=128)
             (q, v), later = before[:, chosen], behind[1, chosen]
