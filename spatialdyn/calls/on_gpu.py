@@ -77,7 +77,7 @@ class SpecializedOnGpu(Specialized):
         batch = broadcast(names, leads)
         rows = [_rows(x, view, batch) for x, view in zip(self._inputs, given, strict=True)]
         whole = [batch + shape for shape in self._shapes]
-        made = [library.empty(shape, request.dtype) for shape in whole] if out is None else self._results(out, len(whole))
+        made = [library.empty(shape, request.dtype) for shape in whole] if out is None else self._given(out, len(whole))
         views = [device_arrays.read("out", x, device.stream_for_dlpack(stream)) for x in made]
         if out is not None:
             device_arrays.library_of(["out"] * len(made), made, device.kind)
@@ -129,7 +129,7 @@ class SpecializedOnGpu(Specialized):
             raise ShapeError(f"{wanted.name} has dtype {view.dtype}, expected {self.dtype}, that of the program")
         return view
 
-    def _results(self, out: Any, count: int, inputs: Any = None) -> list[Any]:
+    def _given(self, out: Any, count: int, inputs: Any = None) -> list[Any]:
         outs = out if self._request.several else (out,)
         if not isinstance(outs, (tuple, list)) or len(outs) != count:
             raise ShapeError(f"out is {type(out).__name__}, expected a tuple of {count} arrays")
