@@ -233,9 +233,15 @@ class ActiveSet:
         """(np) of points that share impulses: whether shares ``each`` (np) of their loads act otherwise as these do.
 
         They do not where loads alone are shared and all give back the same share. Friction that is shared turns with
-        the body, and loads with it.
+        the body, and loads with it; friction along which a point cannot move, as of planar legs, is shared with none.
         """
         normal, free = 3 * np.arange(self.points), self.free_impulses()
+        for p in range(self.points):
+            rows = slice(3 * p + 1, 3 * p + 3)
+            across = self.J[rows] * self.scale / np.sqrt(self.own[rows, None])
+            ways, sizes, _ = np.linalg.svd(across, full_matrices=False)
+            still = ways[:, sizes <= SHARED]
+            free[:, p, 1:] -= free[:, p, 1:] @ still @ still.T
         back = (free[:, :, 0] * each / np.sqrt(self.own[normal])) @ self.J[normal] * self.scale
         apart = (np.linalg.norm(back, axis=1) > SHARED) | (abs(free[:, :, 1:]) > SHARED).any(axis=(1, 2))
         return np.asarray((abs(free[apart]) > SHARED).any(axis=(0, 2)), np.bool_)

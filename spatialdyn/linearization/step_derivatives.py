@@ -31,7 +31,7 @@ from ..errors import SimulationError, SpatialDynError, literal
 from ..model.model import Model
 from ..recursions.derivatives.step_derivatives import MOTION, STEPS, TURNING_STEPS
 from ..recursions.spec import FEXT, TAU, Q, V
-from ..simulation.effects.friction import LUGRE
+from ..simulation.effects.friction import LUGRE, SMOOTH
 from ..simulation.effects.springs import has_springs
 from ..simulation.methods.explicit import HALF_TURN
 from ..simulation.methods.methods import integrators
@@ -60,8 +60,8 @@ def step_derivatives(
 
     Source: see ``recursions.derivatives.step_derivatives`` and ``linearization.implicit_derivatives``.
 
-    scene   Scene or Model. A Friction with ``smoothing`` that acts alone acts by its smooth law; any other one, motors,
-            contacts and limits act by impulses, whose laws have a derivative on each side of a switch
+    scene   Scene or Model. Friction by the method "smooth" is a torque; any other one, motors, contacts and limits act
+            by impulses, whose laws have a derivative on each side of a switch
     q       (..., nq)          joint positions [rad | m]
     v       (..., nv)          joint velocities [rad/s | m/s]
     tau     (..., nv)          joint torques [N m | N]
@@ -179,9 +179,8 @@ def linearize(
 
 def _is_smooth(scene: Scene) -> bool:
     """Whether friction acts alone, and by its smooth law."""
-    smooth = isinstance(scene.friction, Friction) and scene.friction.smoothing is not None
     alone = scene.contacts is None and not scene.limits and scene.motor is None
-    return smooth and scene.friction_method != LUGRE and alone
+    return isinstance(scene.friction, Friction) and scene.friction_method == SMOOTH and alone
 
 
 def _scene(given: Scene | Model, fext: ArrayLike | None) -> tuple[Scene, ArrayLike | None]:
@@ -199,14 +198,17 @@ def _checked(scene: Scene) -> tuple[tuple[slice, ...], tuple[Array | None, ...]]
     """
     turns, rubs = _facts(scene.model)
     rough = [x for x in scene.acts if x not in ("constraints", "friction", "fext", "springs")]
-    friction = scene.friction
-    if isinstance(friction, Friction) and (friction.smoothing is None or scene.friction_method == LUGRE):
-        rough.append(f"{friction!r} by {scene.friction_method} steps")
+    friction, way = scene.friction, scene.friction_method
+    if isinstance(friction, Friction) and way != SMOOTH:
+        rough.append(f"{friction!r} by {way} steps")
     if rough:
+        why = "Coulomb's law has no derivative where a joint begins to stick, and impulses act in steps"
+        if way == LUGRE and len(rough) == 1:
+            why = "bristles are a state beside q and v, which steps carry"
         raise SimulationError(
             f"{', '.join(rough)} acts in the scene, expected constant forces, constraints, springs and a Friction with "
-            "smoothing: Coulomb's law has no derivative where a joint begins to stick, and impulses act in "
-            "steps: dt and method give the derivatives of one; a torque of your own has some by the chain rule with B"
+            f'smoothing and friction_method="{SMOOTH}": {why}: dt and method give the derivatives of one; a torque of '
+            "your own has some by the chain rule with B"
         )
     if isinstance(friction, Friction):
         return turns, (*friction.law, friction.smoothing)

@@ -162,11 +162,12 @@ def _of_motor(
     given, spec = [v, tau, *lines], _motor_spec(motor.inputs)
     tangents: list[Any] = [_all(np.eye(nv, m, nv), n), _all(np.eye(nv, m, m - nv), n), *(nv for _ in lines)]
     push, slope, level = np.moveaxis(run(model, spec, "", given).reshape((n, 3, nv)), 1, 0)
-    by = along(model, spec, given, tangents).reshape((n, 3, nv, m))
+    driven = motor.motor.torque_constant > 0.0
+    by = along(model, spec, given, tangents).reshape((n, 3, nv, m)) * driven[:, None]  # others have no torque to limit
     coulomb, viscous, static, stribeck = law
     saturated, margins = _sides(motor, v, tau, lines)
     answers = h[:, None] * np.diagonal(calls["minverse"](model, q), axis1=1, axis2=2)
-    rows = np.flatnonzero(motor.motor.torque_constant > 0.0)
+    rows = np.flatnonzero(driven)
     return made._replace(
         torque=push, law=(coulomb + level, viscous + slope, static + level, stribeck),
         by_torque=by[:, 0], by_viscous=by[:, 1], by_level=by[:, 2],

@@ -271,6 +271,18 @@ def test_motors_act_on_the_branch_on_which_they_are(drive: str, more: dict[str, 
         assert by.switching.tolist() == [False, True]
 
 
+@pytest.mark.parametrize("drive", ["current", "voltage"])
+def test_a_joint_without_a_motor_has_no_torque(drive: str) -> None:
+    """A torque of 0 is at both of its limits, which are 0; beside gears with and without losses."""
+    model, q, v, tau = sd.load_urdf("two_link"), np.array([0.4, 0.2]), np.array([0.7, -0.3]), np.array([1.0, 0.0])
+    for eta in (1.0, 0.8):
+        motor = sd.Motor([0.05, 0.0], 1.0, 24.0, 20.0, efficiency=eta)
+        by = agree(sd.Scene(model, motor=motor, drive=drive), q, v, tau)
+        assert by.labels[-1] == 'motor of joint "joint1"'
+        assert abs(by.B[:, 0]).min() > 0.0
+        assert not by.B[:, 1].any()
+
+
 def with_bristles(scene: sd.Scene, q: Array, v: Array, tau: Array, z: Array, dt: float, e: float = 1e-6) -> Any:
     """The derivatives by (q, v, z), which differences of steps agree with."""
     model, n = scene.model, scene.model.nv
@@ -345,6 +357,21 @@ def test_a_box_bounces_on_a_corner() -> None:
 
 
 FALLS = {"flat": [0, 0, -1, 0, 0, 0], "along": [0.1, 0.2, -1, 0, 0, 0.1], "turning": [0, 0, -1, 0.5, 0, 0]}
+
+
+@pytest.mark.parametrize("mu", [0.1, 2.0])
+def test_a_point_that_moves_in_a_plane_bounces(mu: float) -> None:
+    """Across that plane friction has nothing to hold, and no load to share."""
+    made = sd.ModelBuilder("hopper").add_body("z", None, "prismatic", (0, 0, 1), inertia=(2.0, (0, 0, 0), np.eye(3)))
+    made.add_body("x", "z", "prismatic", (1, 0, 0), inertia=(1.0, (0, 0, 0), np.eye(3)))
+    made.add_body("leg", "x", "revolute", (0, 1, 0), inertia=(0.5, (0, 0, -0.1), 2e-2 * np.eye(3)))
+    made.add_body("foot", "leg", "fixed", placement=(0, 0, -0.25))
+    model = made.build()
+    contacts = sd.Contacts(model, {"foot": 0.02}, friction=mu, restitution=0.5, tolerance=EXACT)
+    q = np.array([0.2703, 0.0, 0.3])
+    q[0] -= sd.contact_gaps(model, contacts, q)[0] - 3e-4
+    found = agree(sd.Scene(model, contacts=contacts), q, np.array([-1.5, 0.3, 0.2]), e=1e-5)
+    assert found.active.tolist() == ["bounces" if mu > 1.0 else "glances"]
 
 
 @pytest.mark.parametrize("fall", FALLS)

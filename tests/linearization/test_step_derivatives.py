@@ -572,10 +572,9 @@ def test_smooth_friction_acts_in_every_stage(method: str) -> None:
     model, h = sd.load_urdf("two_link"), 0.01
     q, v, tau = np.array([0.5, -0.3]), np.array([0.05, 0.4]), np.array([0.3, 0.2])
     friction = sd.Friction([0.3, 0.2], [0.1, 0.05], [0.5, 0.4], [0.1, 0.3], smoothing=[0.1, 0.2])
-    A, B = sd.step_derivatives(sd.Scene(model, friction=friction), q, v, tau, h, method)
-    lanes = sd.step_derivatives(
-        sd.Scene(model, friction=friction), np.tile(q, (9, 1)), np.tile(v, (9, 1)), np.tile(tau, (9, 1)), h, method
-    )
+    scene = sd.Scene(model, friction=friction, friction_method="smooth")
+    A, B = sd.step_derivatives(scene, q, v, tau, h, method)
+    lanes = sd.step_derivatives(scene, *(np.tile(x, (9, 1)) for x in (q, v, tau)), h, method)
     for x, y in zip((A, B), lanes, strict=True):
         np.testing.assert_allclose(y, np.broadcast_to(x, y.shape), rtol=0, atol=EXACT)
     if "euler" in method:
@@ -597,7 +596,7 @@ def test_smooth_friction_acts_in_every_stage(method: str) -> None:
 def test_smooth_friction_in_continuous_time_is_the_chain_rule() -> None:
     model, q, v = sd.load_urdf("two_link"), [0.5, -0.3], np.array([0.05, 0.4])
     friction = sd.Friction([0.3, 0.2], [0.1, 0.05], [0.5, 0.4], [0.1, 0.3], smoothing=[0.1, 0.2])
-    A, B = sd.linearize(sd.Scene(model, friction=friction), q, v, [0.3, 0.2])
+    A, B = sd.linearize(sd.Scene(model, friction=friction, friction_method="smooth"), q, v, [0.3, 0.2])
     rub, e = sd.friction_torque(model, v, friction), 1e-6
     slope = np.diag(sd.friction_torque(model, v + e, friction) - sd.friction_torque(model, v - e, friction)) / (2 * e)
     bare, same = sd.linearize(sd.Scene(model, friction=False), q, v, np.add(rub, [0.3, 0.2]))
@@ -605,6 +604,24 @@ def test_smooth_friction_in_continuous_time_is_the_chain_rule() -> None:
     np.testing.assert_allclose(B, same, rtol=0, atol=EXACT)
     with pytest.raises(sd.SimulationError, match='method is "gauss4" and friction acts, expected one of semi_implicit'):
         sd.step_derivatives(sd.Scene(model, friction=friction), q, v, [0.3, 0.2], 0.01, "gauss4")
+
+
+def test_friction_is_of_the_law_by_which_a_step_takes_it() -> None:
+    """With a smoothing it is dry all the same, unless the scene says that it is smooth."""
+    model, q, v, tau, h = sd.load_urdf("two_link"), [0.5, -0.3], np.array([0.0, 0.4]), [0.3, 0.2], 0.01
+    law = {"coulomb": [50.0, 0.2], "viscous": [0.1, 0.05]}
+    dry = sd.Scene(model, friction=sd.Friction(**law, smoothing=0.1))
+    found = sd.step_derivatives(dry, q, v, tau, h)
+    plain = sd.step_derivatives(sd.Scene(model, friction=sd.Friction(**law)), q, v, tau, h)
+    assert found.active.tolist() == ["sticks", "slides"]
+    np.testing.assert_array_equal(np.hstack(found), np.hstack(plain))
+    assert abs(found.A[2]).max() < EXACT
+    assert sd.step(dry, q, v, tau, h)[1][0] == 0.0
+    with pytest.raises(sd.SimulationError, match=r"by implicit steps acts in the .*: Coulomb's law has no"):
+        sd.linearize(dry, q, v, tau)
+    bent = sd.Scene(model, friction=sd.Friction(**law, bristle_stiffness=50.0), friction_method="lugre")
+    with pytest.raises(sd.SimulationError, match=r'friction_method="smooth": bristles are a state beside q'):
+        sd.linearize(bent, q, v, tau)
 
 
 @pytest.mark.slow(quick="test_what_cannot_be_is_named")
