@@ -86,7 +86,7 @@ def scene_derivatives(
     whole = [np.broadcast_to(a, batch + core_shape(model, x)) for x, a in zip(names, given, strict=True)]
     rows = [x.reshape((count, *x.shape[len(batch) :])) for x in whole]
     steps = np.broadcast_to(h, batch).reshape(count)
-    finite = np.logical_and.reduce([np.isfinite(x.reshape((count, -1))).all(axis=1) for x in rows])
+    finite = np.logical_and.reduce([np.isfinite(x.reshape((count, math.prod(x.shape[1:])))).all(axis=1) for x in rows])
     sound = np.flatnonzero(finite)
     if len(sound) and not (steps > 0.0).all():
         raise SimulationError(f"dt is {steps.min():g}, expected more than 0 s in a scene")

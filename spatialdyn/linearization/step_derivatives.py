@@ -31,7 +31,7 @@ from ..errors import SimulationError, SpatialDynError, literal
 from ..model.model import Model
 from ..recursions.derivatives.step_derivatives import MOTION, STEPS, TURNING_STEPS
 from ..recursions.spec import FEXT, TAU, Q, V
-from ..simulation.effects.friction import LUGRE, SMOOTH
+from ..simulation.effects.friction import IMPLICIT, LUGRE, SMOOTH
 from ..simulation.effects.springs import has_springs
 from ..simulation.methods.explicit import HALF_TURN
 from ..simulation.methods.methods import integrators
@@ -142,9 +142,9 @@ def linearize(
 ) -> StepDerivatives:
     """The linear system of a robot near a state: continuous, d/dt δx = A δx + B δτ, or of a step with dt and method.
 
-    Arguments are those of ``step_derivatives``; in continuous time a scene may have constraints, springs and smooth
-    friction, but nothing that acts by impulses. About a moving state δx is the difference from that motion, in the
-    frames of its bodies, which turn: for a body with velocity v, d/dt δq = δv - v × δq, the commutator of twists.
+    Arguments are those of ``step_derivatives``; in continuous time a scene may have constraints, springs and viscous or
+    smooth friction, but nothing that acts by impulses. About a moving state δx is the difference from that motion, in
+    the frames of its bodies, which turn: for a body with velocity v, d/dt δq = δv - v × δq, the commutator of twists.
 
     Returns A (..., 2 nv, 2 nv) and B (..., 2 nv, nv), views of one array; with dt and method as ``step_derivatives``.
     Raises  SpatialDynError for one of dt and method without the other; the errors of ``step_derivatives``.
@@ -164,7 +164,7 @@ def linearize(
     scene, fext = _scene(scene, fext)
     model = scene.model
     run_states(model, (), (), states)  # raises for any state
-    n = model.nv
+    n, scene = model.nv, _damped(scene)
     _, law = _checked(scene)
     if scene.constraints is not None:
         return constrained_linearization(scene, q, v, tau, fext)
@@ -181,6 +181,16 @@ def _is_smooth(scene: Scene) -> bool:
     """Whether friction acts alone, and by its smooth law."""
     alone = scene.contacts is None and not scene.limits and scene.motor is None
     return isinstance(scene.friction, Friction) and scene.friction_method == SMOOTH and alone
+
+
+def _damped(scene: Scene) -> Scene:
+    """The scene with viscous friction, if it has no other, as the torque that it is in continuous time."""
+    law = scene.friction
+    if not isinstance(law, Friction) or scene.friction_method != IMPLICIT or scene.motor is not None:
+        return scene
+    if law.coulomb.any() or law.static.any():
+        return scene
+    return scene.with_(friction=Friction(viscous=law.viscous, smoothing=1.0), friction_method=SMOOTH)
 
 
 def _scene(given: Scene | Model, fext: ArrayLike | None) -> tuple[Scene, ArrayLike | None]:
@@ -206,9 +216,9 @@ def _checked(scene: Scene) -> tuple[tuple[slice, ...], tuple[Array | None, ...]]
         if way == LUGRE and len(rough) == 1:
             why = "bristles are a state beside q and v, which steps carry"
         raise SimulationError(
-            f"{', '.join(rough)} acts in the scene, expected constant forces, constraints, springs and a Friction with "
-            f'smoothing and friction_method="{SMOOTH}": {why}: dt and method give the derivatives of one; a torque of '
-            "your own has some by the chain rule with B"
+            f"{', '.join(rough)} acts in the scene, expected constant forces, constraints, springs, viscous friction "
+            f'and a Friction with smoothing and friction_method="{SMOOTH}": {why}: dt and method give the derivatives '
+            "of one; a torque of your own has some by the chain rule with B"
         )
     if isinstance(friction, Friction):
         return turns, (*friction.law, friction.smoothing)

@@ -617,8 +617,13 @@ def test_friction_is_of_the_law_by_which_a_step_takes_it() -> None:
     np.testing.assert_array_equal(np.hstack(found), np.hstack(plain))
     assert abs(found.A[2]).max() < EXACT
     assert sd.step(dry, q, v, tau, h)[1][0] == 0.0
+    assert sd.step_derivatives(dry, np.zeros((0, 2)), np.zeros((0, 2)), tau, h).A.shape == (0, 4, 4)
     with pytest.raises(sd.SimulationError, match=r"by implicit steps acts in the .*: Coulomb's law has no"):
         sd.linearize(dry, q, v, tau)
+    damped = sd.Scene(model, friction=sd.Friction(viscous=[0.1, 0.05]))
+    bare, by_tau = sd.linearize(sd.Scene(model, friction=False), q, v, tau - [0.1, 0.05] * v)
+    wanted = bare - np.hstack([np.zeros((4, 2)), by_tau * [0.1, 0.05]])
+    np.testing.assert_allclose(sd.linearize(damped, q, v, tau)[0], wanted, rtol=0, atol=1e-12)
     bent = sd.Scene(model, friction=sd.Friction(**law, bristle_stiffness=50.0), friction_method="lugre")
     with pytest.raises(sd.SimulationError, match=r'friction_method="smooth": bristles are a state beside q'):
         sd.linearize(bent, q, v, tau)
