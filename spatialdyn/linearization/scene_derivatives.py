@@ -54,7 +54,7 @@ class StepDerivatives(_Pair):
                "free", "lower limit", "upper limit", "sticks", "slides" of joints; "commanded" of motors, "saturated" at
                the limit of a voltage, current or gear; "bends" of bristles
     switching  (..., len(labels))  whether a state is within 1e-6 m/s or rad/s of another, or its gap of changing sign:
-               the derivative is then that of one side
+               the derivative is then that of one side. Creases of a Heightfield, on its lines, are not marked
     undetermined  (..., len(labels))  whether a point slides whose share of the load others could take, as of boxes on
                four corners: its friction turns with that share, and the derivative is that of the impulses found
     """
