@@ -8,15 +8,18 @@ it calls Python (``pure_callback``).
 
 from __future__ import annotations
 
+import atexit
 import math
 import warnings
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from functools import cache, partial
 from typing import Any
 
 import numpy as np
 
 from ..calls.differentiable import Differentiable, Node
+from ..errors import SpatialDynError
 from .frameworks import framework
 
 
@@ -26,6 +29,9 @@ def to_jax(made: Differentiable) -> Callable[..., Any]:
 
     def function(*arrays: Any) -> Any:
         given = [jax.numpy.asarray(x) for x in arrays]
+        for name, x in zip(made.names, given, strict=False):
+            if jax.numpy.iscomplexobj(x):
+                raise SpatialDynError(f"{name} is {x.dtype}, expected real numbers")
         single = all(x.dtype == np.float32 for x in given)
         dtype = np.float32 if single else jax.dtypes.canonicalize_dtype(np.float64)
         shapes = made.aligned([x.shape for x in given])
@@ -77,7 +83,18 @@ def primitive() -> Any:
     ad.primitive_jvps[made] = _jvp
     ad.primitive_transposes[made] = _transpose
     batching.primitive_batchers[made] = _batched
+    atexit.register(finish)  # after JAX's own, so it runs before that
     return made
+
+
+def finish() -> None:
+    """Wait for the arrays that are being computed.
+
+    At exit JAX waits for them with Python's lock held, for which samples that Python recomputes would wait too.
+    """
+    for x in framework("jax").live_arrays():
+        with suppress(Exception):  # the error of an array that was not asked for, or one that is deleted meanwhile
+            x.block_until_ready()
 
 
 @cache
