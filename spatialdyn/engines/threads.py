@@ -31,6 +31,7 @@ PIECES = 4  # of a thread's share of a batch: a thread that comes late leaves it
 IDLE = 0.5  # of the time it works: a thread that waits longer for the others, or for a core, is on a busy machine
 PAUSE = 10.0  # times that wait, and at most MOST_PAUSE seconds, in which batches then run on one thread
 MOST_PAUSE = 1.0
+MOST_THREADS = 1 << 20  # that compiled code is told of
 FINE_CLOCK = time.get_clock_info("thread_time").resolution < 1e-5  # 16 ms on Windows
 VARIABLE = "SPATIALDYN_NUM_THREADS"
 _V2 = "/sys/fs/cgroup/cpu.max", ""  # files of a control group's quota and its period
@@ -53,8 +54,11 @@ class ThreadPool:
     @property
     def most(self) -> NDArray[np.int64]:
         """The most threads of a batch that threads of others compute: a word, which compiled code reads."""
-        self._most[0] = self._asked or default_threads(self._forked)[0]
+        self._tell()
         return self._most
+
+    def _tell(self) -> None:
+        self._most[0] = min(self._asked or default_threads(self._forked)[0], MOST_THREADS)
 
     @property
     def size(self) -> int:
@@ -76,8 +80,8 @@ class ThreadPool:
     def ask(self, n: int | None) -> None:
         """Have every thread's batches run on n threads; None: the default."""
         self._asked, self._busy_until = n, 0.0
-        if self._most[0]:
-            self._most[0] = self.most[0]
+        if self._most[0]:  # compiled code reads it
+            self._tell()
 
     def forked(self) -> None:
         """In a forked child: the threads are gone, and it is a worker."""
