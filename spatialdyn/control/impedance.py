@@ -30,8 +30,8 @@ class Impedance(Law):
     joint_damping  b, number or (nv,), 0 or above: for motions that do not move the frame [N m s/rad | N s/m]
     held           as in ``Control``
 
-    V = ½ (ẋ - ẋ_d)ᵀΛ(ẋ - ẋ_d) + ½ eᵀK e, with the changing Λ(q), falls without contact; the robot is passive towards any
-    contact. Do not use the law near a half turn from the target, or if J loses rank in motion.
+    V = ½ (ẋ - ẋ_d)ᵀΛ(ẋ - ẋ_d) + ½ eᵀK e, with the changing Λ(q), falls without contact; the robot is passive towards
+    contacts. Do not use the law near a half turn from the target, or if J loses rank in motion.
     Raises  ModelError, SimulationError naming the eigenvalue, ShapeError, NonFiniteError
     Source  Hogan, Impedance control: an approach to manipulation (1985); Ott, Cartesian impedance control (2008).
 
