@@ -1,6 +1,6 @@
 """The protocol of an effect, one thing that acts in a run. A new one needs its file and a line in ``effects.of_run``.
 
-A complete example, a spring from each joint to the world:
+A spring from each joint to the world, whole:
 
     @dataclass(frozen=True, eq=False)
     class WorldSpring(Effect):
