@@ -66,7 +66,7 @@ def contact_step(
     >>> ball = builder.build()
     >>> step = sd.contact_step(ball, sd.Contacts(ball, {"ball": 0.1}), [0, 0, 0.1, 0, 0, 0, 1], np.zeros(6),
     ...                        np.zeros(6), 1e-3)
-    >>> bool(abs(step.impulse[0] - [0, 0, 2.0 * 9.81 * 1e-3]).max() < 1e-15), step.v[2]
+    >>> bool(abs(step.impulse[0] - [0, 0, 2.0 * 9.81 * 1e-3]).max() < 1e-15), float(step.v[2])
     (True, 0.0)
     """
     check_contacts(model, contacts)

@@ -104,10 +104,10 @@ def step_derivatives(
     >>> moved = np.concatenate([sd.difference(model, before[0], after[0]), after[1] - before[1]]) / 2
     >>> bool(abs(moved - A @ np.concatenate([dq, dv])).max() < 1e-14)
     True
-    >>> rubs = sd.Scene(model, friction=sd.Friction([5.0, 0.0]))
+    >>> rubs = sd.Scene(model, friction=sd.Friction([50.0, 0.0]))
     >>> found = sd.step_derivatives(rubs, q, np.zeros(2), tau, 0.01)
-    >>> found.labels, found.active.tolist(), found.A[2].round(9).tolist()
-    (('friction of joint "shoulder"',), ['sticks'], [0.0, 0.0, 0.0, 0.0])
+    >>> found.labels, found.active.tolist(), bool(abs(found.A[2]).max() < 1e-9)
+    (('friction of joint "joint1"',), ['sticks'], True)
     """
     scene, fext = _scene(scene, fext)
     model = scene.model
