@@ -95,7 +95,7 @@ def bordered_inverse(
 
 @inline
 def factored(bodies: Bodies, M: Matrix, L: Matrix) -> int:
-    """Write the factors of M = LᵀD L to L, D on its diagonal; returns -1 if a pivot is rounding relative to M, else 0."""
+    """Write the factors of M = LᵀD L to L, D on its diagonal; returns -1 if a pivot is rounding of M, else 0."""
     n = len(bodies) - 1
     for i in range(n):
         for j in range(n):

@@ -192,7 +192,7 @@ def _outward(bodies: Bodies, work: Work, gravity: Vec, moving: bool, a: Vector) 
 
 @inline
 def _reach(here: Record, parent: Record, S: Motion) -> None:
-    """Mark the entries of a body's acceleration that joints above it (reach), or these and its own joint (felt), change.
+    """Mark the entries of a body's acceleration that joints above it (reach), or also its own joint (felt), can change.
 
     The other entries are known beforehand and need no rows. If the axes of a planar arm are those of its frames,
     rounding then adds no force from across the plane.
