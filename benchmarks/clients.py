@@ -4,11 +4,11 @@
     python benchmarks/clients.py --tests pinocchio/unittest/python
 
 Takes files, and folders of repositories that were cloned, whose scripts and notebooks import pinocchio. Each runs to
-its end in a process of its own under either module, in its folder, with what the folder given and the file's own folder
-hold to import, without a screen, with random numbers and configurations of NumPy's, seeded; then all numbers that it
-prints, and leaves in global names and in those of its functions, are compared. Prints a line for each: whether it ran,
-and the largest difference by the largest entry of its array. ``--tests`` counts the tests that pass under each instead,
-and names those that pass under Pinocchio alone.
+its end in a process of its own under either module, in its folder, with what that folder and its repository hold to
+import, without a screen, with random numbers and configurations of NumPy's, seeded; then all numbers that it prints,
+and leaves in global names and in those of its functions, are compared. Prints a line for each: whether it ran, and the
+largest difference by the largest entry of its array. ``--tests`` counts the tests that pass under each instead, and
+names those that pass under Pinocchio alone.
 """
 
 from __future__ import annotations
@@ -34,6 +34,8 @@ MODULES = {"wheel": "pinocchio", "ours": "spatialdyn.compat.pinocchio"}
 SECONDS = 300.0
 RETURNS = 50  # of a function that are recorded
 SAME = 1e-6  # relative to the largest entry: what an optimizer of a client stops at
+TIMES = "time|l+apsed|duration"  # names of seconds that were measured
+NOTHING = 1e-9  # largest entries below it are rounding errors, as of a difference that should be 0
 PRINTED, NUMBER = "(printed)", r"(?<![\w.])[-+]?\d+\.?\d*(?:e[-+]?\d+)?(?![\w.])"
 SKIPPED = ("%", "!", "?")  # lines of notebooks that are not Python
 
@@ -57,7 +59,8 @@ def clients(paths: Sequence[Path]) -> Iterator[tuple[Path, Path]]:
     """The files, and those in the folders that import pinocchio, each with the folder of its repository."""
     for path in paths:
         found = [path] if path.is_file() else sorted([*path.rglob("*.py"), *path.rglob("*.ipynb")])
-        root = path.parent if path.is_file() else path
+        above = (x for x in path.parents if (x / ".git").exists())
+        root = next(above, path.parent) if path.is_file() else path
         files = (x for x in found if x.is_file())
         yield from ((x, root) for x in files if x == path or re.search(r"(import|from) pinocchio", source(x)))
 
@@ -66,7 +69,7 @@ def numbers(scope: dict[str, Any]) -> dict[str, np.ndarray]:
     """The numbers of a scope by name: of arrays, floats and lists of them."""
     found = {}
     for name, x in scope.items():
-        if name.startswith("_") or not isinstance(x, (np.ndarray, float, list, tuple)):
+        if name.startswith("_") or re.search(TIMES, name) or not isinstance(x, (np.ndarray, float, list, tuple)):
             continue
         try:
             array = np.asarray(x, float)
@@ -166,7 +169,7 @@ def difference(found: dict[str, np.ndarray], wanted: dict[str, np.ndarray]) -> t
         one, other = found[name], wanted[name]
         if one.shape != other.shape:
             return np.inf, name
-        size = np.abs(other).max(initial=0.0, where=np.isfinite(other)) or 1.0
+        size = max(NOTHING, float(np.abs(other).max(initial=0.0, where=np.isfinite(other))))
         with np.errstate(invalid="ignore"):
             apart = np.where((one == other) | (np.isnan(one) & np.isnan(other)), 0.0, np.abs(one - other) / size)
         largest = float(np.nan_to_num(apart, nan=np.inf).max())

@@ -18,6 +18,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 OURS = "spatialdyn.compat.pinocchio"
+OPTIONS = ("-q", "-p", "no:cacheprovider", "--continue-on-collection-errors")  # of robots that are not there
 
 
 def tests(folder: Path, ours: bool, arguments: list[str]) -> int:
@@ -27,7 +28,7 @@ def tests(folder: Path, ours: bool, arguments: list[str]) -> int:
     if ours:
         import_module(OURS).install()
     sys.path.insert(0, str(folder))
-    return int(pytest.main(["-q", "-p", "no:cacheprovider", "--rootdir", str(folder), *arguments]))
+    return int(pytest.main([*OPTIONS, "--rootdir", str(folder), *arguments]))
 
 
 def outcomes(folder: Path, ours: bool) -> dict[str, str]:

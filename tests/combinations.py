@@ -41,10 +41,13 @@ def robot(name: str, springs: bool = False) -> sd.Model:
     return made.build(root="floating" if name == "floating" else "fixed", mimic=name == "gripper")
 
 
-def start(model: sd.Model) -> tuple[Array, Array]:
-    """A state that meets ``couplers`` and moves towards a limit, the tip 1 mm above the ground of ``contacts``."""
+def start(model: sd.Model, a: float = -0.44) -> tuple[Array, Array]:
+    """A state that meets ``couplers`` and moves towards a limit, the tip 1 mm above the ground of ``contacts``.
+
+    a  [rad] where the joint is whose limit is -0.45
+    """
     q, v = sd.neutral(model), np.zeros(model.nv)
-    values = {"a": (-0.44, -0.9), "b": (0.3, 0.4), "c": (0.3 * -0.5 + 0.1, 0.4 * -0.5)}
+    values = {"a": (a, -0.9), "b": (0.3, 0.4), "c": (0.3 * -0.5 + 0.1, 0.4 * -0.5)}
     for joint in model.joints[1:]:
         if joint.name in values and joint.mimic is None:
             q[joint.idx_q], v[joint.idx_v] = values[joint.name]

@@ -16,7 +16,7 @@ from ..model.model import Model
 from ..recursions.joints.motors import MOTOR_LIMITS
 
 Array = NDArray[np.float64]
-UNLIMITED = 1e300  # [N m | N] in place of infinity, which recursions take for an invalid sample
+UNLIMITED = 1e30  # [N m | N] in place of infinity, which recursions take for an invalid sample; finite in float32 too
 EXPECTED: dict[str, tuple[Callable[[Array], Any], str]] = {  # of a value: whether it is valid, and in words
     "torque_constant": (lambda x: np.isfinite(x) & (x >= 0.0), "a finite number of 0 or more"),
     "back_emf": (lambda x: np.isfinite(x) & (x >= 0.0), "a finite number of 0 or more"),

@@ -73,12 +73,12 @@ class SpecializedOnGpu(Specialized):
         device = self._device
         library, number = device_arrays.library_of(names, arrays, device.kind)
         stream = library.stream
-        given = [self._read(x, array, stream) for x, array in zip(self._inputs, arrays, strict=True)]
+        given = [self._viewed(x, array, stream) for x, array in zip(self._inputs, arrays, strict=True)]
         leads = [lead_of(x, view.shape) for x, view in zip(self._inputs, given, strict=True)]
         batch = broadcast(names, leads)
         rows = [_rows(x, view, batch) for x, view in zip(self._inputs, given, strict=True)]
         whole = [batch + shape for shape in self._shapes]
-        made = [library.empty(shape, request.dtype) for shape in whole] if out is None else self._outs(out, len(whole))
+        made = [library.empty(shape, request.dtype) for shape in whole] if out is None else self._given(out, len(whole))
         views = [device_arrays.read("out", x, device.stream_for_dlpack(stream)) for x in made]
         if out is not None:
             device_arrays.library_of(["out"] * len(made), made, device.kind)
@@ -124,13 +124,13 @@ class SpecializedOnGpu(Specialized):
                 part[left] = result[index[left]]
         return found
 
-    def _read(self, wanted: Array, value: Any, stream: int = 0) -> View:
+    def _viewed(self, wanted: Array, value: Any, stream: int = 0) -> View:
         view = device_arrays.read(wanted.name, value, self._device.stream_for_dlpack(stream))
         if view.dtype != self.dtype:
             raise ShapeError(f"{wanted.name} has dtype {view.dtype}, expected {self.dtype}, that of the program")
         return view
 
-    def _outs(self, out: Any, count: int, inputs: Any = None) -> list[Any]:
+    def _given(self, out: Any, count: int, inputs: Any = None) -> list[Any]:
         outs = out if self._request.several else (out,)
         if not isinstance(outs, (tuple, list)) or len(outs) != count:
             raise ShapeError(f"out is {type(out).__name__}, expected a tuple of {count} arrays")

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..calls.arguments import as_array, as_count, as_finite, as_flag, as_number, broadcast, check_model, within_range
 from ..calls.dynamics import calls
 from ..calls.states import random_configuration
+from ..constraints.contact_points import Contacts
 from ..constraints.dynamics import constraint_jacobian
 from ..constraints.loops import project_configuration, project_velocity
 from ..errors import NonFiniteError, ShapeError, SimulationError, SpatialDynError, literal, pip_install
@@ -26,6 +27,8 @@ from .laws import StateFeedback
 Array = NDArray[np.float64]
 MARGIN = 1e-12  # of the largest entry of A: a pole nearer to the border of stability is on it
 DELTA = 1e-6  # of central differences of a step, whose errors are some 1e-10
+SOLVED = 1e-13  # [m/s | rad/s] tolerance of contacts whose steps are differenced
+BENDS = 1e-3  # of what a step moves, by how much its two sides may differ
 
 
 class Gains(NamedTuple):
@@ -208,20 +211,30 @@ class ClosedStep(NamedTuple):
             )
 
 
+def _solved(scene: Scene) -> Scene:
+    """The scene with contacts and limits that are solved to rounding, as differences need them."""
+    if scene.contacts is None and not scene.limits:
+        return scene
+    x = Contacts(scene.model, {}) if scene.contacts is None else scene.contacts
+    radii, mu, e = (dict(zip(x.names, y, strict=True)) for y in (x.radii, x.friction, x.restitution))
+    solved = Contacts(x.model, radii, mu, e, x.terrain, SOLVED, x.steps, x.rounds)
+    return scene.with_(contacts=solved)
+
+
 @watch.call("closed_step")
 def closed_step(
     scene: Scene | Model, law: Control, q: ArrayLike, v: ArrayLike, dt: float, method: str | None = None
 ) -> ClosedStep:
     """How errors evolve in a step of a scene under a law, by central differences of the first step of a run.
 
-    scene, method  of smooth effects and constraints, as of ``rollout``; method left out: ``scene.method``
+    scene, method  as of ``rollout``; method left out: ``scene.method``. Contacts and limits are solved to rounding
     q (nq,), v (nv,)  the state; for a law that follows a path, that at its beginning
     dt  [s]
 
     Of laws held for periods it is the product of all steps until they are taken anew together. A law's own states start
     as in a run, and their errors evolve too, but for its clock. Under constraints errors are those that these allow.
-    Raises SimulationError for contacts, limits, motors and dry friction, whose steps have no derivative, and as
-    ``rollout``; ShapeError
+    Raises SimulationError for a state at which contacts, limits, motors or dry joints are about to change what they do,
+    as the step has two derivatives there, and as ``rollout``; ShapeError
 
     >>> import spatialdyn as sd
     >>> model = sd.load_urdf("pendulum")
@@ -233,8 +246,8 @@ def closed_step(
     model, n = scene.model, scene.model.nv
     if not isinstance(law, Control):
         raise SimulationError(f"law is {literal(law)}, expected a Control")
-    if without := rough(scene):
-        raise SimulationError(f"scene of {', '.join(without)} has steps without a derivative, expected smooth effects")
+    if unsmooth := rough(scene):
+        scene = _solved(scene)
     h = as_number(dt)
     if not 0.0 < h < math.inf:
         raise SimulationError(f"dt is {literal(dt)}, expected a finite number above 0")
@@ -264,15 +277,27 @@ def closed_step(
         q0 = project_configuration(model, held, q0)
         v0 = project_velocity(model, held, q0, v0)
     given = {name: x + way.reshape(-1, *x.shape) for (name, x), way in zip(own.items(), parts[2:], strict=True)}
+    if unsmooth:  # the state itself, between both sides
+        q0, v0 = np.vstack([q0, at]), np.vstack([v0, speed])
+        given = {name: np.concatenate([x, own[name].reshape(1, *x.shape[1:])]) for name, x in given.items()}
     run = rollout(
         scene, q0, v0, dt=h, steps=steps, method=method, control=law, states=given or None, record="last", check=False
     )  # which would warn of it
-    ends = [np.asarray(run.v), *(np.asarray(run.states[name]).reshape(2 * total, -1) for name in own)]
-    if not all(np.isfinite(x).all() for x in (np.asarray(run.q), *ends)):
+    q1 = np.asarray(run.q)
+    ends = [np.asarray(run.v), *(np.asarray(run.states[name]).reshape(len(q1), -1) for name in own)]
+    if not all(np.isfinite(x).all() for x in (q1, *ends)):
         many = "a step" if steps == 1 else f"{steps} steps"
         raise NonFiniteError(f"{many} of {h:g} s ends in a state that is not finite, expected a finite one")
-    turned = np.asarray(calls["difference"](model, np.asarray(run.q)[total:], np.asarray(run.q)[:total]))
-    moved = np.concatenate([turned, *(x[:total] - x[total:] for x in ends)], 1)
+    turned = np.asarray(calls["difference"](model, q1[total : 2 * total], q1[:total]))
+    moved = np.concatenate([turned, *(x[:total] - x[total : 2 * total] for x in ends)], 1)
+    if unsmooth:
+        ahead = np.asarray(calls["difference"](model, np.broadcast_to(q1[-1], (total, model.nq)), q1[:total]))
+        bend = 2.0 * np.concatenate([ahead, *(x[:total] - x[-1] for x in ends)], 1) - moved
+        if abs(bend).max() > BENDS * abs(moved).max():
+            raise SimulationError(
+                f"scene of {', '.join(unsmooth)} has two derivatives of the step from this state, expected one at "
+                "which none of them is about to change what it does"
+            )
     A = moved.T / (2.0 * DELTA)
     values, vectors = np.linalg.eig(A)
     worst = int(abs(values).argmax())

@@ -31,6 +31,8 @@ SHARED = 1e-8  # relative singular value of impulses that others may take, and t
 RANK = 1e-11  # relative singular value of an equation that depends on others
 CONTRADICTS = 1e-7  # of the terms of equations, what others leave of one
 SMALL = 1e-300
+RESTS = 1e-5  # [m/s | rad/s] of a point that rests: some tolerances of a step
+EVEN = 1e-2  # how much less loads weigh than friction where both may be shared
 
 
 @dataclass
@@ -217,12 +219,26 @@ class ActiveSet:
 
     def shared(self) -> NDArray[np.bool_]:
         """(np) whether others could take the load of a point."""
+        return np.asarray((abs(self.free_impulses()[:, :, 0]) > SHARED).any(axis=0), np.bool_)
+
+    def free_impulses(self) -> Array:
+        """(ways, np, 3) how impulses of points, times the root of what they answer to, may change alone."""
         _, u, _ = self.state()
         _, sizes, ways = np.linalg.svd(self.scaled(self.system(self.names, u)[0])[0])
-        free = ways[sizes <= SHARED * sizes[0]]
-        normals = len(self.x) + 3 * np.arange(self.points)
-        made: NDArray[np.bool_] = (abs(free[:, normals]) > SHARED).any(axis=0)
+        first, found = len(self.x), ways[sizes <= SHARED * sizes[0]]
+        made: Array = found[:, first : first + 3 * self.points].reshape((len(found), self.points, 3))
         return made
+
+    def gives_back_apart(self, each: Array) -> NDArray[np.bool_]:
+        """(np) of points that share impulses: whether shares ``each`` (np) of their loads act otherwise as these do.
+
+        They do not where loads alone are shared and all give back the same share. Friction that is shared turns with
+        the body, and loads with it.
+        """
+        normal, free = 3 * np.arange(self.points), self.free_impulses()
+        back = (free[:, :, 0] * each / np.sqrt(self.own[normal])) @ self.J[normal] * self.scale
+        apart = (np.linalg.norm(back, axis=1) > SHARED) | (abs(free[:, :, 1:]) > SHARED).any(axis=(1, 2))
+        return np.asarray((abs(free[apart]) > SHARED).any(axis=(0, 2)), np.bool_)
 
     def scaled(self, K: Array) -> tuple[Array, Array, Array]:
         """K in one scale, and the scales of equations and unknowns."""
@@ -239,9 +255,35 @@ class ActiveSet:
 
     # --- what is asked ---
 
+    def relax(self) -> None:
+        """Take friction away by which points at rest press against each other, where that leaves all of them sticking.
+
+        No law determines it, and no velocity depends on it; sweeps may leave such points at the edge of their cones,
+        where they would slide at no speed.
+        """
+        _, u, _ = self.state()
+        rest = [p for p in range(self.points) if self.rests(p, u)]
+        if not any(np.linalg.norm(self.impulse[3 * p + 1 : 3 * p + 3]) > 0.0 for p in rest):
+            return
+        rows = np.concatenate([np.arange(3 * p, 3 * p + 3) for p in rest])
+        _, sizes, ways = np.linalg.svd(self.scale[:, None] * self.J[rows].T)
+        free = ways[(sizes > SHARED * sizes[0]).sum() :]
+        weights = np.where(rows % 3 == 0, EVEN, 1.0)
+        more = np.linalg.lstsq(weights[:, None] * free.T, -weights * self.impulse[rows])[0] @ free
+        relaxed = (self.impulse[rows] + more).reshape((-1, 3))
+        if (np.linalg.norm(relaxed[:, 1:], axis=1) < self.mu[rest] * relaxed[:, 0]).all():
+            self.impulse = self.impulse.copy()
+            self.impulse[rows] = relaxed.ravel()
+
+    def rests(self, p: int, u: Array) -> bool:
+        """Whether a point is at rest, to the tolerance of a step, and nothing but its law says by which impulse."""
+        still = abs(u[3 * p : 3 * p + 3]).max() <= RESTS
+        return bool(still and self.lower[p] == 0.0 and self.impulse[3 * p] > 0.0)
+
     def settle(self) -> bool:
         """Newton's steps to the solution; returns whether it is one."""
         nv, rows = len(self.x), len(self.impulse)
+        self.relax()
         for _ in range(STEPS):
             momentum, u, closing = self.state()
             names, _ = self.classify(u)

@@ -6,8 +6,8 @@ the least of a phase are functions of the state, as is what of λ_c only answers
 through are part of its state: where they are about to change, it is at a switch.
 
 The derivative is that of the step, whose hits act at its end: no step resolves the time at which a point falls. Points
-of a rigid body that hit at once and could take each other's load are refused: how far each rebounds follows from its
-share, which no law determines.
+of a rigid body that hit at once and could take each other's load give back the same together if their e is the same
+and nothing rubs; else they are refused: how far each rebounds follows from its share, which no law determines.
 """
 
 from __future__ import annotations
@@ -99,8 +99,8 @@ def last_phase(
         if not again.any() or count == PHASES - 1:
             steps.phase = phase._replace(switching=switching)
             return solved
-        if (open_to_all := again & solved.shared()).any():
-            _refuse(steps, open_to_all)
+        if (apart := again & solved.gives_back_apart(np.where(again, each, 0.0))).any():
+            _refuse(steps, apart)
         moved = steps.derivative(0, solved)[1]
         by_hit = moved[normal] - (by_load if count == 0 else phase.by_lower)
         lower = np.where(again, each * hit, 0.0)
@@ -136,9 +136,15 @@ def _rubbed(solved: ActiveSet, x: Array, impulse: Array) -> Array:
 def _refuse(steps: Any, points: NDArray[np.bool_]) -> None:
     """Raise SimulationError for points that hit at once and could take each other's load."""
     names = [steps.laws.labels[p] for p in np.flatnonzero(points)]
+    if len(names) == 1:
+        raise SimulationError(
+            f"{steps.where(0)}{names[0]} bounces where constraints or joints that stick could take its load, expected "
+            "one that is its own: the law does not say how far it rebounds"
+        )
     raise SimulationError(
         f"{steps.where(0)}{', '.join(names)} bounce at once and could take each other's load, expected points of which "
-        "each has a load of its own: the law does not say how far each of them rebounds"
+        "each has a load of its own, or of one restitution without friction: the law does not say how far each of them "
+        "rebounds"
     )
 
 

@@ -21,16 +21,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..bodies.kinds import SE2, SE3
 from ..bodies.static_table import StaticTable
-from ..bodies.table import independent
 from ..calls.by_program import along, run
 from ..calls.dynamics import calls, checked_call
 from ..calls.failures import sample_of
-from ..constraints.dynamics import constraint_error, constraint_jacobian, rows_to_keep
+from ..constraints.dynamics import constraint_jacobian, rows_to_keep
 from ..errors import SimulationError
 from ..model.model import Model
-from ..recursions.constraints.constraint_rows import JACOBIAN
 from ..recursions.contact.impulse_balance import Balance, impulse_balance_spec
 from ..recursions.contact.impulse_step import impulse_step_spec
 from ..recursions.joints.friction import FRICTION_STEP
@@ -41,6 +38,8 @@ from ..simulation.effects.effect import find
 from ..simulation.effects.friction import DryFriction, LuGreFriction, dry
 from .active_set import ActiveSet
 from .bounces import Phase, hits_of, last_phase
+from .held_methods import jacobian_slopes
+from .step_ends import Closing, led
 from .step_torques import Torques
 
 Array = NDArray[Any]
@@ -240,6 +239,7 @@ class _Steps:
         x, impulse, reaction = self.begin(0.0 * bounces)
         by_x = self.slopes(x, impulse, reaction, ("x",))
         at = self.values(x, impulse, reaction)
+        self.begun = at.begun
         still = np.zeros(points, np.bool_)
         self.phase = Phase(none[:, 0], none[:points, 0], none, none[:points], still, still)
         start = [(x[k], impulse[k], reaction[k]) for k in range(self.n)]
@@ -269,9 +269,12 @@ class _Steps:
             kept, SWITCH, float(self.h[k]),
         )  # fmt: skip
         if not made.settle():
+            shares = made.shared()
+            names = [x for x, shared in zip(self.laws.labels, shares, strict=False) if shared] or self.laws.labels
+            why = "could take each other's load where friction is at its most, which no law shares out between them"
             raise SimulationError(
-                f"{self.where(k)}the laws of {', '.join(self.laws.labels)} are not solved in the step, expected a "
-                "state from which a step is"
+                f"{self.where(k)}the laws of {', '.join(names)} are not solved in the step, expected a state from "
+                f"which a step is{f': they {why}' if shares.any() else ''}"
             )
         return made
 
@@ -299,7 +302,7 @@ class _Steps:
         """With the slopes by what torques and friction of step k change with the state."""
         acting, push = self.acting, -self.acting.by_torque[k]
         if not np.isscalar(acting.by_viscous):
-            push = push + x[:, None] * acting.by_viscous[k]
+            push = push + (x - self.begun[k])[:, None] * acting.by_viscous[k]
         by = by._replace(momentum=by.momentum + self.h[k] * push)
         if not np.isscalar(acting.by_level):
             by = by._replace(level=by.level + self.h[k] * acting.by_level[k][self.of_joint])
@@ -324,16 +327,21 @@ class _Steps:
         laws = self.laws
         assert laws.constrained is not None
         unit = np.broadcast_to(np.eye(self.nv, self.m), (self.n, self.nv, self.m))
-        q1, moved1, w1, changed1 = self._moved(np.array([s.x for s in first]), moved)
-        damping = 0.0 if not self.law else self.h[:, None] * self.law[1]
-        back, by_back = self._closed(self.q, unit, q1, moved1, damping)
+        q1, moved1, w1, changed1 = led(laws.model, self.q, np.array([s.x for s in first]), moved, self.h)
+        damping, turned = None, None
+        if self.law:
+            damping = self.h[:, None] * self.law[1]
+            if not np.isscalar(self.acting.by_viscous):  # that of bristles, with v
+                turned = self.h[:, None, None] * self.acting.by_viscous
+        held = laws.constrained.constraints
+        close = Closing(laws.model, held, self._kept())
+        back, by_back = close.back(self.q, unit, q1, moved1, damping, turned)
         q2 = calls["integrate"](laws.model, q1, back)
         by_q, by_step = np.moveaxis(calls["dintegrate"](laws.model, q1, back), 1, 0)
         moved2 = by_q @ moved1 + by_step @ by_back
-        held = laws.constrained.constraints
         there = constraint_jacobian(laws.model, held, q2)
         more = np.einsum("nij,nj->ni", there, w1)  # C v⁺ there, which the rest of the step takes away
-        changed = there @ changed1 + np.einsum("nijk,nj->nik", self._turned(q2), w1) @ moved2
+        changed = there @ changed1 + np.einsum("nijk,nj->nik", jacobian_slopes(laws.model, held, q2), w1) @ moved2
         start = [(s.x, s.impulse, s.reaction) for s in first]
         x, impulse, reaction = (np.array(y) for y in zip(*start, strict=True))
         at = self.values(x, impulse + self.phase.first, reaction)
@@ -342,57 +350,15 @@ class _Steps:
         moved = np.array([self.derivative(k, s, changed[k])[0] for k, s in enumerate(second)])
         return self._ended(second, np.array([s.x for s in second]), moved)
 
-    def _turned(self, q: Array) -> Array:
-        """∂C/∂q (n, nc, nv, nv)."""
-        assert self.laws.constrained is not None
-        unit = np.broadcast_to(np.eye(self.nv), (self.n, self.nv, self.nv))
-        found = along(self.laws.model, JACOBIAN, [q], [unit], (self.laws.constrained.constraints.table,))
-        made: Array = found.reshape((self.n, self.held, self.nv, self.nv))
-        return made
-
-    def _closed(self, q: Array, moved: Array, end: Array, end_moved: Array, damping: Any) -> tuple[Array, Array]:
-        """y of M y = Cᵀ ρ, C y = -φ(end), with M and C at q, and its derivative (n, nv, m).
-
-        moved, end_moved  of q and end
-        damping           (n, nv) on the diagonal of M
-        """
-        assert self.laws.constrained is not None
-        model, held = self.laws.model, self.laws.constrained.constraints
-        M = calls["crba"](model, q) + np.eye(self.nv) * np.asarray(damping)[..., None]
-        C = constraint_jacobian(model, held, q)
-        phi, ahead = constraint_error(model, held, end), constraint_jacobian(model, held, end)
-        kept, turned = self._kept(), self._turned(q)
-        y, by = np.zeros((self.n, self.nv)), np.zeros((self.n, self.nv, moved.shape[2]))
-        systems, rho = [], np.zeros((self.n, self.held))
-        for k in range(self.n):
-            rows = kept[k]
-            K = np.block([[M[k], -C[k][rows].T], [C[k][rows], np.zeros((rows.sum(), rows.sum()))]])
-            found = np.linalg.solve(K, np.r_[np.zeros(self.nv), -phi[k][rows]])
-            y[k], rho[k][rows] = found[: self.nv], found[self.nv :]
-            systems.append(K)
-        zero = np.zeros_like(y)
-        by_M = (
-            calls["rnea_derivatives"](model, q, zero, y)[:, 0] - calls["rnea_derivatives"](model, q, zero, zero)[:, 0]
-        )
-        push = -by_M + np.einsum("nijk,ni->njk", turned, rho)
-        turns = not np.isscalar(damping) and not np.isscalar(self.acting.by_viscous)  # that of bristles, with v
-        for k in range(self.n):
-            rows = kept[k]
-            pushed = push[k] @ moved[k]
-            if turns:
-                pushed = pushed - self.h[k] * y[k][:, None] * self.acting.by_viscous[k]
-            close = -(ahead[k][rows] @ end_moved[k]) - np.einsum("ijk,j->ik", turned[k][rows], y[k]) @ moved[k]
-            by[k] = np.linalg.solve(systems[k], np.concatenate([pushed, close]))[: self.nv]
-        return y, by
-
     # --- ends ---
 
     def _ended(self, solved: list[ActiveSet], x: Array, moved: Array) -> Found:
         """Derivatives of the state after the step by those of x."""
         model, acting = self.laws.model, self.acting
-        end, here, _, changed = self._moved(x, moved)
+        end, here, _, changed = led(model, self.q, x, moved, self.h)
         if self.laws.constrained is not None and self.laws.constrained.projects:
-            back, by_back = self._closed(end, here, end, here, 0.0)
+            close = Closing(model, self.laws.constrained.constraints, self._kept())
+            back, by_back = close.back(end, here, end, here)
             by_q, by_step = np.moveaxis(calls["dintegrate"](model, end, back), 1, 0)
             here = by_q @ here + by_step @ by_back
         before = np.zeros(len(self.laws.labels), np.bool_)
@@ -415,39 +381,3 @@ class _Steps:
         way = np.eye(self.nv, self.m, 2 * self.nv) + h[..., None] * moved
         made: Array = acting.kept[..., None] * way + (self.z + h * x)[..., None] * acting.by_kept
         return made
-
-    def _moved(self, x: Array, moved: Array) -> tuple[Array, Array, Array, Array]:
-        """Where x, in the axes at the beginning, leads: q, its displacements, v⁺ and its changes, by those of x."""
-        model, nv, h = self.laws.model, self.nv, self.h[:, None]
-        unit = np.broadcast_to(np.eye(nv, self.m), (self.n, nv, self.m))
-        travels = np.zeros(nv)
-        for part, _ in travellers(model):
-            travels[part] = 1.0
-        first, rest = h * travels * x, h * (1.0 - travels) * x
-        by_q, by_step = np.moveaxis(calls["dintegrate"](model, self.q, first), 1, 0)
-        here = by_q @ unit + by_step @ (h[..., None] * travels[:, None] * moved)
-        middle = calls["integrate"](model, self.q, first)
-        by_q, by_step = np.moveaxis(calls["dintegrate"](model, middle, rest), 1, 0)
-        turned = by_step @ (h[..., None] * (1.0 - travels)[:, None] * moved)
-        here, changed, after = by_q @ here + turned, moved.copy(), x.copy()
-        for part, angular in travellers(model):
-            back = by_q[np.ix_(range(self.n), part, part)]
-            along_now = np.einsum("nij,nj->ni", back, x[:, part])
-            after[:, part] = along_now
-            changed[:, part] = back @ moved[:, part]
-            if len(angular) == 3:
-                changed[:, part] += np.cross(along_now[:, :, None], turned[:, angular], axis=1)
-            else:
-                across = np.stack([along_now[:, 1], -along_now[:, 0]], axis=1)
-                changed[:, part] += across[:, :, None] * turned[:, angular]
-        return calls["integrate"](model, middle, rest), here, after, changed
-
-
-def travellers(model: Model) -> list[tuple[list[int], list[int]]]:
-    """The freedoms of each joint that turns and travels: linear, angular."""
-    found = []
-    for i, row in enumerate(independent(model.bodies)[1:]):
-        if row["kind"] in SE3 or row["kind"] in SE2:
-            count, last = (3, 6) if row["kind"] in SE3 else (2, 3)
-            found.append((list(range(i, i + count)), list(range(i + count, i + last))))
-    return found

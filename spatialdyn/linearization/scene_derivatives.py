@@ -13,7 +13,7 @@ from ..calls.arguments import as_array, batch_shape, broadcast, core_shape
 from ..calls.by_program import along
 from ..calls.dynamics import calls, checked_call
 from ..constraints.derivatives import constrained_dynamics_derivatives
-from ..errors import SimulationError, literal
+from ..errors import SimulationError
 from ..model.model import Model
 from ..recursions import SPECS
 from ..recursions.derivatives.step_derivatives import MOTION
@@ -22,7 +22,7 @@ from ..recursions.spec import FEXT, TAU, Argument, Q, V
 from ..simulation.effects import of_run
 from ..simulation.effects.constraints import constrained_of
 from ..simulation.effects.contacts import Contact, check_start
-from ..simulation.effects.effect import find
+from ..simulation.effects.effect import Effect, find
 from ..simulation.effects.friction import LuGreFriction
 from ..simulation.methods.methods import EXPLICIT_METHODS, integrators
 from ..simulation.plan import Plan
@@ -30,9 +30,11 @@ from ..simulation.rollouts import rollout
 from ..simulation.scene import Scene, check_method
 from ..simulation.states import run_states
 from ..simulation.steps import step_specs
+from . import implicit_derivatives
+from .implicit_derivatives import Beside, check_implicit
 from .impulse_derivatives import SWITCH, Found, laws_of
 from .impulse_derivatives import derivatives as by_impulses
-from .step_torques import bent_labels, torques_of
+from .step_torques import bent_labels, torques_near, torques_of
 
 Array = NDArray[np.float64]
 
@@ -74,9 +76,7 @@ def scene_derivatives(
     if bends is None:
         run_states(model, (), (), states)  # raises for any state
     check_method(scene, method, integrators)
-    if method not in EXPLICIT_METHODS:
-        what = "springs act" if scene.constraints is None else "constraints act"
-        raise SimulationError(f"method is {literal(method)} and {what}, expected one of {', '.join(EXPLICIT_METHODS)}")
+    check_implicit(method)
     names: list[Argument] = [Q, V, TAU, *own, *([] if fext is None else [FEXT])]
     values = [q, v, tau, *(_bristles(model, states) for _ in own), *([] if fext is None else [fext])]
     given = [as_array(x.name, y) for x, y in zip(names, values, strict=True)]
@@ -110,8 +110,11 @@ def scene_derivatives(
             found = by_impulses(laws, q, v, z, acting, steps, pushed, batch, sound)
             made[sound], labels = found.derivatives, (*laws.labels, *acting.labels)
         else:
-            begun = Begun(q, v, z, tau, steps, pushed)
-            made[sound] = _by_program(scene, method, Plan(scene, method, effects), begun)
+            plan, begun = Plan(scene, method, effects), Begun(q, v, z, tau, steps, pushed)
+            if method in EXPLICIT_METHODS:
+                made[sound] = _by_program(scene, method, plan, begun)
+            else:
+                made[sound] = _implicit(plan, begun, batch, sound)
             if bends is not None:
                 labels, active, margins = bent_labels(model, bends, v)
                 found = Found(made[sound], active, margins <= SWITCH, np.zeros(active.shape, np.bool_))
@@ -152,19 +155,28 @@ class Begun(NamedTuple):
 def constrained_linearization(
     scene: Scene, q: ArrayLike, v: ArrayLike, tau: ArrayLike, fext: ArrayLike | None
 ) -> StepDerivatives:
-    """``linearize`` of a scene of constraints, in continuous time."""
-    others = [x for x in scene.acts if x not in ("constraints", "fext")]
-    if others:
-        raise SimulationError(
-            f"{', '.join(others)} acts in the scene beside constraints, expected forces alone in continuous time; dt "
-            "and method give the derivatives of a step"
-        )
+    """``linearize`` of a scene of constraints, springs and smooth friction, in continuous time."""
     model, n = scene.model, scene.model.nv
     assert scene.constraints is not None
     found = checked_call(MOTION, model, (q, v, tau, fext, *(None,) * 5), (), None)
+    more = torques_near(model, scene.effects, q, v)
+    if more is not None:
+        tau = as_array("tau", tau) + more[0]
     by = constrained_dynamics_derivatives(model, scene.constraints, q, v, tau, scene.stabilization, fext)
     found[..., n:, :n], found[..., n:, n : 2 * n], found[..., n:, 2 * n :] = by.da_dq, by.da_dv, by.da_dtau
+    if more is not None:
+        found[..., n:, : 2 * n] += by.da_dtau @ more[1]
     return StepDerivatives(found[..., : 2 * n], found[..., 2 * n :])
+
+
+def _implicit(plan: Plan, begun: Begun, batch: tuple[int, ...], samples: NDArray[np.intp]) -> Array:
+    """(n, 2 nv, 3 nv) of a method that solves equations."""
+    model, (q, v, _, tau, h, fext) = plan.model, begun
+    acting = tuple(x for x in plan.effects if type(x).torque is not Effect.torque)
+    p = calls["momentum"](model, q, v)
+    states = implicit_derivatives.Begun(q, v, p, tau, h, fext)
+    beside = Beside(acting, plan.given(0, 0), plan.constrained)
+    return implicit_derivatives.derivatives(model, plan.integrator, states, batch, samples, beside)
 
 
 def _by_program(scene: Scene, method: str, plan: Plan, begun: Begun) -> Array:

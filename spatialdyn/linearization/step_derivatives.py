@@ -6,8 +6,9 @@ A state moves by a displacement δx = (δq, δv), with δq in each joint's own b
     δx⁺ = A δx + B δτ
 
 exactly. ``recursions.derivatives.step_derivatives`` has the explicit methods, each one recursion and so one program on
-SIMD lanes; ``implicit_derivatives`` the others. Under constraints, explicit methods have the derivative of the program
-of their step; steps by impulses, of contacts, limits and dry friction, are in ``impulse_derivatives``.
+SIMD lanes; ``implicit_derivatives`` the others. Under constraints explicit methods have the derivative of their step's
+program, symplectic ones are in ``held_methods``; steps by impulses, of contacts, limits and dry friction, are in
+``impulse_derivatives``.
 """
 
 from __future__ import annotations
@@ -37,7 +38,9 @@ from ..simulation.methods.methods import integrators
 from ..simulation.scene import Scene, scene_of
 from ..simulation.states import run_states
 from . import implicit_derivatives
+from .implicit_derivatives import Begun, check_implicit
 from .scene_derivatives import StepDerivatives, constrained_linearization, scene_derivatives
+from .step_torques import torques_near
 
 Array = NDArray[np.float64]
 NO_LAW: tuple[Array | None, ...] = (None,) * 5
@@ -57,10 +60,8 @@ def step_derivatives(
 
     Source: see ``recursions.derivatives.step_derivatives`` and ``linearization.implicit_derivatives``.
 
-    scene   Scene or Model; springs act in explicit methods. A Friction with ``smoothing`` that acts alone acts by its
-            smooth law, in explicit methods; any other one, motors, contacts and limits act by impulses, whose laws
-            have a derivative on each side of a switch; constraints act in the methods of ``explicit`` and beside
-            impulses
+    scene   Scene or Model. A Friction with ``smoothing`` that acts alone acts by its smooth law; any other one, motors,
+            contacts and limits act by impulses, whose laws have a derivative on each side of a switch
     q       (..., nq)          joint positions [rad | m]
     v       (..., nv)          joint velocities [rad/s | m/s]
     tau     (..., nv)          joint torques [N m | N]
@@ -81,7 +82,8 @@ def step_derivatives(
     (δq, δv, δz), A (..., 3 nv, 3 nv) and B (..., 3 nv, nv).
 
     Batches of the explicit methods run on SIMD lanes, of any size; those of models of 26 freedoms or more, 17 with
-    velocity_verlet and 12 with rk4, by the table kernel. Implicit methods are solved and differentiated on lanes.
+    velocity_verlet and 12 with rk4, by the table kernel. Implicit methods are solved and differentiated on lanes, but
+    beside springs, smooth friction and constraints solved sample by sample.
 
     Returns StepDerivatives: A (..., 2 nv, 2 nv) and B (..., 2 nv, nv), views of one array, with ``labels``, ``active``,
             ``switching`` and ``undetermined`` of what acts by impulses. NaN or infinity in a sample's state, torque or
@@ -109,15 +111,14 @@ def step_derivatives(
     """
     scene, fext = _scene(scene, fext)
     model = scene.model
-    acts = scene.constraints is not None or (scene.solves and not _is_smooth(scene))
-    if acts or (has_springs(model) and scene.friction is None):
+    others = scene.constraints is not None or has_springs(model)
+    smooth = _is_smooth(scene) and isinstance(method, str) and method in STEPS
+    if others or ((scene.solves or isinstance(scene.friction, Friction)) and not smooth):
         return scene_derivatives(scene, q, v, tau, _steps(dt), method, fext, states)
     run_states(model, (), (), states)  # raises for any state
     turns, law = _checked(scene)
     spec = (TURNING_STEPS if turns else STEPS).get(method) if isinstance(method, str) else None
     if spec is None:
-        if law is not NO_LAW and method in integrators:
-            raise SimulationError(f"friction acts and method is {literal(method)}, expected one of {', '.join(STEPS)}")
         return StepDerivatives(*_implicit(model, q, v, tau, dt, method, fext))
     h = _steps(dt)[..., None]
     if h.ndim == 1 and type(q) is np.ndarray and q.ndim == 2:
@@ -141,9 +142,9 @@ def linearize(
 ) -> StepDerivatives:
     """The linear system of a robot near a state: continuous, d/dt δx = A δx + B δτ, or of a step with dt and method.
 
-    Arguments are those of ``step_derivatives``; in continuous time a scene may have constraints, but nothing that acts
-    by impulses. About a moving state δx is the difference from that motion, in the frames of its bodies, which turn:
-    for a body with velocity v, d/dt δq = δv - v × δq, the commutator of twists.
+    Arguments are those of ``step_derivatives``; in continuous time a scene may have constraints, springs and smooth
+    friction, but nothing that acts by impulses. About a moving state δx is the difference from that motion, in the
+    frames of its bodies, which turn: for a body with velocity v, d/dt δq = δv - v × δq, the commutator of twists.
 
     Returns A (..., 2 nv, 2 nv) and B (..., 2 nv, nv), views of one array; with dt and method as ``step_derivatives``.
     Raises  SpatialDynError for one of dt and method without the other; the errors of ``step_derivatives``.
@@ -164,10 +165,15 @@ def linearize(
     model = scene.model
     run_states(model, (), (), states)  # raises for any state
     n = model.nv
+    _, law = _checked(scene)
     if scene.constraints is not None:
         return constrained_linearization(scene, q, v, tau, fext)
-    _, law = _checked(scene)
+    springs = torques_near(model, (), q, v)
+    if springs is not None:
+        tau = as_array("tau", tau) + springs[0]
     found = checked_call(MOTION, model, (q, v, tau, fext, *law), (), None)
+    if springs is not None:
+        found[..., n:, : 2 * n] += found[..., n:, 2 * n :] @ springs[1]
     return StepDerivatives(found[..., : 2 * n], found[..., 2 * n :])
 
 
@@ -189,19 +195,17 @@ def _scene(given: Scene | Model, fext: ArrayLike | None) -> tuple[Scene, ArrayLi
 def _checked(scene: Scene) -> tuple[tuple[slice, ...], tuple[Array | None, ...]]:
     """The angular velocities of joints of several freedoms; coefficients of smooth friction, NO_LAW for none.
 
-    Raises for a model without derivatives, and for what acts and is no smooth force.
+    Raises for what acts and is no smooth force.
     """
-    fault, turns, rubs = _facts(scene.model)
-    if fault is not None:
-        raise fault[0](fault[1])
-    rough = [x for x in scene.acts if x not in ("friction", "fext")]
+    turns, rubs = _facts(scene.model)
+    rough = [x for x in scene.acts if x not in ("constraints", "friction", "fext", "springs")]
     friction = scene.friction
     if isinstance(friction, Friction) and (friction.smoothing is None or scene.friction_method == LUGRE):
         rough.append(f"{friction!r} by {scene.friction_method} steps")
     if rough:
         raise SimulationError(
-            f"{', '.join(rough)} acts in the scene, expected constant forces, and constraints or a Friction with "
-            "smoothing, alone: Coulomb's law has no derivative where a joint begins to stick, and impulses act in "
+            f"{', '.join(rough)} acts in the scene, expected constant forces, constraints, springs and a Friction with "
+            "smoothing: Coulomb's law has no derivative where a joint begins to stick, and impulses act in "
             "steps: dt and method give the derivatives of one; a torque of your own has some by the chain rule with B"
         )
     if isinstance(friction, Friction):
@@ -219,18 +223,13 @@ def _warn(model: Model) -> None:
 
 
 @lru_cache(maxsize=64)
-def _facts(model: Model) -> tuple[tuple[type[SpatialDynError], str] | None, tuple[slice, ...], bool]:
-    """The error of a model that has no derivatives of steps, None if it has some; the angular velocities of joints of
-    several freedoms; whether the URDF has friction.
-    """
-    fault: tuple[type[SpatialDynError], str] | None = None
-    if has_springs(model):
-        fault = SimulationError, f'robot "{model.name}" has springs of series-elastic joints, expected none'
+def _facts(model: Model) -> tuple[tuple[slice, ...], bool]:
+    """The angular velocities of joints of several freedoms; whether the URDF has friction."""
     turns = []
     for i, row in enumerate(independent(model.bodies)[1:]):
         if NV[row["kind"]] > 1:
             turns.append(slice(i + LENGTHS[row["kind"]], i + NV[row["kind"]]))
-    return fault, tuple(turns), bool(model.damping.any() or model.friction.any())
+    return tuple(turns), bool(model.damping.any() or model.friction.any())
 
 
 def _steps(dt: ArrayLike) -> Array:
@@ -260,14 +259,7 @@ def _implicit(
     model: Model, q: ArrayLike, v: ArrayLike, tau: ArrayLike, dt: ArrayLike, method: Any, fext: ArrayLike | None
 ) -> tuple[Array, Array]:
     """``step_derivatives`` of a method that solves equations."""
-    known = [name for name, x in integrators.items() if x.family is not None]
-    if not isinstance(method, str) or method not in integrators:
-        raise SpatialDynError(f"method is {literal(method)}, expected one of {', '.join(known)}")
-    if method not in known:
-        raise SpatialDynError(
-            f"method is {literal(method)}, whose steps adapt to a tolerance and have no derivative; expected one of "
-            f"{', '.join(known)}"
-        )
+    check_implicit(method)
     specs, values = [Q, V, TAU], [q, v, tau]
     if fext is not None:
         specs, values = [*specs, FEXT], [*values, fext]
@@ -282,14 +274,14 @@ def _implicit(
         p = calls["momentum"](model, *whole[:2])
         calls["velocity_from_momentum"](model, whole[0], p)  # raises InertiaError at a singular M
         steps = np.broadcast_to(h, batch)
-        for part in _facts(model)[1]:
+        for part in _facts(model)[0]:
             turned = steps[..., None] * whole[1][..., part]
             _check_turns((turned * turned).sum(axis=-1), method)
         flat = [np.ascontiguousarray(x.reshape((count, *x.shape[len(batch) :]))) for x in (*whole, p)]
         sound = np.flatnonzero(np.logical_and.reduce([np.isfinite(x.reshape(count, -1)).all(axis=1) for x in flat]))
         q, v, tau, *forces, p = (x[sound] for x in flat)
         if len(sound):
-            states = q, v, p, tau, steps.reshape(count)[sound], forces[0] if forces else None
-            made[sound] = implicit_derivatives.derivatives(model, integrators[method], *states, batch, sound)
+            begun = Begun(q, v, p, tau, steps.reshape(count)[sound], forces[0] if forces else None)
+            made[sound] = implicit_derivatives.derivatives(model, integrators[method], begun, batch, sound)
     found = made.reshape((*batch, 2 * n, 3 * n))
     return found[..., : 2 * n], found[..., 2 * n :]

@@ -8,12 +8,14 @@ torques by q and v. Each is differentiated as it is: on the branch on which it i
 
 from __future__ import annotations
 
+import math
 from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from ..calls.arguments import as_array, batch_shape, broadcast
 from ..calls.by_program import along, run
 from ..calls.dynamics import calls, checked_call
 from ..calls.failures import joint_of_velocity
@@ -27,7 +29,7 @@ from ..recursions.joints.friction import (
     add_bristles,
 )
 from ..recursions.joints.springs import SPRING_TORQUE
-from ..recursions.spec import TAU, Argument, Spec, V
+from ..recursions.spec import TAU, Argument, Q, Spec, V
 from ..simulation.effects.effect import Effect, find
 from ..simulation.effects.friction import DryFriction, LuGreFriction, SmoothFriction
 from ..simulation.effects.motor import VOLTAGE, Drive, geared
@@ -83,7 +85,7 @@ def torques_of(
     """
     n, nv = v.shape
     motor, rubs = find(effects, Drive), find(effects, DryFriction)
-    bristles, smooth = find(effects, LuGreFriction), find(effects, SmoothFriction)
+    bristles = find(effects, LuGreFriction)
     m = 3 * nv if z is None else 4 * nv
     by = np.array(_all(np.eye(nv, m, m - nv), n))
     law = () if rubs is None else tuple(np.broadcast_to(x, (n, nv)) for x in rubs.friction.law)
@@ -92,18 +94,44 @@ def torques_of(
         made = _of_motor(model, motor, q, v, tau, h, law, made)
     if bristles is not None and z is not None:
         made = _of_bristles(model, bristles, v, z, tau, h, made)
-    more = [(SPRING_TORQUE, [q, v])] if has_springs(model) else []
+    more = smooth_torques(model, effects, q, v, _all(np.eye(nv, m), n), _all(np.eye(nv, m, nv), n))
+    if more is not None:
+        made = made._replace(torque=made.torque + more[0], by_torque=made.by_torque + more[1])
+    return made
+
+
+def smooth_torques(
+    model: Model, effects: tuple[Effect, ...], q: Array, v: Array, by_q: Array, by_v: Array
+) -> tuple[Array, Array] | None:
+    """Torques (n, nv) of springs and smooth friction, and their derivatives (n, nv, m) along m directions, of which
+    ``by_q`` and ``by_v`` (n, nv, m) are the parts; None where neither acts.
+    """
+    n, nv = v.shape
+    acting: list[tuple[Spec, list[Array]]] = [(SPRING_TORQUE, [q, v])] if has_springs(model) else []
+    smooth = find(effects, SmoothFriction)
     if smooth is not None:
         values = [np.broadcast_to(x, (n, nv)) for x in (*smooth.friction.law, *smooth.coefficients)]
-        more.append((FRICTION_TORQUE, [v, *values]))
-    for spec, given in more:
-        named = {"q": np.eye(nv, m), "v": np.eye(nv, m, nv)}
-        tangents: list[Any] = [_all(named[x.name], n) if x.name in named else nv for x in spec.present]
-        pull = along(model, spec, [np.ascontiguousarray(x) for x in given], tangents)
-        made = made._replace(
-            torque=made.torque + checked_call(spec, model, tuple(given), (), None), by_torque=made.by_torque + pull
-        )
-    return made
+        acting.append((FRICTION_TORQUE, [v, *values]))
+    torque, by = np.zeros((n, nv)), np.zeros((n, nv, by_q.shape[2]))
+    named = {"q": by_q, "v": by_v}
+    for spec, given in acting:
+        tangents: list[Any] = [named.get(x.name, nv) for x in spec.present]
+        torque = torque + checked_call(spec, model, tuple(given), (), None)
+        by = by + along(model, spec, [np.ascontiguousarray(x) for x in given], tangents)
+    return (torque, by) if acting else None
+
+
+def torques_near(model: Model, effects: tuple[Effect, ...], q: ArrayLike, v: ArrayLike) -> tuple[Array, Array] | None:
+    """``smooth_torques`` of batches (..., nq) and (..., nv), and derivatives (..., nv, 2 nv) by (q, v)."""
+    if not has_springs(model) and find(effects, SmoothFriction) is None:
+        return None
+    nv, given = model.nv, [as_array(x.name, y) for x, y in ((Q, q), (V, v))]
+    batch = broadcast(["q", "v"], [batch_shape(model, x, y) for x, y in zip((Q, V), given, strict=True)])
+    n = math.prod(batch)
+    q, v = (np.broadcast_to(x, (*batch, x.shape[-1])).reshape((n, x.shape[-1])) for x in given)
+    found = smooth_torques(model, effects, q, v, _all(np.eye(nv, 2 * nv), n), _all(np.eye(nv, 2 * nv, nv), n))
+    assert found is not None
+    return found[0].reshape((*batch, nv)), found[1].reshape((*batch, nv, 2 * nv))
 
 
 def nothing_labelled(n: int) -> tuple[tuple[str, ...], Array, Array]:

@@ -51,7 +51,7 @@ class Scene:
                      friction, and a run warns if the URDF has some; False: no friction
     friction_method  "implicit": Coulomb's law and damping hold at the end of a step, at any dt; a joint that sticks has
                      a velocity of exactly 0. "lugre": LuGre's bristles, a state of the run. "smooth": a torque
-                     -F(v) tanh(v/smoothing) - viscous v, by any method but variational; nothing sticks
+                     -F(v) tanh(v/smoothing) - viscous v, by any method; nothing sticks
     limits           whether joints of one coordinate stop at their position limits
     motor, drive     Motor through which the torques of a run act, with implicit friction. "current": a torque is the n
                      k_t i of a wanted current, within the motor's limits. "voltage": a torque is the n k_t u / R of a

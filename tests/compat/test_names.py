@@ -119,7 +119,8 @@ def test_wrong_shapes_and_pairs_are_refused() -> None:
     model = arm(ours)
     capsule.parentFrame = 3
     geometry.addGeometryObject(capsule, model)
-    assert capsule.parentJoint == model.frames[3].parentJoint == 3
+    assert geometry.geometryObjects[-1].parentJoint == model.frames[3].parentJoint == 3
+    assert capsule.parentJoint == 1  # the model has a copy, as in Pinocchio
     assert ours.GeometryObject(capsule).name == "c"
     assert isinstance(capsule.meshMaterial, ours.GeometryNoMaterial)
     assert ours.GeometryPhongMaterial().meshShininess == 0.0

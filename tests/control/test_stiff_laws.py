@@ -109,10 +109,31 @@ def test_scenes_of_viscous_friction_are_judged(way: str, rod: sd.Model) -> None:
     sd.rollout(scene, [0.0], [0.0], dt=h, steps=2, control=sd.PD([0.01 * kp], [0.0], [0.0]))
     with pytest.warns(UserWarning, match="too stiff for steps of 0.02 s"):
         sd.rollout(scene, [0.0], [0.0], dt=h, steps=2, control=sd.PD([kp], [0.0], [0.0]))
-    with pytest.raises(sd.SimulationError, match="scene of dry friction has steps without a derivative"):
-        sd.closed_step(sd.Scene(rod, friction=sd.Friction(0.1)), pd(), [0.0], [0.0], h)
-    with pytest.raises(sd.SimulationError, match="scene of limits has steps without a derivative"):
-        sd.closed_step(sd.Scene(rod, limits=True), pd(), [0.0], [0.0], h)
+
+
+def test_errors_beside_what_acts_by_impulses_are_those_of_its_side() -> None:
+    """A + B K of ``step_derivatives``, of joints that rub, stop and are driven and a tip that slides."""
+    model, q, v, h = sd.load_urdf("two_link"), np.array([0.5, -0.3]), np.array([0.4, -0.2]), 1e-3
+    law, K = sd.PD([20.0, 10.0], [2.0, 1.0], [0.1, 0.2]), -np.array([[20.0, 0.0, 2.0, 0.0], [0.0, 10.0, 0.0, 1.0]])
+    tau = K @ np.r_[q - [0.1, 0.2], v]
+    (gap,) = sd.contact_gaps(model, sd.Contacts(model, {"tip": 0.02}), q)
+    ground = sd.Contacts(model, {"tip": 0.02}, terrain=sd.Plane((0.0, 0.0, 1.0), gap + 1e-4), tolerance=1e-13)
+    for acts in (
+        {"friction": sd.Friction(0.1, 0.05)}, {"limits": True, "contacts": ground},
+        {"motor": sd.Motor(0.05, 1.0, 24.0, 20.0, efficiency=0.8)},
+    ):  # fmt: skip
+        scene = sd.Scene(model, **acts)
+        A, B = sd.step_derivatives(scene, q, v, tau, h)
+        found = sd.closed_step(scene, law, q, v, h)
+        np.testing.assert_allclose(found.A, A + B @ K, rtol=0, atol=1e-6 * abs(A).max())
+    rubs = sd.Scene(model, friction=sd.Friction(100.0))  # sticks
+    assert (
+        abs(sd.closed_step(rubs, sd.PD([1e-3] * 2, [0.0] * 2, [0.0] * 2), [0.0] * 2, [0.0] * 2, h).A[2:]).max() == 0.0
+    )
+    stopped = sd.ModelBuilder("rod").add_body("rod", None, "revolute", (0, 0, 1), inertia=SOLID, limits=(-1.0, 1.0))
+    at_limit = sd.Scene(stopped.build(), limits=True)
+    with pytest.raises(sd.SimulationError, match="scene of limits has two derivatives of the step from this state"):
+        sd.closed_step(at_limit, sd.PD([0.0], [0.0], [0.0]), [1.0], [0.0], h)
 
 
 def test_states_of_a_law_are_part_of_its_step(rod: sd.Model) -> None:

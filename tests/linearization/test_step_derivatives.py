@@ -516,25 +516,38 @@ def test_a_turn_beyond_pi_is_named_with_its_sample(method: str) -> None:
 
 
 @pytest.mark.slow(quick="test_what_cannot_be_is_named")
-def test_springs_and_joints_without_inertia_are_named() -> None:
+def test_friction_and_joints_without_inertia_are_named() -> None:
     builder = sd.ModelBuilder("pair")
     for name in "ab":
         builder.add_body(name, axis=(0, 1, 0), inertia=(1.0, (0, 0, 0.1), 0.01 * np.eye(3)), joint_name=name)
     with pytest.raises(
         sd.SimulationError,
-        match="by implicit steps acts in the scene, expected constant forces, and constraints or a Friction with smoo",
+        match="by implicit steps acts in the scene, expected constant forces, constraints, springs and a Friction with",
     ):
         sd.linearize(sd.Scene(builder.build(), friction=True), [0.0] * 2, [0.0] * 2, [0.0] * 2)
-    elastic = sd.ModelBuilder("elastic")
-    elastic.add_body("a", axis=(0, 1, 0), inertia=(1.0, (0, 0, 0.1), 0.01 * np.eye(3)), joint_name="a")
-    elastic.add_series_elastic("a", 100.0, rotor=1e-4)
-    with pytest.raises(sd.SimulationError, match='robot "elastic" has springs of series-elastic joints'):
-        sd.linearize(elastic.build(), [0.0] * 2, [0.0] * 2, [0.0] * 2)
     empty = sd.ModelBuilder("empty")
     empty.add_body("hollow", joint_name="lazy")
     for method in ("semi_implicit_euler", "gauss4"):
         with pytest.raises(sd.InertiaError, match='joint "lazy" has zero articulated inertia'):
             sd.step_derivatives(empty.build(), [0.0], [0.0], [0.0], 0.01, method)
+
+
+def test_springs_are_stiffness_in_continuous_time() -> None:
+    """M v̇ = k (θ/n - q) ± d (θ̇/n - q̇) + m g l sin q, of a rod on its tip and the rotor that drives it."""
+    elastic = sd.ModelBuilder("elastic")
+    elastic.add_body("a", axis=(0, 1, 0), inertia=(1.0, (0, 0, 0.1), 0.01 * np.eye(3)), joint_name="a")
+    k, d, n, rotor = 100.0, 0.3, 20.0, 1e-4
+    elastic.add_series_elastic("a", k, d, rotor, n)
+    model = elastic.build()
+    rod = model.joint("a").idx_v
+    pull = np.full(2, 1.0 / n)
+    pull[rod] = -1.0
+    weight, M = np.zeros((2, 2)), np.full(2, rotor)
+    weight[rod, rod], M[rod] = 9.81 * 0.1, 0.01 + 0.01
+    A, B = sd.linearize(model, np.zeros(2), np.zeros(2), np.zeros(2))
+    wanted = (weight - k * np.outer(pull, pull)) / M[:, None], -d * np.outer(pull, pull) / M[:, None]
+    np.testing.assert_allclose(A[2:], np.hstack(wanted), rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(B[2:], np.diag(1.0 / M), rtol=1e-12, atol=1e-12)
 
 
 def test_friction_of_the_urdf_is_left_out_with_a_warning_unless_that_is_meant() -> None:
@@ -590,7 +603,7 @@ def test_smooth_friction_in_continuous_time_is_the_chain_rule() -> None:
     bare, same = sd.linearize(sd.Scene(model, friction=False), q, v, np.add(rub, [0.3, 0.2]))
     np.testing.assert_allclose(A, bare + np.hstack([np.zeros((4, 2)), B @ slope]), rtol=0, atol=1e-8)
     np.testing.assert_allclose(B, same, rtol=0, atol=EXACT)
-    with pytest.raises(sd.SimulationError, match="friction acts and method is 'gauss4', expected one of explicit_"):
+    with pytest.raises(sd.SimulationError, match='method is "gauss4" and friction acts, expected one of semi_implicit'):
         sd.step_derivatives(sd.Scene(model, friction=friction), q, v, [0.3, 0.2], 0.01, "gauss4")
 
 

@@ -151,3 +151,15 @@ def test_motors_are_refused_where_they_cannot_act(lift: sd.Model) -> None:
         sd.rollout(sd.Scene(lift, motor=3), [0.0], [0.0], dt=0.1, steps=1)  # type: ignore[arg-type]
     with pytest.raises(sd.ModelError, match="motor: efficiency is 2"):
         sd.rollout(sd.Scene(lift, motor=motor(efficiency=2.0)), [0.0], [0.0], dt=0.1, steps=1)
+
+
+@pytest.mark.parametrize("drive", ["current", "voltage"])
+def test_float32_takes_motors_without_limits_on_lanes(drive: str) -> None:
+    """Their largest current is a finite number there too: lanes leave no sample to steps in float64."""
+    model = sd.load_urdf("two_link")
+    motor = sd.Motor(0.05, 1.0, 24.0, 20.0, efficiency=0.8)
+    assert all(np.isfinite(x.astype(np.float32)).all() for x in motor.lines)
+    scene = sd.Scene(model, motor=motor, drive=drive, friction=sd.Friction(0.1, 0.05))
+    q = np.random.default_rng(0).normal(size=(5, 2))
+    wanted, found = (sd.rollout(scene, q, [0.1, 0.2], dt=1e-3, steps=20, dtype=x) for x in (np.float64, np.float32))
+    assert 0.0 < abs(found.v - wanted.v).max() < 1e-5

@@ -11,7 +11,8 @@ import numpy as np
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
-from numba.core.datamodel import models, register_default
+from numba.core.datamodel import models
+from numba.core.datamodel.registry import register_default
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
 from numba.extending import intrinsic, lower_builtin
 from numba.np import arrayobj
@@ -22,7 +23,7 @@ from .lanes import F8, I8, I32, TRUTH, Lanes, constant, every, size, vector
 LINE = 64  # bytes that scratch is aligned to
 
 
-class LanesRecord(types.Record):  # type: ignore[misc]
+class LanesRecord(types.Record):
     """A row of a table whose floats are lanes."""
 
     @property
@@ -38,7 +39,7 @@ register_default(LanesRecord)(models.RecordModel)
 def record(dtype: np.dtype, width: int) -> Any:
     """The type of a row, or a field, of a table of that dtype; each field has ``width`` times its bytes."""
     if dtype.names:
-        fields = [
+        fields: Any = [
             (name, {"type": record(dtype[name], width), "offset": cast(Any, dtype.fields)[name][1] * width})
             for name in dtype.names
         ]
@@ -105,7 +106,7 @@ aligned: Any = intrinsic(_aligned)
 # --- symmetric matrices -------------------------------------------------------------------------------------
 
 
-class Lower(types.Type):  # type: ignore[misc]
+class Lower(types.Type):
     """A matrix of lanes that is written in both triangles alike: what goes above the diagonal is not kept."""
 
     mutable = True
@@ -117,13 +118,13 @@ class Lower(types.Type):  # type: ignore[misc]
 
 
 @register_default(Lower)
-class _LowerModel(models.PrimitiveModel):  # type: ignore[misc]
+class _LowerModel(models.PrimitiveModel):
     def __init__(self, dmm: Any, kind: Any) -> None:
         super().__init__(dmm, kind, vector(F8, kind.width).as_pointer())
 
 
 @infer_global(operator.setitem)
-class _Set(AbstractTemplate):  # type: ignore[misc]
+class _Set(AbstractTemplate):
     def generic(self, args: Any, kws: Any) -> Any:
         matrix, place, _ = args
         if isinstance(matrix, Lower) and isinstance(place, types.BaseTuple) and len(place) == 2:

@@ -68,7 +68,7 @@ def _lines(spec: Spec, width: int) -> tuple[list[str], list[str]]:
         )
     inside += [f"sound = sound and unit_norm(bodies, {x.name}_tile)" for x in varying if x.unit_norm]
     inside += [f"sound = turn_lanes({x.name}_tile, {x.name}_turned_tile) and sound" for x in varying if x.turned]
-    passed: list[str | None] = ["bodies"] + ["work_tile"] * (spec.work is not None)
+    passed: list[str | None] = ["bodies", "work_tile"] if spec.work is not None else ["bodies"]
 
     def named(x: Any) -> str:
         if x.static:

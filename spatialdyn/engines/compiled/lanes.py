@@ -15,8 +15,9 @@ from typing import Any
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
-from numba.core.datamodel import models, register_default
-from numba.core.typeconv import Conversion
+from numba.core.datamodel import models
+from numba.core.datamodel.registry import register_default
+from numba.core.typeconv.castgraph import Conversion
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
 from numba.extending import intrinsic, lower_builtin, lower_cast, overload
 
@@ -62,13 +63,13 @@ def vector(element: Any, width: int) -> Any:
 
 
 @register_default(Lanes)
-class _LanesModel(models.PrimitiveModel):  # type: ignore[misc]
+class _LanesModel(models.PrimitiveModel):
     def __init__(self, dmm: Any, kind: Any) -> None:
         super().__init__(dmm, kind, vector(F8, kind.width))
 
 
 @register_default(Mask)
-class _MaskModel(models.PrimitiveModel):  # type: ignore[misc]
+class _MaskModel(models.PrimitiveModel):
     def __init__(self, dmm: Any, kind: Any) -> None:
         super().__init__(dmm, kind, vector(TRUTH, kind.width))
 
@@ -121,17 +122,18 @@ def _fusible(x: Any) -> bool:
 
 def add(builder: Any, x: Any, y: Any) -> Any:
     """x + y, fused with the product x, or else y."""
-    if _fusible(x):
-        return fma(builder, *x.operands, y)
-    if _fusible(y):
-        return fma(builder, *y.operands, x)
+    for product, other in ((x, y), (y, x)):
+        if _fusible(product):
+            a, b = product.operands
+            return fma(builder, a, b, other)
     return builder.fadd(x, y)
 
 
 def subtract(builder: Any, x: Any, y: Any) -> Any:
     """x - y, fused with the product x, or else y."""
     if _fusible(x):
-        return fma(builder, *x.operands, builder.fneg(y))
+        a, b = x.operands
+        return fma(builder, a, b, builder.fneg(y))
     if _fusible(y):
         return fma(builder, builder.fneg(y.operands[0]), y.operands[1], x)
     return builder.fsub(x, y)
@@ -188,7 +190,7 @@ def lanes_in(kinds: Any) -> Lanes | None:
 def _operator(functions: Any, emit: Callable[..., Any], arity: int = 2, truth: bool = False) -> None:
     for function in functions:
 
-        class Template(AbstractTemplate):  # type: ignore[misc]
+        class Template(AbstractTemplate):
             key = function
 
             def generic(self, args: Any, kws: Any) -> Any:
@@ -384,8 +386,11 @@ turned: Any = intrinsic(_turned)
 # --- named tuples of numbers become those of lanes where two paths meet -------------------------------------
 
 
+_NAMED: Any = types.BaseNamedTuple
+
+
 def _unify(self: Any, typing_context: Any, other: Any) -> Any:
-    if isinstance(other, types.BaseNamedTuple) and other.instance_class is self.instance_class:
+    if isinstance(other, _NAMED) and other.instance_class is self.instance_class:
         both = [typing_context.unify_pairs(a, b) for a, b in zip(self, other, strict=True)]
         if all(x is not None for x in both):
             return types.BaseTuple.from_types(both, self.instance_class)
@@ -393,13 +398,14 @@ def _unify(self: Any, typing_context: Any, other: Any) -> Any:
 
 
 def _convertible(self: Any, typing_context: Any, other: Any) -> Any:
-    if not isinstance(other, types.BaseNamedTuple) or other.instance_class is not self.instance_class:
+    if not isinstance(other, _NAMED) or other.instance_class is not self.instance_class:
         return None
     can = typing_context.can_convert
     return Conversion.safe if all(can(a, b) is not None for a, b in zip(self, other, strict=True)) else None
 
 
-for _kind in (types.NamedUniTuple, types.NamedTuple):  # which Numba unifies with nothing
+_KINDS: Any = (types.NamedUniTuple, types.NamedTuple)  # which Numba unifies with nothing
+for _kind in _KINDS:
     _kind.unify, _kind.can_convert_to = _unify, _convertible
 
 

@@ -107,7 +107,7 @@ def contact_step(
     for j in range(len(s.level)):
         s.level[j] = 0.0
     open_laws(q, dt, contact, out.gap, after, s)
-    solve_impulses(contact, None, SWEEPS, after, s)
+    solve_impulses(contact, None, SWEEPS, False, after, s)
     for p in range(points):
         write_point(contacts, contact.heights, contact.mu[p], s.B[p], after, p, out, s)
     residual(contact, after, s)

@@ -3,7 +3,7 @@
 With x the velocities after the step, in the axes at its beginning, and impulses λ of points and joints and μ of
 constraints, ``impulse_step`` and ``contact_step`` leave
 
-    M (x - v - d) + h (bias + b x - τ) - Jᵀ λ - Cᵀ μ = 0,    C (x - d) + h Ċ v = 0,
+    M (x - v - d) + h (bias + b (x - d) - τ) - Jᵀ λ - Cᵀ μ = 0,    C (x - d) + h Ċ v = 0,
 
 with d of floating and planar joints, see ``add_begun``. Other outputs are u = J x, with a point's target c added along
 its normal, and the terms of the laws for u: gaps, levels of dry friction and the ranges of joints' limits.
@@ -60,6 +60,7 @@ class Balance(NamedTuple):
     least: Vector
     most: Vector
     closing: Vector
+    begun: Vector
 
 
 class Given(NamedTuple):
@@ -76,7 +77,6 @@ class BalanceScratch(NamedTuple):
     b: Vector = (ROWS,)  # targets c
     slopes: Array = ("np", 3, 3)
     y: Vector = ("nv",)  # acceleration
-    begun: Vector = ("nv",)
 
 
 class HeldBalanceScratch(NamedTuple):
@@ -99,14 +99,14 @@ def impulse_balance(
     """
     n, contacts = len(bodies) - 1, contact.contacts
     points, limits, joints = contacts[0].np, contacts[0].nl, contacts[0].nl + contacts[0].nd
-    add_begun(bodies, dt, v, s.begun)
+    add_begun(bodies, dt, v, out.begun)
     for i in range(n):
-        s.y[i] = (x[i] - v[i] - s.begun[i]) / dt
+        s.y[i] = (x[i] - v[i] - out.begun[i]) / dt
     rnea(bodies, work, q, v, s.y, fext, out.momentum)
     for i in range(n):
         push = out.momentum[i] - tau[i]
         if law is not None:
-            push = push + law.viscous[i] * x[i]
+            push = push + law.viscous[i] * (x[i] - out.begun[i])
         out.momentum[i] = dt * push
 
     put_mat3(work[0].R, mat3_of(contacts[0].axes))
@@ -138,7 +138,7 @@ def impulse_balance(
         for k in range(len(out.closing)):
             out.closing[k] = dt * out.closing[k]
             for i in range(n):
-                was = s.begun[i] if rate is None else s.begun[i] + v[i]
+                was = out.begun[i] if rate is None else out.begun[i] + v[i]
                 out.closing[k] = out.closing[k] + h.C[k, i] * (x[i] - was)
                 out.momentum[i] = out.momentum[i] - h.C[k, i] * given.reaction[k]
 
@@ -180,6 +180,7 @@ def impulse_balance_spec(has: frozenset[str]) -> Spec:
         Argument("least", ("nl",), "rad/s | m/s", "velocity that a lower limit leaves"),
         Argument("most", ("nl",), "rad/s | m/s", "velocity that an upper limit leaves"),
         Argument("closing", (held,), "m/s | rad/s", "what is left of constraints"),
+        Argument("begun", ("nv",), "rad/s | m/s", "d"),
     )
     width = "+".join(str(x) for part in parts for x in part.shape if x)
     return Spec(

@@ -36,7 +36,7 @@ from .contact_rows import (
 from .coulomb_cone import factor_block, largest_eigenvalue, magnitude, off_the_law, point_impulse
 
 ROWS = "np+np+np+nl+nd"
-RES, LEAST, ROUND, EPSILON, COUNT, PHASE, CAREFUL, GRIP, JAMS, SHARE = range(10)  # of ``state``
+RES, LEAST, ROUND, EPSILON, COUNT, PHASE, CAREFUL, GRIP, JAMS, SHARE, STOPS = range(11)  # of ``state``
 HEAVY = 1e-4  # times a row's response and the largest inertia: above 1, the row's proximal term shrinks
 
 
@@ -84,7 +84,7 @@ class Impulses(NamedTuple):
     N: Matrix = (3, 3)
     CJ: Matrix = (3, "nv")
     root: Vector = (4,)  # of ``find_root``
-    state: Vector = (10,)  # residual, the least so far, round, ε, count, phases done, what differs in rounds
+    state: Vector = (11,)  # residual, the least so far, round, ε, count, phases done, what differs in rounds
     left: Vector = (1,)  # of loops: residuals less the tolerance
     sweeping: Vector = (1,)
     stepping: Vector = (1,)
@@ -178,14 +178,26 @@ def respond(w: Vector, s: Impulses) -> None:
 @inline
 def sweep(contact: Contact, held: bool, w: Vector, s: Impulses) -> None:
     """New impulses of each point and joint in turn, and w with them."""
+    sweep_points(contact, held, w, s)
+    sweep_joints(contact, w, s)
+
+
+@inline
+def sweep_joints(contact: Contact, w: Vector, s: Impulses) -> None:
+    """Those of joints."""
+    for j in range(len(s.level)):
+        set_joint(3 * contact.contacts[0].np + j, j, w, s)
+
+
+@inline
+def sweep_points(contact: Contact, held: bool, w: Vector, s: Impulses) -> None:
+    """Those of points."""
     points = contact.contacts[0].np
     for p in range(points):
         now = force_of_point(s.force, p)
         r = sub(velocity_of_point(s.Y, s.b, w, p), times(s.B[p], now))
         solved, _, _ = point_impulse(s.B[p], s.factors[p], r, contact.mu[p], s.lower[p], s.root, s.disc, held)
         set_point(p, solved, now, w, s)
-    for j in range(len(s.level)):
-        set_joint(3 * points + j, j, w, s)
 
 
 @inline
@@ -211,12 +223,26 @@ def set_joint(k: int, j: int, w: Vector, s: Impulses) -> None:
 @inline
 def residual(contact: Contact, w: Vector, s: Impulses) -> Scalar:
     """The largest residual of all rows; those of joints are written to ``off``."""
+    of_points, of_joints = residual_of_points(contact, w, s), residual_of_joints(contact, w, s)
+    return select(of_joints - of_points, of_joints, of_points)
+
+
+@inline
+def residual_of_points(contact: Contact, w: Vector, s: Impulses) -> Scalar:
+    """The largest residual of points."""
     worst, points = 0.0, contact.contacts[0].np
     for p in range(points):
         u = velocity_of_point(s.Y, s.b, w, p)
         f = force_of_point(s.force, p)
         x = off_the_law(s.B[p, 0, 0], s.wide[p], s.narrow[p], u, contact.mu[p], f, s.lower[p])
         worst = select(x - worst, x, worst)
+    return worst
+
+
+@inline
+def residual_of_joints(contact: Contact, w: Vector, s: Impulses) -> Scalar:
+    """The largest of joints; all are written in ``off``."""
+    worst, points = 0.0, contact.contacts[0].np
     for j in range(len(s.level)):
         k = 3 * points + j
         u = velocity(s.Y, s.b, w, k)

@@ -133,7 +133,8 @@ def impulse_step(
     rub(v, z, dt, contact, law, s)
     open_laws(q, dt, contact, out.gap, after, s)
     begin(contact.start, s.force)
-    solve_impulses(contact, h, SWEEPS if law is None or z is not None else SWEEPS_DRY, after, s)
+    rubs = law is not None and z is None
+    solve_impulses(contact, h, SWEEPS_DRY if rubs else SWEEPS, rubs, after, s)
     if held is not None and held.rate is None:
         meet(bodies, work, q, v, dt, held.constraints, out, s, h)
         settle(contact, after, s)

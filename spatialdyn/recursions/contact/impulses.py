@@ -35,10 +35,14 @@ from .impulse_rows import (
     RES,
     ROUND,
     SHARE,
+    STOPS,
     Impulses,
     residual,
+    residual_of_joints,
+    residual_of_points,
     respond,
-    sweep,
+    sweep_joints,
+    sweep_points,
 )
 from .newton_step import newton_step
 
@@ -54,12 +58,13 @@ FAR = 1e30  # above any residual
 
 @inline
 def solve_impulses(
-    contact: Contact, held: Record, first: int, w: Vector, s: Impulses
+    contact: Contact, held: Record, first: int, rubs: bool, w: Vector, s: Impulses
 ) -> None:  # fmt: skip
     """Solve for λ from its value in ``force``, and update w.
 
     held   scratch of constraints, whose rows N Newton's steps treat as stiff; None without constraints
     first  sweeps before Newton's steps
+    rubs   whether joints rub dry
     """
     rows, state = len(s.force), s.state
     for k in range(rows):
@@ -71,7 +76,7 @@ def solve_impulses(
     for _ in repeat(PHASES, s.phase, s.force, s.first, s.lower, s.free, w, state):
         if settled(s.phase[0]):
             break
-        solve_phase(contact, held, first, w, s)
+        solve_phase(contact, held, first, rubs, w, s)
         s.phase[0] = 0.0
         for p in range(len(s.lower)):  # after the first phase, points of one impact share their least e
             least = select(s.bounces[p] - state[SHARE], state[SHARE], s.bounces[p])
@@ -94,7 +99,7 @@ def solve_impulses(
 
 @inline
 def solve_phase(
-    contact: Contact, held: Record, first: int, w: Vector, s: Impulses
+    contact: Contact, held: Record, first: int, rubs: bool, w: Vector, s: Impulses
 ) -> None:  # fmt: skip
     """Solve for λ of one phase."""
     head, rows = contact.contacts[0], len(s.force)
@@ -112,12 +117,15 @@ def solve_phase(
         respond(w, s)
         state[COUNT] = select(state[ROUND], 1.0 * SWEEPS_AGAIN, 1.0 * first)
         s.sweeping[0] = 1.0
+        state[STOPS] = 1.0
+        if not rubs:
+            state[STOPS] = select(residual_of_joints(contact, w, s) - tolerance, 1.0, 0.0)
         for _ in repeat(SWEEPS_AGAIN, s.sweeping, s.force, w, state):
             if settled(s.sweeping[0]):
                 break
-            sweep(contact, held is not None, w, s)
-            state[RES] = residual(contact, w, s)
+            sweep_points(contact, held is not None, w, s)
             state[COUNT] = state[COUNT] - 1.0
+            sweep_stops(contact, rubs, w, s)
             s.sweeping[0] = select(state[COUNT], state[RES] - tolerance, 0.0)
         keep(select(state[ROUND], 1.0, state[LEAST] - state[RES]), s)
         state[EPSILON] = select(state[ROUND], select(state[ROUND] - 1.0, PROX[2], PROX[1]), PROX[0])
@@ -151,6 +159,27 @@ def solve_phase(
     for k in range(rows):
         s.force[k] = s.best[k]
     respond(w, s)
+
+
+@inline
+def sweep_stops(contact: Contact, rubs: bool, w: Vector, s: Impulses) -> None:
+    """The joints' part of a sweep, and the residual; without dry friction only if a joint would pass a limit.
+
+    Until one does their impulses are 0, and joints are looked at where the points are solved, and after the last sweep.
+    """
+    state, tolerance = s.state, contact.contacts[0].tolerance
+    if rubs or len(s.level) == 0:
+        sweep_joints(contact, w, s)
+        state[RES] = residual(contact, w, s)
+    else:
+        for _ in when(state[STOPS], s.force, w):
+            sweep_joints(contact, w, s)
+        state[RES] = residual_of_points(contact, w, s)
+        looks = select(state[STOPS], 1.0, select(state[COUNT], tolerance - state[RES], 1.0))
+        for _ in when(looks, state):
+            off = residual_of_joints(contact, w, s)
+            state[STOPS] = select(off - tolerance, 1.0, state[STOPS])
+            state[RES] = select(off - state[RES], off, state[RES])
 
 
 @inline

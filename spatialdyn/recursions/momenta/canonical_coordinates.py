@@ -268,6 +268,18 @@ def chart_centres(bodies: Bodies, q: Config, p: Vector, centres: Matrix, z: Vect
     to_canonical(bodies, centres, q, p, z)
 
 
+@inline
+def chart_q(bodies: Bodies, z: Vector, centres: Matrix, q: Config, p: Vector) -> None:
+    """q of z."""
+    from_canonical(bodies, centres, z, q, p)
+
+
+@inline
+def chart_p(bodies: Bodies, z: Vector, centres: Matrix, p: Vector, q: Config) -> None:
+    """p of z."""
+    from_canonical(bodies, centres, z, q, p)
+
+
 Z = Argument("z", ("nv+nv",), "", "canonical coordinates")
 CENTRES = Argument("centres", ("nv+1", 6), "1", "centres of the charts")
 SLOPE = Spec(
@@ -288,5 +300,15 @@ START = (
     Spec(
         "chart_centres", chart_centres, None, (Q, P), CENTRES, "The nearest centres.",
         "see ``recursions.momenta.canonical_coordinates``", scratch=(("nv+nv",),), composed=True,
+    ),
+)  # fmt: skip
+STATE = (
+    Spec(
+        "chart_q", chart_q, None, (Z, CENTRES), Q, "Coordinates of canonical ones.",
+        "see ``recursions.momenta.canonical_coordinates``", scratch=(("nv",),), composed=True,
+    ),
+    Spec(
+        "chart_p", chart_p, None, (Z, CENTRES), P, "Momenta of canonical coordinates.",
+        "see ``recursions.momenta.canonical_coordinates``", scratch=(("nq",),), composed=True,
     ),
 )  # fmt: skip

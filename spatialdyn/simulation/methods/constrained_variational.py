@@ -35,7 +35,7 @@ ROUNDING = 4.0 * EPS  # of an iterate
 
 
 def constrained_variational(constrained: Constrained, model: Model) -> Callable[..., None]:
-    """The step, which advances (q, p). It raises ConstraintError."""
+    """The step, which advances (q, p); ξ is written in row 0 of ``state.work``. It raises ConstraintError."""
     n, constraints = model.nv, constrained.constraints
     impulse, xi = np.zeros(constraints.nc), np.zeros(n)  # Λ and ξ of the last step, from which the next starts
 
@@ -73,7 +73,7 @@ def constrained_variational(constrained: Constrained, model: Model) -> Callable[
         set_status(system, k.after(system.table, ahead, xi, state.by_row, left), t + h)
         set_status(system, k.load(system, ahead, g), t + h)
         system.torque(system, t + h, ahead, xi / h)
-        state.q[:] = ahead
+        state.q[:], state.work[0][:] = ahead, xi
         state.w[:] = momentum_along(constrained, model, ahead, left / h + 0.5 * h * (system.tau - g))
 
     return step

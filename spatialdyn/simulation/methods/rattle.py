@@ -51,7 +51,7 @@ def unfit(model: Model, constraints: Constraints, stabilization: float | None, m
 
 
 def rattle(constrained: Constrained, model: Model) -> Callable[..., None]:
-    """The step, which advances z = (q, p) in row 0 of ``state.work``. It raises ConstraintError."""
+    """The step, which advances z = (q, p) in row 0 of ``state.work``, with p½ in row 2. It raises ConstraintError."""
     n, constraints = model.nv, constrained.constraints
     force = np.zeros(constraints.nc)  # λ of the last step, from which the next starts
 
@@ -83,6 +83,7 @@ def rattle(constrained: Constrained, model: Model) -> Callable[..., None]:
 
         closed(constrained, model, system, t, q, settle, add)
         joint_rates(system, t + h, ahead, half, rates)
+        state.work[2][n:] = half
         z[:n], z[n:] = ahead, momentum_along(constrained, model, ahead, half + 0.5 * h * rates[1])
 
     return step

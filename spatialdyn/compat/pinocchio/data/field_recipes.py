@@ -269,7 +269,7 @@ def Ig(run: Any) -> Array:
 def mechanical_energy(run: Any) -> float:
     """Kinetic and potential energy."""
     fills = run.kind.fills
-    return float(fills["kinetic_energy"](run).item() + fills["potential_energy"](run).item())
+    return float(sum(np.asarray(fills[name](run)).item() for name in ("kinetic_energy", "potential_energy")))
 
 
 def momentum_rate_and_weight(run: Any) -> Array:

@@ -213,7 +213,7 @@ class ViserVisualizer(BaseVisualizer):
 
     def _has_joint(self, added: GeometryObject, missing: list[str]) -> bool:
         """Whether the model has the joint of an object, which is listed as missing otherwise."""
-        there = 0 <= added.parentJoint < self.model.njoints
+        there = bool(0 <= added.parentJoint < self.model.njoints)
         if not there:
             missing.append(f"{added.name} is on joint {added.parentJoint}, expected one below {self.model.njoints}")
         return there

@@ -1,0 +1,152 @@
+"""Derivatives of steps of symplectic methods under constraints, by the implicit function theorem at their solution.
+
+``rattle`` and ``constrained_variational`` solve for their unknowns with multipliers of the equations that are kept; the
+same equations are linear in the derivatives. Both end with the velocity nearest to theirs that keeps J v = 0:
+
+    M v⁺ = p + Jᵀ μ,    J v⁺ = 0
+
+Multipliers are those that close the other equations. The derivative is that of the step, of states
+beside the constraints too, which it leads onto them in position.
+
+Source: see ``simulation.methods.rattle`` and ``simulation.methods.constrained_variational``.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..calls.by_program import along
+from ..calls.dynamics import calls
+from ..constraints.dynamics import constraint_jacobian, rows_to_keep
+from ..constraints.table import Constraints
+from ..model.model import Model
+from ..recursions import SPECS
+from ..recursions.constraints.constraint_rows import JACOBIAN
+from ..simulation.effects.constraints import Constrained
+
+Array = NDArray[Any]
+
+
+class Rows(NamedTuple):
+    """Equations of n samples at one configuration.
+
+    kept    (n, nc) those that are kept
+    J       (n, nc, nv)
+    turned  (n, nc, nv, nv) ∂J/∂q
+    """
+
+    kept: NDArray[np.bool_]
+    J: Array
+    turned: Array
+
+
+def rows_of(model: Model, constrained: Constrained, q: Array) -> Rows:
+    """The equations at q, of which a step from there keeps the independent ones."""
+    held, (n, nv) = constrained.constraints, (len(q), model.nv)
+    kept, _ = rows_to_keep(model, held, q)
+    turned = jacobian_slopes(model, held, q)
+    return Rows(np.atleast_2d(kept) > 0.0, constraint_jacobian(model, held, q).reshape((n, held.nc, nv)), turned)
+
+
+def jacobian_slopes(model: Model, held: Constraints, q: Array) -> Array:
+    """∂J/∂q (n, nc, nv, nv)."""
+    unit = np.broadcast_to(np.eye(model.nv), (len(q), model.nv, model.nv))
+    found = along(model, JACOBIAN, [q], [unit], (held.table,))
+    made: Array = found.reshape((len(q), held.nc, model.nv, model.nv))
+    return made
+
+
+def variational(
+    before: Array, by_state: Array, by_xi: Array, steps: tuple[Array, Array], of_q: Array, here: Rows, there: Rows
+) -> Array:  # fmt: skip
+    """δξ (n, nv, m) of p⁻(q, ξ) - Jᵀ Λ = p, φ(q ∘ exp(ξ)) = 0.
+
+    before    (n, nv) Jᵀ Λ
+    by_state  (n, nv, m) derivatives of p⁻ - p by the state
+    by_xi     (n, nv, nv) of p⁻ by ξ
+    steps     (n, nv, nv) each, those of q⁺ by q and ξ
+    of_q      (n, nv, m) of q by the state
+    """
+    made, nv = np.empty_like(by_state), len(by_xi[0])
+    for k, kept in enumerate(here.kept):
+        J, ahead = here.J[k][kept], there.J[k][kept]
+        turned = np.einsum("ijk,i->jk", here.turned[k][kept], _multipliers(J, before[k]))
+        K = np.block([[by_xi[k], -J.T], [ahead @ steps[1][k], np.zeros((len(J), len(J)))]])
+        right = np.vstack([turned @ of_q[k] - by_state[k], -ahead @ steps[0][k] @ of_q[k]])
+        made[k] = np.linalg.solve(K, right)[:nv]
+    return made
+
+
+class Slopes(NamedTuple):
+    """Of v and ṗ at (q, p): values (n, 2 nv), derivatives F (n, 2 nv, 2 nv) by (q, p) and G (n, 2 nv, nv) by τ."""
+
+    values: Array
+    F: Array
+    G: Array
+
+
+def rattle(
+    p: Array, half: Array, start: Slopes, end: Slopes, h: Array, given: tuple[Array, Array, Array], here: Rows,
+    there: Rows,
+) -> tuple[Array, Array, Array]:  # fmt: skip
+    """δq⁺ and δp (n, nv, m), and p, before velocities meet the constraints.
+
+    p, half     (n, nv) before the step, and in its middle
+    start, end  where p is ``half``, at q and at q⁺
+    h           (n, 1, 1) half of the step
+    given       δq, δp, δτ (n, nv, m) by the state
+    """
+    of_q, of_p, of_tau = given
+    (n, nv), m, one = p.shape, of_q.shape[2], np.eye(p.shape[1])
+    moved, changed = np.empty((n, nv, m)), np.empty((n, nv, m))
+    pulled = half - p - h[:, 0] * start.values[:, nv:]  # Jᵀ of the multipliers
+    first, last = slice(0, nv), slice(nv, 2 * nv)
+    for k, kept in enumerate(here.kept):
+        J, ahead, c = here.J[k][kept], there.J[k][kept], h[k, 0, 0]
+        F0, F1, zero = start.F[k], end.F[k], np.zeros((len(J), len(J)))
+        turned = np.einsum("ijk,i->jk", here.turned[k][kept], _multipliers(J, pulled[k]))
+        none = np.zeros((len(J), nv))
+        K = np.block([
+            [one - c * F0[last, last], np.zeros((nv, nv)), -J.T],
+            [-c * (F0[first, last] + F1[first, last]), one - c * F1[first, first], none.T],
+            [none, ahead, zero],
+        ])  # fmt: skip
+        right = np.vstack([
+            of_p[k] + c * (F0[last, first] @ of_q[k] + start.G[k][last] @ of_tau[k]) + turned @ of_q[k],
+            of_q[k] + c * (F0[first, first] @ of_q[k]),
+            np.zeros((len(J), m)),
+        ])  # fmt: skip
+        found = np.linalg.solve(K, right)
+        between, moved[k] = found[:nv], found[nv : 2 * nv]
+        pushed = F1[last, first] @ moved[k] + F1[last, last] @ between + end.G[k][last] @ of_tau[k]
+        changed[k] = between + c * pushed
+    return moved, changed, half + h[:, 0] * end.values[:, nv:]
+
+
+def met(model: Model, q: Array, p: Array, ahead: Array, moved: Array, changed: Array, there: Rows) -> Array:
+    """δv⁺ (n, nv, m) of the velocity nearest to M⁻¹ p that keeps J v = 0.
+
+    ahead           (n, nv) its momentum
+    moved, changed  (n, nv, m) δq and δp
+    """
+    nv = model.nv
+    v = calls["velocity_from_momentum"](model, q, ahead)
+    by_q = along(model, SPECS["momentum"], [q, v], [moved, np.zeros_like(moved)])
+    M, made = np.asarray(calls["crba"](model, q)), np.empty_like(moved)
+    for k, kept in enumerate(there.kept):
+        J, turned = there.J[k][kept], there.turned[k][kept]
+        mu = _multipliers(J, ahead[k] - p[k])
+        K = np.block([[M[k], -J.T], [J, np.zeros((len(J), len(J)))]])
+        pulled = np.einsum("ijk,i->jk", turned, mu) @ moved[k]
+        closing = -np.einsum("ijk,j->ik", turned, v[k]) @ moved[k]
+        made[k] = np.linalg.solve(K, np.vstack([changed[k] + pulled - by_q[k], closing]))[:nv]
+    return made
+
+
+def _multipliers(J: Array, pull: Array) -> Array:
+    """λ of Jᵀ λ = pull."""
+    made: Array = np.linalg.lstsq(J.T, pull)[0]
+    return made
