@@ -187,7 +187,7 @@ def test_worker_processes_are_single(way: str, tmp_path: Path) -> None:
     assert done.stdout.split() == ["8", "1"]
 
 
-def test_compiled_code_is_told_of_any_number_of_threads() -> None:
+def test_compiled_code_gets_any_number_of_threads() -> None:
     pool = ThreadPool()
     pool.ask(3)
     word = pool.most
