@@ -36,15 +36,15 @@ TASK_CALLS = {
     "inverse_dynamics": ("rnea",),
     "mass_matrix": ("crba",),
 }
-WHEN_NAMED = ("aba_square_root",)  # has no program, and a kernel that is long to compile
-STATES = 8 if numba_kernels.PLAIN else 4096  # fewer leave the bound exceeded in other states too often
+WHEN_NAMED = ("aba_square_root",)  # only if named: it has no program, and its kernel takes long to compile
+STATES = 8 if numba_kernels.PLAIN else 4096  # with fewer, other states exceed the bound too often
 ROUNDS = 25  # the fastest counts
 SECONDS = 5e-4  # per candidate and round: short, so that some round is undisturbed
 SPENT = 0.3  # total per candidate, beyond 3 rounds
 MOST = 1 << 24  # random or timed samples at once
 CHUNK = 1024  # further states at a time; an option that fails in one chunk skips the rest
 HALF_ULP = 2.0**-53  # of the result: the least error of "extended", which rounds the reference itself
-MOST_BOUNDED = 12  # freedoms: an analysis of aba has M⁻¹ in it
+MOST_BOUNDED = 12  # freedoms up to which rounding is analysed: the analysis of aba needs M⁻¹
 PATIENCE = 4.0  # seconds of this thread spent on further states
 
 
@@ -58,7 +58,7 @@ class Candidate(NamedTuple):
 
 
 def calls_of(model: Model, task: str, wanted: tuple[str, ...] | None = None) -> list[str]:
-    """The calls of a task that lack no term of a model: all but WHEN_NAMED, or those wanted."""
+    """The calls of a task that have all terms of a model: all but WHEN_NAMED, or those wanted."""
     names = [name for name in TASK_CALLS[task] if (name not in WHEN_NAMED if wanted is None else name in wanted)]
     lacks = {name: SPECS[name].lacks if name in SPECS else () for name in names}
     return [name for name, columns in lacks.items() if not any(model.bodies[x].any() for x in columns)]
@@ -109,7 +109,7 @@ def random_call_states(model: Model, task: str, count: int, seed: int | list[int
 
 
 def candidates(model: Model, task: str, batch: int, wanted: tuple[str, ...] | None = None) -> Iterator[list[Candidate]]:
-    """The candidates of each call for a task, as of ``calls_of``, at a batch size; to make them compiles."""
+    """The candidates of each call for a task, at a batch size; making them compiles."""
     given = ", ".join(INPUTS[task])
     for name in calls_of(model, task, wanted):
         found: list[Candidate] = []
@@ -119,7 +119,7 @@ def candidates(model: Model, task: str, batch: int, wanted: tuple[str, ...] | No
         traces = _traces(model, name)
         way = "lanes" if traces and (not extended or batch >= LEAST_BATCH) else "untraced"
         if traces and not extended:
-            engine.compile_program(variant(SPECS[name], ()), model, ())  # what is timed
+            engine.compile_program(variant(SPECS[name], ()), model, ())  # compile the timed code
             k = specialize(model, call, dtype=np.float32)
             if k.engine == "lanes":
                 text = f"sd.specialize(model, sd.{name}, dtype=np.float32)({given})"
@@ -135,7 +135,7 @@ def _traces(model: Model, name: str) -> bool:
 
 
 def _errors(name: str, first: str, found: Any, truth: Array, norm: str = LARGEST) -> Array:
-    """Errors of a candidate; of one that rounds the reference itself, at least those of rounding."""
+    """Errors of a candidate; if it rounds the reference itself, at least half an ulp."""
     errors = of_calls(first, np.asarray(found), truth, norm)
     return np.maximum(errors, HALF_ULP) if name.endswith(EXTENDED) else errors
 
@@ -187,9 +187,9 @@ def measure_calls(
 
 
 def _promised(model: Model, candidate: Candidate, first: str, arrays: list[Array], truth: Array) -> dict[str, Array]:
-    """By norm, bounds on the errors of a candidate that is a program, as it rounds in NumPy: that has no fused
-    operations, which changes no digit that is shown. Infinite of others, and of robots of more than MOST_BOUNDED
-    freedoms, whose analysis takes longer than the rest.
+    """Bounds on the errors of a program, by norm, for its rounding in NumPy: without fused operations, which changes no
+    printed digit. Infinite for other candidates, and for robots of more than MOST_BOUNDED freedoms, whose analysis
+    would take longer than all else.
     """
     way, _, name = candidate.name.rpartition(" ")
     if not way.startswith("lanes") or name == EXTENDED or model.nv > MOST_BOUNDED:

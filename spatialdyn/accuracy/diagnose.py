@@ -1,4 +1,4 @@
-"""``diagnose``: oddities of a model found before use: inertias, mass ratios, digits, time steps."""
+"""``diagnose``: oddities of a model, found before use: inertias, mass ratios, digits, time steps."""
 
 from __future__ import annotations
 
@@ -27,41 +27,41 @@ from .predicted_digits import INPUTS, digits_of, method_errors, program_errors
 Array = NDArray[np.float64]
 
 SAMPLES = 8  # random states in which M is examined
-LARGE = 256  # freedoms above which M is examined in one random state: each costs O(n³)
+LARGE = 256  # freedoms above which M is examined in one random state only: a state costs O(n³)
 STATES = 8 if numba_kernels.PLAIN else 512  # in which digits are measured
 WORK = 2e9  # limit on states times freedoms cubed: crba_solve takes n³/3 operations
 EPS = ROUNDING["float64"]
-HEAVY = 1e3  # a body this many times heavier than all that carry it costs a digit or more
+HEAVY = 1e3  # a body this many times heavier than all bodies that carry it costs a digit or more
 POOR = 10.0  # digits of ABA in float64: fewer are a warning
 LOST = 6.0  # fewer are an error
 FEW = 3.0  # digits of ABA in float32: fewer are a note
 ILL = 1e8  # scaled condition of M that costs half of the digits of float64
 WORSE = 10.0  # times the error of the table kernel: a program with more has lost a digit
 LEVELS = (0.5, 0.9, 1.0)  # quantiles of states: in the worst state of an ill-conditioned robot both lose digits
-SLACK = 16.0  # eps allowed beside: another order of rounding, not fewer digits
+SLACK = 16.0  # allowed in addition [eps]: another order of rounding, not fewer digits
 # Of the 68 robots of example-robot-data, the widest radius of gyration is 3.2 m on a body of 0.1 m (1 kg m² at 0.1 kg,
-# made up) and the farthest reach 1 m; millimetres taken for metres are a factor of 1000.
+# invented values) and the farthest reach 1 m; millimetres taken for metres are a factor of 1000.
 WIDE, APART = 3.0, 30.0  # metres: a radius of gyration, and a reach, beyond which units are in doubt
-BESIDE = 100.0  # times the other of the two
-HUGE = 300.0  # metres: no link reaches that far, whatever its radius of gyration
+BESIDE = 100.0  # if also this many times the other of the two
+HUGE = 300.0  # metres: a reach in doubt for any radius of gyration
 
 
 def diagnose(
     model: Model, q: ArrayLike | None = None, progress: Progress = False, friction: Friction | bool | None = None
 ) -> Diagnosis:
-    """Oddities of a model, what they cost and what helps.
+    """Oddities of a model, their cost in digits and their remedies.
 
     * links with an inertia that is not physical, and moving links without mass
     * inertias and lengths in other units: a radius of gyration far above or below the reach of the link and its
       neighbours
     * bodies 1000 times heavier than all bodies that carry them: ABA subtracts nearly equal inertias there
     * the condition number of M scaled to a unit diagonal, which does not depend on units
-    * joints with zero articulated inertia, and bodies whose inertia does not affect M
+    * joints with zero articulated inertia, and bodies whose inertia does not enter M
     * digits of ``forward_dynamics`` by method, in float64 and float32, measured against double-double arithmetic
     * calls whose program is a digit less accurate than the table kernel
     * links too light or too heavy for float32's range, whose programs fall back to float64
     * the largest time step of explicit integrators, with joint damping as a torque
-    * with friction: joints whose bristles may give energy, where b < σ1 (F_s - F_c)/F_c
+    * with friction: joints whose bristles may generate energy, because b < σ1 (F_s - F_c)/F_c
 
     model   Model
     q       (nq,)   the only state to examine [rad | m]; by default neutral and random ones, the same in every call
@@ -69,10 +69,10 @@ def diagnose(
     friction        a Friction of the joints, or True for that of the URDF
 
     Returns a Diagnosis: ``findings``, ``condition``, ``digits``, ``programs``, ``stiffest`` and the number of
-    ``states``; ``print`` shows it, ``to_json()`` writes it. Long robots are examined in fewer states: neutral and 512
-    others up to 157 freedoms, 250 at 200, 2 at 1000. It compiles programs of batches once per model, which takes
-    seconds: of five calls up to 32 freedoms, of rnea and aba up to 128. There are no digits for a model with mimic
-    joints or a joint with zero articulated inertia.
+    ``states``; ``print`` shows it, ``to_json()`` writes it. Robots of many freedoms are examined in fewer states:
+    neutral and 512 others up to 157 freedoms, 250 at 200, 2 at 1000. Programs for batches are compiled once per model,
+    which takes seconds: five calls up to 32 freedoms, rnea and aba up to 128. There are no digits for a model with
+    mimic joints or a joint with zero articulated inertia.
     Raises  ShapeError, NonFiniteError for q; ConfigurationError for its norms; ModelError, ShapeError for friction.
 
     >>> import spatialdyn as sd
@@ -129,9 +129,9 @@ def _diagnose(model: Model, q: ArrayLike | None, steps: Steps, friction: Frictio
 
 
 def _states(model: Model, q: ArrayLike | None) -> tuple[Array, list[Array]]:
-    """The positions in which M is examined, and the q, v, tau in which digits are measured; v and tau are normal.
+    """The positions at which M is examined, and the q, v, tau at which digits are measured; v and tau are normal.
 
-    Both are q alone if given, else neutral followed by random positions.
+    Positions are only q if given, else neutral followed by random ones.
     Raises ShapeError, NonFiniteError for an invalid q.
     """
     rng = np.random.default_rng(0)
@@ -213,7 +213,7 @@ def _units(model: Model) -> Iterator[Finding]:
 
 
 def _gives_energy(model: Model, link: str) -> bool:
-    """Whether some motion of the body that a link is part of has negative kinetic energy."""
+    """Whether some motion of the rigid body of a link has negative kinetic energy."""
     I = _spatial_inertia(model, model.joints[model.frame(f"link:{link}").joint].row)
     values = np.linalg.eigvalsh(I)
     return bool(values[0] < -64 * EPS * values[-1])
@@ -234,7 +234,7 @@ def _ratios(model: Model) -> Iterator[tuple[Joint, float, float, int]]:
 
 
 def _mass_ratios(model: Model) -> Iterator[Finding]:
-    """Bodies much heavier than every body that carries them; the other way round costs nothing."""
+    """Bodies much heavier than every body that carries them; light bodies on heavy ones cost no digits."""
     for joint, own, heaviest, carriers in _ratios(model):
         if own > HEAVY * heaviest:
             what = f"is {own / heaviest:.2g} times heavier than every body" if heaviest > 0.0 else "hangs on bodies"
@@ -259,7 +259,7 @@ def _singular(model: Model, M: Array) -> Iterator[Finding]:
 
 
 def _unfelt(model: Model, positions: Array) -> Iterator[Finding]:
-    """Bodies with an inertia that adds nothing to M: Jᵀ I J is 0 to rounding in every state."""
+    """Bodies whose inertia adds nothing to M: Jᵀ I J is 0 to rounding in every state."""
     for joint in model.joints[1:]:
         I = _spatial_inertia(model, joint.row)
         if not I.any():
@@ -285,7 +285,7 @@ def _spatial_inertia(model: Model, row: int) -> Array:
 
 
 def _conditions(model: Model, M: Array, first: str) -> tuple[dict[str, float], list[Finding]]:
-    """Condition numbers of M scaled to a unit diagonal, of the first state and the worst of the others; findings."""
+    """Condition numbers of M scaled to a unit diagonal, in the first state and in the worst other state; findings."""
     with np.errstate(all="ignore"):  # an inertia that is not physical may make an entry of the diagonal negative
         scale = np.sqrt(np.einsum("kii->ki", M))
         unit = M / (scale[:, :, None] * scale[:, None, :])
@@ -311,7 +311,7 @@ def _joint_at(model: Model, k: int) -> Joint:
 
 
 def _stiffest(model: Model, M: Array) -> Stiffest | None:
-    """The largest eigenvalue of M⁻¹ diag(damping) over all states; without damping the joint of least inertia."""
+    """The joint of the largest eigenvalue of M⁻¹ diag(damping) in all states; without damping that of least inertia."""
     root = np.sqrt(np.maximum(model.damping, 0.0))
     try:
         inverse = np.linalg.inv(M)
@@ -334,7 +334,7 @@ def _stiffest(model: Model, M: Array) -> Stiffest | None:
 
 
 def _time_step(model: Model, stiffest: Stiffest | None) -> Iterator[Finding]:
-    """A stable step below 1 ms, at which most robots are simulated."""
+    """A finding if the largest stable step is below 1 ms, the step of most simulations."""
     if stiffest is None or stiffest.dt >= 1e-3:
         return
     yield Finding(
@@ -346,7 +346,7 @@ def _time_step(model: Model, stiffest: Stiffest | None) -> Iterator[Finding]:
 
 
 def _active_bristles(model: Model, friction: Friction) -> Iterator[Finding]:
-    """Joints whose LuGre friction is not passive from v to its torque: it gives energy in some motions.
+    """Joints whose LuGre friction is not passive from v to its torque: some motions gain energy from it.
 
     b >= σ1 (F_s - F_c)/F_c makes it passive (Barabanov and Ortega, Necessary and sufficient conditions for passivity of
     the LuGre friction model, 2000).
@@ -375,8 +375,8 @@ def _active_bristles(model: Model, friction: Friction) -> Iterator[Finding]:
 def _digits(
     model: Model, digits: dict[str, dict[str, float]], errors: Array, positions: Array, first: str
 ) -> Iterator[Finding]:
-    """Digits that ABA loses, attributed to the link heaviest relative to its carriers or to the joint that keeps the
-    least part of its inertia, and the best method.
+    """The digits that ABA loses, their cause (the link heaviest relative to its carriers, or the joint that keeps the
+    least part of its inertia), and the best method.
 
     errors  (n,) of ABA in float64, in n positions
     first   name of the first position, if the others are random
@@ -404,7 +404,7 @@ def _digits(
 
 
 def _loser(model: Model, q: Array) -> tuple[str, str]:
-    """The link that costs ABA its digits in a state, and the reason: its mass, or the inertia that its joint keeps."""
+    """The link that costs ABA digits in a state, and the reason: its mass, or the inertia that its joint keeps."""
     if any(own > HEAVY * heaviest for _, own, heaviest, _ in _ratios(model)):
         return _heaviest(model), ""
     n, spec = model.nv, SPECS["minverse"]
@@ -421,7 +421,7 @@ def _loser(model: Model, q: Array) -> tuple[str, str]:
 
 
 def _programs(model: Model, judged: dict[str, tuple[Array, Array]]) -> Iterator[Finding]:
-    """Calls whose program has a digit less than the table kernel."""
+    """Calls whose program has a digit fewer than the table kernel."""
     lost = {}
     for call, errors in judged.items():
         for level in LEVELS:

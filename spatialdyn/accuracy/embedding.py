@@ -1,4 +1,4 @@
-"""States of a robot of fewer freedoms as states of the whole one, and back."""
+"""States of a reduced robot as states of the whole robot, and back."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Embedding:
-    """q and v of a robot whose joints are locked, or whose springs are rigid, in those of the whole robot.
+    """q and v of a robot with locked joints or rigid springs, and their places in q and v of the whole robot.
 
-    base  (nq,)  coordinates of the whole robot: of the locked joints, and of no meaning elsewhere
-    in_q  (nq of the smaller,)  places of its coordinates
-    in_v  (nv of the smaller,)  places of its velocities
-    turns  (rotor's place in q, its joint's, rotor's place in v, its joint's, n) of springs that are rigid: θ = n q
+    base  (nq,)  coordinates of the whole robot: only those of locked joints are used
+    in_q  (nq of the smaller robot,)  places of its coordinates
+    in_v  (nv of the smaller robot,)  places of its velocities
+    turns  of rigid springs, θ = n q: (place in q of the rotor, of its joint, place in v of the rotor, of its joint, n)
     """
 
     base: Array
@@ -33,7 +33,7 @@ class Embedding:
 
     @classmethod
     def of(cls, model: Model, small: Model, locks: Mapping[str, Any], rigid: bool, q: Array) -> Embedding:
-        """Of a smaller model of the same robot; q (nq,) is a state of the whole one."""
+        """The Embedding of a smaller model of the same robot; q (nq,) is a configuration of the whole robot."""
         base = np.array(q, float)
         for name, value in locks.items():
             joint = model.joint(name)
@@ -59,13 +59,13 @@ class Embedding:
         return len(self.in_q) == len(self.base)
 
     def locked(self, nv: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """Places in q and in v of what is locked."""
+        """Places of the locked joints in q and in v."""
         free_q, free_v = [x[0] for x in self.turns], [x[2] for x in self.turns]
         q = np.setdiff1d(np.arange(len(self.base)), [*self.in_q, *free_q])
         return q, np.setdiff1d(np.arange(nv), [*self.in_v, *free_v])
 
     def matrix(self, nv: int) -> Array:
-        """E (nv, nv of the smaller) with v = E v of the smaller, by which torques of the whole one become Eᵀ τ."""
+        """E (nv, nv of the smaller robot) with v = E v_smaller; torques τ of the whole robot become Eᵀ τ."""
         E = np.zeros((nv, len(self.in_v)))
         E[self.in_v, np.arange(len(self.in_v))] = 1.0
         for _, _, rotor, joint, n in self.turns:
@@ -86,7 +86,7 @@ class Embedding:
         return full, fast
 
     def to_reduced(self, q: ArrayLike, v: ArrayLike, nv: int) -> tuple[Array, Array]:
-        """What the smaller robot has of states. Raises ShapeError."""
+        """States of the smaller robot. Raises ShapeError."""
         x, w = _of("q", q, len(self.base)), _of("v", v, nv)
         return np.ascontiguousarray(x[..., self.in_q]), np.ascontiguousarray(w[..., self.in_v])
 

@@ -19,7 +19,7 @@ class Finding(NamedTuple):
     kind      inertia, units, mass ratio, condition, unfelt, singular, digits, programs, range, time step or friction
     link      name of the link
     message   the finding, with its figure
-    remedy    what to do
+    remedy    the advice
     """
 
     severity: str
@@ -50,7 +50,7 @@ class Stiffest(NamedTuple):
 class Diagnosis(NamedTuple):
     """The result of ``diagnose``.
 
-    name       of the model
+    name       name of the model
     findings   tuple of Finding, the worst first
     condition  {"neutral" or "given", "sampled"}: condition number of M scaled to a unit diagonal, the worst of each
     digits     {method: {"float64": digits, "float32": digits}} of ``forward_dynamics`` in the worst state;

@@ -1,4 +1,4 @@
-"""Errors and costs of integrators at steps from coarse to fine, against the same motion in double-double, or of a scene
+"""Errors and costs of integrators at steps from coarse to fine, against the motion in double-double, or, for a scene,
 at a finer step.
 """
 
@@ -36,12 +36,12 @@ MOST = 1 << 12
 SAMPLES = 10  # times at which motions are compared
 FIRST, FACTOR = 40, 4  # steps of the coarsest run; factor to the next finer one
 BUDGET = 0.15  # longest run [s]
-FINEST = 2.0  # the same of the reference of a scene
+FINEST = 2.0  # longest run of the reference of a scene [s]
 MOST_STEPS = 1 << 16
-AGREED = 1e-11  # relative: a reference this near to the same with a fourth of the steps is fine enough
-FLOOR = 0.3  # a finer step that leaves more than this part of the error is the last
+AGREED = 1e-11  # relative difference to a run of a fourth of the steps below which a reference is fine enough
+FLOOR = 0.3  # a finer step that leaves more than this share of the error is the last
 MORE = 32  # further states, after which a margin of 2 may be enough
-FINER = 0.01  # of a tolerance: the error of a reference motion
+FINER = 0.01  # error of a reference motion, relative to the tolerance
 TOLERANCES = (1e-6, 1e-9, 1e-12)  # rtol of adaptive methods
 
 
@@ -96,7 +96,7 @@ def measure_motions(
 
 
 def fine_motion(scene: Scene, q0: Array, v0: Array, t: Array) -> ReferenceMotion:
-    """Motions of a scene by the method for what acts, at finer and finer steps until two agree or a run costs much."""
+    """Motions of a scene by its method, at finer and finer steps, until two agree or a run costs much."""
     steps, before, model = 4 * FIRST, None, scene.model
     while True:
         began, runs = time.thread_time(), []
@@ -118,7 +118,7 @@ def fine_motion(scene: Scene, q0: Array, v0: Array, t: Array) -> ReferenceMotion
 
 
 def _relative(wrong: Array, size: Array) -> Array:
-    """(N,) the largest of (N, K, nv) over the largest size of each motion until then."""
+    """(N,) the largest entry of (N, K, nv), relative to the largest size of each motion until then."""
     largest = np.maximum(size.max(axis=2), np.finfo(float).tiny)
     made: Array = (wrong.max(axis=2) / largest).max(axis=1)
     return made
@@ -127,7 +127,7 @@ def _relative(wrong: Array, size: Array) -> Array:
 def motion_error(model: Model, run: Any, truth: ReferenceMotion, k: int, norm: str = LARGEST) -> float:
     """Error of a motion: the largest of q over the largest change of a coordinate, and of v over the largest |v|.
 
-    norm  "each": each coordinate over its own, or SMALL of the largest where that is larger
+    norm  "each": each coordinate relative to its own change, or to SMALL times the largest change if that is larger
     """
     if len(run) != len(truth.t) or not (np.isfinite(run.q).all() and np.isfinite(run.v).all()):
         return math.inf
@@ -141,11 +141,11 @@ def confirm_motions(
     scene: Scene, duration: float, options: Sequence[Option], open_: Sequence[Option], tolerance: float,
     norm: str = LARGEST,
 ) -> dict[str, Array] | None:  # fmt: skip
-    """Errors from MORE further states, of the options ``open_`` that are within the tolerance.
+    """Errors in MORE further states, of the options ``open_`` that are within the tolerance.
 
     The reference is another option, whose bound is at most a hundredth of the tolerance and, if possible, of the errors
-    of the options judged; its bound is added to their errors. Returns None without such an option, or after more than
-    PATIENCE.
+    of the judged options; its bound is added to their errors. Returns None without such an option, or if it takes
+    longer than PATIENCE.
     """
     t = np.linspace(0.0, duration, SAMPLES + 1)
     finer = _finer(options, open_, tolerance)

@@ -1,4 +1,4 @@
-"""A scene with parts left out or in a cheaper form: the scene, its states in those of the whole, the lines of code."""
+"""A scene with parts left out or in a cheaper form: the scene, the map of its states to the whole scene's, its code."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from .embedding import Embedding
 Array = NDArray[np.float64]
 CONSTRAINTS = "sd.Constraints(model, scene.constraints)"
 ABOVE = 1e6  # times the voltage of a motor: limits that no run reaches
-BOUND = ("constraints", "contacts")  # to a model
+BOUND = ("constraints", "contacts")  # effects that belong to one model
 
 
 @dataclass(frozen=True)
 class Choice:
-    """What is left out of a scene or in a cheaper form; "" and nothing as the scene has it.
+    """The parts of a scene that are left out or take a cheaper form; "" and empty: as in the scene.
 
     without   names of effects: limits, contacts, constraints, motor, fext
     points    frames of contact points
@@ -46,7 +46,7 @@ class Choice:
     locked: Mapping[str, Any] = field(default_factory=dict)
 
     def __or__(self, other: Choice) -> Choice:
-        """Both; of two forms of one effect that of the other."""
+        """Both choices; if they have two forms of one effect, that of ``other``."""
         return Choice(
             self.without | other.without, self.points | other.points, other.friction or self.friction,
             other.motor or self.motor, other.rotors or self.rotors, self.rigid or other.rigid,
@@ -56,7 +56,7 @@ class Choice:
 
 @dataclass(frozen=True)
 class Lesser:
-    """A scene of a Choice: the Scene, its Embedding, and lines that make ``lesser`` of ``scene``."""
+    """A scene of a Choice: the Scene, its Embedding, and lines of code that make ``lesser`` from ``scene``."""
 
     scene: Scene
     embedding: Embedding
@@ -109,7 +109,7 @@ def lesser(scene: Scene, choice: Choice, q: Array) -> Lesser:
 
 
 def _model(model: Model, choice: Choice) -> tuple[Model, list[str]]:
-    """The model of a choice, the same object if nothing of it changes, and the lines that make it."""
+    """The model of a choice, the same object if it does not change, and the lines of code that make it."""
     made, lines = model, ["model = scene.model"]
     if choice.rigid:
         made = made.rigid()
@@ -141,7 +141,7 @@ def _model(model: Model, choice: Choice) -> tuple[Model, list[str]]:
 
 
 def armatures(model: Model) -> list[str]:
-    """Joints with an armature that is no rotor's and no transmission's."""
+    """Joints whose armature is that of no rotor and no transmission."""
     shared = {j.shared[0] for j in model.robot.joints if j.shared is not None}
     return [
         j.name for j in model.robot.joints
@@ -183,7 +183,7 @@ def _contacts(contacts: Contacts, model: Model, out: frozenset[str]) -> tuple[Co
 
 
 def _lessen(scene: Scene, at: Embedding, changes: dict[str, Any], words: dict[str, str]) -> None:
-    """Coefficients and forces of the freedoms and joints that are left. Raises SimulationError for lost forces."""
+    """Coefficients and forces of the remaining freedoms and joints. Raises SimulationError for lost forces."""
     small, nv = changes["model"], scene.model.nv
     friction = changes.get("friction", scene.friction)
     if isinstance(friction, Friction):
@@ -213,7 +213,7 @@ def _friction_of(friction: Friction, at: Embedding, nv: int) -> Friction:
 
 
 def _motor_of(motor: Motor, at: Embedding, nv: int) -> Motor:
-    """Of a rigid spring the motor is the rotor's, behind its gear."""
+    """The motors of a model with rigid springs: such a joint gets its rotor's motor, through the gear."""
     source, gear = at.in_v.copy(), np.ones(len(at.in_v))
     for _, _, rotor, joint, n in at.turns:
         k = int(np.flatnonzero(at.in_v == joint)[0])

@@ -1,4 +1,4 @@
-"""Motions of a scene and of lesser ones from states scattered around a start, and what a step costs."""
+"""Motions of a scene and of lesser scenes from states scattered around a start, and the cost of a step."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ Array = NDArray[Any]
 Observe = Callable[[Array, Array], Any]
 RECORDS = 20  # times at which motions are compared
 COUNT = 64  # steps of a timed run, at most
-FEW, TIMED, MOST = 8, 256, 8192  # samples of the first run, of one to see how many are timed, and timed at most
+FEW, TIMED, MOST = 8, 256, 8192  # samples of the first run, of the run that sets their number, and the most timed
 ROUNDS = 5  # the median counts
 SPENT = 0.015  # seconds of a timed run, about
 
 
 @dataclass(frozen=True)
 class Motion:
-    """How the motions of a scene run, and what of them is compared.
+    """How the motions of a scene are run and compared.
 
     scene     the whole Scene
     duration  [s]
@@ -54,7 +54,7 @@ class Motion:
 
     @classmethod
     def of(cls, scene: Scene, duration: float, torque: Array | None, control: Control | None, observe: Any) -> Motion:
-        """Of arguments that are checked. Raises SimulationError for a control with an axis of samples."""
+        """From checked arguments. Raises SimulationError for a control with an axis of samples."""
         steps = [1] if torque is None or torque.ndim == 1 else [len(torque)]
         for name, lead in ({} if control is None else control.axes(scene.model)).items():
             if len(lead) > 1 and lead[0] != 1:
@@ -69,10 +69,10 @@ class Motion:
         self, made: Lesser, q: Array, v: Array, steps: int, method: str, dtype: DTypeLike = np.float64, upto: int = 0,
         finer: int = 1,
     ) -> tuple[Array, Array]:  # fmt: skip
-        """q, v (samples, records, ...) of the whole robot, of a lesser scene from states of the whole one.
+        """Motions q, v (samples, records, ...) of a lesser scene, from states and as states of the whole robot.
 
-        upto   records of which the last is the end of the run, all if 0
-        finer  times as many records
+        upto   number of records up to the end of the run; 0: all
+        finer  factor of the number of records
         """
         x, w = made.embedding.to_reduced(q, v, self.scene.model.nv)
         last = upto or self.records
@@ -88,7 +88,7 @@ class Motion:
         return made.embedding.to_full(*end, self.scene.model.nv)
 
     def forces(self, made: Lesser, steps: int, some: int) -> tuple[Array | None, Control | None]:
-        """Torques and control of a lesser scene, at so many steps of which the first ones are run."""
+        """Torques and control of a lesser scene for a number of steps, of which the first are run."""
         tau, control = self.torque, self.control
         if tau is not None:
             tau = tau @ made.embedding.matrix(self.scene.model.nv)
@@ -96,7 +96,7 @@ class Motion:
         return tau, None if control is None else lesser_control(control, self.scene, made, steps, some)
 
     def change(self, one: tuple[Array, Array], other: tuple[Array, Array]) -> Array:
-        """(samples, records) largest changes of what is observed."""
+        """(samples, records) largest changes of the observed quantities."""
         if self.observe == "v":
             off = abs(one[1] - other[1])
         elif self.observe == "q":
@@ -108,7 +108,7 @@ class Motion:
         return np.asarray(off.reshape((*off.shape[:2], -1)).max(axis=-1, initial=0.0))
 
     def _observed(self, q: Array, v: Array) -> Array:
-        """What ``observe`` says of states (samples, records, ...). Raises ShapeError, SimulationError."""
+        """``observe`` of states (samples, records, ...). Raises ShapeError, SimulationError."""
         n = q.shape[0] * q.shape[1]
         x = np.asarray(self.observe(q.reshape((n, -1)), v.reshape((n, -1))))
         if x.dtype.kind not in "fiu" or x.shape[:1] != (n,):
@@ -118,9 +118,9 @@ class Motion:
         return x.reshape((*q.shape[:2], -1)).astype(float)
 
     def cost(self, timed: Timed, beside: Timed) -> float:
-        """CPU nanoseconds of a step of one sample, of runs of many that alternate with those of the whole scene.
+        """CPU nanoseconds per step and sample, from runs of many samples that alternate with runs of the whole scene.
 
-        timed, beside  what is timed, and the whole scene; what is run has the ratio of both times the whole's cost
+        timed, beside  the timed run, and that of the whole scene; the result is their ratio times the whole's cost
         """
         if timed.key not in self.ns:
             runs = [self._timed(x) for x in ((timed,) if timed.key == beside.key else (timed, beside))]
@@ -152,7 +152,7 @@ class Motion:
 
 
 class Timed(NamedTuple):
-    """What is timed: a scene, (q, v) of the whole robot, a method, its steps and its precision."""
+    """A timed run: a scene, (q, v) of the whole robot, a method, its steps and its precision."""
 
     made: Lesser
     states: tuple[Array, Array]
@@ -162,14 +162,14 @@ class Timed(NamedTuple):
 
     @property
     def key(self) -> Any:
-        """Equal of runs that cost the same."""
+        """A key that is equal for runs of the same cost."""
         return self.made.scene, self.method, np.dtype(self.dtype).name
 
 
 def lesser_control(control: Control, scene: Scene, made: Lesser, steps: int, some: int) -> Control:
-    """The law on a lesser scene: of values that are one for each coordinate or freedom, those that are left.
+    """The law on a lesser scene: values with an entry per coordinate or freedom keep the remaining entries.
 
-    Raises SimulationError for springs made rigid, whose rotors a law may know, and for static inputs.
+    Raises SimulationError for springs made rigid, since a law may use their rotors, and for static inputs.
     """
     values, at, inputs = dict(control.values), made.embedding, {x.name: x for x in control.spec.present}
     if at.turns:
@@ -193,7 +193,7 @@ def lesser_control(control: Control, scene: Scene, made: Lesser, steps: int, som
 def scattered(
     scene: Scene, q0: Array, v0: Array, spread: tuple[Array, Array], samples: int, rng: Any, first: bool
 ) -> tuple[Array, Array]:
-    """States (samples, ...) around (q0, v0), normal with these deviations, where the scene may start.
+    """States (samples, ...) normally distributed around (q0, v0), at which the scene may start.
 
     first  whether the first is (q0, v0) itself
 

@@ -1,4 +1,4 @@
-"""Digits that calls keep on a model: as their recursions stand, in programs and in float32, against double-double."""
+"""Digits that calls keep on a model: in their recursions, in programs and in float32, against double-double."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ JointState = tuple[Array, Array, Array]
 EPS = {"float64": float(np.finfo(np.float64).eps), "float32": float(np.finfo(np.float32).eps)}
 COARSER = EPS["float32"] / EPS["float64"]
 INPUTS = {"rnea": "qva", "crba": "q", "aba": "qva", "aba_refined": "qva", "minverse": "q"}  # inputs of judged calls
-SHORT = 32  # freedoms up to which all are judged: of longer robots kernels take long to compile
+SHORT = 32  # freedoms up to which all calls are judged: kernels of larger robots take long to compile
 IN_NUMPY = 128  # freedoms up to which NumPy takes less time than the table kernels take to compile
-BRANCHING = 64  # states of a recursion that branches on values: NumPy takes them one by one
-ALWAYS = ("rnea", "aba")  # at any size: one call without pivots and one with
+BRANCHING = 64  # states for a recursion that branches on values: NumPy computes them one by one
+ALWAYS = ("rnea", "aba")  # judged for robots of any size: one call without pivots and one with
 
 
 def predicted_digits(model: Model, states: Sequence[JointState]) -> dict[str, dict[str, float]]:
-    """Digits of the largest acceleration expected of each method, in the worst of some states; see ``method_errors``.
+    """Expected digits of the largest acceleration for each method, in the worst of some states; see ``method_errors``.
 
     states  (q, v, tau) each; the model has no mimic joints
     Returns {method: {"float64": digits, "float32": digits}}, -log10 of the error, at least 0; "extended" has
@@ -48,17 +48,17 @@ def predicted_digits(model: Model, states: Sequence[JointState]) -> dict[str, di
 
 
 def digits_of(errors: Array, least: float = EPS["float64"]) -> float:
-    """Digits left by the worst of some errors: at most those of the precision, at least 0."""
+    """Digits that the worst error leaves: at most those of the precision, at least 0."""
     return max(0.0, -math.log10(min(1.0, max(least, float(errors.max(initial=0.0))))))
 
 
 def method_errors(model: Model, arrays: list[Array]) -> dict[str, dict[str, Array]]:
     """Errors of each method of ``forward_dynamics``, over the largest acceleration, against ABA in double-double.
 
-    float64 is measured, of each recursion as it stands, in at most BRANCHING states of one that branches on values.
-    float32 is derived: the same error times 2²⁹, for "refined" plus
-    the square of its first solution's, plus the effect of rounding the model's numbers and the inputs. It supposes
-    float32 throughout; ``specialize`` computes samples whose pivots are lost, or that leave its range, in float64.
+    float64 is measured for each recursion itself, in at most BRANCHING states if it branches on values. float32 is
+    derived: the same error times 2²⁹, for "refined" plus the square of the error of its first solution, plus the effect
+    of rounding the model's numbers and the inputs. This assumes float32 throughout; ``specialize`` computes samples
+    whose pivots are lost, or that leave the range of float32, in float64.
 
     "extended" is the truth itself, rounded: off by half an ulp of float64, and by ABA's error 2⁵⁰ times smaller.
 
@@ -90,11 +90,11 @@ def method_errors(model: Model, arrays: list[Array]) -> dict[str, dict[str, Arra
 def program_errors(
     model: Model, arrays: list[Array], step: Callable[[], None] = lambda: None
 ) -> dict[str, tuple[Array, Array]]:
-    """{call: (errors of the recursion as it stands, errors of the program)}.
+    """{call: (errors of the recursion itself, errors of its program)}.
 
     arrays  q (n, nq), v (n, nv), and a or tau (n, nv)
     step    called before each call
-    Returns {} where no program runs: for long models, mimic joints and NUMBA_DISABLE_JIT.
+    Returns {} if no program runs: for models of many freedoms, mimic joints and NUMBA_DISABLE_JIT.
     """
     if numba_kernels.PLAIN or model.mimic_matrix is not None:
         return {}
@@ -122,11 +122,11 @@ def program_errors(
 
 
 def as_written(model: Model, name: str, arrays: list[Array], bodies: NDArray[Any] | None = None) -> Array:
-    """Results of the recursion as it stands, in float64, sample by sample; not finite where it fails.
+    """Results of the recursion itself in float64, sample by sample; not finite where it fails.
 
     bodies  a table instead of the model's
 
-    Up to IN_NUMPY freedoms in NumPy, which compiles nothing; above by the table kernel.
+    Computed in NumPy, which compiles nothing, up to IN_NUMPY freedoms; above that by the table kernel.
     """
     spec = numba_kernels.variant(SPECS[name], frozenset())
     table = model.bodies if bodies is None else bodies

@@ -1,7 +1,7 @@
-"""The reference of a motion: Gauss collocation of order 32 in double-double, its error estimated by halving the step.
+"""The reference of a motion: Gauss collocation of order 32 in double-double, with an error estimate by step halving.
 
 The state is (q, v) with quaternions and (cos, sin) pairs as coordinates, which the exact flow keeps at unit norm. Its
-rate is a program recorded of ``aba`` and ``coordinate_rate``, which ``engines.numbers.collocation`` integrates.
+rate is a program recorded from ``aba`` and ``coordinate_rate``, which ``engines.numbers.collocation`` integrates.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from ..recursions.spec import Spec
 
 Array = NDArray[np.float64]
 
-GOAL = 1e-13  # relative: of two runs that agree to this the finer is far more accurate, the order being 32
+GOAL = 1e-13  # relative: if two runs agree to this, the finer one is far more accurate, since the order is 32
 HALVINGS = 10
 
 
@@ -49,14 +49,14 @@ class ReferenceMotion:
 
 
 def exact_motion(model: Model, q0: Array, v0: Array, t: Array, goal: float = GOAL, steps: int = 1) -> ReferenceMotion:
-    """Free motions from (q0, v0) at the times t, to a relative error ``goal`` if that is within reach.
+    """Free motions from (q0, v0) at the times t, to a relative error ``goal`` if possible.
 
     q0     (K, nq)  [rad | m]; quaternions and (cos, sin) pairs are normalised
     v0     (K, nv)  [rad/s | m/s]
     t      (N,)     increasing, the first 0 [s]
     steps  first number of steps between two times; doubled until two runs agree to ``goal``, or HALVINGS times
 
-    Returns a ReferenceMotion; ``error`` says how accurate it is: any arithmetic loses a chaotic motion after some time.
+    Returns a ReferenceMotion; its ``error`` grows in a chaotic motion after some time, in any arithmetic.
     Raises  SimulationError if the stages do not converge in the shortest steps.
     """
     before: tuple[Array, Array] | None = None
@@ -74,7 +74,7 @@ def exact_motion(model: Model, q0: Array, v0: Array, t: Array, goal: float = GOA
 
 
 def _difference(model: Model, one: tuple[Array, Array], other: tuple[Array, Array]) -> Array:
-    """Relative difference of two runs at each time, of coordinates and of velocities, each over its size until then."""
+    """Relative difference of two runs at each time, of coordinates and velocities, each over its size until then."""
     off = abs((one[0] - other[0]) + (one[1] - other[1]))
     moved = np.maximum.accumulate(abs(other[0] - other[0][0]).max(axis=1), axis=0)
     fast = np.maximum.accumulate(abs(other[0]).max(axis=1), axis=0)

@@ -23,15 +23,15 @@ Array = NDArray[np.float64]
 CHECKED = 2  # samples of the reference that are checked against the exact engine
 BITS = 160
 LEAST = 2.0  # least margin
-FEW = 32  # fewer errors do not show how they scatter
+FEW = 32  # fewer errors do not show their scatter
 FEW_LEAST = 4.0
 MANY = 65536  # errors from which a smaller margin is enough
 MANY_LEAST = 1.25
 TOP = 128  # errors in the tail of many, whose slope is estimated
-BEYOND = 4.0  # times as many states, to which the tail is extrapolated
+BEYOND = 4.0  # factor of the number of states to which the tail is extrapolated
 TAIL = 0.95
 SMALL = 0.1
-LARGEST, EACH = NORMS = ("largest", "each")  # what an error is relative to: the largest entry, or each its own scale
+LARGEST, EACH = NORMS = ("largest", "each")  # errors relative to the largest entry, or each to its own scale
 
 
 @lru_cache(maxsize=4)
@@ -67,19 +67,19 @@ def truths(model: Model, name: str, arrays: list[Array], checked: int = CHECKED)
 
 
 def of_calls(name: str, found: NDArray[Any], truth: Array, norm: str = LARGEST) -> Array:
-    """(n,) errors of samples: of M each entry over √(M_ii M_jj), else over the sample's largest entry.
+    """(n,) errors of samples: entries of M relative to √(M_ii M_jj), others to the sample's largest entry.
 
-    norm  "each": each entry over itself, or the median of that entry's sizes in all samples where that is larger; of M
-          as above
+    norm  "each": each entry relative to itself, or to the median of its sizes in all samples if that is larger; M as
+          above
 
-    The scale of a sample is at least SMALL of the median of all: else samples that happen to be near 0 would set the
-    bound.
+    The scale of a sample is at least SMALL times the median of all: else samples that happen to be near 0 would
+    determine the bound.
     """
     return relative(name, np.where(found == truth, 0.0, abs(found.astype(np.float64) - truth)), truth, norm)
 
 
 def relative(name: str, off: Array, truth: Array, norm: str = LARGEST) -> Array:
-    """(n,) errors of samples from those of their entries, by the scale of ``of_calls``."""
+    """(n,) errors of samples from the errors of their entries, relative to the scale of ``of_calls``."""
     with np.errstate(invalid="ignore", divide="ignore"):
         if name == "crba":
             scale = np.sqrt(np.einsum("nii->ni", truth))
@@ -96,10 +96,10 @@ def relative(name: str, off: Array, truth: Array, norm: str = LARGEST) -> Array:
 def error_bound(errors: Array) -> float:
     """A bound expected to hold in other states: the largest error times a margin.
 
-    Errors of a nearly singular robot follow a power law: the largest grows with the number of samples, the faster the
-    farther it is from the rest; ten times the samples multiply it by the root of its ratio to the TAIL quantile. Of
-    MANY errors the TOP ones give the exponent, the mean logarithm of their ratio to the least of them (Hill's
-    estimator), and the margin extrapolates to BEYOND times as many. ``benchmarks/tradeoff.py`` tries bounds on fresh
+    Errors of a nearly singular robot follow a power law: the largest grows with the number of samples, faster if it is
+    farther from the rest; ten times the samples multiply it by the root of its ratio to the TAIL quantile. From MANY
+    errors the TOP ones give the exponent, the mean logarithm of their ratio to the least of them (Hill's estimator),
+    and the margin extrapolates to BEYOND times as many samples. ``benchmarks/tradeoff.py`` tests bounds on fresh
     states.
     """
     worst = float(errors.max(initial=0.0))

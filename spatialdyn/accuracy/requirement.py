@@ -1,4 +1,4 @@
-"""The result of ``requires``: the parts of a scene, the cheapest scene that keeps a motion, and how far that holds."""
+"""The result of ``requires``: the parts of a scene, the cheapest scene that keeps a motion, and its verified error."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ class Part:
     """A part of a scene in a cheaper form, or a method with its step.
 
     part, form  in words
-    change      largest change of what is observed, in all samples and times; infinite if it was not measured
+    change      largest change of the observed quantities, in all samples and times; infinite if not measured
     ns          cost of a step of one sample [ns]; NaN if it was not measured
     dt          its step [s]
-    saved       share of the cost of a second of motion that it saves, alone; of a method and a precision, beside the
-                parts that are left out
+    saved       share of the cost of a second of motion that it saves alone; for a method and a precision, in addition
+                to the parts that are left out
     verdict     "left out" or "taken"; "needed"; "not with the others": within the tolerance alone; "saves nothing";
                 "not taken": another is cheaper; "cannot": it does not run
     why         the reason in words
@@ -58,16 +58,16 @@ class Requirement:
     scene      the cheapest Scene that keeps the motion; ``method``, ``dt`` [s] and ``dtype`` are for its ``rollout``
     code       lines of Python that make and run it from ``scene``, ``q0``, ``v0``, ``torque`` and ``control`` as given,
                with ``numpy`` as ``np``
-    tolerance  of what is observed
-    error      largest change in fresh samples that this scene makes with this method, step and precision
+    tolerance  the tolerance given
+    error      largest change in fresh samples by this scene, method, step and precision
     bound      expected to hold in other samples of the same kind: ``error`` with a margin, plus ``certainty``
-    certainty  difference of the whole scene at its step and at half of it
-    horizon    [s]  time up to which ``certainty`` holds; nothing was judged beyond it
-    duration   [s]  that was asked for
-    samples    number of fresh samples, for ``error``; as many others were used for the choice
+    certainty  difference between the whole scene at its step and at half of it
+    horizon    [s]  time up to which ``certainty`` holds; later times were not judged
+    duration   [s]  the duration given
+    samples    number of fresh samples for ``error``; as many others were used for the choice
     fine       (method, dt) of the whole scene
     rows       a Part for every candidate
-    path       a Part for the whole scene and for each scene on the way to this one, in the order of the search
+    path       a Part for the whole scene and for each further scene of the search up to this one, in order
     """
 
     full: Scene
@@ -170,12 +170,12 @@ class Requirement:
 
     @watch.call("Requirement.plot")
     def plot(self, path: Any = None, ax: Any = None) -> Any:
-        """A Matplotlib Figure of change against cost, a point a candidate, the chosen path marked.
+        """A Matplotlib Figure of change against cost, with a point per candidate and the chosen path marked.
 
-        path  a file to write, by its ending PNG, SVG, PDF, ...
+        path  a file to write, of the format of its ending: PNG, SVG, PDF, ...
         ax    Matplotlib axes to draw into
 
-        Raises  SpatialDynError where matplotlib is not installed, or the file cannot be written.
+        Raises  SpatialDynError if matplotlib is not installed, or the file cannot be written.
         """
         from ..pictures.requirement_plots import plot_requirement
 

@@ -53,38 +53,39 @@ def requires(
     kinds: str | Iterable[str] = KINDS,
     progress: Progress = False,
 ) -> Requirement:
-    """Which parts of a scene a motion requires, and the cheapest scene that keeps the motion, measured on this machine.
+    """The parts of a scene that a motion requires, and the cheapest scene that keeps the motion, measured here.
 
-    scene      Scene: the robot and all that acts; a Model is a scene on which nothing else acts
+    scene      Scene: the robot and all that acts on it; a Model is a scene without further effects
     q0, v0     (nq,), (nv,)  the start [rad | m], [rad/s | m/s], around which samples scatter; or states (n, nq), (n,
-               nv): every other one is used to choose, the rest to verify the choice
+               nv): every other state is used to choose, the rest to verify the choice
                q0 may be a Recording: its first state, its torques, each held until the next sample, and its duration,
-               or a shorter one; v0, torque and control are left out then
+               or a shorter one; then leave out v0, torque and control
     duration   of the motion [s]
-    tolerance  largest change of what is observed, against the whole scene
+    tolerance  largest change of the observed quantities, against the whole scene
     torque     (nv,), or (steps, nv) each held over its step, of the whole robot [N m | N]; zero if left out
-    control    a ``Control``, whose torque is added. Where joints are locked the law acts on the remaining joints, with
+    control    a ``Control``, whose torque is added. If joints are locked, the law acts on the remaining joints, with
                their entries of values of shape nq or nv
     observe    "q", the default: coordinates, by ``difference`` [rad | m]; "v": velocities; or a function of q (n, nq)
-               and v (n, nv), n states of the whole robot, that gives (n, ...) numbers
-    samples    number of states to choose by, and of as many fresh ones to verify by
+               and v (n, nv), n states of the whole robot, that returns (n, ...) numbers
+    samples    number of states to choose by, and of fresh states to verify by
     spread, spread_v   deviations of normal samples around q0 and v0: a number or (nv,) [rad | m], [rad/s | m/s]
     dt         first step of the whole scene [s], halved until it is fine enough; 1 ms if left out
-    methods    to be tried, by default those of ``scene.methods`` that run on lanes
+    methods    methods to try, by default those of ``scene.methods`` that run on lanes
     kinds      some of "effects": each one left out or in a cheaper form: friction as bristles, Coulomb's, viscous,
                none; limits, contacts, each point that never touches, constraints and fext left out; motors left out or
                without limits; rotors exact, as armatures, none; springs rigid; no gravity. "joints": each one locked
-               where it is at q0. "links": light subtrees merged. "precision": float32. "methods": each one, at coarser
+               at its place in q0. "links": light subtrees merged. "precision": float32. "methods": each one, at coarser
                steps. Or names of effects, "friction", "gravity", ...
     progress   True for a bar (needs rich), or a function of the number of steps done and their total
 
-    First the whole scene is run at its step and at half of it. The difference is the ``certainty``. Where it exceeds a
-    quarter of the tolerance, after impacts or in chaos, nothing is judged; that time is the ``horizon``. Then each part
-    is measured alone, and those within the tolerance are left out together, greedily. Then each method takes its
-    coarsest step, and the cheapest one float32. The result is verified in fresh samples: its bound is the largest
-    change times a margin of 2 or more (4 for fewer than 32 samples), plus the certainty. If that exceeds the tolerance
-    the next cheapest is verified, and in the end the whole scene remains. A joint that is locked, and at rest at the
-    start, is compared with the whole robot from states in which it is where it is locked.
+    First the whole scene is run at its step and at half of it; the difference is the ``certainty``. From the time at
+    which it exceeds a quarter of the tolerance, after impacts or in chaos, nothing is judged; that time is the
+    ``horizon``. Then each part is measured alone, and parts within the tolerance are left out together, greedily. Then
+    each method takes its coarsest step, and the cheapest method float32. The result is verified in fresh samples: its
+    bound is the largest change times a margin of 2 or more (4 for fewer than 32 samples), plus the certainty. If that
+    exceeds the tolerance, the next cheapest scene is verified, and finally the whole scene remains. A scene with a
+    locked joint that is at rest at the start is compared with the whole robot from states with that joint at its
+    locked position.
 
     Returns a Requirement: ``print`` shows it; ``scene``, ``method``, ``dt``, ``dtype``, ``code``, ``rows``,
     ``to_full``, ``to_reduced``, ``plot(path)``. Each candidate may compile a program: seconds for an arm.
@@ -150,7 +151,7 @@ def requires(
 def _cheapest(
     search: Search, stages: list[Stage], parts: list[Part], methods: tuple[str, ...] | None, kinds: tuple[str, ...]
 ) -> Requirement:
-    """The cheapest scene and method that fresh samples confirm; at last the whole scene as it is."""
+    """The cheapest scene and method that fresh samples confirm; if there is none, the whole scene."""
     motion, whole = search.motion, stages[0]
     seen: list[Trial] = []
     for k in range(len(stages) - 1, -1, -1):
@@ -178,7 +179,7 @@ def _cheapest(
 
 
 def _settled(parts: list[Part], stages: list[Stage], trials: list[Part]) -> tuple[Part, ...]:
-    """The rows, those of stages that were not verified not left out."""
+    """The rows; parts of stages that failed verification are not marked as left out."""
     kept = stages[-1].labels
     rows = [
         Part(**{**vars(x), "verdict": "not with the others"})
@@ -336,7 +337,7 @@ def _deviations(name: str, given: Any, nv: int) -> Array:
 def _samples(
     scene: Scene, q: Array, v: Array, spread: tuple[Array, Array], count: int
 ) -> tuple[tuple[Array, Array], tuple[Array, Array], tuple[Array, Array | None]]:
-    """States to judge by, fresh ones, and the middle of them. Raises ShapeError."""
+    """States to judge by, fresh states, and the middle of both. Raises ShapeError."""
     if q.ndim == v.ndim == 1:
         q = np.asarray(calls["normalize"](scene.model, q)) if scene.model.nq != scene.model.nv else q
         made = [scattered(scene, q, v, spread, count, np.random.default_rng([7, k]), not k) for k in (0, 1)]

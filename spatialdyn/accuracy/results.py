@@ -34,18 +34,18 @@ class Option:
     code    the line to write
     error   the largest error in the sampled states, as ``trade`` defines it for the task
     median  the median of the errors in those states
-    bound   expected to hold in other states of the same kind: ``error`` times a margin, larger where errors scatter
+    bound   expected to hold in other states of the same kind: ``error`` times a margin, larger if errors scatter
     ns      cost [ns] of a sample, or of a simulated second
     best    whether it is on the Pareto front: every cheaper option has a larger error
-    note    remarks, such as why there is no error
+    note    remarks, such as the reason for a missing error
     states  number of states in which these errors were measured, 0 for the table's number
-    run     function that answers the call, or (q0, v0, duration) of a simulation
-    promised  the largest rounding error bound in the sampled states, by the analysis of ``bounded``, which no error
-            there exceeds; infinite without one
-    each    the largest error of a joint relative to its own scale: each entry over itself, or the median of its sizes
-            in the sampled states where that is larger; of simulations, each coordinate over its own largest change, or
-            a tenth of the largest of all
-    each_bound  as ``bound``, of ``each``
+    run     function that computes the call, or a simulation from (q0, v0, duration)
+    promised  the largest rounding error bound in the sampled states, by the analysis of ``bounded``: no error in these
+            states exceeds it; infinite without an analysis
+    each    the largest error of a joint relative to its own scale: each entry relative to itself, or to the median of
+            its sizes in the sampled states if that is larger; for simulations, each coordinate relative to its own
+            largest change, or to a tenth of the largest of all
+    each_bound  as ``bound``, for ``each``
     """
 
     name: str
@@ -76,10 +76,10 @@ class Tradeoff:
     states     number of sampled states
     batch      samples of a call, 0 for simulations
     duration   of the simulations [s], 0 for calls
-    certainty  error of the reference itself: its largest difference from a better one
-    truth      how the reference was computed, in words
+    certainty  error of the reference itself: its largest difference from a better reference
+    truth      the computation of the reference, in words
     further    function of (options, tolerance) that returns errors in many more states, {name: array} for the options
-               within the tolerance, or None if that takes too long or has no reference; None if states were given
+               within the tolerance, or None if it takes too long or has no reference; None if states were given
     subject    the Model that was measured; None if it is not known
     """
 
@@ -159,8 +159,8 @@ class Tradeoff:
 
         ax  Matplotlib axes to draw into
 
-        Simulations are labelled with their steps, in ms of computing for a second of motion.
-        Raises  SpatialDynError where matplotlib is not installed, or the file cannot be written.
+        Simulations are labelled with their steps; their cost is in ms of computing for a second of motion.
+        Raises  SpatialDynError if matplotlib is not installed, or the file cannot be written.
         """
         from ..pictures.tradeoff_plots import plot_tradeoff
 
@@ -186,12 +186,12 @@ class Tradeoff:
 
 @dataclass(frozen=True, repr=False)
 class Recommendation:
-    """The cheapest option within a tolerance; called with the task's arguments, it answers by that option.
+    """The cheapest option within a tolerance; called with the task's arguments, it computes by that option.
 
     option     the Option
     why        the reason in words
     tolerance  the tolerance given
-    tradeoff   the Tradeoff it was chosen from
+    tradeoff   the Tradeoff from which it was chosen
     """
 
     option: Option
@@ -207,7 +207,7 @@ class Recommendation:
     def __call__(self, *arguments: Any) -> Any:
         """The result of the task's call; for a simulation the Trajectory from (q0, v0, duration).
 
-        Raises  ShapeError for another number of inputs; what the call raises.
+        Raises  ShapeError for another number of inputs; the errors of the call.
         """
         assert self.option.run is not None
         names = INPUTS[self.tradeoff.task]

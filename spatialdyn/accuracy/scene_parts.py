@@ -1,4 +1,4 @@
-"""The parts of a scene that a motion may do without: each left out or in a cheaper form."""
+"""The parts of a scene that a motion may not need: each left out or in a cheaper form."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ EFFECTS, JOINTS, LINKS, PRECISION, METHODS = KINDS = ("effects", "joints", "link
 PARTS = (
     "limits", "contacts", "constraints", "fext", "friction", "motor", "rotors", "armatures", "springs", "gravity",
 )  # fmt: skip
-LIGHT = 0.02  # of the mass of a robot: a subtree lighter than that is a light one
-NEAR = 1e-4  # [m | rad] nearer to a limit it is reached
-TOUCHES = 1e-4  # [m] nearer to the ground a point touches
+LIGHT = 0.02  # share of a robot's mass below which a subtree is light
+NEAR = 1e-4  # [m | rad] distance below which a limit is reached
+TOUCHES = 1e-4  # [m] distance below which a point touches the ground
 
 
 class Candidate(NamedTuple):
     """A part and its cheaper form.
 
     part, form  in words
-    choice      what is left out
-    rank        a form of a higher rank is tried where all of lower ranks are too much
-    simpler     whether it is worth taking where it saves no time
+    choice      the parts that are left out
+    rank        a form of higher rank is tried only if all forms of lower ranks change too much
+    simpler     whether it is taken even if it saves no time
     """
 
     part: str
@@ -93,7 +93,7 @@ def _is_rotor(model: Model, name: str) -> bool:
 
 
 def _followed(model: Model, name: str) -> list[str]:
-    """A joint, those that mimic it, and the rotor of its spring: what is locked together."""
+    """The joints that are locked together: a joint, its mimic joints, and the rotor of its spring."""
     names = [name]
     if model.mimic_matrix is not None:
         k = model.names.index(name)
@@ -115,7 +115,7 @@ def _locked(model: Model, names: list[str], q: Array) -> dict[str, Any]:
 
 
 def _light(model: Model, least: int) -> dict[str, tuple[float, list[str]]]:
-    """{joint: (mass, joints)} of light subtrees of at least so many joints, and of no joint before them."""
+    """{joint: (mass, joints)} of light subtrees of at least ``least`` joints, without subtrees inside them."""
     if model.mimic_matrix is not None:
         return {}
     mass = model.bodies["inertia"]["m"][[j.row for j in model.joints]].copy()
@@ -137,7 +137,7 @@ def _light(model: Model, least: int) -> dict[str, tuple[float, list[str]]]:
 
 
 def why(scene: Scene, candidate: Candidate, q: Array, v: Array) -> str:
-    """What the motion (samples, records, ...) says of a part, in words; "" if nothing."""
+    """A remark on a part from the motion (samples, records, ...), in words; "" if there is none."""
     model, part = scene.model, candidate.part
     if part == "limits":
         names = {joint.idx_q: joint.name for joint in model.joints[1:] if joint.nq == 1}
@@ -162,7 +162,7 @@ def why(scene: Scene, candidate: Candidate, q: Array, v: Array) -> str:
 
 
 def touches(scene: Scene, candidate: Candidate, q: Array) -> bool:
-    """Whether a candidate is of single points of contact and one of them touches the ground in a motion."""
+    """Whether a candidate leaves out single points of contact and one of them touches the ground in a motion."""
     if not candidate.choice.points or scene.contacts is None:
         return False
     gaps = contact_gaps(scene.model, scene.contacts, q).min(axis=(0, 1))

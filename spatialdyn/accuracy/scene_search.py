@@ -22,21 +22,21 @@ from .requirement import Part
 from .scene_parts import METHODS, PRECISION, Candidate, touches, why
 
 Array = NDArray[Any]
-PART = 0.25  # of the tolerance: the most that the whole scene may differ by from itself at half the step
+PART = 0.25  # of the tolerance: the largest difference of the whole scene between its step and half of it
 FREE = 1e-3  # of the tolerance: parts that change less are left out together
-GAIN = 0.02  # share of the cost: less is not told from nothing
+GAIN = 0.02  # share of the cost: a smaller gain is within the noise of times
 WORSE = 1.1  # times the cost: a simpler scene that costs more is not taken
-FINEST = 1 << 17  # steps
-MOST_STEPS = 1 << 24  # of the first fine scene
+FINEST = 1 << 17  # the most steps
+MOST_STEPS = 1 << 24  # the most steps of the first fine scene
 PATIENCE = 4.0  # CPU seconds of one run of the whole scene, beyond which its step is not halved
-DENSE = 64  # times between two records at which limits and gaps are looked at, at most
-STEP = 1e-3  # [s] of the first run, if none is given
+DENSE = 64  # the most times between two records at which limits and gaps are examined
+STEP = 1e-3  # [s] step of the first run, if none is given
 NARROW = np.dtype(np.float32)
 WIDE = np.dtype(np.float64)
 
 
 class Trial(NamedTuple):
-    """How a scene is run, and what of it was measured."""
+    """A run of a scene and its measured change and cost."""
 
     method: str
     steps: int
@@ -46,7 +46,7 @@ class Trial(NamedTuple):
 
     @property
     def name(self) -> tuple[str, str]:
-        """Of the method and the precision."""
+        """The words of the method and the precision."""
         return self.method, np.dtype(self.dtype).name
 
 
@@ -64,12 +64,13 @@ class Stage:
 
 @dataclass
 class Search:
-    """A search for the least scene of a motion, from states to judge by and fresh ones to verify by.
+    """A search for the cheapest scene of a motion, from states to judge by and fresh states to verify by.
 
-    starts  (q, v) of states to judge by; fresh, others
-    q0, v0  the middle of them; v0 is None of states that are not to be moved to where a joint is locked
-    steps   of the fine scene, whose motions at twice as many are the reference
-    upto    records up to which it is judged
+    starts  (q, v) of states to judge by
+    fresh   (q, v) of states to verify by
+    q0, v0  the middle of them; v0 is None if states must not be moved to the position of a locked joint
+    steps   of the fine scene; its motions at twice as many steps are the reference
+    upto    number of records that are judged
     """
 
     motion: Motion
@@ -96,16 +97,16 @@ class Search:
         return Stage(Choice(), made, 0.0, self._ns(made), ("whole scene", self.method))
 
     def judged(self, change: float) -> bool:
-        """Whether a change has a margin to the tolerance."""
+        """Whether a change is below the tolerance with a margin."""
         margin = LEAST if len(self.fresh[0]) >= FEW else FEW_LEAST
         return margin * change + self.certainty <= self.tolerance
 
     # --- the whole scene against itself -----------------------------------------------------------------------
 
     def settle(self, dt: float | None) -> None:
-        """Find a step at which the whole scene is near itself at half of it, and the time up to which that holds.
+        """Find a step at which the whole scene differs little from itself at half the step, and the time of that.
 
-        Raises SimulationError where it is not at the first time that is looked at.
+        Raises SimulationError if it differs more already at the first record.
         """
         base, made = self.motion.base, lesser(self.scene, Choice(), self.q0)
         ratio = self.motion.duration / (STEP if dt is None else dt)  # of floats of Python: infinite where it overflows
@@ -147,7 +148,7 @@ class Search:
     # --- measuring --------------------------------------------------------------------------------------------
 
     def reference(self, made: Lesser, steps: int, fresh: bool = False) -> tuple[Array, Array]:
-        """Motions of the whole scene from the states of which a lesser one can start, up to the horizon."""
+        """Motions of the whole scene, up to the horizon, from states at which a lesser scene can start."""
         q, v, key = self.from_states(made, fresh)
         if (key, steps) not in self.known:
             whole = lesser(self.scene, Choice(), self.q0)
@@ -172,7 +173,7 @@ class Search:
         return np.asarray(self.motion.change(found, truth).max(axis=1))
 
     def stage(self, choice: Choice, label: tuple[str, str]) -> Stage:
-        """A choice measured at the fine step. Raises what it cannot run for."""
+        """Measure a choice at the fine step. Raises the errors of its run."""
         made = lesser(self.scene, choice, self.q0)
         method = self.method if self.method in made.scene.methods else made.scene.method
         change = self.changes(made, method, self.steps, WIDE, False, self.steps)
@@ -190,7 +191,7 @@ class Search:
     # --- parts ------------------------------------------------------------------------------------------------
 
     def alone(self, found: list[Candidate], tick: Callable[[], None]) -> list[tuple[Candidate, Part]]:
-        """Each candidate measured alone; those of a rank only where lower ranks are too much."""
+        """Measure each candidate alone; those of a rank only if lower ranks change too much."""
         rows: list[tuple[Candidate, Part]] = []
         whole, enough = self.whole, set[str]()
         dt = self.motion.duration / self.steps
@@ -218,7 +219,7 @@ class Search:
         return [row for x in found for row in rows if row[0] is x]
 
     def _moved(self, x: Candidate) -> float | None:
-        """How far locked joints move in the whole scene, a change that locking makes, if that is too much already."""
+        """The motion of locked joints in the whole scene, which locking removes, if it alone exceeds the tolerance."""
         if not x.choice.locked or self.motion.observe != "q":
             return None
         try:
@@ -255,7 +256,7 @@ class Search:
     # --- together ---------------------------------------------------------------------------------------------
 
     def together(self, rows: list[tuple[Candidate, Part]], tick: Callable[[], None]) -> tuple[list[Stage], list[Part]]:
-        """Stages from the whole scene on, greedily: what changes nothing first, then what saves most by its change."""
+        """Stages from the whole scene on, greedily: first parts that change nothing, then by savings per change."""
         stages = [self.whole]
         good = [(x, row) for x, row in rows if row.verdict == "saves nothing" and (x.simpler or row.saved > GAIN)]
         free = [(x, row) for x, row in good if row.change <= FREE * self.tolerance]
@@ -330,7 +331,7 @@ class Search:
         return [made] if self.judged(change) else self.finer(stage, made)
 
     def rows_of_trials(self, trials: list[Trial], taken: Trial | None) -> list[Part]:
-        """A Part for each method and precision; savings are beside the parts that are left out."""
+        """A Part for each method and precision; savings are in addition to those of the parts left out."""
         if not trials:
             return []
         whole = self.whole
@@ -351,7 +352,7 @@ class Search:
     # --- verification -----------------------------------------------------------------------------------------
 
     def verified(self, stage: Stage, trial: Trial) -> tuple[float, float, float]:
-        """Largest change in fresh samples, its bound, and how far the whole scene is from itself there."""
+        """Largest change in fresh samples, its bound, and the whole scene's certainty in these samples."""
         made = stage.made
         errors = self.changes(made, trial.method, trial.steps, trial.dtype, True, 2 * self.steps)
         off = self.motion.change(self.reference(made, self.steps, True), self.reference(made, 2 * self.steps, True))

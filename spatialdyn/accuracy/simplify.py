@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 DROPPED = ("armature", "damping", "friction", "gravity")
 TIMED = {"rnea": "qva", "aba": "qvt", "crba": "q"}  # the timed calls and their inputs
 FEW = 64  # states in which the two models are compared if no program runs on SIMD lanes
-SAMPLES = FEW if numba_kernels.PLAIN else 4096  # and if one runs
+SAMPLES = FEW if numba_kernels.PLAIN else 4096  # states if programs run on lanes
 PART = 512  # states at a time: their M of 128 freedoms take 64 MiB
 MOST = 0.999  # a quantile of the states: it predicts other states better than the maximum
 BATCH = 8 if numba_kernels.PLAIN else 1024  # samples of a timed call
@@ -38,8 +38,8 @@ class Change(NamedTuple):
     """Change of a quantity over the sampled states.
 
     absolute  the largest change of an entry
-    relative  the same over the largest entry
-    most      largest change in 999 of 1000 of the states
+    relative  the largest change over the largest entry
+    most      the 99.9 % quantile of the largest changes in the states
     """
 
     absolute: float
@@ -54,9 +54,9 @@ class Savings(NamedTuple):
     dropped     names of the properties set to zero
     nv          freedoms (before, after)
     operations  {"rnea", "aba", "crba"}: operations of the program per sample (before, after)
-    ns          the same calls: nanoseconds per sample of a large batch, measured now (before, after)
-    cost        {"M", "tau", "a"}: Change in the remaining freedoms, see ``simplify``; empty without any
-    states      number of random states of the cost; in others the change may be larger
+    ns          the same calls: measured nanoseconds per sample of a large batch (before, after)
+    cost        {"M", "tau", "a"}: Change in the remaining freedoms, see ``simplify``; empty without freedoms
+    states      number of random states of the cost; in other states the change may be larger
     """
 
     locked: dict[str, Any]
@@ -102,9 +102,9 @@ def simplify(
 
     Returns the Model and its Savings. The error is the largest difference between the two models over 4096 random
     states, 64 for robots of more than 128 freedoms: a sample, not a bound; its 99.9 % quantile varies less from sample
-    to sample. Differences are those of the remaining freedoms: of M and, for the same v and a, of tau = rnea, with the
-    locked joints anywhere within their limits and at rest; and of a = aba, with a torque on the locked joints that
-    holds them as long as nothing accelerates. "relative" is over the largest entry, whether length or angle.
+    to sample. Differences are in the remaining freedoms: of M and, for the same v and a, of tau = rnea, with the locked
+    joints at rest anywhere within their limits; and of a = aba, with a torque on the locked joints that holds them if
+    nothing accelerates. "relative" is over the largest entry of any unit.
     Raises  ModelError naming a joint, SpatialDynError for an invalid mass or name.
 
     >>> import spatialdyn as sd

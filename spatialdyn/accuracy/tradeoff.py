@@ -37,8 +37,8 @@ def trade(
 ) -> Tradeoff:
     """Error and cost of the options for a task, measured on this model and this machine.
 
-    model     Model; for simulations also a Scene: all that acts in it acts in every option
-    task      what is computed, by which calls, and what an error is relative to:
+    model     Model; for simulations also a Scene: all its effects act in every option
+    task      the task, with its calls and the scale of its errors:
 
               ==================  ==================================================  ==============================
               "forward_dynamics"  aba, crba_solve, aba_refined, aba_square_root,      largest over largest of a
@@ -55,27 +55,27 @@ def trade(
               Calls run as programs on SIMD lanes in float64 and float32 (with inputs rounded to float32); those without
               a program run in the table kernel, "untraced"; "extended" runs on lanes in batches of 512 or more, up to
               32 freedoms.
-    states    states in which errors are measured: a number of random ones, 4096 by default, or a tuple of arrays
-              (n, ...): (q, v, tau), (q, v, a), (q,). For simulations (q0, v0), by default 4 random ones at rest
-    batch     samples of a timed call; 1 times calls of one sample
+    states    states in which errors are measured: the number of random states, 4096 by default, or a tuple of arrays
+              (n, ...): (q, v, tau), (q, v, a), (q,). For simulations (q0, v0), by default 4 random states at rest
+    batch     samples of a timed call; 1: calls of one sample are timed
     duration  of a simulation [s], without torques
     methods   names of integrators of simulations, or of calls of the table, by default all but ``aba_square_root``:
               it has no program, and its kernel takes long to compile at its first use on a machine
     progress  True for a bar (needs rich), or a function of the number of steps done and their total
 
-    The reference of calls is computed in double-double and checked against the exact engine; that of every method of
-    forward dynamics is aba's, for the model's numbers as they are; "extended" rounds that, so its error counts as half
-    an ulp of the largest entry at least. The reference of a motion is Gauss collocation of order 32 in double-double;
-    its difference to the same with twice the step is the certainty. That of a scene is its own method at a fine step,
-    whose difference to the same with four times the step counts in every error. Where that is not small, the motion is
-    too chaotic for any method to follow. Of programs ``promised`` is the largest bound on their rounding in the same
-    states, by the analysis of ``bounded``; where it is the smaller, it stands for the errors in an option's ``bound``.
+    The reference of calls is computed in double-double and checked against the exact engine. All methods of forward
+    dynamics have aba's reference, for the model's numbers as they are; "extended" rounds this reference, so its error
+    counts as at least half an ulp of the largest entry. The reference of a motion is Gauss collocation of order 32 in
+    double-double; its difference from a run with twice the step is the certainty. The reference of a scene is a run of
+    its own method at a fine step; its difference from a run with four times the step is added to every error. If that
+    is not small, the motion is too chaotic for any method to follow. For programs, ``promised`` is the largest bound on
+    their rounding in the same states, by the analysis of ``bounded``; if smaller, it is an option's ``bound``.
 
     Returns a Tradeoff: ``print`` shows it, ``front``, ``cheapest(tolerance)``, ``to_json()``, ``plot(path)``. It takes
     a few seconds, at first use also the time to compile: seconds for calls, minutes for all integrators. The reference
     of a motion of 1 s takes seconds for an arm, a minute for a humanoid with light fingers.
     Raises  SpatialDynError for an invalid task, states, batch or duration, or if mpmath is not installed;
-            ModelError for a model without freedoms; what the call raises for its states.
+            ModelError for a model without freedoms; the errors of the call for its states.
 
     >>> import spatialdyn as sd
     >>> table = sd.trade(sd.load_urdf("two_link"), "mass_matrix")
@@ -133,23 +133,23 @@ def recommend(
     progress: Progress = False,
     norm: str = LARGEST,
 ) -> Recommendation:
-    """The cheapest option for a task whose error stays within a tolerance, and why.
+    """The cheapest option for a task whose error stays within a tolerance, and the reason.
 
     tolerance  largest acceptable error, as ``trade`` defines it for the task
     model, task, states, batch, duration, methods, progress   as in ``trade``
-    norm       what an error is relative to: "largest", as in ``trade``; or "each": every joint's error is within the
-               tolerance relative to that joint's own scale, the column "worst joint" of the table
+    norm       scale of the errors: "largest", as in ``trade``; or "each": every joint's error is within the tolerance
+               relative to that joint's own scale, the column "worst joint" of the table
 
     An option is good enough if its bound is within the tolerance. The bound is its largest error times a margin of 2 or
-    more, since other states may be worse than those measured; the margin is larger where errors scatter widely or
-    states are few. A cheaper option whose error, but not its bound, is within the tolerance is tried in 65536 random
-    states, after which a margin of 1.25 may be enough. Motions from a few states say little, so an integrator is tried
-    from 32 other states, against a reference option a hundred times more accurate. Neither is done if it takes longer
-    than 4 s, or if states are given.
+    more, since other states may be worse than those measured; the margin is larger if errors scatter widely or states
+    are few. A cheaper option whose error, but not its bound, is within the tolerance is tried in 65536 random states,
+    after which a margin of 1.25 may be enough. Motions from a few states prove little, so an integrator is tried from
+    32 other states, against a reference option a hundred times more accurate. Neither is done if it takes longer than
+    4 s, or if states are given.
 
-    Returns a Recommendation: ``code`` is the line to write, ``why`` the reason. It can be called as the task's call, or
-    with (q0, v0, duration) for a simulation.
-    Raises  SpatialDynError if no option is good enough, naming the best; what ``trade`` raises.
+    Returns a Recommendation: ``code`` is the line to write, ``why`` the reason. It can be called like the task's call,
+    or with (q0, v0, duration) for a simulation.
+    Raises  SpatialDynError if no option is good enough, naming the best; the errors of ``trade``.
 
     >>> import spatialdyn as sd
     >>> model = sd.load_urdf("two_link")
@@ -165,7 +165,7 @@ def recommend(
 
 
 def advice(found: Tradeoff, tolerance: float, norm: str = LARGEST) -> Recommendation:
-    """The cheapest option of a Tradeoff within a tolerance. Raises what ``recommend`` raises."""
+    """The cheapest option of a Tradeoff within a tolerance. Raises as ``recommend``."""
     tolerance = checked_tolerance(tolerance)
     found = _of_each(found) if as_word("norm", norm, NORMS) == EACH else found
     if found.task == "simulate" and found.further is not None:
@@ -183,7 +183,7 @@ def advice(found: Tradeoff, tolerance: float, norm: str = LARGEST) -> Recommenda
 
 
 def _of_each(found: Tradeoff) -> Tradeoff:
-    """The Tradeoff whose errors are those of the worst joint relative to its own scale."""
+    """A Tradeoff with the errors of the worst joint, relative to its own scale."""
     options = [
         replace(x, error=x.each, median=math.nan, bound=x.each_bound, promised=math.inf, best=False)
         for x in found.options
@@ -193,7 +193,7 @@ def _of_each(found: Tradeoff) -> Tradeoff:
 
 
 def _cheaper(found: Tradeoff, chosen: Option | None, tolerance: float) -> Option | None:
-    """The cheapest option below the chosen one that many more states confirm; None if there is none."""
+    """The cheapest option, cheaper than the chosen one, that many more states confirm; None if there is none."""
     most = math.inf if chosen is None else chosen.ns / WORTH
     open_ = [x for x in found.options if x.ns < most and x.error <= tolerance < x.bound]
     if not open_ or found.further is None:

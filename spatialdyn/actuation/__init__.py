@@ -1,1 +1,1 @@
-"""What acts at the joints beside the torque of the caller: friction, and the limits of motors."""
+"""Torques at the joints beside that of the caller: friction, springs, and the limits of motors."""

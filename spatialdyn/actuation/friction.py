@@ -36,8 +36,8 @@ class Friction:
     bristle_damping    (nv,)  σ1 of the bristles [N m s/rad | N s/m]; 0 if left out
 
     A coefficient may be one number for all freedoms, or {joint name: number}, in which joints that are left out have 0;
-    ``stribeck_velocity`` and ``smoothing`` have to name every joint. Here such coefficients are arrays (1,) and dicts;
-    ``check(model)`` makes (nv,) of them, where the friction acts.
+    ``stribeck_velocity`` and ``smoothing`` must name every joint. The attributes keep such coefficients as arrays (1,)
+    and dicts; ``check(model)`` converts them to (nv,).
     Raises  ShapeError for arrays that do not broadcast to (nv,); ModelError naming a coefficient that is negative or
             not finite, a static friction below Coulomb's, and a velocity that is not above 0.
 
@@ -127,7 +127,7 @@ class Friction:
 
     @property
     def law(self) -> tuple[Array, Array, Array, Array]:
-        """F_c, b, F_s and v_s as the recursions take them."""
+        """F_c, b, F_s and v_s for the recursions."""
         fall = np.full(len(self.coulomb), AT_ONCE) if self.stribeck_velocity is None else self.stribeck_velocity
         return self.coulomb, self.viscous, self.static, fall
 
@@ -157,7 +157,7 @@ class Friction:
             raise ModelError(f"friction{where}: static is {self.static[k]:g}, expected {least}")
 
     def _given(self) -> list[tuple[str, Any]]:
-        """Names and values of the coefficients that there are."""
+        """Names and values of the given coefficients."""
         return [(x.name, getattr(self, x.name)) for x in fields(self) if getattr(self, x.name) is not None]
 
     def _content(self) -> tuple[tuple[str, Any], ...]:
@@ -198,7 +198,7 @@ def _read(name: str, value: Any) -> Any:
 
 
 def _refuse_values(name: str, values: Any, model: Model | None = None) -> None:
-    """Raise ModelError for a value out of the coefficient's range, with its joint, or its place without a model."""
+    """Raise ModelError for a value out of the coefficient's range, naming its joint, or its index without a model."""
     least, expected = (0.0, "a finite number above 0") if name in POSITIVE else (None, "a finite number of 0 or more")
     places = values.items() if isinstance(values, dict) else enumerate(values.tolist())
     for where, x in places:
@@ -210,7 +210,7 @@ def _refuse_values(name: str, values: Any, model: Model | None = None) -> None:
 
 
 def _of_freedoms(model: Model, name: str, value: Any) -> Array | None:
-    """A coefficient (nv,), read-only. Raises ModelError for a joint that the model has not, or that is not named."""
+    """A coefficient (nv,), read-only. Raises ModelError for an unknown joint, or a joint that is missing."""
     if value is None:
         return None
     if isinstance(value, dict):
@@ -230,7 +230,7 @@ def _of_freedoms(model: Model, name: str, value: Any) -> Array | None:
 
 
 def check_friction(model: Model, friction: Any) -> Friction:
-    """The Friction of an argument: one that fits the model, or for True the URDF's. Raises ModelError, ShapeError."""
+    """The Friction of an argument, checked for the model; for True the URDF's. Raises ModelError, ShapeError."""
     if isinstance(friction, (bool, np.bool_)) and friction:
         return Friction.of(model)
     if not isinstance(friction, Friction):
@@ -249,8 +249,8 @@ def friction_torque(model: Model, v: ArrayLike, friction: Friction | bool, out: 
     friction  Friction, or True for that of the URDF; with ``smoothing`` ε its sign is tanh(v/ε)
     out       (..., nv)  written in place if given: float64, C order, the shape of the result
 
-    At rest, and without smoothing, the dry part is 0 here: the friction that keeps a joint at rest depends on all other
-    torques; ``simulate`` and ``rollout`` compute it.
+    At rest, without smoothing, the dry part is 0 here, because the friction that keeps a joint at rest depends on all
+    other torques; ``simulate`` and ``rollout`` compute it.
 
     Returns friction (..., nv): torques to add to those of the motors [N m | N].
     Raises
@@ -269,9 +269,9 @@ def friction_torque(model: Model, v: ArrayLike, friction: Friction | bool, out: 
 
 
 def friction_regressor(model: Model, v: ArrayLike, out: Any = None) -> Array:
-    """Regressor F of joint friction: motors have to add F (F_c, b) = F_c sgn v + b v to the inverse dynamics.
+    """Regressor F of joint friction: motors must add F (F_c, b) = F_c sgn v + b v to the inverse dynamics.
 
-    Source: the definition; with it the columns of ``joint_torque_regressor`` go on to friction.
+    Source: the definition; it extends the columns of ``joint_torque_regressor`` to friction.
 
     model  Model
     v      (..., nv)  joint velocities [rad/s | m/s]
@@ -280,7 +280,8 @@ def friction_regressor(model: Model, v: ArrayLike, out: Any = None) -> Array:
     Flattened, F extends Y: (Y, F) (π, F_c, b) = rnea - armature a + the friction that motors overcome, as in the
     example. A joint at rest has 0 for Coulomb's friction, which is not a function of v there.
 
-    Returns F (..., nv, 2, nv): of each joint's torque, sgn v by F_c and v by b of each joint [1 | rad/s | m/s].
+    Returns F (..., nv, 2, nv): derivatives of each joint's torque by F_c (sgn v) and b (v) of each joint
+            [1 | rad/s | m/s].
     Raises
         ShapeError for shapes that do not match, or an out that overlaps an input
         ModelError for mimic joints

@@ -1,4 +1,4 @@
-"""Geared electric motors at the joints: what torque they can give at which velocity."""
+"""Geared electric motors at the joints: their torque limits as functions of velocity."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from ..model.model import Model
 from ..recursions.joints.motors import MOTOR_LIMITS
 
 Array = NDArray[np.float64]
-UNLIMITED = 1e30  # [N m | N] in place of infinity, which recursions take for an invalid sample; finite in float32 too
-EXPECTED: dict[str, tuple[Callable[[Array], Any], str]] = {  # of a value: whether it is valid, and in words
+UNLIMITED = 1e30  # [N m | N] instead of infinity, which recursions take for an invalid sample; finite in float32 too
+EXPECTED: dict[str, tuple[Callable[[Array], Any], str]] = {  # for each value its check, and this in words
     "torque_constant": (lambda x: np.isfinite(x) & (x >= 0.0), "a finite number of 0 or more"),
     "back_emf": (lambda x: np.isfinite(x) & (x >= 0.0), "a finite number of 0 or more"),
     "ratio": (lambda x: np.isfinite(x) & (x != 0.0), "a finite number other than 0"),
@@ -41,12 +41,12 @@ class Motor:
     torque           (nv,)  largest torque at the joint, that of the gear [N m | N]; infinite if left out
     efficiency       (nv,)  fraction η of the power that passes the gear, in either direction; 1 if left out
 
-    The winding has R i = V - k_e θ̇, without inductance, and gives τ = k_t i: at full voltage stall_torque - damping q̇
-    at the joint. A value may be one number for all freedoms if another is an array.
+    The winding has R i = V - k_e θ̇, without inductance, and τ = k_t i: at full voltage the torque at the joint is
+    stall_torque - damping q̇. A value may be one number for all freedoms if another is an array.
 
     stall_torque     (nv,)  n k_t V / R, or that of the largest current, before losses of the gear [N m | N]
     no_load_speed    (nv,)  V / (k_e n) of the joint [rad/s | m/s]
-    damping          (nv,)  n² k_t k_e / R: what a motor at a given voltage (0 if shorted) adds to the viscous
+    damping          (nv,)  n² k_t k_e / R: a motor at a given voltage (0 if shorted) adds this to the viscous
                             coefficient of ``Friction`` [N m s/rad | N s/m]
 
     If all values are single numbers, they hold for each freedom of any robot.
@@ -101,7 +101,7 @@ class Motor:
 
     @property
     def stall_torque(self) -> Array:
-        """Torque of the motor at the joint at rest, by the largest voltage or current, before losses of the gear."""
+        """Torque of the motor at a joint at rest, at the largest voltage or current, before losses of the gear."""
         current = np.minimum(self.voltage / self.resistance, self.current)
         return np.asarray(abs(self.ratio) * self.torque_constant * current)
 
@@ -113,13 +113,13 @@ class Motor:
 
     @property
     def damping(self) -> Array:
-        """Damping of the joint by the motor's own voltage."""
+        """Damping of the joint by the back EMF."""
         return np.asarray(self.ratio**2 * self.torque_constant * self.back_emf / self.resistance)
 
     @property
     def lines(self) -> tuple[Array, Array, Array, Array, Array]:
-        """Stall torque of the supply, damping, torque of the largest current, efficiency, largest torque at the joint,
-        as the recursions take them.
+        """Stall torque of the supply, damping, torque of the largest current, efficiency, largest torque at the joint:
+        the arguments of the recursions.
         """
         gain = abs(self.ratio) * self.torque_constant
         with np.errstate(over="ignore"):
@@ -128,7 +128,7 @@ class Motor:
         return gain * self.voltage / self.resistance, self.damping, most, self.efficiency, limit
 
     def check(self, model: Model) -> Motor:
-        """These motors with values for each freedom of the model. Raises ShapeError if they are of another number."""
+        """These motors with values for each freedom of the model. Raises ShapeError for another number of freedoms."""
         n = check_model(model).nv
         if len(self.ratio) == n:
             return self
@@ -170,10 +170,10 @@ def torque_limits(model: Model, v: ArrayLike, motor: Motor) -> tuple[Array, Arra
     v      (..., nv)  joint velocities [rad/s | m/s]
     motor  Motor
 
-    The limit of a motor that drives falls with the speed, to 0 at the no-load speed; that of one that brakes grows up
+    The limit of a driving motor falls with the speed, to 0 at the no-load speed; the limit of a braking motor grows, up
     to the torque at the largest current. Beyond the no-load speed both limits oppose the motion: the motor can only
-    brake. A gear of efficiency η < 1 passes η of the torque of a motor that drives, and 1/η of the torque of one that
-    brakes; a motor at rest counts as driving.
+    brake. A gear of efficiency η < 1 passes η times the torque of a driving motor, and 1/η times that of a braking one;
+    a motor at rest counts as driving.
 
     Returns (lower, upper), both (..., nv) [N m | N]: a torque is possible if it is between them, and
             ``np.clip(tau, lower, upper)`` otherwise.

@@ -25,10 +25,10 @@ def spring_torque(model: Model, q: ArrayLike, v: ArrayLike | None = None, out: A
     v      (..., nv)  joint velocities [rad/s | m/s]; zero if left out
     out    (..., nv)  written in place if given: float64, C order, the shape of the result
 
-    Forward dynamics with them is ``aba(model, q, v, tau + spring_torque(model, q, v))``; ``simulate`` and ``rollout``
-    add them by themselves.
+    Forward dynamics with springs is ``aba(model, q, v, tau + spring_torque(model, q, v))``; ``simulate`` and
+    ``rollout`` add these torques.
 
-    Returns tau (..., nv): torques to add to those of the motors [N m | N]; 0 of a model without springs.
+    Returns tau (..., nv): torques to add to those of the motors [N m | N]; 0 for a model without springs.
     Raises
         ShapeError for shapes that do not match, or an out that overlaps an input
         NaN in a sample gives NaN in what depends on it, in no other sample.

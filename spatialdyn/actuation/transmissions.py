@@ -1,4 +1,4 @@
-"""Positions, velocities and torques of joints as those of the actuators that drive them, and back."""
+"""Conversion of positions, velocities and torques between joints and the actuators that drive them."""
 
 from __future__ import annotations
 
@@ -32,18 +32,17 @@ def to_actuators(
     v: ArrayLike | None = None,
     tau: ArrayLike | None = None,
 ) -> Coordinates:
-    """Coordinates of the actuators: θ = A⁻¹ (q - offset), θ̇ = A⁻¹ v, and torques Aᵀ τ, of the same power.
+    """Coordinates of the actuators: θ = A⁻¹ (q - offset), θ̇ = A⁻¹ v, and torques Aᵀ τ, with the same power.
 
     model          Model
-    transmissions  Transmission, or several of different joints; what they do not drive stays as it is
+    transmissions  Transmission, or several of different joints; entries of other joints are unchanged
     q              (..., nq)  positions of the joints [rad | m]
     v              (..., nv)  velocities of the joints [rad/s | m/s]
     tau            (..., nv)  torques at the joints [N m | N]
 
-    Returns Coordinates: new arrays, with an actuator's entry in the place of the joint of the same number in its
-            transmission.
+    Returns Coordinates: new arrays, with actuator k of a transmission in the place of joint k of the transmission.
     Raises
-        ModelError naming a joint that the model lacks, that has several coordinates, or is driven twice
+        ModelError naming a joint that is unknown, has several coordinates, or is driven twice
         ShapeError for arrays of another size
 
     >>> import spatialdyn as sd

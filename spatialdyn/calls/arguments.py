@@ -17,8 +17,8 @@ from ..model.robot_checks import masked
 from ..recursions.spec import LOCAL, LOCAL_WORLD_ALIGNED, WORLD, Argument, shape_in
 
 Array = NDArray[np.float64]
-RIGID = 1e-6  # of the rows of a pose
-MOST_AXES = 32  # of an array that NumPy broadcasts
+RIGID = 1e-6  # largest error of a pose's rotation and last row
+MOST_AXES = 32  # the most axes of an array that NumPy broadcasts
 REFERENCES = {"local": LOCAL, "world": WORLD, "local_world_aligned": LOCAL_WORLD_ALIGNED}
 
 
@@ -57,7 +57,7 @@ def as_array(name: str, value: ArrayLike) -> Array:
 
 
 def _refuse_elsewhere(name: str, value: Any) -> None:
-    """Raise ShapeError for an array that NumPy would compute, or fetch from a GPU, without a word."""
+    """Raise ShapeError for a Dask array and for an array on a GPU, which NumPy would compute or fetch silently."""
     if hasattr(value, "__dask_graph__"):
         raise ShapeError(
             f"{name} is a Dask {type(value).__name__}, expected an array in memory: {name}.compute(), or block by "
@@ -85,7 +85,7 @@ def within_range(name: str, *results: Array) -> None:
 
 
 def pose_fault(X: Array) -> str:
-    """What keeps matrices (..., 4, 4) from being poses, "" if nothing does."""
+    """The reason why matrices (..., 4, 4) are not poses, "" if they are."""
     R = X[..., :3, :3]
     with np.errstate(over="ignore", invalid="ignore"):
         off = abs(R @ np.swapaxes(R, -1, -2) - np.eye(3)).max(initial=0.0)
@@ -129,7 +129,7 @@ def as_word(name: str, value: Any, known: Collection[str]) -> str:
 
 
 def as_items(name: str, value: Any, kind: type | tuple[type, ...], expected: str) -> list[Any]:
-    """One of a kind, or an iterable of them, as a list. Raises SpatialDynError naming the argument."""
+    """An instance of ``kind``, or an iterable of instances, as a list. Raises SpatialDynError naming the argument."""
     try:
         given = [value] if isinstance(value, kind) else list(value)
     except TypeError:
@@ -141,7 +141,7 @@ def as_items(name: str, value: Any, kind: type | tuple[type, ...], expected: str
 
 
 def as_words(name: str, value: Any, known: Collection[str]) -> tuple[str, ...]:
-    """A string or several as a tuple, each one of ``known``. Raises SpatialDynError naming the argument."""
+    """A string or several strings, as a tuple. Raises SpatialDynError naming the argument for one not in ``known``."""
     expected = f"some of {', '.join(known)}"
     given = as_items(name, value, str, expected)
     for word in given:
@@ -151,7 +151,7 @@ def as_words(name: str, value: Any, known: Collection[str]) -> tuple[str, ...]:
 
 
 def core_shape(model: Model, argument: Argument, static: Sequence[Any] = ()) -> tuple[int, ...]:
-    """Shape of one sample of an argument; of the static inputs' values, tables give sizes."""
+    """Shape of one sample of an argument; the tables among the static inputs' values give some of the sizes."""
     tables = [x for x in static if isinstance(x, StaticTable)]
     if not tables and not any(isinstance(s, str) and "+" in s for s in argument.shape):
         return tuple([getattr(model, s) if isinstance(s, str) else s for s in argument.shape])
@@ -182,11 +182,11 @@ def broadcast(names: list[str], shapes: list[tuple[int, ...]]) -> tuple[int, ...
 def aligned(
     names: list[str], cores: Sequence[tuple[int, ...]], shapes: Sequence[tuple[int, ...]]
 ) -> list[tuple[int, ...]]:
-    """Shapes of inputs with as many leading axes each: of size 1 before those that there are.
+    """Shapes of inputs, all with the same number of leading axes: missing ones have size 1 and come first.
 
     cores  shape of one sample of each input
 
-    Raises TypeError for a wrong number of inputs, ShapeError for shapes that are not the inputs' or do not broadcast.
+    Raises TypeError for a wrong number of inputs, ShapeError for shapes that do not match the inputs or each other.
     """
     if len(shapes) != len(cores):
         raise TypeError(f"{len(shapes)} inputs were given, expected {len(cores)}: ({', '.join(names)})")
@@ -203,7 +203,7 @@ def aligned(
 def check_out(out: Any, shape: tuple[int, ...], inputs: Mapping[str, Array]) -> Array:
     """``out``, checked.
 
-    Raises ShapeError unless it has that shape, is float64, in C order and writable, and overlaps no input.
+    Raises ShapeError unless ``out`` has the shape, is float64, in C order and writable, and overlaps no input.
     """
     if not isinstance(out, np.ndarray) or masked(out):
         raise ShapeError(f"out is a {type(out).__name__}, expected a float64 array of shape {shape}")

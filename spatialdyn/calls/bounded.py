@@ -1,4 +1,4 @@
-"""Calls that answer with a bound on their own rounding error."""
+"""Calls that also return a bound on their rounding error."""
 
 from __future__ import annotations
 
@@ -30,26 +30,26 @@ def bounded(
     """A call of one model as a compiled program that returns (result, bound): no entry's error exceeds its bound.
 
     Source: Wilkinson, Rounding errors in algebraic processes (1963); Higham, Accuracy and stability of numerical
-    algorithms, 2nd ed. (2002), section 3.3, for every line of the program. What is solved for (aba, crba_solve,
-    aba_refined, minverse) is bounded by its residual instead, |M⁻¹| (|rnea(q, v, a) - tau| + rnea's bound), which is
-    sharper; M⁻¹ has a bound too, so that the result's grows with M's condition number, up to infinity.
+    algorithms, 2nd ed. (2002), section 3.3, for every line of the program. The solution of a linear system (aba,
+    crba_solve, aba_refined, minverse) is bounded by its residual instead, |M⁻¹| (|rnea(q, v, a) - tau| + rnea's bound),
+    which is sharper. This bound includes one on M⁻¹, and so grows with M's condition number, up to infinity.
 
-    Errors are measured from the exact result for the model's numbers and the inputs as they are. In float32 the inputs
-    may be any that round to the given ones, which the bound includes unless ``exact_inputs``. For calls that solve
-    (aba, ...) the exact result is the solution of exact rnea, or crba: rotations by 1.5708 are orthogonal to rounding
-    only, and exact recursions on them agree no better than that. A sample beyond the range of the program (angles whose
+    Errors are measured from the exact result for the model's numbers and the given inputs. In float32 the exact inputs
+    may be any numbers that round to the given ones; the bound includes this unless ``exact_inputs``. For calls that
+    solve (aba, ...) the exact result is the solution of exact rnea, or crba: rotations by 1.5708 are orthogonal to
+    rounding only, so exact recursions on them agree to rounding only. A sample beyond the program's range (angles whose
     root sum of squares is above 1e5, joints of hardly any articulated inertia, numbers beyond float32's safe range) has
-    an infinite bound; in float32 a UserWarning says so at the first batch in most of whose samples it has. A sample
+    an infinite bound; in float32 the first batch with infinite bounds in most samples raises a UserWarning. A sample
     that the call itself refuses (a joint of no articulated inertia, a result out of range) is refused here with the
-    same message. NaN gives NaN in its sample, and an infinite bound. Angles of 1e4 loosen no bound, but prismatic
-    joints far out do: for a panda whose fingers are 100 m out aba's bound is a thousand times its error, elsewhere some
-    200 times.
+    same message. A sample with NaN has the result NaN and an infinite bound. Angles of 1e4 loosen no bound, but
+    prismatic joints far out do: aba's bound is a thousand times its error for a panda whose fingers are 100 m out,
+    some 200 times elsewhere.
 
     model, dtype, fixed, inputs, outputs, frame, reference, classical, constraints   as of ``specialize``
     call   a public call such as ``sd.rnea``
-    exact_inputs  True: in float32 inputs are float32 numbers, exact as they are; bounds are then a third smaller
+    exact_inputs  True: float32 inputs are exact, not rounded from other numbers; bounds are then a third smaller
 
-    Returns a Specialized of two results: that of the call, and a bound of each of its entries, in the same units.
+    Returns a Specialized of two results: that of the call, and a bound on each of its entries, in the same units.
 
     >>> import spatialdyn as sd
     >>> model = sd.load_urdf("two_link")
@@ -60,7 +60,7 @@ def bounded(
     Raises
         SpatialDynError for a call that has no program (it branches on values, or the robot is too large), and under
             NUMBA_DISABLE_JIT; for inputs that float32 rounds with ``exact_inputs``; and as ``specialize``
-        when called, the errors of the call, naming the first sample and how many
+        when called, the errors of the call, naming the first failed sample and their number
     """
     if not callable(call):
         raise SpatialDynError(f"call is {literal(call)}, expected one public call, such as sd.rnea")

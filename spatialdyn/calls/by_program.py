@@ -1,4 +1,4 @@
-"""Specs that are no public calls by their programs, and derivatives along directions of inputs: lanes of one batch."""
+"""Run the programs of Specs without a public call, and derivatives along directions, each direction a batch lane."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def run(
     model: Model, specs: Spec | tuple[Spec, ...], derivative: str, rows: Sequence[Array], static: tuple[Any, ...] = (),
     outputs: int = 1,
 ) -> Any:  # fmt: skip
-    """The last output (n, columns) of a program on rows (n or 1, columns) of its inputs; or the last ``outputs``.
+    """The last output (n, columns), or the last ``outputs``, of a program for rows (n or 1, columns) of its inputs.
 
     derivative  "" or "jvp", as of ``ProgramOptions``
     static      values of the static inputs
@@ -52,7 +52,7 @@ def run(
 
 
 class OneByOne:
-    """A Spec on one sample after another, by its program, interpreted. For one thread."""
+    """A Spec computed sample by sample by its interpreted program. For use by one thread."""
 
     def __init__(self, model: Model, spec: Spec) -> None:
         """Record the program."""
@@ -63,7 +63,7 @@ class OneByOne:
         self._call = InterpretedSample(*_program(model, (spec,), "", ()).recording)
 
     def __call__(self, *inputs: Array) -> Array:
-        """The output, flat: it is written anew by the next call."""
+        """The output, flat; the next call overwrites it."""
         made: Array | None = None if self._call is None else self._call(*inputs)
         if made is not None:
             return made
@@ -75,10 +75,10 @@ def along(
     model: Model, specs: Spec | tuple[Spec, ...], inputs: Sequence[Array], tangents: Sequence[Array | int],
     static: tuple[Any, ...] = (), outputs: int = 1,
 ) -> Any:  # fmt: skip
-    """Derivatives (n, columns of the output, m) along m directions; of several outputs a list.
+    """Derivatives (n, columns of the output, m) along m directions; for several outputs, a list of these.
 
     inputs    (n, columns) each
-    tangents  (n, columns, m) each, or the number of columns of one that is 0
+    tangents  (n, columns, m) each, or the number of columns of a zero tangent
     """
     n, m = len(inputs[0]), next(x.shape[2] for x in tangents if not isinstance(x, int))
     rows = [np.repeat(x, m, axis=0) for x in inputs]

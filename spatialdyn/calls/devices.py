@@ -1,4 +1,4 @@
-"""The argument ``device`` of calls; what runs on one is read only where a call names one."""
+"""The argument ``device`` of calls; the modules that run on a device are imported when a call names one."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A program with its derivatives, as frameworks that differentiate ask for them."""
+"""A program and its derivatives, in the form that JAX and PyTorch need."""
 
 from __future__ import annotations
 
@@ -18,24 +18,25 @@ from .arguments import aligned
 if TYPE_CHECKING:
     from ..engines.programs.run.xla_handler import Registered
 
-MOST_ORDER = 2  # of derivatives: each further one has some three times the operations
+MOST_ORDER = 2  # the highest derivative: each order has some three times the operations of the one before
 
 
 class Node:
-    """The results of a program, or a derivative of them, as a function of arrays with equal leading axes, or of size 1.
+    """The results of a program, or a derivative of them, as a function of arrays whose leading axes are equal or 1.
 
-    directions  how many directions the derivative is along; 0 and not weighted: the results themselves
-    weighted    whether it is of Σ weight · result, by each input; else of the results
-    inputs      names of the inputs, ``directions`` times those of the program, then weights if weighted, then results
-    cores       shape of one sample of each; ``results`` of each result
-    hinted      whether the results themselves are the last inputs
+    directions  number of directions of the derivative; 0 and not weighted: the results themselves
+    weighted    whether the derivative is of Σ weight · result with respect to each input, or of the results
+    inputs      names: the program's inputs, their tangent in each direction, weights if weighted, then known results
+    cores       shape of one sample of each input
+    results     shape of one sample of each result
+    hinted      whether the last inputs are the program's results, known from an earlier call
     groups      the inputs as slices: of the program, of each direction, weights, known results
 
-    Derivatives are symmetric in their directions, and linear in each and in the weights.
+    Derivatives are symmetric in their directions, and linear in each direction and in the weights.
     """
 
     def __init__(self, made: Differentiable, directions: int, weighted: bool) -> None:
-        """Of a program; its derivatives are recorded and compiled at first use."""
+        """The node of a program; derivatives are recorded and compiled at first use."""
         self.made, self.directions, self.weighted = made, directions, weighted
         request = made.request_of(directions, weighted)
         self.inputs, self.cores = [x.name for x in request.inputs()], [x.shape for x in request.inputs()]
@@ -50,13 +51,13 @@ class Node:
 
     @cached_property
     def groups(self) -> list[slice]:
-        """The inputs of the program, of each direction, the weights, and the results that are known, as slices."""
+        """Slices of the inputs: of the program, of each direction, weights, known results."""
         n, m = len(self.made.names), len(self.made.results)
         sizes = [n] * (self.directions + 1) + [m] * (self.weighted + self.hinted)
         return [slice(a, b) for a, b in pairwise(accumulate(sizes, initial=0))]
 
     def along(self, k: int, arrays: Sequence[Any], results: Sequence[Any], rates: Sequence[Any]) -> tuple[Node, Any]:
-        """The derivative of the results along rates of the inputs of group k, as a node and its inputs."""
+        """The derivative of the results along rates of the inputs of group k: a node and its inputs."""
         own, weights, _ = parts = self._parts(arrays)
         if k:
             groups = [*own, *filter(None, parts[1:])]
@@ -65,12 +66,12 @@ class Node:
         return further, _flat([*own, rates, weights, results if further.hinted else []])
 
     def back(self, k: int, arrays: Sequence[Any], results: Sequence[Any], seeds: Sequence[Any]) -> tuple[Node, Any]:
-        """The derivative of Σ seed · result by the inputs of group k, as a node and its inputs."""
+        """The derivative of Σ seed · result with respect to the inputs of group k: a node and its inputs."""
         own, weights, known = self._parts(arrays)
         n, node = self.directions, self.made.node
         if k > n:  # linear in the weights
             return node(n + 1, False), _flat([*own, seeds, known])
-        if self.weighted:  # symmetric in its directions and the input that it is by
+        if self.weighted:  # the directions and the input of differentiation may change places
             return (self, _flat([*own[:k], seeds, *own[k + 1 :], weights, known])) if k else (
                 node(n + 1, True), _flat([*own, seeds, weights])
             )  # fmt: skip
@@ -87,7 +88,7 @@ class Node:
 
     @property
     def key(self) -> str:
-        """What its program depends on, as text."""
+        """A text that names everything that the node's program depends on."""
         request = self.made.request_of(self.directions, self.weighted)
         static = tuple(request.static.values())
         named = request.specs, request.model.key, static, request.dtype, request.options
@@ -110,8 +111,8 @@ class Node:
         return [np.asarray(x) for x in (found if isinstance(found, tuple) else (found,))]
 
     def handler(self, dtype: Any) -> Registered | None:
-        """What XLA calls for arrays of a dtype. Returns None if not applicable: without a compiled program, and for
-        float64 into a program of float32, whose range the inputs may leave.
+        """The function that XLA calls for arrays of a dtype. Returns None if not applicable: without a compiled
+        program, and for float64 inputs of a float32 program, which may be beyond its range.
         """
         from ..engines.programs.run import xla_handler
 
@@ -137,14 +138,14 @@ def _flat(parts: Sequence[Sequence[Any]]) -> list[Any]:
 
 
 class Differentiable:
-    """A Specialized, and its derivatives by the entries of its inputs.
+    """A Specialized, and its derivatives with respect to the entries of its inputs.
 
-    name     of its calls
-    text     its signature
-    names    of the inputs
+    name     names of the calls
+    text     the signature
+    names    names of the inputs
     cores    shape of one sample of each input
     results  shape of one sample of each result
-    several  whether it returns a tuple
+    several  whether the results are a tuple
     """
 
     def __init__(
@@ -154,7 +155,7 @@ class Differentiable:
         request_of: Callable[[int, bool], Any],
         derivative: Callable[[int, bool], Any],
     ) -> None:
-        """``request_of`` and ``derivative`` of directions and weights: what a derivative is of, and its program."""
+        """``request_of`` and ``derivative`` map (directions, weighted) to a derivative's request and its program."""
         request = request_of(0, False)
         self._program, self._derivative, self.request_of, self.text = program, derivative, request_of, text
         self.name = "_".join(spec.name for spec in request.specs)
@@ -163,11 +164,11 @@ class Differentiable:
         self._nodes: dict[tuple[int, bool], Node] = {}
 
     def aligned(self, shapes: Sequence[tuple[int, ...]]) -> list[tuple[int, ...]]:
-        """``arguments.aligned`` of the inputs."""
+        """``arguments.aligned`` for the inputs of the program."""
         return aligned(self.names, self.cores, shapes)
 
     def node(self, directions: int = 0, weighted: bool = False) -> Node:
-        """The results, or a derivative of them. Raises SpatialDynError for more than MOST_ORDER."""
+        """The results, or a derivative of them. Raises SpatialDynError for an order above MOST_ORDER."""
         if directions + weighted > MOST_ORDER:
             raise SpatialDynError(f"a third derivative of {self.name} is not available, expected first and second ones")
         key = directions, bool(weighted)

@@ -49,11 +49,11 @@ DEFAULTS = {"reference": "local", "classical": False}
 
 
 class Plan(NamedTuple):
-    """How a call is answered that is given some of its inputs.
+    """How to compute a call with a given choice of inputs.
 
     spec     the call with those inputs only
     program  None if there is none, or a required input is missing
-    shape    of one sample of the result
+    shape    shape of one sample of the result
     vectors  whether all inputs are vectors, so that a batch of arrays (B, n) can go straight to the program
     """
 
@@ -69,8 +69,8 @@ def plan_of(
 ) -> Plan:
     """The plan of a call.
 
-    present   which of its varying inputs it is given, in order
-    static    as of ``run.hashable``
+    present   whether each varying input is given, in order
+    static    values of the static inputs, as ``run.hashable`` returns them
     by_table  without a program, for the table kernel
     """
     varying = [x for x in spec.present if not x.static]
@@ -96,8 +96,8 @@ def checked_call(
     """A call with all argument checks.
 
     values    the spec's varying inputs in order, None for one left out
-    words     the arguments that ``static`` was read from, in the order of parameters
-    by_table  by the table kernel, whatever the model
+    words     the arguments from which ``static`` was read, in the order of parameters
+    by_table  whether to use the table kernel for any model
     """
     done = None if by_table else _program_call(spec, model, values, static, out)
     if done is not None:
@@ -132,8 +132,8 @@ def checked_call(
 
 
 def _plain(given: Sequence[tuple[Argument, Any]], arrays: Sequence[Array]) -> dict[str, Any] | None:
-    """The inputs of one sample by name, as the builtin takes them. Returns None if not applicable: a batch, or inputs
-    that are so already, which the builtin has declined.
+    """The inputs of one sample by name, converted for the builtin. Returns None if not applicable: for a batch, and
+    for inputs that need no conversion, which the builtin has already declined.
 
     arrays  the given values as arrays of float64
     """
@@ -149,7 +149,7 @@ def _plain(given: Sequence[tuple[Argument, Any]], arrays: Sequence[Array]) -> di
 
 
 def table_call(name: str, model: Model, *values: Any) -> Any:
-    """The public call of that name, which has no frame, by the table kernel; optional inputs last, None if left out."""
+    """A public call without a frame, by name and by the table kernel; optional inputs last, None if left out."""
     spec = SPECS[name]
     public = sorted(spec.present, key=lambda x: x.optional)
     given = dict(zip([x.name for x in public], values, strict=False))
@@ -193,8 +193,8 @@ def _program_call(spec: Spec, model: Any, values: tuple[Any, ...], static: tuple
 # --- the calls, one per spec -----------------------------------------------------------------------------
 
 
-STATIC = {  # of a static input: the parameter it is read from, with its default, and how
-    "row": ("frame", "*frame_of(model, frame)"),  # placement too
+STATIC = {  # static input -> (its parameter with the default, the expression that reads the parameter)
+    "row": ("frame", "*frame_of(model, frame)"),  # gives row and placement
     "reference": ('reference="local"', "reference_of(reference)"),
     "classical": ("classical=False", 'int(as_flag("classical", classical))'),
 }
@@ -208,7 +208,7 @@ def parameters_of(spec: Spec) -> list[str]:
 
 
 def _python_function(spec: Spec) -> Callable[..., Any]:
-    """The Python function of a spec, which answers whatever the builtin does not."""
+    """The Python function of a spec, for all that the builtin declines."""
     varying = "".join(f"{x.name}, " for x in spec.present if not x.static)
     static = "".join(f"{STATIC[x.name][1]}, " for x in spec.present if x.name in STATIC)
     words = "".join(f"{name}, " for name in _words(spec))
@@ -230,7 +230,7 @@ def _python_function(spec: Spec) -> Callable[..., Any]:
 
 
 def _public_function(spec: Spec) -> Callable[..., Any]:
-    """The public function of a spec: a builtin, or where there is none the Python function."""
+    """The public function of a spec: a builtin, or the Python function if there is no builtin."""
     python = python_calls[spec.name]
     if not BUILTINS:
         return python
@@ -239,7 +239,7 @@ def _public_function(spec: Spec) -> Callable[..., Any]:
 
 
 def _words(spec: Spec) -> list[str]:
-    """The parameters of a call from which its static inputs are read; interned, as the builtin wants keywords."""
+    """The parameters from which a call's static inputs are read; interned, as the builtin needs keywords."""
     return [sys.intern(STATIC[x.name][0].partition("=")[0]) for x in spec.present if x.name in STATIC]
 
 
@@ -260,7 +260,7 @@ def _keys(spec: Spec) -> list[str]:
 
 
 def _keep_in_model(plan: Plan, found: run.CallProgram, model: Model, words: tuple[Any, ...]) -> None:
-    """Have later calls of one sample go straight to the plan's program, by words in the model for the builtin."""
+    """Store the plan's program in the model, where the builtin finds it in later calls of one sample."""
     spec = plan.spec
     if spec.name not in SPECS or not BUILTINS or not all(type(x) in (str, bool) for x in words):
         return
@@ -301,11 +301,11 @@ def docstring(spec: Spec) -> str:
             entries.append((x.name, f"({shape})", f"{x.meaning}{order} [{x.unit}]{rest}"))
     static = {x.name for x in spec.present if x.static}
     if "row" in static:
-        entries.append(("frame", "str | Frame", "a link's or joint's name; link:NAME or joint:NAME says which"))
+        entries.append(("frame", "str | Frame", "name of a link or joint; link:NAME or joint:NAME if both have it"))
     if "reference" in static:
         entries.append(("reference", "str", "local, world or local_world_aligned"))
     if "classical" in static:
-        entries.append(("classical", "bool", "the acceleration of the point, not the spatial one"))
+        entries.append(("classical", "bool", "True: classical acceleration of the frame's origin; False: spatial"))
     shape = ", ".join(["...", *map(str, spec.output.shape)]) if spec.output.shape else "..."
     entries.append(("out", f"({shape})", "written in place if given: float64, C order, the shape of the result"))
     lines += [f"    {name:<9} {what:<18} {text}" for name, what, text in entries]
@@ -316,7 +316,7 @@ def docstring(spec: Spec) -> str:
     if spec.pivots:
         raises.append("InertiaError naming a joint with zero articulated inertia; near one: sd.diagnose")
     if "row" in static:
-        raises.append("ModelError if there is no such frame, with similar names")
+        raises.append("ModelError for an unknown frame, listing similar names")
     if "reference" in static:
         raises.append("SpatialDynError for another reference")
     if "classical" in static:
@@ -326,17 +326,17 @@ def docstring(spec: Spec) -> str:
     lines += [
         "    Raises",
         *(f"        {r}" for r in raises),
-        "    NaN in a sample gives NaN in what depends on it, in no other sample.",
+        "    NaN in a sample gives NaN in the results that depend on it, in no other sample.",
         "    ",
     ]
     return "\n".join(lines)
 
 
 class Calls(dict[str, Callable[..., Any]]):
-    """Functions by the names of SPECS, each made when it is first asked for: builtins need LLVM, and time."""
+    """Functions by the names of SPECS, each made at its first use, since making builtins takes LLVM and time."""
 
     def __init__(self, make: Callable[[Spec], Callable[..., Any]]) -> None:
-        """By a function that makes the one of a Spec."""
+        """``make`` makes the function of a Spec."""
         super().__init__()
         self._make = make
 

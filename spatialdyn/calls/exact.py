@@ -38,17 +38,17 @@ def exact(
 ) -> Exact:
     """A public call of one model in high precision: its result without rounding errors.
 
-    model  Model; its numbers and the floats that are passed have their exact binary values
+    model  Model; its numbers and floats among the inputs are taken at their exact binary values
     call   a public call such as ``sd.aba``
-    bits   precision of the result, at least 53; None for exact rationals: for models without mimic joints and calls
-           that use + - * / and sines and cosines of angles only. Each angle of q is then given as t = tan(q/2).
-    frame, reference, classical   of calls that take them
-    constraints   for calls that take Constraints; ``constrained_dynamics`` here takes ``rate`` = 1/T of its
-           stabilization. For ``contact_step`` and ``contact_gaps`` Contacts on a Plane; a step then returns v,
+    bits   precision of the result, at least 53; None for exact rationals: only for models without mimic joints and
+           calls that use + - * / and sines and cosines of angles. Each angle of q is then given as t = tan(q/2).
+    frame, reference, classical   for calls that take them
+    constraints   for calls that take Constraints; ``constrained_dynamics`` takes the further input ``rate`` = 1/T of
+           its stabilization. For ``contact_step`` and ``contact_gaps`` Contacts on a Plane; a step then returns v,
            impulses, gaps, impulses of limits, residuals and work, and takes friction and restitution of the points as
            its last inputs
 
-    Returns a callable: the inputs of the call in its order (fext last or by name), each of any leading batch shape.
+    Returns a callable that takes the call's inputs in order (fext last or by name), each of any leading batch shape.
 
     >>> import spatialdyn as sd
     >>> model = sd.load_urdf("two_link")
@@ -62,7 +62,7 @@ def exact(
     'Fraction'
 
     Raises
-        SpatialDynError for a call that is not known, too few bits, or where mpmath is not installed (extra "exact")
+        SpatialDynError for an unknown call, too few bits, or if mpmath is not installed (extra "exact")
         ModelError for mimic joints with rationals: an angle's multiple has no rational tangent
     """
     check_model(model)
@@ -88,7 +88,8 @@ class Exact:
     ``.astype(float)`` rounds them. A call of several outputs returns a tuple.
 
     Raises
-        ShapeError for shapes that do not match, SpatialDynError for anything but numbers, or without a rational value
+        ShapeError for shapes that do not match; SpatialDynError for values that are no numbers, or have no exact
+            rational value
         ConfigurationError for a quaternion or pair whose norm is not 1 within 1e-6
         InertiaError naming a joint with zero articulated inertia, NonFiniteError for another division by 0
         NaN in a sample gives NaN in what depends on it
@@ -97,7 +98,7 @@ class Exact:
     def __init__(
         self, model: Model, spec: Spec, arithmetic: engine.Arithmetic, static: dict[str, Any], bits: int | None
     ) -> None:
-        """Convert the model's table to numbers of the arithmetic."""
+        """Convert the numbers of the model to the precision."""
         made = isinstance(model, Model) and isinstance(spec, Spec) and isinstance(static, dict)
         if not made or not hasattr(arithmetic, "number"):
             raise SpatialDynError("arguments are not those that ``exact`` makes, expected exact(model, call)")
@@ -190,7 +191,7 @@ class Exact:
         except ZeroDivisionError:
             if not spec.pivots:
                 raise NonFiniteError(f"{spec.name} divides by 0{where}, expected a robot with mass") from None
-            row = 1 + max(k for k, D in enumerate(pivots) if D is None)  # where the inward pass stopped
+            row = 1 + max(k for k, D in enumerate(pivots) if D is None)  # the row at which the inward pass stopped
             raise InertiaError(zero_inertia_message(model, self._row_of_tree(row), where)) from None
         if spec.pivots and all(arithmetic.finite(e) for value in sample.values() for e in value.ravel()):
             if isinstance(self._rows, MimicRows):
@@ -204,5 +205,5 @@ class Exact:
         return out.reshape(shape)[()]
 
     def _row_of_tree(self, row: int) -> int:
-        """The row of the table of a row that has coordinates of its own."""
+        """The row of the model's table for a row counted without mimic joints."""
         return int(np.flatnonzero(self.model.bodies["leader"] == 0)[row])

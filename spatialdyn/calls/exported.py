@@ -15,15 +15,15 @@ from ..errors import SpatialDynError, literal
 from ..recursions import SPECS
 from .specialize_request import SpecializeRequest
 
-MOST_DERIVATIVES = 1 << 17  # rnea's of 209 joints, of a dozen lines each, in seconds of CasADi
+MOST_DERIVATIVES = 1 << 17  # those of rnea with 209 joints, a dozen lines each, which CasADi reads in seconds
 
 
 class Exported(NamedTuple):
     """A function of arrays.
 
-    inputs   name -> shape of one sample, of those that are left
-    outputs  the same of the results
-    program  of the entries of the inputs, array after array in C order, and of those of the outputs
+    inputs   remaining inputs: name -> shape of one sample
+    outputs  results: name -> shape of one sample
+    program  from the inputs' entries, array after array in C order, to the outputs' entries
     """
 
     name: str
@@ -33,10 +33,10 @@ class Exported(NamedTuple):
 
 
 def exported(request: SpecializeRequest, recorded: Recording, language: str, name: str | None = None) -> Exported:
-    """The program of a request as a function, by default of the name of its calls.
+    """The program of a request as a function, named after its calls by default.
 
-    Inputs are named as in ``signature``, parameters by kind and position: the third input is ``mass_3``. Results are
-    named ``out_1`` ... where several have one name, or that of an input.
+    Inputs are named as in ``signature``, parameters by kind and position: a mass that is the third input is ``mass_3``.
+    Results are named ``out_1`` ... if several have the same name, or one has the name of an input.
 
     Raises SpatialDynError if the name is no identifier, an input's, or reserved in the language.
     """
@@ -61,9 +61,9 @@ def exported(request: SpecializeRequest, recorded: Recording, language: str, nam
 
 
 def jacobian_of(request: SpecializeRequest, given: Exported) -> Program:
-    """The derivatives of each entry of the outputs by each entry of the inputs, row by row, by entries of q.
+    """The derivatives of each output entry with respect to each input entry (those of q as they are), row by row.
 
-    By the recursion that has them where there is one, as of aba in 0.4 times the operations, else line by line.
+    Computed by a recursion of derivatives if there is one (for aba 0.4 times the operations), else line by line.
 
     Raises SpatialDynError for more than MOST_DERIVATIVES.
     """
@@ -87,11 +87,11 @@ def jacobian_of(request: SpecializeRequest, given: Exported) -> Program:
 
 
 class Derivatives(NamedTuple):
-    """Programs of an Exported's derivatives by the entries of its inputs.
+    """Programs of an Exported's derivatives with respect to the entries of its inputs.
 
-    jacobian  of its inputs: of each entry of the outputs by each of the inputs, row by row
-    along     of inputs, directions and outputs: the derivative of the outputs along the directions
-    weighted  of inputs, weights and outputs: that of Σ weight · output by each input
+    jacobian  from the inputs: derivatives of each output entry with respect to each input entry, row by row
+    along     from inputs, directions and outputs: the derivative of the outputs along the directions
+    weighted  from inputs, weights and outputs: the derivative of Σ weight · output with respect to each input
     """
 
     jacobian: Program

@@ -24,10 +24,10 @@ from .arguments import Array, core_shape
 
 
 def raise_failures(spec: Spec, model: Model, batch: tuple[int, ...], static: tuple[Any, ...], failed: Failed) -> None:
-    """Raise the error of a status, naming the first such sample and their number.
+    """Raise the error of a status, naming the first failed sample and the number of failed samples.
 
     A sample with an input that is not finite is no error: its result is NaN. A pivot below the kernel's bound is
-    compared again, with the composite inertia itself.
+    compared again, with the composite inertia in place of the bound.
     """
     samples, status = failed.samples, failed.status
     varying = [x for x in spec.present if not x.static]
@@ -68,7 +68,7 @@ def raise_failures(spec: Spec, model: Model, batch: tuple[int, ...], static: tup
 def raise_early(
     spec: Spec, model: Model, inputs: Sequence[Array], static: tuple[Any, ...], count: int, batch: tuple[int, ...]
 ) -> None:
-    """As ``raise_failures`` of a call of so many samples, if it would compile its table kernel first."""
+    """As ``raise_failures``, before the computation, for a call that would compile its table kernel first."""
     failed = run.preview(spec, model, inputs, static, count)
     if failed is not run.ALL_OK:
         raise_failures(spec, model, batch, static, failed)
@@ -88,7 +88,7 @@ def zero_inertia_message(model: Model, row: int, where: str) -> str:
 
 
 def sample_of(at: Any, count: int, batch: tuple[int, ...]) -> str:
-    """Where the first of some samples of a flattened batch stands: " in sample 3, the first of 2"; "" of one sample."""
+    """The place of the first failed sample of a batch, as text: " in sample 3, the first of 2"; "" without a batch."""
     if not batch:
         return ""
     index = tuple(int(k) for k in np.unravel_index(at, batch))
@@ -102,7 +102,7 @@ def joint_of_row(model: Model, row: int) -> Joint:
 
 
 def off_unit_norm(model: Model, q: Array) -> Iterator[tuple[Joint, Array, float]]:
-    """The joints whose quaternion or (cos, sin) pair in q is off its unit norm, with that part and its norm."""
+    """The joints whose quaternion or (cos, sin) pair in q is not of unit norm, with that part of q and its norm."""
     for joint in model.joints[1:]:
         first = model.bodies[joint.row - joint.nv + 1]
         part = unit_part(int(first["kind"]), int(first["q_index"]))
@@ -141,7 +141,7 @@ def _singular_row(spec: Spec, model: Model, sample: list[Array], static: tuple[A
 def _weightless_row(spec: Spec, model: Model, sample: list[Array]) -> int | None:
     """The outermost row whose composite inertia is so small that its reciprocal is infinite, in one sample.
 
-    Then a pivot of ABA is NaN; a factor of its root is finite, and what is solved with it may not be.
+    Then a pivot of ABA is NaN; the square-root method has a finite factor, but its solution may not be finite.
     """
     q = dict(zip((x.name for x in spec.present if not x.static), sample, strict=True))["q"]
     n, crba = len(model.bodies) - 1, SPECS["crba"]

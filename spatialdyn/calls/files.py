@@ -1,4 +1,4 @@
-"""Names of files to write: the ending says what the file holds, so one that says something else is refused."""
+"""Names of files to write: the ending must name the format of the file; any other ending is refused."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from ..errors import SpatialDynError, literal
 
 
 def check_ending(name: str, path: Any, endings: Sequence[str]) -> Any:
-    """The argument ``name``: a path that ends in one of the endings, in any case of letters, or an open file.
+    """The argument ``name``: a path that ends in one of the endings, in upper or lower case, or an open file.
 
-    Raises SpatialDynError for any other ending, or for what is no path.
+    Raises SpatialDynError for any other ending, and for a value that is no path.
     """
     if hasattr(path, "write"):
         return path

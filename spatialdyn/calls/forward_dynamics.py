@@ -17,7 +17,7 @@ from .arguments import core_shape, flatten_batch
 from .dynamics import calls
 
 METHODS = {"aba": "aba", "crba": "crba_solve", "refined": "aba_refined", "square_root": "aba_square_root"}
-EXTENDED = "extended"  # no call of its own: the recursion of aba in double-double
+EXTENDED = "extended"  # the recursion of aba in double-double; has no public call
 
 
 def forward_dynamics(
@@ -33,9 +33,9 @@ def forward_dynamics(
 
     Source: Featherstone, RBDA (2008), table 7.1 and chapter 6; the other methods start from there.
 
-    method  the algorithm; all but the last are calls of their own as well. Cost of one call, and of a sample of a
-            batch, in units of ABA's; forward error max|a - a*| / max|a*| of a chain of 7 links whose last is 1 to 1e12
-            times heavier, the 90 % quantile over random states:
+    method  the algorithm; each but the last is also a public call. Costs are of one call, and of a sample of a batch,
+            relative to ABA's. Errors are max|a - a*| / max|a*| for a chain of 7 links whose last link is 1 to 1e12
+            times heavier than the others, the 90 % quantile over random states:
 
             =============  ===============  ====  =====  =======  =======  =======  =======  =======
             method         call             cost  batch  1        1e3      1e6      1e9      1e12
@@ -47,7 +47,7 @@ def forward_dynamics(
             "extended"                      400   7      1e-16    1e-16    1e-16    1e-16    1e-16
             =============  ===============  ====  =====  =======  =======  =======  =======  =======
 
-            The same for parallel axes oblique to their frames, which are parallel to rounding only:
+            The same errors for parallel axes oblique to their frames, so that they are parallel to rounding only:
 
             =============  =======  =======  =======  =======
             method         1e3      1e6      1e9      1e12
@@ -59,23 +59,24 @@ def forward_dynamics(
             "extended"     1e-16    1e-16    1e-16    1e-16
             =============  =======  =======  =======  =======
 
-            The worst of a hundred states: ten times that in "aba" and "crba"; 3e-14 in "refined" and "square_root" in
-            general position, as far as an ulp of q, v and tau moves the exact answer ("refined" 3e-10 at 1e12); one
-            of a thousand: 1e-12. ``benchmarks/forward.py`` prints all errors and costs.
+            In the worst of a hundred states the errors of "aba" and "crba" are ten times larger. Those of "refined" and
+            "square_root" are 3e-14 in general position ("refined": 3e-10 at 1e12), the change of the exact answer by
+            an ulp of q, v and tau; in one state of a thousand, 1e-12. ``benchmarks/forward.py`` prints all errors and
+            costs.
 
             "extended" is ABA in double-double, rounded at the end. Its error is half an ulp; in batches of 512 or more,
-            for robots of up to 32 degrees of freedom, at most four times the change of the exact answer by an ulp of q,
-            v and tau (sines are of angles up to two ulp away). The first batch compiles for seconds. Oblique frames,
-            as in the second table, double the cost, as they double that of "aba". It raises where ABA raises.
+            for robots of up to 32 degrees of freedom, it is at most four times the change of the exact answer by an ulp
+            of q, v and tau (angles of sines may be off by two ulp). The first batch compiles for seconds. Oblique
+            frames, as in the second table, double the cost of "extended" and of "aba". It raises where ABA raises.
 
-            Light links cost no digits in any method; long chains do in "crba" (n = 100: 1e-11, the others 1e-14),
-            which is O(n d²) for trees of depth d, the others O(n). "square_root" branches on values, so it has no
-            program for SIMD lanes, and it needs positive semidefinite inertias, body by body.
+            Light links cost no digits in any method. Long chains cost digits in "crba" (n = 100: 1e-11, the others
+            1e-14), which is O(n d²) for trees of depth d; the others are O(n). "square_root" branches on values, so it
+            has no program for SIMD lanes, and it needs a positive semidefinite inertia for each body.
 
             No method reports lost digits before a joint has zero articulated inertia. iCub at neutral is off by 0.03
-            to 3 % in all but "extended": its head is a mass point, and a joint of its neck has an articulated inertia
-            of 1e-11 of the composite. A chain with four smaller ratios keeps seven digits under a tip of
-            1e10, so articulated inertias cannot tell the two apart; ``diagnose`` does, by measuring.
+            to 3 % in all methods but "extended": its head is a mass point, and the articulated inertia of a neck joint
+            is 1e-11 of its composite inertia. A chain with four smaller ratios keeps seven digits under a tip of
+            1e10, so articulated inertias do not predict the loss of digits; ``diagnose`` measures it.
 
     model   Model
     q       (..., nq)            joint positions [rad | m]
@@ -130,7 +131,7 @@ def _aba_variant(inputs: int) -> Spec:
 
 
 def _rewrite_in_double_double(model: Model, given: list[ArrayLike], a: NDArray[Any], seen: bool) -> NDArray[Any]:
-    """Overwrite the accelerations a (..., nv) of ABA, which has checked the inputs, by those of double-double.
+    """Overwrite ABA's accelerations a (..., nv) by those of double-double; ABA has checked the inputs.
 
     seen  whether the caller reads ``a`` after Ctrl-C
     """

@@ -26,11 +26,12 @@ from .specialized import Specialized, lead_of, of_request
 class SpecializedOnGpu(Specialized):
     """A program on a GPU, called as ``Specialized`` with arrays of PyTorch, CuPy or JAX in its memory.
 
-    ``k(q, v, a, out=None, check=True)``: arrays of the program's dtype and of any batch shape whose rows lie a stride
-    apart, inputs that all samples share without batch axes. Results are of the same library, on the caller's stream.
+    ``k(q, v, a, out=None, check=True)`` takes arrays of the program's dtype and of any batch shape, with a constant
+    stride between rows; an input shared by all samples has no batch axes. Results are arrays of the same library, on
+    the caller's stream.
 
-    check  whether rejected samples (big angles, NaN, joints without inertia: all that lanes reject) are computed on the
-           CPU and their errors raised, for which the caller waits; if not, results of such samples are NaN
+    check  True: samples that lanes reject (large angles, NaN, joints without inertia) are computed on the CPU, and
+           their errors raised; the call waits for the GPU. False: results of such samples are NaN
 
     engine    "cuda"; ``ptx`` is the text that the driver compiles
     """
@@ -100,7 +101,7 @@ class SpecializedOnGpu(Specialized):
         self, library: Library, arrays: Sequence[Any], rows: Sequence[Rows], batch: tuple[int, ...],
         index: NDArray[np.intp],
     ) -> list[NDArray[Any]]:  # fmt: skip
-        """The results (count, columns) of some samples, by lanes and what they reject by the recursion in NumPy."""
+        """The results (count, columns) of some samples: by lanes, then by the recursion in NumPy if lanes reject."""
         n, request, lanes = math.prod(batch), self._request, self._lanes
         parts = []
         for x, array, at in zip(self._inputs, arrays, rows, strict=True):
@@ -111,7 +112,7 @@ class SpecializedOnGpu(Specialized):
         if lanes._kernel is not None:
             left = lanes._kernel([x.reshape((len(x), -1)) for x in parts], found)
         left = np.arange(len(index)) if left is None else left
-        if len(left):  # at their places in the batch, which errors name: memory that is not touched takes none
+        if len(left):  # at their places in the batch, which errors name; untouched memory costs nothing
             both = zip(parts, rows, strict=True)
             wide = [np.zeros((n, *part.shape[1:]), part.dtype) if at.step else part for part, at in both]
             for whole, part, at in zip(wide, parts, rows, strict=True):
@@ -136,7 +137,7 @@ class SpecializedOnGpu(Specialized):
         return list(outs)
 
     def _check_outs(self, outs: Sequence[View], shapes: Sequence[tuple[int, ...]], inputs: Sequence[View]) -> None:
-        """Raises ShapeError."""
+        """Check ``out``. Raises ShapeError."""
         for k, (x, shape) in enumerate(zip(outs, shapes, strict=True)):
             if x.shape != shape or x.dtype != self.dtype:
                 raise ShapeError(f"out is shape {x.shape}, {x.dtype}, expected an array of shape {shape}, {self.dtype}")
@@ -150,7 +151,7 @@ class SpecializedOnGpu(Specialized):
 
 
 def _rows(wanted: Array, x: View, batch: tuple[int, ...]) -> Rows:
-    """The rows of an input. Raises ShapeError if they do not lie a stride apart."""
+    """The rows of an input. Raises ShapeError unless the stride between them is constant."""
     lead, rank = lead_of(wanted, x.shape), len(wanted.shape)
     if not math.prod(batch):
         return Rows(x.address, 0)

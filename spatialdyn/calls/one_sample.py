@@ -1,6 +1,6 @@
-"""A Spec on one sample after another of one model: by its program, interpreted at once and compiled when that pays.
+"""A Spec on single samples of one model, by its program: first interpreted, compiled once that pays.
 
-What a program does not answer (no program, a batch, a sample that it rejects) goes through ``checked_call``.
+All else (a model without a program, a batch, a sample that the program rejects) goes through ``checked_call``.
 """
 
 from __future__ import annotations
@@ -22,15 +22,15 @@ from .dynamics import checked_call
 
 @lru_cache(maxsize=batch_kernels.CACHE_SIZE)
 def of_model(spec: Spec, model: Model, static: tuple[Any, ...], there: tuple[bool, ...]) -> Callable[..., Any]:
-    """What answers a Spec on a model: a builtin for one sample, Python for all else. It raises the Spec's errors.
+    """A function that computes a Spec for a model: a builtin for one sample, Python for all else; raises its errors.
 
-    static  values of its static inputs
-    there   which of its other inputs it is given, in their order
+    static  values of the static inputs
+    there   whether each of the other inputs is given, in order
     """
     varying = [x for x in spec.present if not x.static]
     given = [x for x, has in zip(varying, there, strict=True) if has]
     found = None
-    lacks = any(not (has or x.optional) for x, has in zip(varying, there, strict=True))  # what a program would read
+    lacks = any(not (has or x.optional) for x, has in zip(varying, there, strict=True))  # a required input
     if not lacks and object_layout.READY and not numba_kernels.PLAIN and len(given) < MOST:
         found = run.program(numba_kernels.variant(spec, frozenset(x.name for x in given)), model, static)
 

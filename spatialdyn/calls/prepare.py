@@ -36,20 +36,20 @@ def compile_calls(
 ) -> dict[str, float]:
     """Compile calls of a model, for single samples and for batches, and keep the code on disk.
 
-    Later calls, in this process and in others that have the same cache folder, the same kind of processor and the same
-    version, do not compile. The folder is ``SPATIALDYN_CACHE_DIR`` if set, else the user's.
+    Later calls, in this process and in others with the same cache folder, processor type and library version, do not
+    compile. The folder is ``SPATIALDYN_CACHE_DIR`` if set, else the user's.
 
     model      Model
-    calls      public calls such as ``sd.rnea``, or their names; by default all, those of a frame only if one is given
+    calls      public calls such as ``sd.rnea``, or their names; by default all, those of a frame only with ``frame``
     frame      for the calls that take one, as are ``reference`` and ``classical``: all three are constants of the
                program
-    fext       whether with external forces, where a call takes them; with and without are two programs
+    fext       whether calls that take external forces are compiled with them; with and without are two programs
     progress   True for a bar (needs rich), or a function of the number of calls compiled and their total
-    constraints  Constraints of this model, for calls such as ``sd.constrained_dynamics``, which are then compiled by
-                 default too
+    constraints  Constraints of this model, for calls such as ``sd.constrained_dynamics``, which are then among the
+                 default calls too
 
-    Returns {name of a call: seconds it took}, hardly any for calls that were compiled before.
-    Raises  SpatialDynError for an unknown call, or one of a frame without a frame; ModelError for an unknown frame.
+    Returns {name of a call: seconds it took}, near 0 for calls that were compiled before.
+    Raises  SpatialDynError for an unknown call, or one of a frame without ``frame``; ModelError for an unknown frame.
 
     >>> import spatialdyn as sd
     >>> seconds = sd.compile(sd.load_urdf("two_link"), ["generalized_gravity", sd.potential_energy])
@@ -63,7 +63,7 @@ def compile_calls(
         raise SpatialDynError(f"fext is {literal(fext)}, expected True or False")
     static_of(model, {x.name for spec in specs for x in spec.present}, frame, reference, classical, constraints)
     tasks = []
-    for spec in specs:  # before the first takes long
+    for spec in specs:  # all errors before the first long compilation
         chosen = frozenset(x.name for x in spec.present if x.optional and fext and x.name == "fext")
         spec = numba_kernels.variant(spec, chosen)
         tasks.append((spec.name, spec, _static(spec, model, frame, reference, classical, constraints)))
@@ -104,7 +104,7 @@ def _specs(calls: Any, with_frame: bool, with_constraints: bool) -> list[Spec]:
 def _static(
     spec: Spec, model: Model, frame: str | Frame | None, reference: str, classical: bool, constraints: Any
 ) -> tuple[Any, ...]:
-    """Values of a call's static inputs: of those that were given for all calls, the ones that it takes."""
+    """Values of the static inputs that a call takes, of those given for all calls."""
     names = {x.name for x in spec.present if x.static}
     if not names:
         return ()

@@ -1,7 +1,7 @@
-"""Reports of work that takes long: its progress to a function of the caller's or to a bar, and the logger.
+"""Reports of long work: progress to a bar or to a function of the caller, and messages of the logger.
 
-What compiles or works for more than ``waiting.LONG`` seconds says so once, while it goes on: a message of level INFO of
-the logger "spatialdyn". It shows nothing without ``logging.basicConfig(level="INFO")`` or the like.
+Work that takes more than ``waiting.LONG`` seconds logs one message while it runs, of level INFO of the logger
+"spatialdyn". It is visible only after ``logging.basicConfig(level="INFO")`` or the like.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class _Lines(logging.Handler):
 
 @contextmanager
 def messages(show: Callable[[str], None]) -> Iterator[None]:
-    """Within, each message of the logger is shown by a function too: of the command line, of an example."""
+    """A context in which ``show`` also gets each message of the logger: for the command line and examples."""
     handler, level = _Lines(show), LOGGER.level
     LOGGER.addHandler(handler)
     LOGGER.setLevel(logging.INFO)
@@ -55,12 +55,12 @@ def check_progress(progress: object) -> None:
 
 @contextmanager
 def reporting(progress: Progress, doing: str) -> Iterator[Report]:
-    """The function ``report(done, total)``: one that does nothing, the caller's, or one that moves a bar.
+    """The function ``report(done, total)``: it does nothing, is the caller's, or moves a bar.
 
-    doing  what the bar is of, in words
+    doing  name of the work, for the bar and the message
 
-    The bar is on stderr, or in the notebook. One message names the work if it takes long, and what compiles then or how
-    far it is. Raises SpatialDynError for True in a terminal where rich is not installed.
+    The bar is on stderr, or in the notebook. If the work takes long, one message names it, and what is compiling or how
+    many steps are done. Raises SpatialDynError for True in a terminal if rich is not installed.
     """
     at = (0, 0)
 
@@ -93,7 +93,7 @@ def bar(what: str) -> AbstractContextManager[Report]:
 
 
 class Steps:
-    """Counts finished steps of a known number, and reports each."""
+    """Counts the finished steps of a known total, and reports each."""
 
     def __init__(self, report: Report, total: int) -> None:
         """Reports that none of ``total`` is done."""

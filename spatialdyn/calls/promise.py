@@ -1,4 +1,4 @@
-"""A call that answers each sample within a tolerance, by the cheapest way whose bound holds there."""
+"""A call that computes each sample within a tolerance, in the cheapest precision whose error bound allows it."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ Array = NDArray[np.float64]
 Call = Callable[..., tuple[Any, Any]]
 
 SINGLE, DOUBLE, PAIRS = "float32", "float64", "double-double"
-HALF_ULP = 2.0**-24  # no tolerance below it is met in float32
-LEAST_SOLVED = 6  # freedoms from which float32 is tried first, of what is solved for: see Promise
-STATES, SEED, SHARE = 64, 7, 0.75  # and if it holds in that share of these states: where it does not, both are paid
-WIDEST = 1e9  # inputs above are beyond float32's safe range
-UNKNOWN = 3  # which way answers a sample
-LISTED = 8  # samples named in an error
+HALF_ULP = 2.0**-24  # float32 meets no tolerance below it
+LEAST_SOLVED = 6  # freedoms from which calls that solve try float32 first: see Promise
+STATES, SEED, SHARE = 64, 7, 0.75  # and only if float32 is enough in this share of the states: a failed try costs time
+WIDEST = 1e9  # larger inputs are beyond float32's safe range
+UNKNOWN = 3  # no precision has answered the sample yet
+LISTED = 8  # the most samples named in an error
 
 
 def checked_tolerance(tolerance: Any) -> tuple[float, float]:
@@ -51,33 +51,33 @@ class Promise:
     """A call whose results are all within a tolerance of the exact ones, made by ``specialize(tolerance=)``.
 
     Called like a function, ``k(q, v, a)``, for one sample or batches, ``out=`` optional; results are float64. Each
-    sample is answered in the first of these precisions whose bound (see ``bounded``) is within the tolerance; the
+    sample is computed in the first of these precisions whose bound (see ``bounded``) is within the tolerance; the
     choice depends on the sample and the model alone:
 
-        "float32"        with dtype=np.float32, unless most bounds of random states are infinite in it, as of thin rods
-                         that turn about their own axes; else only where it is cheaper: for calls that solve (aba,
-                         minverse), from 6 freedoms on, if it is enough for three quarters of 64 random states, as at
-                         1e-3 or so
+        "float32"        with dtype=np.float32, unless most random states have infinite bounds in it, as for thin rods
+                         that turn about their own axes. Without dtype=np.float32 only where it is cheaper: for calls
+                         that solve (aba, minverse), from 6 freedoms on, if it is enough for three quarters of 64 random
+                         states, as for tolerances of about 1e-3
         "float64"
         "double-double"  for calls without ``fixed``, ``outputs``, parameters and tables, and models without quaternions
                          and (cos, sin) pairs; far slower, and compiled at its first sample
 
-    ways       the precisions in that order; the last is used if it is needed
+    ways       the precisions in that order; the last is used only if needed
     report     {precision: number of samples it has answered so far}
     tolerance  (relative, absolute): the largest error of a sample's entries is at most relative times its largest
                entry, plus absolute
     signature  inputs and result, with their shapes
 
-    This is a way to know, not to save time. On one core, for a ur5 and seven joints of a panda, a batch of ``bounded``
-    takes 2 to 3 times a batch without bounds in rnea and crba, 5 times in aba. A Promise, in which NumPy judges each
-    sample, takes some 6 to 14 times (on a busy machine). Starting at float32 takes 0.8 to 1.1 times the time of
-    starting at float64; where float32 is never enough, both are computed. ``benchmarks/tradeoff.py --only samples``
-    measures this.
+    A Promise gives certainty, it does not save time. On one core, for a ur5 and seven joints of a panda, a batch of
+    ``bounded`` takes 2 to 3 times as long as a batch without bounds in rnea and crba, 5 times in aba. A Promise, which
+    checks each sample in NumPy, takes some 6 to 14 times as long (on a busy machine). Starting at float32 takes 0.8 to
+    1.1 times as long as starting at float64; if float32 is never enough, both are computed.
+    ``benchmarks/tradeoff.py --only samples`` measures this.
 
     Raises
         SpatialDynError naming samples where no precision's bound is within the tolerance: near a singular
             configuration, or near a result of 0 without an absolute tolerance. A result that is exactly 0 (C at rest)
-            has no error and is answered
+            has no error and is returned
         the errors of a Specialized. NaN or infinity in a sample gives NaN there, as in the call, and ``report`` does
             not count that sample
     """
@@ -104,7 +104,7 @@ class Promise:
         cheaper = bool(self._spec.residual) and request.model.nv >= LEAST_SOLVED
         if asked or (cheaper and sum(self.tolerance) >= HALF_ULP):
             narrow = bounded(np.float32)
-            narrow._watches_bounds = False  # the next way answers
+            narrow._watches_bounds = False  # no warning: the next precision computes these samples
             known, held = self._shares(narrow)
             if known > 0.5 if asked else held >= SHARE:
                 ladder = {SINGLE: narrow, **ladder}
@@ -114,12 +114,12 @@ class Promise:
 
     @property
     def ways(self) -> tuple[str, ...]:
-        """The ways of answering, in the order in which they are tried."""
+        """The precisions, in the order in which they are tried."""
         return (*self._ladder, *([PAIRS] * self._has_pairs))
 
     @property
     def report(self) -> dict[str, int]:
-        """How many samples each way has answered in all calls so far; samples with NaN or infinity count for none."""
+        """Number of samples computed in each precision so far; samples with NaN or infinity are not counted."""
         with self._lock:
             return dict(self._counts)
 
@@ -176,7 +176,7 @@ class Promise:
         return out
 
     def _answers(self, rows: list[Array], given: list[Array], batch: tuple[int, ...]) -> tuple[Array, NDArray[np.intp]]:
-        """(values, the index of the way that answered each sample, -1 for NaN). Raises SpatialDynError."""
+        """(values, index of the precision that computed each sample, -1 for NaN). Raises SpatialDynError."""
         n = math.prod(batch)
         values = bounds = np.empty(0)
         way, at = np.full(n, UNKNOWN), np.arange(n)
@@ -191,7 +191,7 @@ class Promise:
             except SpatialDynError:
                 self._ladder[DOUBLE](*given)  # names the sample by its place among all
                 raise
-            if len(tried) == n:  # as they are: writing them to others takes longer than a crba with its bound
+            if len(tried) == n:  # no copy: it would take longer than a crba with its bound
                 values, bounds = (np.asarray(x, np.float64).reshape(n, *self._core) for x in found)
             else:
                 if not len(values):
@@ -239,7 +239,7 @@ class Promise:
         return Zeros(self._spec, self._request.model.bodies, self._request.static)
 
     def _are_zeros(self, rows: Sequence[Array], values: Array, bounds: Array) -> NDArray[np.bool_]:
-        """Which samples are exactly 0 in all entries: no bound is small beside that."""
+        """Which samples are exactly 0 in all entries: no bound is within a relative tolerance of 0."""
         found: NDArray[np.bool_] = (_largest(values, self._core) == 0.0) & np.isfinite(_largest(bounds, self._core))
         request, count = self._request, len(values)
         if request.parameters or any(x.table is not None for x in self._spec.present) or not found.any():
@@ -275,7 +275,7 @@ class Promise:
         return held
 
     def _shares(self, narrow: Call) -> tuple[float, float]:
-        """The shares of random states in which float32 has a finite bound, and in which it holds."""
+        """The shares of random states with a finite bound in float32, and with a bound within the tolerance."""
         rng, request = np.random.default_rng(SEED), self._request
         inputs = []
         for x, core in zip(request.inputs(), self._cores, strict=True):
@@ -293,7 +293,7 @@ class Promise:
     def _failure(
         self, at: NDArray[np.intp], values: Array, bounds: Array, batch: tuple[int, ...], rows: Sequence[Array]
     ) -> str:
-        """What the error says. ``rows`` are the inputs."""
+        """The message of the error. ``rows`` are the inputs."""
         n = len(values)
         largest = abs(values.reshape(n, -1)).max(axis=1, initial=0.0)[at]
         worst = bounds.reshape(n, -1).max(axis=1, initial=0.0)[at]

@@ -1,7 +1,7 @@
-"""Programs for some calls of one model, with only the inputs that vary and the outputs that are selected.
+"""Programs of calls of one model, with only the inputs that vary and the outputs that are selected.
 
-``specialize`` reads its arguments into a ``SpecializeRequest``; ``Specialized`` records, compiles and runs it, and a
-``Promise`` tries several of them in turn.
+``specialize`` turns its arguments into a ``SpecializeRequest``; a ``Specialized`` records, compiles and runs it; a
+``Promise`` tries several Specialized in turn.
 """
 
 from __future__ import annotations
@@ -81,39 +81,41 @@ def specialize(
 
     model     Model; for ``sd.step`` also a Scene
     calls     a public call such as ``sd.rnea``, or several, whose common subexpressions are computed once. Or
-              ``sd.step``, or ``functools.partial(sd.step, method="rk4")``: all that acts in the scene becomes a part of
-              the program, its coefficients constants; inputs are q, v, states, dt and tau, and results end in "_after".
-              With dtype, fixed and derivative alone
-    dtype     float64, or float32: of inputs and results; see ``Specialized`` for its range
+              ``sd.step``, or ``functools.partial(sd.step, method="rk4")``: all effects of the scene become part of the
+              program, their coefficients constants; inputs are q, v, states, dt and tau, and names of results end in
+              "_after". A step takes no further arguments but dtype, fixed and derivative
+    dtype     float64 or float32, of inputs and results; see ``Specialized`` for the range of float32
     fixed     constant inputs of the calls, folded into the program: name -> a number, an array of the input's shape, or
-              {joint name: its value}; in the last case the input keeps the other joints' entries, in their order.
+              {joint name: its value}; the latter leaves the other joints' entries as input, in their order.
               ``fixed={"v": 0, "a": 0}`` makes rnea the gravity torque.
     inputs    further inputs, after the usual ones and in this order: "fext" (in its usual place), "gravity" (3,),
-              "armature" (nv,); of the body of a joint, links fixed to it included, in the joint's frame: "mass:JOINT"
-              (), "com:JOINT" (3,), "inertia:JOINT" (6,), xx xy xz yy yz zz about the com; "payload:FRAME" (10,) adds
+              "armature" (nv,). For the body of a joint, links fixed to it included, in the joint's frame: "mass:JOINT"
+              (), "com:JOINT" (3,), "inertia:JOINT" (6,), xx xy xz yy yz zz about the com. "payload:FRAME" (10,) adds
               a body in that frame: mass, com x y z, inertia xx xy xz yy yz zz about its com; "payload" alone adds it
               in the frame of a chain's last joint. Or a mapping: {"payload": "hand"}. Values are not checked: a mass
-              may be negative. In exported code they are named by kind and position, ``payload_4`` if it is the fourth
+              may be negative. Exported code names them by kind and position: a payload as fourth input is ``payload_4``
     outputs   joint names or indices that select entries of the axes "nv" and "njoints" of the results
-    frame, reference, classical   as of the public calls that have them
-    constraints  Constraints of this model, of calls with a table of them, in float64. The result of
+    frame, reference, classical   for the public calls that take them
+    constraints  Constraints of this model, for calls that take them, in float64. The result of
               ``sd.constrained_dynamics`` is then a, force, residual and rank side by side (nv+nc+2,), and equations
-              that contradict others are no error: their residual says so. ``inputs="rate"`` adds 1/T of its
-              stabilization. Of ``sd.contact_step`` and ``sd.contact_gaps``, Contacts on a Plane, as of ``exact``;
-              a step's parts lie side by side too
+              that contradict others raise no error: their residual is not 0. ``inputs="rate"`` adds 1/T of the
+              stabilization. For ``sd.contact_step`` and ``sd.contact_gaps`` Contacts on a Plane, as in ``exact``;
+              the parts of a step lie side by side too
     derivative   "jvp": along a direction. The program also takes a tangent of each input, dq dv ... in their order, and
-              also returns the derivatives of the results along them, dtau. "vjp": of Σ weight · result. It also takes
-              the weights, tau_bar, and also returns the derivatives by each input, q_bar v_bar ...; both at some two to
-              three times the operations, in float64. A sample beyond the program's range is an error. A configuration's
-              tangents and derivatives are those of a displacement (nv,), as those of ``rnea_derivatives`` are
-    tolerance  relative to the largest entry of a sample's result, or (relative, absolute): the answer is a Promise,
-              each sample computed by the first of float32, float64 and double-double whose bound is within it, in
-              float64. Of one call. dtype=np.float32 starts at float32 wherever; else only where that is cheaper
-    device    "cuda" for arrays of PyTorch, CuPy or JAX on a GPU, in and out: one thread a sample, the bits of the CPU's
-              lanes. ``k.ptx`` is its text, on any machine; ``k(..., check=False)`` does not wait, see ``k.__doc__``
+              also returns the derivatives of the results along them, dtau. "vjp": of Σ weight · result. The program
+              also takes the weights, tau_bar, and also returns the derivatives with respect to each input, q_bar v_bar
+              ... Both take two to three times the operations, in float64. A sample beyond the program's range is an
+              error. Tangents of and derivatives with respect to a configuration are those of a displacement (nv,), as
+              in ``rnea_derivatives``
+    tolerance  relative to the largest entry of a sample's result, or (relative, absolute), for one call: makes a
+              Promise, which computes each sample in the first of float32, float64 and double-double whose bound is
+              within the tolerance. With dtype=np.float32 it always starts at float32, else only where that is cheaper
+    device    "cuda" for arrays of PyTorch, CuPy or JAX on a GPU, in and out: one thread per sample, results equal to
+              those of the CPU's lanes to the bit. ``k.ptx`` is the GPU code as text, on any machine;
+              ``k(..., check=False)`` does not wait for the GPU, see ``k.__doc__``
 
     Returns a Specialized: call it with the remaining inputs in their usual order, of any batch shape, and ``out=``.
-    With a tolerance a Promise, called alike.
+    With a tolerance, a Promise, called the same way.
 
     >>> import spatialdyn as sd
     >>> model = sd.load_urdf("two_link")
@@ -125,7 +127,7 @@ def specialize(
 
     Raises
         SpatialDynError for an unknown call, dtype, input, output or device, listing the known ones
-            and for derivatives of a call that has no program, or one with loops, as steps in contact have; on a GPU
+            and for derivatives of a call without a program, or with loops in it, as of steps in contact; on a GPU
             for calls without a program, and with a tolerance
         ModelError for a name that is not in the model
         ShapeError for a constant of the wrong shape, ConfigurationError for one of the wrong norm
@@ -162,7 +164,7 @@ def specialize(
             made = read_request(model, calls, dtype, constants, *given, bounds=True)
             return check_program(of_request(made, specialize, ()), "bounds")
 
-        from .promise import Promise  # what bounds need is read for a tolerance alone
+        from .promise import Promise  # imported only here: bounds need further modules
 
         return Promise(request, tolerance, bounded, partial(specialize, **words), (model, calls))
     made = _made(request, (model, calls, dtype, fixed, *given, derivative, tolerance, device), where)

@@ -42,7 +42,7 @@ def compute(
     samples      indices of the samples
     results      (n, columns), written in place
     seen         whether the caller reads results after Ctrl-C
-    has_program  whether other samples are computed by a program; else all are by the table kernel
+    has_program  True: a program computed the other samples; False: the table kernel computes all
     """
     n, count, own = len(results[0]), len(samples), len(request.specs)
     taken = [np.asarray(x[samples] if len(x) == n else x, np.float64) for x in rows]
@@ -66,7 +66,7 @@ def compute(
         full[x.name] = entries.reshape((len(rest), *core))
     for result in results[own:]:
         result[samples] = np.inf if request.bounds else np.nan
-    in_numpy = has_program and request.model.bodies[0]["kind"] != ANY_NORM  # which allows samples off their unit norm
+    in_numpy = has_program and request.model.bodies[0]["kind"] != ANY_NORM  # ANY_NORM allows q off its unit norm
     varied = [given[name] for name in request.parameter_names]
     together = in_numpy or all(len(x) == 1 for x in varied)
     for group in [slice(0, count)] if together else [slice(k, k + 1) for k in range(count)]:
@@ -101,7 +101,7 @@ def _raise(
     samples: NDArray[np.intp],
     varied: Sequence[NDArray[np.float64]],
 ) -> None:
-    """Raise the errors of failed samples, each of the model with the parameters that it has."""
+    """Raise the errors of failed samples, each for the model with the sample's own parameters."""
     if failed is run.ALL_OK:
         return
     if all(len(x) == 1 for x in varied):
@@ -115,7 +115,7 @@ def _raise(
 
 
 def _model_of(request: SpecializeRequest, varied: Sequence[NDArray[np.float64]], at: int, count: int) -> Model:
-    """The model with the parameters of one of so many samples."""
+    """The model with the parameters of one sample."""
     if not varied:
         return request.model
     values = [x[at if len(x) == count else 0].ravel().tolist() for x in varied]
@@ -129,7 +129,7 @@ def _refuse(
     taken: Sequence[NDArray[np.float64]],
     batch: tuple[int, ...],
 ) -> None:
-    """Raise SpatialDynError if a sample's inputs are finite: NaN has NaN for a derivative, others should have one."""
+    """Raise SpatialDynError if a sample's inputs are finite; a sample with NaN has the derivative NaN."""
     finite = np.ones(len(samples), bool)
     for x in taken:
         finite &= np.isfinite(x.reshape(len(x), -1)).all(axis=1)

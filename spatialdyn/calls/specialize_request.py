@@ -1,6 +1,6 @@
 """The arguments of ``specialize``, checked: names of calls, joints, frames and inputs become indices.
 
-A ``recording.ProgramOptions`` is what the engines read of a request: rows and columns, no names.
+The engines read only the ``recording.ProgramOptions`` of a request: rows and columns, no names.
 """
 
 from __future__ import annotations
@@ -37,13 +37,13 @@ class Array(NamedTuple):
 
 
 class SpecializeRequest(NamedTuple):
-    """What ``specialize`` records.
+    """The arguments of ``specialize``, checked.
 
     constants      name -> flat values, NaN where the entry stays an input
     output_places  for each call the flat indices of the selected entries, in the shape of the result; None: all
-    bounds         whether a result is followed by a bound on its error; of one call
+    bounds         whether each result is followed by a bound on its error; for one call only
     derivative     "jvp", "vjp", "along ..." as of ``ProgramOptions``, or "" for none
-    exact_inputs   whether inputs of a float32 bound are float32 numbers, not roundings of others
+    exact_inputs   whether float32 bounds take inputs as exact, not as rounded from other numbers
     """
 
     model: Model
@@ -72,17 +72,17 @@ class SpecializeRequest(NamedTuple):
 
     @property
     def tables(self) -> tuple[Any, ...]:
-        """The values of static inputs, of which tables have sizes."""
+        """The values of static inputs, among them tables, which have sizes."""
         return tuple(self.static.values())
 
     @property
     def takes_results(self) -> bool:
-        """Whether the results themselves are the last inputs of a derivative alone."""
+        """Whether this is a derivative alone, which takes the known results as its last inputs."""
         directions, weighted = recording.along(self.derivative) or (0, False)
         return directions + weighted == 1 and derived.inverse_of(self.specs, self.model.bodies, self.options)
 
     def inputs(self) -> list[Array]:
-        """The inputs, in order: those that are left, then tangents of them, or weights of the results."""
+        """The inputs, in order: the remaining ones, then their tangents, or the weights of the results."""
         own, alone = self._left(), recording.along(self.derivative)
         if alone:
             directions, weighted = alone
@@ -108,7 +108,7 @@ class SpecializeRequest(NamedTuple):
         return values + [x._replace(name=x.name + "_bar") for x in self._tangents() if self.derivative]
 
     def _tangents(self) -> list[Array]:
-        """The inputs that are left, a configuration as a displacement."""
+        """The remaining inputs, each configuration as a displacement."""
         moved = {x.name for x in self.arguments if x.moved_by and self.model.nq != self.model.nv}
         width = self.model.nv
         return [x._replace(shape=(width,), shape_text="(nv,)") if x.name in moved else x for x in self._left()]
@@ -280,7 +280,7 @@ def _payload(model: Model, where: str) -> Parameter:
 
 
 def constants_of(model: Model, fixed: Any, arguments: Sequence[Argument]) -> dict[str, NDArray[np.float64]]:
-    """Flat constants of each fixed input of these, NaN where the entry stays an input.
+    """Flat constants of each fixed input among ``arguments``, NaN where the entry stays an input.
 
     Raises SpatialDynError, ModelError, ShapeError, ConfigurationError, as ``specialize``.
     """

@@ -1,4 +1,4 @@
-"""The compiled program of some calls of one model: what ``specialize`` and ``bounded`` make of a SpecializeRequest."""
+"""The compiled program of calls of one model, which ``specialize`` and ``bounded`` make from a SpecializeRequest."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from .specialize_request import Array, SpecializeRequest
 
 
 def check_program(made: Specialized, what: str) -> Specialized:
-    """Raise SpatialDynError without a program, which alone has ``what``."""
+    """Raise SpatialDynError if there is no program, naming ``what`` needs one."""
     if made.engine == "untraced":
         names, cause = ", ".join(made.calls), "has no program"
         if numba_kernels.PLAIN:
@@ -44,15 +44,15 @@ def check_program(made: Specialized, what: str) -> Specialized:
 def of_request(
     request: SpecializeRequest, maker: Callable[..., Specialized], arguments: tuple[Any, ...]
 ) -> Specialized:
-    """The program of a request that a public function read from its arguments, by which it is pickled."""
+    """The Specialized of a request; it pickles as the public function and arguments that made it."""
     own_class = type(Specialized.__name__, (Specialized,), {"__module__": __name__})  # see Specialized._compile_single
     made: Specialized = own_class(request, maker, arguments)
     return made
 
 
 def derivative_of(k: Specialized, directions: int, weighted: bool) -> Specialized:
-    """The program of a derivative of another by the entries of its inputs, in float64: along so many directions, and
-    ``weighted`` of Σ weight · result by each input. Raises SpatialDynError without one.
+    """The program of a derivative of k with respect to the entries of its inputs, in float64: along ``directions``
+    directions, and if ``weighted`` of Σ weight · result by each input. Raises SpatialDynError without a program.
     """
     arguments = (k, directions, weighted)
     return check_program(of_request(derivative_request(*arguments), derivative_of, arguments), "derivatives")
@@ -61,7 +61,7 @@ def derivative_of(k: Specialized, directions: int, weighted: bool) -> Specialize
 def derivative_request(k: Specialized, directions: int, weighted: bool) -> SpecializeRequest:
     """The request of ``derivative_of``, or without directions and weights that of the program itself.
 
-    Raises SpatialDynError for one with bounds or derivatives of its own.
+    Raises SpatialDynError if k has bounds or derivatives of its own.
     """
     request = k._request
     if request.bounds or request.derivative:
@@ -75,7 +75,7 @@ def derivative_request(k: Specialized, directions: int, weighted: bool) -> Speci
 def results_of_rows(k: Specialized, rows: Sequence[NDArray[Any]]) -> list[NDArray[Any]] | None:
     """Results (n, ...) of inputs (n, columns) of a program's dtype in C order, without argument checks.
 
-    Returns None if not applicable: without a program, of no rows, and where one of them has no answer in it.
+    Returns None if not applicable: without a program, without rows, or if the program rejects one of them.
     """
     n = len(rows[0])
     if k._kernel is None or not n:
@@ -88,10 +88,10 @@ def results_of_rows(k: Specialized, rows: Sequence[NDArray[Any]]) -> list[NDArra
 class Specialized:
     """A compiled program, called like a function: ``k(q, v, a)`` for one sample or batches, ``out=`` optional.
 
-    Samples beyond the program's range (angles above 1e5, NaN, joints without inertia) are recomputed in float64, by the
+    Samples beyond the program's range (angles above 1e5, NaN, joints without inertia) are recomputed in float64 by the
     recursion in NumPy; errors are those of the public calls.
 
-    float32 has a range of 1e-38 to 3e38. Samples that may lose more than rounding in it (inputs above 1e9, results
+    float32 has a range of 1e-38 to 3e38. Samples that may lose more than rounding in float32 (inputs above 1e9, results
     above 1e19, results below 1e-18 that depend on inputs other than positions) and models with a body outside 1e-18
     to 1e18 (kg, kg m, kg m²) are computed in float64 from the inputs as given, far slower. Their results are then
     rounded to float32, below 1e-38 to a multiple of 1e-45 or 0; above 3e38 NonFiniteError is raised.
@@ -99,9 +99,9 @@ class Specialized:
     signature        remaining inputs and results, with their shapes
     engine           "lanes", or "untraced" without a program: too many degrees of freedom to record, a joint with zero
                      articulated inertia in every state, a body outside float32's range, or NUMBA_DISABLE_JIT
-    compile_seconds  spent so far on compiling or loading from disk; code for single samples is compiled at the first
+    compile_seconds  time spent so far on compiling or loading from disk; the first single sample adds its compilation
     program          the Program; ``listing()`` prints it
-    operations       counts of mul, add, div, sqrt, sincos and atan2 of a sample, and depth
+    operations       counts of mul, add, div, sqrt, sincos and atan2 for a sample, and depth
 
     ``c_code`` and ``python_code`` give the program as text, ``to_casadi``, ``to_jax`` and ``to_torch`` as a function
     with derivatives in another framework, for any robot and any calls.
@@ -117,7 +117,7 @@ class Specialized:
     def __init__(
         self, request: SpecializeRequest, maker: Callable[..., Specialized], arguments: tuple[Any, ...]
     ) -> None:
-        """Record and compile the program of a request. ``maker(*arguments)`` makes it again."""
+        """Record and compile the program of a request. ``maker(*arguments)`` makes an equal Specialized."""
         if not isinstance(request, SpecializeRequest):
             raise SpatialDynError(f"request is a {type(request).__name__}, expected specialize(model, calls)")
         self._read_request(request, (maker, arguments))
@@ -126,7 +126,7 @@ class Specialized:
         self._single_due = self._kernel is not None and request.dtype == np.float64
 
     def _read_request(self, request: SpecializeRequest, made_by: tuple[Any, ...]) -> None:
-        """Set what is known of a request, without a kernel."""
+        """Set the attributes that need no kernel."""
         self._request, self._made_by = request, made_by
         self._inputs, self._results = request.inputs(), request.results()
         self._shapes = [x.shape for x in self._results]
@@ -139,7 +139,7 @@ class Specialized:
 
     @property
     def _fits(self) -> bool:
-        """Whether there is a program, but for joints of zero articulated inertia."""
+        """Whether there is a program, if no joint has zero articulated inertia."""
         request = self._request
         bodies, numbers = request.model.bodies, sum(map(math.prod, self._shapes))
         in_range = request.dtype == np.float64 or not float32_range.beyond(bodies)
@@ -191,14 +191,14 @@ class Specialized:
 
     @cached_property
     def _threads(self) -> Any:
-        """The program on threads, which is loaded on a GPU at its first use there."""
+        """The program for GPU threads, loaded on a GPU at its first use there."""
         from ..engines.programs.gpu.gpu_kernel import GpuKernel
 
         return GpuKernel(*self._recorded, self.dtype)
 
     @property
     def ptx(self) -> str:
-        """The program for one thread of a GPU as PTX, the assembly text that its driver compiles; on any machine.
+        """The program for one thread of a GPU as PTX, the assembly text that the driver compiles; on any machine.
 
         Raises InertiaError if there is no program, SpatialDynError if it is too long for a thread
         """
@@ -209,14 +209,15 @@ class Specialized:
         """The program as a C99 function ``void name(const double *q, ..., double *tau)`` that needs <math.h> only.
 
         It computes one sample, in arrays in C order, without argument checks: if a joint has zero articulated inertia
-        it divides by zero. Parameters are named by kind and position, since names of joints are no identifiers: the
-        third input is ``mass_3``, a payload that is the fourth ``payload_4``.
+        it divides by zero. Parameters are named by kind and position, since joint names need not be identifiers: a
+        mass as third input is ``mass_3``, a payload as fourth ``payload_4``.
 
-        name         of the function, by default that of the call, several joined by "_"
-        derivatives  with the external interface of CasADi instead: ``name`` and ``jac_name``, the derivatives of each
-                     result by each input, for ``casadi.external`` and acados. Matrices are in columns there. A
-                     configuration's derivatives are with respect to its entries: with quaternions or (cos, sin) pairs
-                     they are meaningful along unit norms only. There is no ``jac_jac_name``, so no second derivative
+        name         of the function, by default the names of the calls, joined by "_"
+        derivatives  True: with the external interface of CasADi: ``name`` and ``jac_name``, the derivatives of each
+                     result by each input, for ``casadi.external`` and acados, with matrices stored by columns.
+                     Derivatives with respect to a configuration are by its entries: with quaternions or (cos, sin)
+                     pairs only directions that keep unit norms have a meaning. There is no ``jac_jac_name``, so no
+                     second derivative
 
         Raises SpatialDynError if the name is no identifier, an input's, or reserved in C: keywords, names that begin
             with "_", declarations of <math.h>, functions of the standard library; or for more than 131072 derivatives;
@@ -232,21 +233,21 @@ class Specialized:
     def to_casadi(self, name: str | None = None, jacobian: bool = True) -> Any:
         """The program as a ``casadi.Function`` of one sample, with named inputs and results.
 
-        It takes numbers, SX and MX; in MX graphs, nested ones and those of ``factory`` too, it is one node, whose
-        Jacobian is that of ``c_code``: of rnea and aba by their own recursions, in about half the operations of
-        CasADi's. One direction, forwards or backwards, is a program of its own, of the size of some two or three calls,
-        and a Hessian is CasADi's derivative of the latter. Inputs are named as in ``c_code``: a payload that is the
-        fourth is ``payload_4``. It has no argument checks and no range: a joint with zero articulated inertia divides
-        by zero. The same holds for ``bounded``: where its program has an infinite bound (angles above 1e5, joints of
-        hardly any articulated inertia, numbers beyond the range), the exported function returns a finite number that
-        bounds nothing. Derivatives with respect to a configuration are by its entries, as always in CasADi: with
-        quaternions or (cos, sin) pairs export the next configuration too, by ``sd.integrate``, so that everything stays
-        in coordinates.
+        It takes numbers, SX and MX. In MX graphs, nested ones and those of ``factory`` too, it is one node, whose
+        Jacobian is that of ``c_code``: for rnea and aba by their own recursions, in about half the operations of
+        CasADi's. A derivative along one direction, forward or reverse, is a program of its own with the operations of
+        two to three calls; a Hessian is CasADi's derivative of the reverse one. Inputs are named as in ``c_code``: a
+        payload as fourth input is ``payload_4``. There are no argument checks and no range: a joint with zero
+        articulated inertia divides by zero. The same holds for ``bounded``: where its program has an infinite bound
+        (angles above 1e5, joints of hardly any articulated inertia, numbers beyond the range), the exported function
+        returns a finite number that bounds nothing. Derivatives with respect to a configuration are by its entries, as
+        always in CasADi: with quaternions or (cos, sin) pairs export the next configuration too, by ``sd.integrate``,
+        so that everything stays in coordinates.
 
-        name      as of ``c_code``
-        jacobian  False leaves the derivatives to CasADi, also in an MX graph: it is made in a fraction of the time
+        name      as in ``c_code``
+        jacobian  False leaves the derivatives to CasADi, also in an MX graph; the export takes a fraction of the time
 
-        Raises SpatialDynError as ``c_code`` with derivatives, and where CasADi is not installed (extra "casadi")
+        Raises SpatialDynError as ``c_code`` with derivatives, and if CasADi is not installed (extra "casadi")
         """
         from ..interop.casadi import to_casadi
 
@@ -257,21 +258,22 @@ class Specialized:
     def to_jax(self) -> Callable[..., Any]:
         """The program as a function of JAX arrays, for jit, vmap, scan, pmap, and first and second derivatives.
 
-        On the CPU XLA calls the compiled program itself, in some microseconds; elsewhere, and where it does not take it
-        (which a warning says), it calls Python on the host, in 0.3 ms. Samples may have leading axes that broadcast.
-        Inputs that are all float32 give float32, others JAX's default float; derivatives are computed in float64, by
-        entries of a configuration, each by a program that is compiled when it is first asked for: of the second order
-        it is some six times as long. A third derivative raises. Samples beyond the program's range are recomputed as
-        in a call; errors of values, such as a joint without inertia, reach the caller as a JaxRuntimeError whose last
-        line is this library's message. What XLA has been given stays in memory until the process ends.
+        On the CPU XLA calls the compiled program itself, in some microseconds. On other devices, and if XLA refuses the
+        program (a warning says so), it calls Python on the host, in 0.3 ms. Samples may have leading axes that
+        broadcast. Inputs that are all float32 give float32, others JAX's default float. Derivatives are computed in
+        float64, with respect to the entries of a configuration, by programs that are compiled at their first use; one
+        of second order is some six times as long. A third derivative raises. Samples beyond the program's range are
+        recomputed as in a call; errors of values, such as a joint without inertia, reach the caller as a
+        JaxRuntimeError whose last line is this library's message. Programs passed to XLA stay in memory until the
+        process ends.
 
         >>> import spatialdyn as sd
         >>> import jax  # doctest: +SKIP
         >>> rnea = sd.specialize(sd.load_urdf("two_link"), sd.rnea).to_jax()  # doctest: +SKIP
         >>> jax.grad(lambda q: rnea(q, [0.0, 0.0], [0.0, 0.0]) @ rnea(q, [0.0, 0.0], [0.0, 0.0]))  # doctest: +SKIP
 
-        Raises SpatialDynError without a program, for one with bounds or derivatives of its own, and where JAX is not
-            installed (extra "jax")
+        Raises SpatialDynError without a program, for a program with bounds or derivatives, and if JAX is not installed
+            (extra "jax")
         """
         from ..interop.jax import to_jax
 
@@ -281,13 +283,13 @@ class Specialized:
         """The program as a function of PyTorch tensors on the CPU, for autograd in both modes, torch.func and vmap.
 
         ``torch.compile`` and ``torch.export`` hold it as one operator. Samples may have leading axes that broadcast.
-        Inputs that are all float32 give float32; float32 beside float64 is promoted to float64, as in torch's own
-        operations, and so is all else. Derivatives are computed in float64, by entries of a configuration, and have the
-        dtype of their input; each is a program that is compiled when it is first asked for: of the second order it is
-        some six times as long. A third derivative raises, and so does a second one within ``torch.compile``.
+        Inputs that are all float32 give float32; all others are promoted to float64, float32 beside float64 as in
+        torch's own operations. Derivatives are computed in float64, with respect to the entries of a configuration, and
+        have the dtype of their input, by programs that are compiled at their first use; one of second order is some
+        six times as long. A third derivative raises, and so does a second one within ``torch.compile``.
 
-        Raises SpatialDynError without a program, for one with bounds or derivatives of its own, for tensors that are
-            not on the CPU, and where PyTorch is not installed (extra "torch")
+        Raises SpatialDynError without a program, for a program with bounds or derivatives, for tensors that are not on
+            the CPU, and if PyTorch is not installed (extra "torch")
         """
         from ..interop.torch import to_torch
 
@@ -296,11 +298,11 @@ class Specialized:
     @cached_property
     def _differentiable(self) -> Differentiable:
         if self._kernel is None:
-            derivative_of(self, 0, True)  # raises, unless it is float32 alone that has no program
+            derivative_of(self, 0, True)  # raises, unless only float32 has no program
         return Differentiable(self, self.signature, partial(derivative_request, self), partial(derivative_of, self))
 
     def python_code(self, name: str | None = None) -> str:
-        """As ``c_code``, a Python function of arrays of any batch shape that needs NumPy only.
+        """The program as a Python function of arrays of any batch shape that needs NumPy only; else as ``c_code``.
 
         >>> import spatialdyn as sd
         >>> k = sd.specialize(sd.load_urdf("two_link"), sd.generalized_gravity)
@@ -338,7 +340,7 @@ class Specialized:
     # -- one sample
 
     def _compile_single(self) -> None:
-        """Compile the program for single samples; the builtin that runs it goes to this object's own class."""
+        """Compile the program for single samples; this object's own class gets the builtin that runs it."""
         self._single_due = False
         kernel = self._compile(one=True) if object_layout.READY else None
         parameters = [Parameter(x.name.partition(":")[0], ARRAY if x.shape else NUMBER) for x in self._inputs]
@@ -371,7 +373,7 @@ class Specialized:
     # -- the checked call
 
     def _checked_call(self, given: tuple[Any, ...], out: Any) -> Any:
-        """Batches, lists, other dtypes and bad input, with all argument checks."""
+        """The call with all argument checks: for batches, lists, other dtypes and bad input."""
         request = self._request
         if len(given) != len(self._inputs):
             names = ", ".join(x.name for x in self._inputs)

@@ -14,18 +14,18 @@ from .arguments import REFERENCES, as_flag, frame_row_and_placement, reference_c
 from .dynamics import calls as public
 from .dynamics import python_calls
 
-CHOOSERS = {"forward_dynamics": "aba, crba_solve, aba_refined or aba_square_root"}  # and the calls they choose from
+CHOOSERS = {"forward_dynamics": "aba, crba_solve, aba_refined or aba_square_root"}  # name -> calls to name in errors
 
 
 def expected_call(function: Any, example: str) -> str:
-    """What an error says of a function that is no call of one recursion."""
+    """The text of an error for a function that is no call of one recursion."""
     name = getattr(function, "__name__", literal(function))
     return f"{name}, expected {f'its method: {CHOOSERS[name]}' if name in CHOOSERS else example}"
 
 
 def spec_of(call: Any) -> Spec | None:
-    """The spec of a public call; one with a table of constraints names it ``spec``, a control law that of its torque
-    ``torque_spec``. Returns None if not applicable.
+    """The spec of a public call: the attribute ``spec`` of a call with a table of constraints, ``torque_spec`` of a
+    control law. Returns None if not applicable.
     """
     named = getattr(call, "torque_spec", None) or getattr(call, "spec", None)
     if isinstance(named, Spec):
@@ -33,7 +33,7 @@ def spec_of(call: Any) -> Spec | None:
     name = getattr(call, "__name__", None)
     if not isinstance(name, str) or name not in SPECS:
         return None
-    known = (public.get(name), python_calls.get(name))  # made at their first use: get makes none
+    known = (public.get(name), python_calls.get(name))  # ``get`` makes no function: only used ones exist
     return SPECS[name] if any(x is call for x in known) else None
 
 
@@ -65,7 +65,7 @@ def static_of(
 ) -> dict[str, Any]:
     """Values of the static inputs (row, placement, reference, classical, constraints or contacts).
 
-    Raises if one is given that no call takes.
+    Raises if one is given but no call takes it.
     """
     values: dict[str, Any] = {}
     names = set(names)

@@ -34,16 +34,16 @@ def random_configuration(
 ) -> Array:
     """Random configurations: within the limits, rotations uniform on the sphere of quaternions.
 
-    rng    a NumPy Generator, a seed for one, or None for different states each time; a sample draws nv numbers, so a
-           batch of n equals n single samples
+    rng    a NumPy Generator, a seed, or None for different states each time; a sample draws nv numbers, so a batch of
+           n equals n single samples
     shape  batch shape
 
-    A coordinate without limits is uniform in [-1, 1] m or [-π, π] rad; with a limit on one side only, in an interval of
-    that length that ends at the limit. Positions of floating and planar joints count as unlimited. With mimic joints
+    A coordinate without limits is uniform in [-1, 1] m or [-π, π] rad; one with a single limit, in an interval of the
+    same length that ends at the limit. Positions of floating and planar joints count as unlimited. With mimic joints
     the independent coordinates are drawn; the others may leave their limits.
 
     Returns q (*shape, nq) [rad | m].
-    Raises  SpatialDynError if rng is none of these; ShapeError if shape is none.
+    Raises  SpatialDynError if rng is none of these; ShapeError if shape is no batch shape.
 
     >>> import spatialdyn as sd
     >>> random_configuration(sd.load_urdf("two_link"), 0, (5, 3)).shape
@@ -156,7 +156,8 @@ def step(
     method
         explicit_euler        v + a dt and q moved by v dt; order 1, gains energy
         semi_implicit_euler   v + a dt and q moved by the new v dt; order 1, keeps energy bounded. The linear velocity
-                              of a floating or planar joint is that in the axes at the beginning, turned with the body
+                              of a floating or planar joint is updated in the body's axes at the beginning of the step,
+                              then turned with the body
         rk4                   the classical Runge-Kutta method in the coordinates u of q ∘ exp(u), with u̇ from v by the
                               inverse of ``dintegrate``; order 4 for all joints, which must turn less than 2π a step
 
@@ -254,10 +255,10 @@ _METHODS: dict[str, Callable[[Model, Array, Array, Array, Array, Array | None], 
 
 
 def wrench_at(model: Model, q: ArrayLike, frame: str | Frame, force: ArrayLike, reference: str = "local") -> Array:
-    """The ``fext`` of a force at a named frame, an argument of rnea, aba and static_torque.
+    """A force at a named frame as ``fext``, the argument of rnea, aba and static_torque.
 
     q          (..., nq)  joint positions [rad | m]
-    frame      a link's or joint's name; link:NAME or joint:NAME says which
+    frame      name of a link or joint; link:NAME or joint:NAME if both have it
     force      (..., 6)   force and moment, linear first [N | N m]
     reference  local: at the frame's origin in its axes; local_world_aligned: there in the world's axes;
                world: at the world's origin in the world's axes

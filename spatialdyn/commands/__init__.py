@@ -1,1 +1,1 @@
-"""The subcommands of the command line, one a file: each has ``add``, which puts it into the parser."""
+"""The subcommands of the command line, one per file: each has ``add``, which adds its arguments to the parser."""

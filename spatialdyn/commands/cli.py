@@ -3,8 +3,8 @@
 ``compile ROBOT``, ``export ROBOT``, ``port SCRIPT``, ``run SCRIPT``, ``study FILE``, ``example [NAME]``, ``docs``.
 
 Exit status: 0 success; 1 disagreement with Pinocchio, an error found by ``check``, or a script with missing names; 2
-bad input, reported in one line on stderr; 130 Ctrl-C, likewise; 141 a reader that closed stdout early; of ``run`` that
-of the script.
+bad input, reported in one line on stderr; 130 Ctrl-C, likewise; 141 a reader that closed stdout early. ``run`` exits
+with the status of the script.
 """
 
 from __future__ import annotations
@@ -40,10 +40,10 @@ COMMANDS = {
     "example": "short programs that show what the library does: listed, run, printed",
     "docs": "the pages about this library, as a site in a folder",
 }  # {command, a module of this folder: its help}
-RUN = "run"  # what follows its script is the script's
-GOES_ON = ("view", "example", RUN)  # until Ctrl-C, or as long as a program takes: only work within is named
+RUN = "run"  # arguments after its script belong to the script
+GOES_ON = ("view", "example", RUN)  # commands of any duration: long work is named only within them
 LISTS = ("--q0", "--v0", "--q", "--centre")  # options that take numbers separated by commas
-PIPE_CLOSED = 141  # likewise: the reader of stdout, such as head, has closed it
+PIPE_CLOSED = 141  # exit status if the reader of stdout, such as head, has closed it
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -87,7 +87,7 @@ def say(text: str) -> None:
 
 
 def _joined(argv: Sequence[str]) -> list[str]:
-    """Arguments with ``--q0 -1,0`` as ``--q0=-1,0``: argparse takes numbers that begin with a minus for an option."""
+    """Arguments with ``--q0 -1,0`` as ``--q0=-1,0``, since argparse takes a leading minus for an option."""
     joined: list[str] = []
     for word in argv:
         if joined and joined[-1] in LISTS and word[:1] == "-" and word[1:2].isdigit() | (word[1:2] == "."):
@@ -105,7 +105,7 @@ def _parser(words: Sequence[str]) -> argparse.ArgumentParser:
     commands = whole.add_subparsers(required=True, metavar="COMMAND")
     for name, text in COMMANDS.items():
         parser = commands.add_parser(name, help=text)
-        if name in words:  # importing them all takes as long as many a command runs
+        if name in words:  # importing all of them takes longer than many commands run
             import_module(f".{name}", __package__).add(parser)
             parser.set_defaults(command=name)
     return whole

@@ -29,7 +29,7 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 
 class _Compared(NamedTuple):
-    """A robot under its name on the command line: its comparisons by root, or why neither library loads it."""
+    """A robot under its name on the command line: its comparisons by root, or the reason why no library loads it."""
 
     label: str
     by_root: dict[str, Comparison]
@@ -74,7 +74,7 @@ def _run(arguments: argparse.Namespace) -> int:
 def _compared(
     label: str, source: str, arguments: argparse.Namespace, report: Callable[[int, int], None] | None = None
 ) -> _Compared:
-    """Both roots of a robot. Under ``--all`` a robot that Pinocchio does not load either is no failure."""
+    """Compare both roots of a robot. With ``--all``, a robot that Pinocchio does not load either is no failure."""
     by_root = {}
     calls = None if arguments.calls is None else [name.strip() for name in arguments.calls.split(",")]
     try:
@@ -194,7 +194,7 @@ def _show_notes(robots: Sequence[_Compared]) -> None:
 
 
 def _verdict(robots: Sequence[_Compared], calls: str) -> str:
-    """One line: AGREES, or DISAGREES and the calls that do."""
+    """One line: AGREES, or DISAGREES with the calls that disagree."""
     failed = [
         f"{robot.label} ({root}): {row.call}"
         for robot in robots

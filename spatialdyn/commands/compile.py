@@ -1,4 +1,4 @@
-"""``spatialdyn compile ROBOT``: its calls compiled ahead, so that none waits: for containers, robots and CI."""
+"""``spatialdyn compile ROBOT``: compiles its calls ahead, so that none waits: for containers, robots and CI."""
 
 from __future__ import annotations
 

@@ -54,7 +54,7 @@ def _run(arguments: argparse.Namespace) -> int:
         model = load(arguments)
     asked = [name.strip() for name in arguments.quantity.split(",")]
     known = PROGRAM_CALLS if arguments.program else QUANTITIES
-    for name in asked:  # before the first takes long
+    for name in asked:  # all errors before the first long derivation
         if name not in known:
             raise SpatialDynError(f'quantity is "{name}", expected one of {", ".join(known)}')
     if arguments.program:
@@ -67,7 +67,7 @@ def _run(arguments: argparse.Namespace) -> int:
         s = SymbolicManipulator(model, "symbols" if arguments.symbols else "numbers", limit)
     comment = {"text": "", "latex": "% ", "c": "// ", "python": "# "}[arguments.format]
     for text in [*(f"{x} = {value}: {s.meaning[x]}" for x, value in s.parameters.items()), *s.assumptions]:
-        # a name from a file may hold what ends a comment
+        # a name from a file may contain characters that end a comment
         print(comment + "".join(c if c.isprintable() and c != "\\" else "?" for c in text))
     if s.parameters or s.assumptions:
         print()
@@ -81,7 +81,7 @@ def _run(arguments: argparse.Namespace) -> int:
 
 
 def _check_size(model: Model, quantity: str, limit: int) -> None:
-    """Raise SpatialDynError, at once, if a closed form is expected to need more products of terms than the limit."""
+    """Raise SpatialDynError at once if a closed form is expected to need more products of terms than the limit."""
     terms = fourier_terms(model, quantity)
     if PRODUCTS * terms > limit:
         raise SpatialDynError(

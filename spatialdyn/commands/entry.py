@@ -1,4 +1,4 @@
-"""The start of the command line: imports that take long run here, where Ctrl-C ends them in one line as any other."""
+"""The start of the command line: long imports run here, where Ctrl-C ends them with one line, as any other work."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from ..engines.interrupt import INTERRUPTED, leave
 
 
 def main() -> int:
-    """Run the command line and return its exit status; after Ctrl-C leave at once, also where LLVM still compiles."""
+    """Run the command line and return its exit status; after Ctrl-C exit at once, even while LLVM compiles."""
     try:
         from .cli import main as run
 

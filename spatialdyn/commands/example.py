@@ -1,4 +1,4 @@
-"""``spatialdyn example [NAME]``: the gallery, listed, and an example of it run or printed."""
+"""``spatialdyn example [NAME]``: lists the gallery, or runs or prints one of its examples."""
 
 from __future__ import annotations
 

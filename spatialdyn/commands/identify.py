@@ -76,7 +76,7 @@ def _run(arguments: argparse.Namespace) -> int:
         fold("another motion: rms of the torque " + ", ".join(f"{x:.3g}" for x in judged.ratio) + " times the noise")
         for note in odd:
             fold(f"note    another motion: {note}", first="")
-    if arguments.report:  # before a file that may not hold what was found
+    if arguments.report:  # first, since URDF may not hold the robot found
         found.report(arguments.report, other)
     if arguments.save:
         text = to_urdf(found.model())
@@ -90,7 +90,7 @@ def _run(arguments: argparse.Namespace) -> int:
 
 
 def _delay(text: str | None) -> Any:
-    """Seconds, True for "fit"; what is neither is refused by ``identify``."""
+    """Seconds, True for "fit", anything else as it is: ``identify`` refuses it."""
     if text is None or text == "fit":
         return text == "fit"
     try:
@@ -100,13 +100,13 @@ def _delay(text: str | None) -> Any:
 
 
 def _numbers(judged: Validation) -> dict[str, list[float | None]]:
-    """What a Validation says of each freedom; None for what is not finite."""
+    """The figures of a Validation for each freedom; None if not finite."""
     arrays = {name: getattr(judged, name).tolist() for name in ("rms", "noise", "ratio", "share", "white")}
     return {name: [x if math.isfinite(x) else None for x in values] for name, values in arrays.items()}
 
 
 def _show(found: Identified) -> None:
-    """The table of base parameters, and what is odd."""
+    """The table of base parameters, and the oddities."""
     fold(found.head, first="")
     columns = [Column(name, k > 0) for k, name in enumerate(COLUMNS)]
     bad = [k for k, label in enumerate(found.base.labels) if label in found.poor]

@@ -65,7 +65,7 @@ def _run(arguments: argparse.Namespace) -> int:
 
 
 def _print_narrow(rows: Sequence[Sequence[str]]) -> None:
-    """A link a line, its joint below it: where a table would be wider than the terminal."""
+    """One line per link and one per joint, used if a table would be wider than the terminal."""
     for link, mass, joint, kind, at, span in rows:
         fold(f"{link}  {mass} kg", "")
         if joint:

@@ -1,6 +1,6 @@
-"""``spatialdyn port PATH ...``: which of Pinocchio's names scripts and notebooks use, what stops them, what to change.
+"""``spatialdyn port PATH ...``: Pinocchio's names in scripts and notebooks, what stops them, and the lines to change.
 
-Lines of a notebook are those of its code cells, one after the other.
+Lines of a notebook are counted through its code cells, one after the other.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from .printing import Column, print_table
 
 SHOWN = 6  # lines or files listed per name
 SUFFIXES = (".py", ".ipynb")
-MAGIC = ("%", "!", "?")  # lines of notebooks that are no Python
+MAGIC = ("%", "!", "?")  # begin or end lines of notebooks that are not Python
 LEFT_OUT = {"__pycache__", "build", "dist", "node_modules", "site-packages"}  # folders that are not read
 
 
 class Script(NamedTuple):
-    """A script: the names of Pinocchio that it uses, the imports to change, and what stops it."""
+    """A script: the names of Pinocchio that it uses, the imports to change, and the reasons that stop it."""
 
     path: str
     uses: list[Use]
@@ -34,12 +34,12 @@ class Script(NamedTuple):
 
     @property
     def kinds(self) -> set[str]:
-        """The kinds of what stops it."""
+        """The kinds of reasons that stop the script."""
         return {stop.kind for stop in self.stops}
 
     @property
     def runs(self) -> bool:
-        """Whether nothing that counts stops it."""
+        """Whether the script runs: no reason that counts stops it."""
         return not any(stop.counts for stop in self.stops)
 
     @property
@@ -187,7 +187,7 @@ def _share(scripts: Iterable[Script]) -> str:
 
 
 def _count(scripts: list[Script]) -> str:
-    """How many files run, and what stops the others; those beside a C++ library are counted apart."""
+    """The number of files that run, and the reasons that stop others; files beside a C++ library are counted apart."""
     apart = sum(LIBRARY in script.kinds for script in scripts)
     rest = [script for script in scripts if LIBRARY not in script.kinds]
     run = [script for script in rest if script.runs]

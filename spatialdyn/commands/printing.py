@@ -1,6 +1,6 @@
 """Output of commands: tables, folded text, a progress bar.
 
-rich draws tables if it is installed; else they are aligned text.
+rich draws tables if it is installed; otherwise they are aligned text.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import NamedTuple
 
-NARROW = 12  # columns that words of a table have at least
-NARROWEST = 24  # columns that folded text takes at least
+NARROW = 12  # least width of a table's columns of words
+NARROWEST = 24  # least width of folded text
 LINE_SECONDS = 0.1  # between two writes of a line of progress
 WIDE = 400  # columns of a table that is not in a terminal: nothing is folded
 
@@ -30,7 +30,7 @@ class Column(NamedTuple):
 def print_table(columns: Sequence[Column], rows: Sequence[Sequence[str]], bad: Iterable[int] = ()) -> None:
     """An aligned table on stdout: numbers right, words left; the rows ``bad`` are red in a terminal.
 
-    Words longer than NARROW are folded to fit the terminal; of a terminal too narrow for those, lines run over.
+    Words longer than NARROW are folded to fit the terminal; lines of a table that is still wider run over.
     """
     try:
         from rich.box import SIMPLE_HEAD
@@ -75,9 +75,9 @@ def _print_plain(columns: Sequence[Column], rows: Sequence[Sequence[str]]) -> No
 
 @contextmanager
 def shown(doing: str, things: str, quiet: bool = False) -> Iterator[Callable[[int, int], None]]:
-    """A function ``report(done, total)`` that shows on stderr, at once, what is being done: "compiling 12 of 70 calls".
+    """A function ``report(done, total)`` that shows the current work on stderr at once: "compiling 12 of 70 calls".
 
-    A bar and the time it took, where rich is installed; else a line. Nothing if quiet, or if stderr is no terminal.
+    A bar and the time so far if rich is installed; else a line. Nothing if quiet, or if stderr is no terminal.
     """
     if quiet or sys.stderr is None or not sys.stderr.isatty():
         yield lambda done, total: None
@@ -99,7 +99,7 @@ def shown(doing: str, things: str, quiet: bool = False) -> Iterator[Callable[[in
 
 @contextmanager
 def _line(doing: str, things: str) -> Iterator[Callable[[int, int], None]]:
-    """``shown`` by a line that is written again and again, and erased at the end."""
+    """``shown`` as one line, rewritten at each report and erased at the end."""
     last, due = doing, 0.0
 
     def show(text: str) -> None:
@@ -123,7 +123,7 @@ def _line(doing: str, things: str) -> Iterator[Callable[[int, int], None]]:
 
 
 def _doing(doing: str, done: int, total: int, things: str) -> str:
-    """What is being done: the thing after those that are done."""
+    """The text of the current work: the item after the finished ones."""
     return f"{doing} {min(done + 1, total)} of {total} {things}"
 
 

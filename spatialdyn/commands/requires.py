@@ -65,7 +65,7 @@ def _run(arguments: argparse.Namespace) -> int:
 
 
 def _show(found: Requirement) -> None:
-    """The table of parts, and what it comes to."""
+    """The table of parts, and the conclusion."""
     fold(found.head, first="")
     columns = [Column(name, name in COLUMNS[2:5]) for name in COLUMNS]
     bad = [k for k, x in enumerate(found.rows) if x.verdict in ("needed", "cannot")]

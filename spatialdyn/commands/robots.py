@@ -43,11 +43,11 @@ def add_package_dirs(parser: argparse.ArgumentParser) -> None:
 
 
 def load(arguments: argparse.Namespace, mimic: bool = False) -> Model:
-    """The model, without warnings but those of what is downloaded, as ``info`` shows oddities of the file.
+    """The model, without warnings except of downloads, as ``info`` shows oddities of the file.
 
     Raises SpatialDynError as ``sources.load``.
 
-    mimic  whether joints that mimic others follow them; commands that describe the file, and symbols, take them as free
+    mimic  whether mimic joints follow their leaders; commands that describe the file, or use symbols, leave them free
     """
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")

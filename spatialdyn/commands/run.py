@@ -23,7 +23,7 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    """Returns 1 after an error of the script, whose traceback is printed; exits as the script does otherwise."""
+    """Run the script: prints the traceback of its error and returns 1, else exits as the script does."""
     script = arguments.script
     path = os.path.abspath(script)
     try:
@@ -48,7 +48,7 @@ def _run(arguments: argparse.Namespace) -> int:
     except SystemExit:
         raise
     except BaseException as error:
-        of_script = error.__traceback__ and error.__traceback__.tb_next  # without the frame of this function
+        of_script = error.__traceback__ and error.__traceback__.tb_next  # without this function's frame
         sys.excepthook(type(error), error.with_traceback(of_script), of_script)
         if isinstance(error, KeyboardInterrupt):
             raise SystemExit(INTERRUPTED) from None

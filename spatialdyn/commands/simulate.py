@@ -1,4 +1,4 @@
-"""``spatialdyn simulate ROBOT``: motion of a robot without torques of motors, and where its energy goes."""
+"""``spatialdyn simulate ROBOT``: motion of a robot without motor torques, and the balance of its energy."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ from .targets import check_file, check_plot, check_report
 from .view import keep_open, notes
 
 Array = NDArray[np.float64]
-LARGE = 0.1  # of its scale: a larger change of energy gives a warning
+LARGE = 0.1  # of the energy's scale: a larger change of energy gives a warning
 
 
 def add(parser: argparse.ArgumentParser) -> None:
@@ -91,7 +91,7 @@ def _run(arguments: argparse.Namespace) -> int:
     check_report(arguments.report)
     page = _check_save(arguments.save)
     if page or arguments.view:
-        viser_module()  # raises before the simulation where it is missing
+        viser_module()  # raises before the simulation if viser is missing
     text = None if arguments.scene is None else text_of("--scene", arguments.scene)
     coupled = arguments.constraints is not None or (text is not None and "[[constraint]]" in text)
     with shown("reading", "robots", arguments.quiet):
@@ -160,13 +160,13 @@ def _note(text: str) -> str:
 
 
 def _recorded(scene: Scene, every: int | None) -> Any:
-    """What is recorded: work of all that acts, and contacts."""
+    """The records of a run: work of all effects, and contacts."""
     works = any(name != "springs" for name in scene.acts)
     return (every, *["work"] * works, *["contacts"] * ("contacts" in scene.acts))
 
 
 def _check_save(path: str | None) -> bool:
-    """Whether the file of --save is a page. Raises SpatialDynError unless it is that or of arrays."""
+    """Whether the file of --save is a page. Raises SpatialDynError unless it is a page or an npz file."""
     if path is None:
         return False
     check_ending("--save", path, (*ARRAY_FILES, *PAGE_FILES))
@@ -240,7 +240,7 @@ def _write(option: str, path: str, write: Callable[[str], None]) -> None:
 
 
 def _report(model: Model, run: Trajectory, ledger: EnergyLedger | None, limits: bool) -> list[str]:
-    """The report of a run, in a few lines; limits: whether joints stop at theirs."""
+    """The report of a run in a few lines; limits: whether joints stop at their limits."""
     method = integrators[run.method]
     change = run.energy - run.energy[0]
     T = calls["kinetic_energy"](model, run.q, run.v)

@@ -1,4 +1,4 @@
-"""``spatialdyn study FILE.py``: the study that a file makes, here or on the workers of a Dask scheduler."""
+"""``spatialdyn study FILE.py``: runs the study that a file makes, here or on the workers of a Dask scheduler."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def read(file: str, folder: str | None) -> Study:
     """The study that a file makes. Raises StudyError."""
     if not Path(file).is_file():
         raise StudyError(f"there is no file {file}, expected one that defines study(folder)")
-    made = runpy.run_path(file).get("study")  # under a name that no worker imports: functions go by value
+    made = runpy.run_path(file).get("study")  # under a module name that workers lack, so functions pickle by value
     if callable(made) and not isinstance(made, Study):
         if folder is None:
             raise StudyError(f"study of {file} takes a folder, expected --folder")

@@ -38,7 +38,7 @@ def check_report(path: str | None) -> None:
 
 
 def check_file(option: str, path: str | None, endings: Sequence[str] = ()) -> None:
-    """Raise SpatialDynError for a directory, a missing folder, or another ending where some are given; None passes."""
+    """Raise SpatialDynError for a directory, a missing folder, or an ending not among ``endings``; None passes."""
     if path is None:
         return
     if endings:

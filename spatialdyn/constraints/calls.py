@@ -1,4 +1,4 @@
-"""Calls with a table of constraints: their checks, their program or kernel, and what equations contradict others."""
+"""Calls with a table of constraints: their checks, their program or kernel, and equations that contradict others."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ from .contact_points import Contacts
 from .table import Constraints, check_constraints
 
 Array = NDArray[np.float64]
-CONTRADICTION = 1e3 * DEPENDENT  # times eps and the number of terms: residual of an equation that no rounding explains
-NAMED = 1e-6  # of the largest share in a contradiction: equations that a message names
+CONTRADICTION = 1e3 * DEPENDENT  # times eps and the number of terms: larger residuals are not rounding
+NAMED = 1e-6  # relative to the largest share in a contradiction: a message names equations with larger shares
 
 
 def call(spec: Spec, model: Model, constraints: Constraints, *values: Any) -> Any:
-    """A call of a Spec with a table of constraints; None for an optional input left out. Raises its errors."""
+    """A call of a Spec with a table of constraints; None stands for an optional input left out. Raises its errors."""
     if constraints.__class__ is not Constraints or constraints.model is not model:
         check_constraints(model, constraints)
     return answer(spec, constraints, (constraints.table,), values)
 
 
 def answer(spec: Spec, owner: Constraints | Contacts, static: tuple[StaticTable, ...], values: tuple[Any, ...]) -> Any:
-    """A call of a Spec with the tables of their owner, whose model is the caller's."""
+    """A call of a Spec with the tables of their owner, on the owner's model."""
     key = (spec.name, *(x is None for x in values))
     known = owner._plans.get(key)
     if known is None:
@@ -40,10 +40,10 @@ def answer(spec: Spec, owner: Constraints | Contacts, static: tuple[StaticTable,
 
 
 def settled(spec: Spec, constraints: Constraints, out: Array, *values: Any) -> Array:
-    """``out`` with the samples whose rows had to be chosen computed again, by the rows that are: see ``respond``.
+    """``out``, with samples that need a choice of rows computed again by the chosen rows: see ``respond``.
 
     out     (..., nv + nc + 2) with residual and rank at the end
-    values  the inputs of ``spec`` in order but for the rows that are chosen
+    values  the inputs of ``spec`` in order, without the chosen rows
     """
     unsure = out[..., -2] >= UNSURE
     if not unsure.any():
@@ -59,7 +59,7 @@ def settled(spec: Spec, constraints: Constraints, out: Array, *values: Any) -> A
 
 
 def _spread(x: Any, batch: tuple[int, ...], core: tuple[int, ...]) -> Array:
-    """An input of all samples."""
+    """An input, broadcast to all samples."""
     return np.broadcast_to(np.asarray(x, np.float64), batch + core)
 
 
@@ -67,7 +67,7 @@ def raise_contradiction(spec: Spec, constraints: Constraints, out: Array, *value
     """Raise ConstraintError if equations of a sample contradict others.
 
     out     (..., nv + nc + 2) with residual and rank at the end
-    values  the inputs of ``spec`` in order but for the rows that are chosen; None for one left out
+    values  the inputs of ``spec`` in order, without the chosen rows; None for an input left out
     """
     model, nc = constraints.model, constraints.nc
     least = CONTRADICTION * (model.nv + nc) * EPS
@@ -96,7 +96,7 @@ def _sample(x: Any, batch: tuple[int, ...], index: Any, core: tuple[int, ...]) -
 
 
 def _dropped(spec: Spec, constraints: Constraints, sample: list[Any]) -> tuple[Array, Array, Array]:
-    """(kept, residual, size of terms squared), (nc) each, of one sample."""
+    """(kept, residual, squared size of terms), (nc) each, for one sample."""
     model = constraints.model
     varying = [x.name for x in spec.present if not x.static]
     chosen = call(ROWS, model, constraints, sample[0], None)[:-1]

@@ -33,7 +33,7 @@ RANKS = (3, 3, 2, 2, 1, 2, 2, 2, 2, 2, 1)  # axes of the kernel's arrays
 
 
 class Constrained(NamedTuple):
-    """Accelerations a (..., nv) under constraints, and their forces (..., m)."""
+    """Accelerations a (..., nv) under constraints, and the constraint forces (..., m)."""
 
     a: Array
     force: Array
@@ -47,7 +47,7 @@ class Impact(NamedTuple):
 
 
 class Solved(NamedTuple):
-    """x and λ of M x = r + Jᵀ λ, J x + γ = -μ λ; of the last sample L (D on the diagonal), Y = J L⁻¹ and C."""
+    """x and λ of M x = r + Jᵀ λ, J x + γ = -μ λ; for the last sample also L (D on the diagonal), Y = J L⁻¹ and C."""
 
     x: Array
     force: Array
@@ -82,8 +82,8 @@ def constrained_dynamics(model: Model, *given: Any, **named: Any) -> Constrained
     table of Constraints, ``constrained_dynamics(model, q, v, tau, J, drift, damping=0.0)`` any Jacobian J with
     independent rows.
 
-    Source: after Featherstone, RBDA (2008), section 8.1, with M factored as sparse as the tree. a is the acceleration
-    nearest to that without constraints, in the metric of M, that meets them (Gauss's principle).
+    Source: after Featherstone, RBDA (2008), section 8.1, with a factor of M as sparse as the tree. Of the accelerations
+    that meet the constraints, a is nearest to the unconstrained one in the metric of M (Gauss's principle).
 
     constraints    Constraints of this model
     q              (..., nq)     joint positions [rad | m]
@@ -91,22 +91,22 @@ def constrained_dynamics(model: Model, *given: Any, **named: Any) -> Constrained
     tau            (..., nv)     joint torques [N m | N]
     stabilization  T [s]: J a + J̇ v + 2 J v / T + φ / T² = 0, so that errors φ decay like exp(-t/T). Take T as several
                    steps of the integrator; None for J a + J̇ v = 0
-    minimum_norm   where equations are dependent, the force with the least sum of squares, shared among them in whatever
-                   order they come; otherwise the equations that come first have all of it
+    minimum_norm   if equations are dependent: True gives the force with the least sum of squares, which does not depend
+                   on their order; False gives the whole force to the equations that come first
     fext           (..., njoints, 6)  force on each joint's body, in the joint's frame, linear first [N | N m]
     J              (..., m, nv)  Jacobian, such as rows of ``frame_jacobian`` at the feet
-    drift          (..., m)      J̇ v (``jacobian_dot_times_v`` for feet), plus terms that stabilize the constraints
+    drift          (..., m)      J̇ v (``jacobian_dot_times_v`` for feet), plus stabilization terms
     damping                      0 or more; above 0 the constraints are soft, J a + drift = -damping force, and rows
                                  of J may be dependent
 
-    Returns ConstrainedMotion (a, force, residual, rank): (..., nv), (..., nc), and for each sample a number and how
-    many equations are independent. Equations that depend on others drop out: their force is 0, and ``residual`` is
-    their difference from what the others imply, relative to their terms. The last of dependent equations drop out, or,
-    if one that is nearly dependent would then remain, those that elimination by the largest pivot leaves. With J,
+    Returns ConstrainedMotion (a, force, residual, rank): (..., nv), (..., nc), and for each sample a residual and the
+    number of independent equations. Equations that depend on others drop out: their force is 0, and ``residual`` is
+    their violation when the others hold, relative to their terms. The last of dependent equations drop out; if a nearly
+    dependent one would then remain, elimination with the largest pivots chooses the equations to keep. With J, returns
     Constrained (a, force).
     Raises
-        ConstraintError naming the constraints that contradict others, and the sample; constraints of another model;
-            with J, the rank if rows are dependent and there is no damping
+        ConstraintError naming the constraints that contradict others, and the sample; for constraints of another model;
+            with J, naming the rank, if rows are dependent and there is no damping
         InertiaError for a singular M, ModelError for mimic joints, ShapeError
 
     >>> import numpy as np, spatialdyn as sd
@@ -130,7 +130,7 @@ constrained_dynamics.spec = replace(  # type: ignore[attr-defined]  # for ``exac
 
 
 def _of_table(model: Model, given: tuple[Any, ...], named: dict[str, Any]) -> bool:
-    """Whether a call has a table of Constraints. Raises ConstraintError for single constraints in its place."""
+    """Whether a call has a table of Constraints. Raises ConstraintError for single constraints instead of a table."""
     first = given[0] if given else named.get("constraints")
     items = first if isinstance(first, (list, tuple)) else [first]
     if "constraints" in named or any(isinstance(x, (Constraint, str)) for x in items):
@@ -141,7 +141,7 @@ def _of_table(model: Model, given: tuple[Any, ...], named: dict[str, Any]) -> bo
 def _called(
     what: str, function: Callable[..., Result], model: Model, given: tuple[Any, ...], named: dict[str, Any]
 ) -> Result:
-    """A function's result. Raises TypeError, naming the public call, for arguments that it does not take."""
+    """A function's result. Raises TypeError, naming the public call, for arguments that the call does not take."""
     try:
         return function(model, *given, **named)
     except TypeError:
@@ -157,7 +157,7 @@ def _called(
 def _with_jacobian(
     model: Model, q: ArrayLike, v: ArrayLike, tau: ArrayLike, J: ArrayLike, drift: ArrayLike, damping: float = 0.0
 ) -> Constrained:
-    """``constrained_dynamics`` of a Jacobian."""
+    """``constrained_dynamics`` with a Jacobian."""
     M, bias = calls["crba"](model, q), calls["nonlinear_effects"](model, q, v)
     given, J, gamma = as_array("tau", tau), as_array("J", J), as_array("drift", drift)
     broadcast(["tau", "q and v"], [batch_shape(model, TAU, given), bias.shape[:-1]])
@@ -209,7 +209,7 @@ def impact(model: Model, *given: Any, **named: Any) -> Impact | ConstrainedImpac
 def _impact_of_points(
     model: Model, q: ArrayLike, v: ArrayLike, J: ArrayLike, restitution: float = 0.0, damping: float = 0.0
 ) -> Impact:
-    """``impact`` of a Jacobian."""
+    """``impact`` with a Jacobian."""
     elastic = as_number(restitution)
     if not 0.0 <= elastic <= 1.0:
         raise ConstraintError(f"restitution is {literal(restitution)}, expected 0 to 1")
@@ -219,7 +219,7 @@ def _impact_of_points(
     broadcast(["q", "v", "J"], [M.shape[:-2], v.shape[:-1], J.shape[:-2]])
     gamma = (1.0 + elastic) * (J @ v[..., None])[..., 0]
     solved = solve(model, M, np.zeros(model.nv), J, gamma, damping)
-    with np.errstate(invalid="ignore"):  # of samples that are not finite
+    with np.errstate(invalid="ignore"):  # for samples that are not finite
         return Impact(v + solved.x, solved.force)
 
 
@@ -252,7 +252,7 @@ def solve(model: Model, M: Array, r: Array, J: Array, gamma: Array, damping: flo
 
 
 def inverse(model: Model, solved: Solved) -> Array:
-    """Inverse (nv + m, nv + m) of [M Jᵀ; J -μ 1] for the last sample of ``solved``, by its factors."""
+    """Inverse (nv + m, nv + m) of [M Jᵀ; J -μ 1] for the last sample of ``solved``, from its factors."""
     m, n = solved.Y.shape
     out = np.empty((n + m, n + m))
     run = kernel(bordered_inverse, 2, 2, 2, 1, 1, 1, 2)
@@ -270,7 +270,7 @@ def inverse(model: Model, solved: Solved) -> Array:
 
 
 def without_mimic(model: Model) -> Model:
-    """The model, if no joint mimics another: then the zeros of M are those of the tree. Raises ModelError."""
+    """The model, if it has no mimic joints: the zeros of M are then those of the tree. Raises ModelError."""
     if check_model(model).mimic_matrix is not None:
         raise ModelError(f'model "{model.name}" has mimic joints, expected one without (mimic=False) for constraints')
     return model

@@ -50,23 +50,23 @@ def contact_step(
     Returns ContactStep
         q, v      (..., nq), (..., nv)  after the step, q⁺ = q ∘ exp(dt v⁺)
         impulse   (..., k, 3)  on each of the k points, in the world's axes [N s]
-        gap       (..., k)     distance of each sphere from the ground before the step, negative in it [m]
-        residual  (...)        largest violation of the law by the impulses [m/s]: at most the contacts' tolerance where
+        gap       (..., k)     distance of each sphere from the ground before the step, negative below its surface [m]
+        residual  (...)        largest violation of the law by the impulses [m/s]: at most the contacts' tolerance if
                   the step is solved
     A step depends on its state alone. ``simulate`` and ``rollout`` take the same steps: the linear velocity of floating
-    and planar joints is that in the axes at the beginning, turned with the body.
+    and planar joints is computed in the axes at the beginning, then turned with the body.
     Raises
-        SimulationError for a dt that is no number above 0
+        SimulationError for a dt that is not a number above 0
         InertiaError naming a joint with zero articulated inertia, such as that of a massless leg
         ConstraintError, ModelError for contacts of another model; ShapeError, ConfigurationError as ``aba``
-        NaN in a sample gives NaN in what depends on it, in no other sample
+        NaN in a sample gives NaN in results that depend on it, and in no other sample
 
     >>> import numpy as np, spatialdyn as sd
     >>> builder = sd.ModelBuilder("ball").add_body("ball", None, "floating", inertia=(2.0, (0, 0, 0), np.eye(3) / 100))
     >>> ball = builder.build()
     >>> step = sd.contact_step(ball, sd.Contacts(ball, {"ball": 0.1}), [0, 0, 0.1, 0, 0, 0, 1], np.zeros(6),
     ...                        np.zeros(6), 1e-3)
-    >>> bool(abs(step.impulse[0] - [0, 0, 2.0 * 9.81 * 1e-3]).max() < 1e-15), step.v[2]
+    >>> bool(abs(step.impulse[0] - [0, 0, 2.0 * 9.81 * 1e-3]).max() < 1e-15), float(step.v[2])
     (True, 0.0)
     """
     check_contacts(model, contacts)
@@ -90,7 +90,7 @@ def contact_step(
 
 
 def step_spec(contacts: Contacts) -> Spec:
-    """The Spec of a step on their ground."""
+    """The Spec of a step on the ground of the contacts."""
     return CONTACT_STEP if len(contacts.tables) == 1 else CONTACT_STEP_OVER
 
 
@@ -101,7 +101,7 @@ def contact_gaps(model: Model, contacts: Contacts, q: ArrayLike) -> Array:
     contacts  Contacts of this model
     q         (..., nq)  joint positions [rad | m]
 
-    Returns gap (..., k) [m], negative in the ground: how far a floating base has to sink for its feet to touch
+    Returns gap (..., k) [m], negative below the ground's surface: how far a floating base must sink for feet to touch
     Raises  as ``contact_step``
 
     >>> import spatialdyn as sd

@@ -33,8 +33,8 @@ class Plane:
     normal  (3,) in the world, of any length but 0
     height  [m] along the normal, from the world's origin
 
-    Where gravity is inclined, a body at rest on a plane whose normal is an axis of the world, such as z = 0, has a
-    velocity of exactly 0; on an inclined plane it has rounding errors of some 1e-18 m/s.
+    A body at rest on a plane whose normal is an axis of the world, such as z = 0, has a velocity of exactly 0, also
+    with inclined gravity; on an inclined plane its velocity has rounding errors of some 1e-18 m/s.
     Raises  ConstraintError for a normal that is 0 or not finite, or a height that is not finite
 
     >>> import spatialdyn as sd
@@ -59,15 +59,15 @@ class Plane:
 class Heightfield:
     """Ground given by heights on a grid: bilinear in between, level beyond the edge. Immutable, hashed by content.
 
-    z        (nx, ny)  heights [m] at x = origin[0] + i spacing, y = origin[1] + j spacing, at least 2 each way
+    z        (nx, ny)  heights [m] at x = origin[0] + i spacing, y = origin[1] + j spacing; nx and ny at least 2
     spacing  [m]
     origin   (2,) [m]
 
-    A sphere touches where it is nearest. Its centre therefore moves over another surface, the ground dilated by its
-    radius, whose heights are computed on the same grid, from differences of neighbouring heights as slopes of the
-    ground. Programs contain each height, once for each radius: rollouts take up to 2048 heights, ``simulate`` and
-    ``contact_step`` any number, above that in the table kernel.
-    Raises  ConstraintError for heights that are not finite or no grid, a spacing that is not above 0, another origin
+    A sphere touches at the nearest point of the ground. Its centre therefore moves over another surface, the ground
+    dilated by its radius, whose heights are computed on the same grid, with differences of neighbouring heights as
+    slopes of the ground. Programs contain each height once for each radius: rollouts take up to 2048 heights;
+    ``simulate`` and ``contact_step`` take any number, and use the table kernel above that.
+    Raises  ConstraintError for heights that are not finite or not a grid, a spacing not above 0, an invalid origin
 
     >>> import numpy as np, spatialdyn as sd
     >>> sd.Heightfield(np.zeros((3, 4)), 0.5)
@@ -120,30 +120,30 @@ class Contacts:
     Bodies have no shapes here, so there is no collision detection: each point is the centre of a sphere at a frame that
     the caller names (a foot, a corner, a wheel's rim), and touches the ground only, no other body.
 
-    model        Model; with mimic joints its limits alone
+    model        Model; if it has mimic joints, only limits are possible
     points       {frame: radius of its sphere [m]}, 0 for the frame's origin itself
     friction     Coulomb's coefficient μ: a number, or {frame: number} for all points
-    restitution  from 0 to 1, in the same form, by Poisson's law: a point that hits receives that share of the impulse
-                 that brought it to rest once more, and so do points that this throws down; without friction one alone
-                 leaves at that share of its speed. No hit adds energy, and none of 1 without friction takes some.
-                 Slower than 0.01 m/s it comes to rest where forces press it down by a tenth of its speed in the step
-    terrain      ``Plane``, that of z = 0 if left out, or ``Heightfield``
+    restitution  from 0 to 1, in the same form, by Poisson's law: a point that hits receives, in addition to the impulse
+                 that brings it to rest, this share of that impulse, and so do points that this pushes down; a single
+                 point without friction leaves at this share of its speed. No hit adds energy, and a hit with 1 and
+                 without friction loses none. Below 0.01 m/s a point comes to rest if forces press it down by a tenth of
+                 its speed in the step
+    terrain      ``Plane``, by default z = 0, or ``Heightfield``
     tolerance    largest violation of their laws by points and joints in a step [m/s | rad/s]. A box that just sticks on
-                 an incline creeps at 1e-8 a thousandth as fast as at 1e-6. In float32 1e-4 is the least that rounding
-                 allows
-    steps        limit of Newton steps in a round of solving, where sweeps over the points do not reach the tolerance
-    rounds       limit of rounds, each of sweeps and Newton steps; one not solved by then has a larger residual
+                 an incline creeps a thousand times slower at 1e-8 than at 1e-6. In float32 rounding allows 1e-4 at best
+    steps        limit of Newton steps in a round, if sweeps over the points do not reach the tolerance
+    rounds       limit of rounds, each of sweeps and Newton steps; a step that is not solved then has a larger residual
 
     names, radii              of the points (np)
     friction, restitution     (np,), as arrays
     table                     the StaticTable of recursions
-    ground                    that of heights, for each radius; None on a plane
+    ground                    the StaticTable of heights, for each radius; None on a plane
 
     Raises
         ModelError for a name that is not in the robot, with similar names, and for points of a robot with mimic joints
         ConstraintError naming the point for a frame that does not move, a radius or friction below 0, a restitution
-            outside 0 to 1; for another terrain, a tolerance of no positive number, and for steps or rounds that are
-            not 1 to 100
+            outside 0 to 1; for another terrain, a tolerance that is not a positive number, and steps or rounds outside
+            1 to 100
 
     >>> import spatialdyn as sd
     >>> model = sd.load_urdf("two_link")
@@ -261,7 +261,7 @@ class Contacts:
 
     @property
     def tables(self) -> tuple[StaticTable, ...]:
-        """The StaticTables that recursions take: that of contacts, and that of heights if there are any."""
+        """The StaticTables that recursions take: of contacts, and of heights if there are any."""
         return (self.table,) if self.ground is None else (self.table, self.ground)
 
     @property
@@ -299,7 +299,7 @@ class Contacts:
         return (_limited if self.limits else Contacts), self._given()
 
     def _given(self) -> tuple[Any, ...]:
-        """Arguments of an equal Contacts, limits left out."""
+        """Arguments of an equal Contacts, without limits."""
         radii, friction, restitution = (
             dict(zip(self.names, x, strict=True)) for x in (self.radii, self.friction, self.restitution)
         )
@@ -311,7 +311,7 @@ class Contacts:
 
 
 def _limited(*given: Any) -> Contacts:
-    """Contacts and position limits of joints."""
+    """Contacts with the position limits of joints."""
     made = Contacts.__new__(Contacts)
     made._make(*given, True)  # type: ignore[call-arg]
     return made

@@ -39,21 +39,21 @@ def constrained_dynamics_derivatives(
 ) -> ConstrainedDerivatives:
     """Derivatives of the forward dynamics under constraints, ``a, force = constrained_dynamics(...)[:2]``.
 
-    Source: the derivative of M a + h = tau + Jᵀ force and J a + J̇ v = 0, with that of h by ``rnea_derivatives`` and
-    those of the rows of J by ``recursions.constraints.constraint_derivatives``; each column solves M x - Jᵀ y = r, J x
-    = s.
+    Source: the derivative of M a + h = tau + Jᵀ force and J a + J̇ v = 0, with ∂h by ``rnea_derivatives`` and the
+    derivatives of the rows of J by ``recursions.constraints.constraint_derivatives``; each column solves
+    M x - Jᵀ y = r, J x = s.
 
     model          Model
     constraints    Constraints of this model
     q              (..., nq)  joint positions [rad | m]
     v              (..., nv)  joint velocities [rad/s | m/s]
     tau            (..., nv)  joint torques [N m | N]
-    stabilization  T [s], as of ``constrained_dynamics``
+    stabilization  T [s], as in ``constrained_dynamics``
     fext           (..., njoints, 6)  force on each joint's body, fixed in the joint's frame [N | N m]
 
     Returns ConstrainedDerivatives (da_dq, da_dv, da_dtau, dforce_dq, dforce_dv, dforce_dtau), (..., nv, nv) and
-    (..., nc, nv), by q along integrate(q, e_k). Equations that depend on others have forces of 0, whose derivatives are
-    0. Where the rank changes there is no derivative; that of the equations kept there is returned.
+    (..., nc, nv), by q along integrate(q, e_k). Equations that depend on others have forces of 0, with derivatives of
+    0. If the rank changes, no derivative exists; the derivative for the kept equations is returned.
     Raises  as ``constrained_dynamics``
 
     >>> import spatialdyn as sd

@@ -1,9 +1,9 @@
-"""Ground of heights dilated by the radius of a sphere: the heights that its centre has where it touches.
+"""Heights of the ground dilated by the radius of a sphere: the heights of its centre when it touches the ground.
 
-A sphere of radius r whose centre is above a point x of the ground's plane touches heights f at the x + d for which
-f(x + d) + √(r² - |d|²) is largest: nothing of the ground is nearer than r. The slope of these heights at x is that of
-the ground at x + d, so a point of the sphere's centre over them has the gap and the normal of the sphere over the
-ground.
+A sphere of radius r with its centre above a point x of the ground's plane touches heights f at the x + d with the
+largest f(x + d) + √(r² - |d|²): no part of the ground is then nearer than r. The slope of these largest values at x is
+the slope of the ground at x + d, so the sphere's centre over the dilated heights has the gap and the normal of the
+sphere over the ground.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ from ..bodies.contact_table import HEIGHTS
 from ..bodies.static_table import StaticTable
 
 Array = NDArray[np.float64]
-STEPS = 20  # of Newton's method in a cell: two to five do
-CLOSEST = 1e-9  # of the radius: steps end where the sphere's side is as steep
+STEPS = 20  # limit of Newton steps in a cell; two to five suffice
+CLOSEST = 1e-9  # of the radius: lower bound of the height √(r² - |d|²), at which the sphere's side is nearly vertical
 
 
 def heights_table(levels: list[Array], spacing: float, origin: tuple[float, float]) -> StaticTable:
-    """The table of heights (nx, ny), several one after another."""
+    """The table of several arrays of heights (nx, ny), one after another."""
     nx, ny = levels[0].shape
     rows = np.zeros(1 + len(levels) * nx * ny, HEIGHTS)
     rows[0]["last_row"], rows[0]["nx"], rows[0]["ny"] = len(rows) - 1, nx, ny
@@ -32,10 +32,10 @@ def heights_table(levels: list[Array], spacing: float, origin: tuple[float, floa
 
 
 def dilated(z: Array, spacing: float, radius: float) -> Array:
-    """Heights (nx, ny) of a sphere's centre above each place of heights z where it touches them.
+    """Heights (nx, ny) of a sphere's centre above each grid point when the sphere touches the heights z.
 
-    First the place of the grid within the radius that holds it highest, then Newton's steps from there on the parabola
-    through that place and its neighbours: exact on planes, spheres and parabolas to the order of spacing².
+    First the grid point within the radius that supports the sphere highest is found, then Newton's steps follow on the
+    parabola through it and its neighbours: exact on planes, spheres and parabolas to the order of spacing².
     """
     if radius == 0.0:
         return z
@@ -43,7 +43,7 @@ def dilated(z: Array, spacing: float, radius: float) -> Array:
     first, second = _slopes(z, spacing)
     g, H = first[:, at[0], at[1]], second[:, at[0], at[1]]
     grid = np.indices(z.shape)
-    start: Array = np.asarray(spacing * (at - grid), np.float64)  # d of the place chosen
+    start: Array = np.asarray(spacing * (at - grid), np.float64)  # d of the chosen grid point
     e: Array = np.zeros(start.shape)
     best = z[at[0], at[1]] + np.sqrt(radius**2 - (start**2).sum(axis=0))
     for _ in range(STEPS):
@@ -68,7 +68,7 @@ def dilated(z: Array, spacing: float, radius: float) -> Array:
 
 
 def _highest_of_grid(z: Array, spacing: float, radius: float) -> tuple[Array, NDArray[np.intp]]:
-    """Of each place the highest centre of a sphere on places of the grid, and which (2, nx, ny) holds it."""
+    """For each grid point the highest centre of a sphere on grid points, and the index (2, nx, ny) of its support."""
     reach = math.ceil(radius / spacing) - 1
     best, at = z + radius, np.array(np.indices(z.shape))
     nx, ny = z.shape
@@ -88,7 +88,7 @@ def _highest_of_grid(z: Array, spacing: float, radius: float) -> tuple[Array, ND
 
 
 def _slopes(z: Array, spacing: float) -> tuple[Array, Array]:
-    """First derivatives (2, nx, ny) and second (3, nx, ny) by x x, x y, y y, of parabolas through neighbours."""
+    """First derivatives (2, nx, ny) and second ones (3, nx, ny), xx, xy, yy, of parabolas through neighbours."""
     first = np.array([np.gradient(z, spacing, axis=k) for k in (0, 1)])
     second = np.zeros((3, *z.shape))
     second[0, 1:-1] = (z[2:] - 2.0 * z[1:-1] + z[:-2]) / spacing**2
@@ -104,7 +104,7 @@ def _bend(d: Array, side: Array, radius: float) -> tuple[Array, Array, Array]:
 
 
 def _within(start: Array, e: Array, radius: float) -> Array:
-    """e, shortened where start + e leaves the disc of the radius."""
+    """e, shortened if start + e leaves the disc of the radius."""
     d = start + e
     size = np.sqrt((d**2).sum(axis=0))
     made: Array = d * np.minimum(1.0, (1.0 - CLOSEST) * radius / np.maximum(size, CLOSEST * radius)) - start

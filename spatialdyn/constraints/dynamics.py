@@ -20,7 +20,7 @@ from .calls import CONTRADICTION, call, raise_contradiction, settled
 from .table import Constraints
 
 Array = NDArray[np.float64]
-FLOOR = 1e-12  # [m/s | rad/s] velocity that is rounding of faster ones, or of rest
+FLOOR = 1e-12  # [m/s | rad/s] velocities below this count as rounding
 
 
 class ConstrainedMotion(NamedTuple):
@@ -107,7 +107,7 @@ def delassus(model: Model, constraints: Constraints, q: ArrayLike) -> Array:
     constraints  Constraints of this model
     q            (..., nq)  joint positions [rad | m]
 
-    Returns G (..., nc, nc) [1/kg | 1/(kg m²)], symmetric, singular where equations depend on others.
+    Returns G (..., nc, nc) [1/kg | 1/(kg m²)], symmetric, singular if equations depend on others.
     Raises  as ``constraint_jacobian``, and InertiaError naming a joint with zero articulated inertia
 
     >>> import spatialdyn as sd
@@ -146,7 +146,7 @@ def constrained_motion(
 
 
 def _least_force(J: Array, force: Array, rank: NDArray[np.intp]) -> Array:
-    """The least λ (..., nc) with the Jᵀ λ of ``force``: its part in the row space of Jᵀ, of that rank."""
+    """The least λ (..., nc) with Jᵀ λ = Jᵀ force: the part of ``force`` in the row space of Jᵀ, of this rank."""
     U, _, _ = np.linalg.svd(np.where(np.isfinite(J), J, 0.0), full_matrices=False)
     kept = np.arange(U.shape[-1]) < rank[..., None]
     along = kept * (np.swapaxes(U, -1, -2) @ force[..., None])[..., 0]
@@ -163,7 +163,7 @@ def constrained_impact(
         raise ConstraintError(f"restitution is {literal(restitution)}, expected 0 to 1")
     v, rate = constraint_rate(model, constraints, q, v)
     change, impulse, residual, rank = velocity_response(model, constraints, q, v, -(1.0 + elastic) * rate)
-    with np.errstate(invalid="ignore"):  # of samples that are not finite
+    with np.errstate(invalid="ignore"):  # for samples that are not finite
         return ConstrainedImpact(v + change, impulse, residual, rank)
 
 
@@ -187,7 +187,7 @@ def response(
 
 
 def velocity_response(model: Model, constraints: Constraints, q: ArrayLike, v: Array, rhs: Array) -> tuple[Any, ...]:
-    """``response`` to rhs = -(1 + e) J v, which no equations contradict but by rounding of the terms of J v."""
+    """``response`` to rhs = -(1 + e) J v, which equations contradict only by rounding of the terms of J v."""
     change, impulse, residual, rank = response(model, constraints, q, rhs, check=False)
     if np.any(np.greater(residual, 0.0)):
         J = constraint_jacobian(model, constraints, q)
@@ -199,7 +199,7 @@ def velocity_response(model: Model, constraints: Constraints, q: ArrayLike, v: A
 
 
 def rate_terms(constraints: Constraints, J: Array, v: Array) -> Array:
-    """|J| |v| (..., nc), of each constraint the largest: one equation of several may be nothing but rounding."""
+    """|J| |v| (..., nc), for each constraint the largest of its equations, because others may be only rounding."""
     terms: Array = (abs(J) @ abs(v)[..., None])[..., 0]
     for first, count in owned(constraints):
         terms[..., first : first + count] = terms[..., first : first + count].max(axis=-1, keepdims=True)
@@ -207,7 +207,7 @@ def rate_terms(constraints: Constraints, J: Array, v: Array) -> Array:
 
 
 def owned(constraints: Constraints) -> Iterator[tuple[int, int]]:
-    """Of each constraint its first equation and how many it has."""
+    """For each constraint its first equation and the number of its equations."""
     first = 0
     for _, of_one in groupby(constraints.equations, key=lambda x: id(x.constraint)):
         count = len([*of_one])
@@ -216,15 +216,15 @@ def owned(constraints: Constraints) -> Iterator[tuple[int, int]]:
 
 
 def rows_to_keep(model: Model, constraints: Constraints, q: ArrayLike, rank: Any = None) -> tuple[Array, Any]:
-    """Independent equations (..., nc), 1 for those to keep, and how many they are; see ``independent_rows``."""
+    """Independent equations (..., nc), 1 for equations to keep, and their number; see ``independent_rows``."""
     out = call(constrained.ROWS, model, constraints, q, rank)
     return out[..., :-1], out[..., -1]
 
 
 def by_rows(spec: Spec, model: Model, constraints: Constraints, *values: Any) -> tuple[Array, Array, float, int]:
-    """(x, force, residual, rank) of one sample of a Spec by the rows that are the last of its inputs, or None.
+    """(x, force, residual, rank) of one sample of a Spec with chosen rows, its last input, or None.
 
-    Nothing is judged; without rows, they are taken in their order whatever their pivots.
+    No errors are raised; without chosen rows, rows are taken in order with any pivots.
     """
     n, m = model.nv, constraints.nc
     out = call(spec, model, constraints, *values)
@@ -242,7 +242,7 @@ def stabilization_time(value: Any) -> float:
 def _parts(
     spec: Spec, model: Model, constraints: Constraints, out: Array, *values: Any, check: bool = True
 ) -> tuple[Any, ...]:
-    """The outputs that lie side by side in ``out``. Raises ConstraintError if equations contradict others."""
+    """The outputs stored side by side in ``out``. Raises ConstraintError if equations contradict others."""
     n, m = model.nv, constraints.nc
     if out.ndim > 1 or out[-2] >= constrained.UNSURE:
         out = settled(spec, constraints, out, *values)

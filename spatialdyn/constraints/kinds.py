@@ -1,7 +1,7 @@
-"""The kinds of constraints: frozen, hashable, checked when they are made; ``Constraints`` gives them a robot.
+"""The kinds of constraints: frozen, hashable, checked when they are made; ``Constraints`` puts them on a robot.
 
-A frame is a name, as everywhere; ``at_a`` and ``at_b`` displace the two, by a position (3) or a pose (4, 4) in the
-frame, or in the world where ``frame_b`` is left out.
+A frame is a name, as everywhere; ``at_a`` and ``at_b`` displace the two frames, by a position (3) or a pose (4, 4) in
+the frame, or in the world if ``frame_b`` is left out.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ NAMES = ("frame_a", "frame_b", "frame", "joint", "to")  # fields that label a co
 
 @dataclass(frozen=True)
 class Constraint:
-    """What all kinds share: a name for messages, by default the kind and its frames."""
+    """The base class of all kinds: a name for messages, by default the kind and its frames."""
 
     @property
     def label(self) -> str:
@@ -59,11 +59,11 @@ class PointConstraint(Constraint):
 
     frame_a     name of a frame
     frame_b     name of another; the world if left out
-    axes        of frame_b, or of the world, along which it is held: one to three of "xyz"
+    axes        axes of frame_b, or of the world, along which the origin is held: one to three of "xyz"
     at_a, at_b  (3,) the points in their frames, or in the world; the origins if left out [m]
     name        for messages
 
-    Equations: the position of a's point from b's, in b's axes. Their force is on a's body [N].
+    Equations: the position of a's point from b's, in b's axes. The force acts on a's body [N].
     Raises  ConstraintError for other axes, places or names
 
     >>> import spatialdyn as sd
@@ -99,8 +99,8 @@ class WeldConstraint(Constraint):
     at_a, at_b  (3,) or (4, 4) in their frames, or in the world; the frames themselves if left out [m]
     name        for messages
 
-    Equations: the position of a from b, in b's axes, then the axis of its rotation times the sine of the angle. Their
-    force is on a's body [N, N m]. At half a turn the sine is 0 too: ``project_configuration`` refuses that.
+    Equations: the position of a from b, in b's axes, then the axis of a's rotation times the sine of the angle. The
+    force acts on a's body [N, N m]. At half a turn the sine is 0 too: ``project_configuration`` refuses that.
     Raises  ConstraintError for other places or names
     """
 
@@ -117,7 +117,7 @@ class WeldConstraint(Constraint):
 
 @dataclass(frozen=True)
 class HingeConstraint(Constraint):
-    """Frame_a turns about an axis fixed in frame_b, or in the world, and moves in no other way: the pin of a loop.
+    """Frame_a turns about an axis fixed in frame_b, or in the world, without any other motion: the pin of a loop.
 
     frame_a     name of a frame
     frame_b     name of another; the world if left out
@@ -125,8 +125,8 @@ class HingeConstraint(Constraint):
     at_a, at_b  (3,) or (4, 4) in their frames, or in the world; the frames themselves if left out [m]
     name        for messages
 
-    Equations: the position of a from b, in b's axes, then the axis of a along two directions across that of b. Their
-    force is on a's body [N, N m].
+    Equations: the position of a from b, in b's axes, then the components of a's axis in two directions orthogonal to
+    b's axis. The force acts on a's body [N, N m].
     Raises  ConstraintError for other axes, places or names
     """
 
@@ -145,7 +145,7 @@ class HingeConstraint(Constraint):
 
 @dataclass(frozen=True)
 class DistanceConstraint(Constraint):
-    """The origins of two frames stay a length apart: a massless rod between ball joints.
+    """The origins of two frames stay at a fixed distance: a massless rod between ball joints.
 
     frame_a     name of a frame
     frame_b     name of another; the world if left out
@@ -210,8 +210,8 @@ class RollingConstraint(Constraint):
     normal  (3,) of the plane, upward, in the world
     name    for messages
 
-    Equations, of velocities only: the velocity of the lowest point of the rim is 0, in world axes. Their force is the
-    ground's on the wheel [N]. A wheel that lies flat has no lowest point.
+    Equations, of velocities only: the velocity of the lowest point of the rim is 0, in world axes. The force is that of
+    the ground on the wheel [N]. A wheel that lies flat has no lowest point.
     Raises  ConstraintError for other axes, radii or names
     """
 
@@ -235,7 +235,7 @@ class VelocityConstraint(Constraint):
     A     (nv,) or (k, nv)  no row of zeros
     name  for messages
 
-    Its force is the factor of each row in the joint torques, Aᵀ force.
+    The force is the factor of each row in the joint torques, Aᵀ force.
     Raises  ConstraintError for another A or name
     """
 
@@ -301,7 +301,7 @@ def placed(entries: Any) -> Array:
 
 
 def across(axis: Array) -> tuple[Array, Array]:
-    """Two unit vectors that make a right-handed basis with a unit vector; coordinate axes make coordinate axes."""
+    """Two unit vectors that form a right-handed basis with a unit vector; for a coordinate axis, coordinate axes."""
     u, first = axis, np.zeros(3)
     first[(int(np.argmax(abs(u))) + 1) % 3] = 1.0
     first -= (first @ u) * u

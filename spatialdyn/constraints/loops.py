@@ -1,4 +1,4 @@
-"""Loops: assembling them, keeping them closed, and what may still move."""
+"""Loops: their assembly, their projection, and their mobility."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from .kinds import AXES, Constraint, HingeConstraint, WeldConstraint, placed
 from .table import Constraints, check_constraints
 
 Array = NDArray[np.float64]
-SWEEPS = 50  # Newton's steps from a start that is near, of which three do
-TRIALS = 500  # damped steps of an assembly
-DEPENDENT = 1e-9  # singular value, of the largest, below which equations count as dependent in a mobility
+SWEEPS = 50  # limit of Newton's steps from a near start; three suffice
+TRIALS = 500  # limit of damped steps of an assembly
+DEPENDENT = 1e-9  # relative singular value below which equations count as dependent in a mobility
 
 
 class Mobility(NamedTuple):
@@ -42,7 +42,7 @@ def project_configuration(model: Model, constraints: Constraints, q: ArrayLike, 
     tolerance    largest |φ| that counts as closed [m | rad]
 
     Returns q (..., nq).
-    Raises  ConstraintError naming the constraint, and by how much it is open, where Newton's steps do not close it
+    Raises  ConstraintError naming the constraint, and by how much it is open, if Newton's steps do not close it
 
     >>> import spatialdyn as sd
     >>> model = sd.load_urdf("two_link")
@@ -96,7 +96,7 @@ def project_velocity(model: Model, constraints: Constraints, q: ArrayLike, v: Ar
 def close_loops(
     model: Model, constraints: Constraints, q: ArrayLike, free: Iterable[str] | None = None, tolerance: float = 1e-12
 ) -> Array:
-    """Assemble a mechanism: a configuration that meets constraints, from a start that may be far.
+    """Assemble a mechanism: find a configuration that meets constraints, from a start that may be far away.
 
     Source: Gauss-Newton, damped after Levenberg, A method for the solution of certain non-linear problems in least
     squares (1944).
@@ -147,14 +147,14 @@ def close_loops(
 
 
 def mobility(model: Model, constraints: Constraints, q: ArrayLike) -> Mobility:
-    """Mobility of a mechanism at q: nv - rank J free velocities, and Grübler's count, which knows no geometry.
+    """Mobility of a mechanism at q: nv - rank J free velocities, and Grübler's count, which ignores geometry.
 
     model        Model
     constraints  Constraints of this model
     q            (nq,)  joint positions [rad | m]
 
-    Returns Mobility (free, rank, gruebler). A planar loop held by a hinge has gruebler -2 and free 1; where the rank is
-    lower than nearby, q is a branch point, from which the mechanism may go several ways.
+    Returns Mobility (free, rank, gruebler). A planar loop closed by a hinge has gruebler -2 and free 1; if the rank is
+    lower than nearby, q is a branch point, from which the mechanism may move in several ways.
     Raises  as ``constraint_jacobian``; NonFiniteError for a q that is not finite
 
     >>> import spatialdyn as sd
@@ -168,7 +168,7 @@ def mobility(model: Model, constraints: Constraints, q: ArrayLike) -> Mobility:
 
 
 def independent_joints(model: Model, constraints: Constraints, q: ArrayLike) -> tuple[int, ...]:
-    """Indices of independent velocities: those that determine all others under the constraints near q.
+    """Indices of independent velocities, which determine all others under the constraints near q.
 
     Source: after Wehage and Haug, Generalized coordinate partitioning for dimension reduction in analysis of
     constrained dynamic systems (1982), by elimination with complete pivoting.
@@ -200,7 +200,7 @@ def independent_joints(model: Model, constraints: Constraints, q: ArrayLike) -> 
 
 
 def raise_if_open(constraints: Constraints, q: Array, phi: Array, least: float, cure: str) -> None:
-    """Raise ConstraintError for the first sample and constraint with |φ| above ``least``, or half a turn off.
+    """Raise ConstraintError for the first sample and constraint with |φ| above ``least``, or turned by half a turn.
 
     phi  (..., nc)
     """
@@ -257,7 +257,7 @@ def _scaled(model: Model, constraints: Constraints, q: ArrayLike) -> Array:
     J = constraint_jacobian(model, constraints, q)
     if J.ndim != 2:
         raise ShapeError(f"q has shape {np.shape(q)}, expected ({model.nq},)")
-    if not np.isfinite(np.asarray(q, np.float64)).all():  # a rank counts nothing of NaN
+    if not np.isfinite(np.asarray(q, np.float64)).all():  # NaN has no rank
         raise NonFiniteError(f"q is {np.asarray(q).tolist()}, expected finite numbers")
     J = J / np.sqrt(np.diag(calls["crba"](model, q)))
     owners: list[Constraint] = [x.constraint for x in constraints.equations]

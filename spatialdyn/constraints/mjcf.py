@@ -1,7 +1,7 @@
 """Loops of an MJCF text, MuJoCo's format: its ``<equality>`` as constraints on a robot that has the same names.
 
-Semantics after MuJoCo's XML reference, element equality, and held against MuJoCo in the tests. The function that parses
-imports lxml.
+Semantics follow MuJoCo's XML reference, element equality; tests compare them with MuJoCo. The parsing function imports
+lxml.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from ..model.robot_checks import is_number
 from .kinds import Constraint, CouplerConstraint, PointConstraint, WeldConstraint
 
 Array = NDArray[np.float64]
-SOFT = ("solref", "solimp", "torquescale", "class")  # how soft MuJoCo holds it: constraints here are rigid
+SOFT = ("solref", "solimp", "torquescale", "class")  # softness in MuJoCo; constraints here are rigid
 KNOWN = {  # element: its attributes
     "connect": ("name", "active", "body1", "body2", "anchor", "site1", "site2", *SOFT),
     "weld": ("name", "active", "body1", "body2", "relpose", "anchor", "site1", "site2", *SOFT),
@@ -30,7 +30,7 @@ KNOWN = {  # element: its attributes
 
 
 def constraints_of_mjcf(model: Model, text: str, q: ArrayLike | None) -> list[Constraint]:
-    """The constraints of the active equalities of a text; ``Constraints.of_mjcf`` says more."""
+    """The constraints of the active equalities of a text; see ``Constraints.of_mjcf``."""
     from lxml import etree
 
     if not isinstance(text, str):
@@ -38,7 +38,7 @@ def constraints_of_mjcf(model: Model, text: str, q: ArrayLike | None) -> list[Co
     parser = etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False, huge_tree=False)
     try:
         root = etree.fromstring(text.encode(), parser)
-    except (etree.XMLSyntaxError, UnicodeEncodeError) as error:  # the latter of half a surrogate pair
+    except (etree.XMLSyntaxError, UnicodeEncodeError) as error:  # UnicodeEncodeError for half a surrogate pair
         raise ConstraintError(f"MJCF is not well-formed XML ({error}), expected a whole text") from None
     if root.getroottree().docinfo.internalDTD is not None:
         raise ConstraintError("MJCF has a document type, expected none (no entity is ever read)")
@@ -70,7 +70,7 @@ def _equalities(root: Any) -> Iterator[Any]:
 
 
 def _constraint(model: Model, q: Array, element: Any) -> Constraint:
-    """The constraint of an element, closed at q where its numbers do not say how."""
+    """The constraint of an element; if its numbers do not define the closed pose, it is closed at q."""
     name = element.get("name")
     if element.tag == "joint":
         first, second = element.get("joint1"), element.get("joint2")
@@ -126,7 +126,7 @@ def _seen(model: Model, q: Array, first: str, second: str | None) -> Array:
 
 
 def _relpose(element: Any) -> Array | None:
-    """The pose of body2 in body1; None if the quaternion is zero, which means that of the beginning."""
+    """The pose of body2 in body1; None if the quaternion is zero, which means the initial pose."""
     given = _numbers(element, "relpose", (7,), [0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0])
     (x, y, z), quaternion = given[:3], np.array(given[3:])
     norm = float(np.linalg.norm(quaternion))

@@ -34,14 +34,14 @@ Array = NDArray[np.float64]
 
 
 class Equation(NamedTuple):
-    """A scalar equation: the constraint it is of, and which of that one's."""
+    """A scalar equation: its constraint, and which part of that constraint it is."""
 
     constraint: Constraint
     part: str
 
     @property
     def label(self) -> str:
-        """Its name in messages."""
+        """The name of the equation in messages."""
         return f"{self.constraint.label}{self.part and ' '}{self.part}"
 
 
@@ -59,7 +59,7 @@ class Constraints:
     Raises
         ModelError for a name that is not in the robot, with similar names, and for mimic joints
         ConstraintError for two frames on one body, a coupled joint whose position is not one number, rows of another
-            length, and what is no constraint
+            length, and an item that is not a constraint
 
     >>> import spatialdyn as sd
     >>> model = sd.load_urdf("two_link")
@@ -110,7 +110,7 @@ class Constraints:
 
     @classmethod
     def of_toml(cls, model: Model, text: str) -> Constraints:
-        """The constraints of a TOML text, such as a file beside the URDF, in which loops cannot be written.
+        """The constraints of a TOML text, such as a file beside a URDF, which cannot describe loops.
 
         Each is an entry ``[[constraint]]`` with its kind (point, weld, hinge, distance, coupler, rolling or velocity)
         and the arguments of that kind by name.
@@ -131,7 +131,7 @@ class Constraints:
             raise ConstraintError(f"TOML is a {type(text).__name__}, expected its text")
         try:
             given = tomllib.loads(text)
-        except (ValueError, RecursionError) as error:  # of integers of thousands of digits, and brackets as deep
+        except (ValueError, RecursionError) as error:  # integers of thousands of digits, deeply nested brackets
             raise ConstraintError(
                 f"constraints are no TOML: {error}, expected a text and no {literal(text):.60}"
             ) from None
@@ -143,8 +143,7 @@ class Constraints:
 
     @classmethod
     def of_entries(cls, model: Model, entries: Any) -> Constraints:
-        """The constraints of entries ``[[constraint]]`` that are parsed already, as dicts; keys and errors are those of
-        ``of_toml``.
+        """The constraints of parsed entries ``[[constraint]]``, as dicts; keys and errors are those of ``of_toml``.
 
         >>> import spatialdyn as sd
         >>> entry = {"kind": "point", "frame_a": "tip", "axes": "x"}
@@ -161,12 +160,12 @@ class Constraints:
         """The active equalities of an MJCF text, ``<mujoco>`` or its ``<equality>``, on a robot with the same names.
 
         text  with ``connect``, ``weld`` and ``joint``; a body, or a site, is the frame of that name
-        q     (nq,)  the configuration in which loops are closed, where the text leaves that to MuJoCo's qpos0; the
-              neutral one if left out [rad | m]
+        q     (nq,)  the configuration in which loops are closed, if the text relies on MuJoCo's qpos0; the neutral
+              configuration if left out [rad | m]
 
-        Constraints are rigid: ``solref``, ``solimp`` and ``torquescale``, which make them soft, are left out.
-        Raises  ConstraintError naming element and line for other equalities, such as tendons, a curved ``polycoef``, a
-                joint that is held at a number, and any other text; otherwise as the class
+        Constraints are rigid: ``solref``, ``solimp`` and ``torquescale``, which make them soft, are ignored.
+        Raises  ConstraintError naming element and line for other equalities, such as tendons, a nonlinear ``polycoef``,
+                a joint held at a number, and any other text; otherwise as the class
 
         >>> import spatialdyn as sd
         >>> text = '<equality><joint joint1="joint2" joint2="joint1" polycoef="0.1 -2"/></equality>'
@@ -233,7 +232,7 @@ def check_constraints(model: Model, constraints: Any) -> Constraints:
 
 
 def other_model(other: Model, model: Model) -> str:
-    """That a model was expected and another found, which may be of the same name."""
+    """The message that another model was expected; both may have the same name."""
     same = "another" if other.name == model.name else "the"
     return f'{same} model "{other.name}", expected those made of the model "{model.name}" that is given'
 
@@ -242,7 +241,7 @@ def other_model(other: Model, model: Model) -> str:
 
 
 def _rows(model: Model, x: Constraint) -> list[tuple[dict[str, Any], list[str]]]:
-    """(columns, parts) of each row of a constraint; without parts a TERM adds to the equation before."""
+    """(columns, parts) of each row of a constraint; a row without parts is a TERM of the previous equation."""
     if isinstance(x, CouplerConstraint):
         joint = {"factor": 1.0, "value": -x.offset, **_coordinate(model, x, x.joint)}
         if x.joint == x.to:

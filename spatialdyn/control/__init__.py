@@ -1,5 +1,5 @@
 """Control: paths to follow, control laws by name and their gains, inverse kinematics, observers, monitors of stability.
 
-It stands above ``simulation``, whose runs it makes and looks at. What a law is to a run, any Spec with values, is in
-``laws``, which stands below.
+This package imports ``simulation``: it makes runs and examines them. The package ``laws``, which ``simulation``
+imports, defines what a run takes as a law: any Spec with values.
 """

@@ -1,4 +1,4 @@
-"""Adaptive laws: ``SlotineLi`` and ``NaturalAdaptation`` follow a path with masses and inertias that they learn."""
+"""Adaptive laws: ``SlotineLi`` and ``NaturalAdaptation`` follow a path while they learn masses and inertias."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ from .laws import Law, _is_matrix, _reference, gain_of
 from .paths import Path
 
 Array = NDArray[np.float64]
-ROUNDED = 1e-9  # of the largest column of Y: what the right angles of a file, rounded, make of a column that is 0
-EXCITED = 1e-6  # of the largest eigenvalue of ∫ Yᵀ Y, scaled to a diagonal of 1: below, a combination was not seen
+ROUNDED = 1e-9  # relative to the largest column of Y: rounded right angles in a file make zero columns this large
+EXCITED = 1e-6  # relative to the largest eigenvalue of ∫ Yᵀ Y, scaled to a unit diagonal: smaller ones are not excited
 
 
 class ExcitationRecord(NamedTuple):
-    """What a motion shows of the parameters that a law learns, from ∫ Yᵀ Y dt with each column scaled to 1.
+    """How a motion excites the parameters that a law learns, from ∫ Yᵀ Y dt with each column scaled to 1.
 
-    rank         combinations of parameters that act on the torques: these can be learnt, others never
-    parameters   how many are learnt
-    condition    largest over least eigenvalue of those combinations: how unevenly they are learnt
-    eigenvalues  (parameters,) falling
+    rank         number of combinations of parameters that act on the torques: only these can be learnt
+    parameters   number of parameters to learn
+    condition    largest over least eigenvalue of these combinations: how unevenly they are learnt
+    eigenvalues  (parameters,) in falling order
     """
 
     rank: int
@@ -39,7 +39,7 @@ class ExcitationRecord(NamedTuple):
 
 
 class Adaptive(Law):
-    """What both laws have in common."""
+    """The common part of both laws."""
 
     smooth = False
 
@@ -48,7 +48,7 @@ class Adaptive(Law):
         own: dict[str, Array], deadzone: float, composite: float, bandwidth: float, friction: Friction | None,
         friction_gain: ArrayLike, held: bool | float,
     ) -> None:  # fmt: skip
-        """Of the inputs ``own`` of one law, and those of both."""
+        """Set the inputs ``own`` of one law, and the inputs that both have."""
         self.model = model
         if model.mimic_matrix is not None:
             raise ModelError(f'robot "{model.name}" has joints that mimic others, expected none for adaptive laws')
@@ -76,7 +76,7 @@ class Adaptive(Law):
         self.checks = (*self.checks, self._check)
 
     def _check(self, model: Model) -> None:
-        """Raise ModelError for a model of other joints."""
+        """Raise ModelError for a model with other joints."""
         if model.nv != self.model.nv or model.njoints != self.model.njoints:
             raise ModelError(
                 f'robot "{model.name}" has {model.njoints} joints and {model.nv} freedoms, expected those of '
@@ -84,19 +84,19 @@ class Adaptive(Law):
             )
 
     def estimates(self, run: Any) -> Array:
-        """The inertial parameters (..., njoints, 10) that were estimated, of a Trajectory or Rollout at its times."""
+        """The estimated inertial parameters (..., njoints, 10) at the times of a Trajectory or Rollout."""
         raise NotImplementedError
 
     def frictions(self, run: Any) -> Array:
-        """The estimates (..., 2, nv) of dry friction and damping. Raises SimulationError for a law without."""
+        """Estimates (..., 2, nv) of dry friction and damping. Raises SimulationError if the law learns no friction."""
         if not self.friction:
             raise SimulationError("the law learns no friction, expected one with friction=")
         found: Array = self.values["friction"] + _state_of(run, "worn")
         return found
 
     def excitation(self, q: ArrayLike, v: ArrayLike, a: ArrayLike) -> ExcitationRecord:
-        """What a motion q (N, nq), v, a (N, nv) shows of the parameters that are learnt: tracking needs none of it, but
-        only what is shown converges.
+        """How a motion q (N, nq), v, a (N, nv) excites the parameters to learn. Tracking needs no excitation, but only
+        excited combinations converge.
         """
         Y = np.asarray(calls["modified_torque_regressor"](self.model, q, v, v, a))
         chosen = np.broadcast_to(self._learnt(), Y.shape[-2:]).ravel()
@@ -123,18 +123,18 @@ class SlotineLi(Adaptive):
     parameters     (njoints, 10)  first estimates, in the order of ``inertial_parameters``
     Gamma          number or (njoints, 10), 0 or more: how fast each is learnt; 0 keeps it
     bounds         (least, most), each (njoints, 10): the estimates stay between
-    deadzone       |s| up to which nothing is learnt [rad/s]: what noise and friction leave would be learnt as mass
-    composite      c, 0 or more: learns from the error of predicted torques too, by y = Yᵀ s + c Wᵀ e. Estimates then go
-                   on while tracking is already good. A step has to keep h c Γ |W|² below 2. What acts has to be the
-                   torque of the law: no limits, no other law, and of friction what the law gives
-    bandwidth      of the filters that make W and e without accelerations [1/s]
-    friction       Friction, first estimates of coulomb and viscous, with smoothing: the law learns and gives them
-    friction_gain  number or (2, nv): how fast those are learnt
-    held           as of ``Control``; estimates move from step to step
+    deadzone       |s| up to which the law does not learn [rad/s]: it would take errors from noise and friction for mass
+    composite      c, 0 or more: learns also from the error of predicted torques, by y = Yᵀ s + c Wᵀ e, so estimates
+                   continue to improve when tracking is already good. h c Γ |W|² must stay below 2. The torque that acts
+                   must be that of the law: no limits, no other law, and only the friction that the law compensates
+    bandwidth      [1/s] of the filters that give W and e without accelerations
+    friction       Friction, first estimates of coulomb and viscous, with smoothing: the law learns and compensates them
+    friction_gain  number or (2, nv): how fast friction is learnt
+    held           as in ``Control``; estimates change from step to step
 
-    V = ½ sᵀM s + ½ π̃ᵀΓ⁻¹π̃ falls along motions: V̇ = -sᵀK s, by the Ṁ - 2C that is skew. The path is tracked whatever the
-    estimates; they converge to the true parameters only where the motion excites them: ``excitation``. They may
-    leave what is physical, with a negative mass: ``NaturalAdaptation`` never does.
+    V = ½ sᵀM s + ½ π̃ᵀΓ⁻¹π̃ falls along motions: V̇ = -sᵀK s, because Ṁ - 2C is skew. The path is tracked with any
+    estimates; they converge to the true parameters only if the motion excites them: ``excitation``. Estimates may
+    become unphysical, with a negative mass; those of ``NaturalAdaptation`` never do.
     Raises  SimulationError, ShapeError, ModelError
     Source  Slotine and Li, On the adaptive control of robot manipulators (1987); Composite adaptive control of robot
             manipulators (1989).
@@ -187,21 +187,20 @@ class SlotineLi(Adaptive):
 
 
 class NaturalAdaptation(Adaptive):
-    """Adaptive control as ``SlotineLi``, with estimates that stay physical whatever the step: P̂⁺ = G exp(-h/γ GᵀLG) Gᵀ.
+    """Adaptive control as ``SlotineLi``; estimates stay physical for any step: P̂⁺ = G exp(-h/γ GᵀLG) Gᵀ.
 
-    P̂ = G Gᵀ is the pseudo-inertia of a body, positive definite exactly if mass, centre of mass and inertia are those of
-    some body. The distance that γ weighs does not depend on units or frames, so one number serves all bodies.
+    P̂ = G Gᵀ is the pseudo-inertia of a body, positive definite exactly if a body with this mass, centre of mass and
+    inertia exists. The distance that γ weights does not depend on units or frames, so one number serves all bodies.
 
     model          Model of the joints; its own masses do not count
-    rates, gain    as of ``SlotineLi``
+    rates, gain    as in ``SlotineLi``
     path           Path, or positions to hold (nq,)
-    parameters     (njoints, 10)  first estimates, of what is learnt each of a body with volume: no point masses, rods
-                   or discs
-    gamma          number or (njoints,), above 0: small learns fast; inf keeps a body as it is, as it has to be of one
-                   without mass
-    deadzone, composite, bandwidth, friction, friction_gain, held  as of ``SlotineLi``
+    parameters     (njoints, 10)  first estimates; bodies to learn must have a volume: no point masses, rods or discs
+    gamma          number or (njoints,), above 0: a small one learns fast; inf keeps the estimate of a body, as is
+                   necessary for a body without mass
+    deadzone, composite, bandwidth, friction, friction_gain, held  as in ``SlotineLi``
 
-    A step whose h/γ GᵀLG is larger than 1 is taken as one of 1: with a γ so small P̂ would run to the edge at once.
+    If h/γ GᵀLG is larger than 1, it is reduced to 1: with such a small γ P̂ would become singular at once.
     Raises  InertiaError naming the joint whose body has no volume; SimulationError, ShapeError, ModelError
     Source  Lee, Kwon and Park, A natural adaptive control law for robot manipulators (2018).
 
@@ -260,7 +259,7 @@ def _state_of(run: Any, name: str) -> Array:
 
 
 def _table(model: Model, name: str, value: ArrayLike, spread: bool = False, finite: bool = True) -> Array:
-    """Numbers (njoints, 10), row 0 zero; ``spread``: one number will do. Raises ShapeError, NonFiniteError."""
+    """Numbers (njoints, 10), row 0 zero; with ``spread`` also from one number. Raises ShapeError, NonFiniteError."""
     x = as_array(name, value)
     shape = (model.njoints, 10)
     if x.shape != shape and not (spread and x.ndim == 0):
@@ -274,7 +273,7 @@ def _table(model: Model, name: str, value: ArrayLike, spread: bool = False, fini
 
 
 def _friction(model: Model, friction: Any, gain: ArrayLike) -> dict[str, Array]:
-    """The inputs of learnt friction. Raises ModelError, ShapeError, SimulationError."""
+    """The inputs for learning friction. Raises ModelError, ShapeError, SimulationError."""
     given = check_friction(model, friction)
     if given.smoothing is None:
         raise ModelError("friction has no smoothing, expected one: the law's sign is tanh(v/ε)")
@@ -318,7 +317,7 @@ def _factors(model: Model, parameters: Array, learnt: NDArray[np.bool_]) -> Arra
         if j == 0:
             continue
         w, U = np.linalg.eigh(P)
-        if not learnt[j] and w[0] >= -1e-12 * abs(w).max():  # of a rod or a body without mass, which stay as they are
+        if not learnt[j] and w[0] >= -1e-12 * abs(w).max():  # a rod or a massless body, which is not learnt
             G[j] = U * np.sqrt(w.clip(0.0))
             continue
         if not w[0] > 1e-12 * w[-1] or not w[-1] > 0.0:

@@ -1,4 +1,4 @@
-"""Gains of control laws: by pole placement, by Riccati's equation, and whether a closed step is stable."""
+"""Gains of control laws by pole placement and Riccati's equation, and a check of the stability of a closed step."""
 
 from __future__ import annotations
 
@@ -25,26 +25,26 @@ from ..waiting import watch
 from .laws import StateFeedback
 
 Array = NDArray[np.float64]
-MARGIN = 1e-12  # of the largest entry of A: a pole nearer to the border of stability is on it
+MARGIN = 1e-12  # relative to the largest entry of A: a pole nearer to the border of stability counts as on it
 DELTA = 1e-6  # of central differences of a step, whose errors are some 1e-10
 SOLVED = 1e-13  # [m/s | rad/s] tolerance of contacts whose steps are differenced
-BENDS = 1e-3  # of what a step moves, by how much its two sides may differ
+BENDS = 1e-3  # relative to the motion of a step: allowed difference of its one-sided derivatives
 
 
 class Gains(NamedTuple):
-    """Kp and Kd, to be unpacked into a law."""
+    """Kp and Kd, to unpack into a law."""
 
     Kp: Array
     Kd: Array
 
 
 def critical_gains(omega: ArrayLike, zeta: ArrayLike = 1.0) -> Gains:
-    """Kp = ω², Kd = 2 ζ ω of ``ComputedTorque``: errors have frequency ω and damping ratio ζ, critical at 1.
+    """Kp = ω², Kd = 2 ζ ω for ``ComputedTorque``: errors have frequency ω and damping ratio ζ, critical at 1.
 
     omega  number or (nv,), above 0 [rad/s]
     zeta   number or (nv,), above 0
 
-    For ``PD`` and laws like it multiply both by the diagonal of M at its largest. With a torque held over steps of
+    For ``PD`` and similar laws multiply both by the largest diagonal of M. With a torque held over steps of
     semi_implicit_euler such a mode is stable below ``largest_step``.
     Raises SpatialDynError, ShapeError; NonFiniteError for numbers beyond the range of float64
 
@@ -92,10 +92,10 @@ def _positive(name: str, value: ArrayLike) -> Array:
 
 @watch.call("gravity_stiffness_bound")
 def gravity_stiffness_bound(model: Model, samples: int = 1000, seed: int = 0) -> float:
-    """The largest slope of gravity, max ‖∂g/∂q‖₂ [N m/rad], of random configurations within the limits.
+    """The largest slope of gravity, max ‖∂g/∂q‖₂ [N m/rad], over random configurations within the limits.
 
     With PD and the constant g(q_d), q_d is the only equilibrium if the least eigenvalue of Kp is above the true
-    maximum. The sampled one is a little below it. With g(q) (``PDGravity``) any Kp above 0 is enough.
+    maximum; the sampled maximum is a little below it. With g(q) (``PDGravity``) any Kp above 0 is enough.
 
     Raises SpatialDynError
 
@@ -130,14 +130,14 @@ class LQR(NamedTuple):
 def lqr(A: ArrayLike, B: ArrayLike, Q: ArrayLike, R: ArrayLike, *, discrete: bool = False) -> LQR:
     """The gain K of u = -K x that minimizes ∫ xᵀQx + uᵀRu along ẋ = A x + B u, or the sum along x⁺ = A x + B u.
 
-    A (n, n), B (n, m)  as ``linearize`` returns them; for a robot with fewer motors than freedoms the columns of its
-                        motors, B[:, [0]]
+    A (n, n), B (n, m)  as ``linearize`` returns them; for a robot with fewer motors than freedoms B has the columns of
+                        its motors, B[:, [0]]
     Q (n, n), R (m, m)  symmetric, Q positive semidefinite, R positive definite
     discrete            whether A and B are those of a step
 
     SciPy solves Riccati's equation. Raises  SpatialDynError naming the eigenvalue of Q or R, for a system that no
-    feedback stabilizes, or for a Q that leaves a mode unweighted which does not decay by itself; ShapeError;
-    ImportError without SciPy
+    feedback stabilizes, or if a mode that does not decay by itself has no weight in Q; ShapeError; ImportError without
+    SciPy
 
     >>> import numpy as np, spatialdyn as sd
     >>> found = sd.lqr([[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], np.eye(2), [[1.0]])
@@ -187,12 +187,12 @@ def lqr(A: ArrayLike, B: ArrayLike, Q: ArrayLike, R: ArrayLike, *, discrete: boo
 
 
 class ClosedStep(NamedTuple):
-    """A step of a robot under a law, near a state; of laws held for a period all steps until they are taken anew.
+    """A step of a robot under a law, near a state; for laws held for a period all steps until the next evaluation.
 
     A       (2 nv + s, 2 nv + s)  δx⁺ = A δx, δx = (δq, δv, δz) with the s states of scene and law: bristles, integrals
-    radius  the largest |eigenvalue|: errors grow by it in these steps if it is above 1
-    joint   the name of the joint that takes most part in that mode
-    steps   how many steps A is of
+    radius  the largest |eigenvalue|: above 1, errors grow by this factor in these steps
+    joint   the name of the joint that takes most part in this mode
+    steps   number of steps that A spans
     """
 
     A: Array
@@ -225,16 +225,16 @@ def _solved(scene: Scene) -> Scene:
 def closed_step(
     scene: Scene | Model, law: Control, q: ArrayLike, v: ArrayLike, dt: float, method: str | None = None
 ) -> ClosedStep:
-    """How errors evolve in a step of a scene under a law, by central differences of the first step of a run.
+    """The map of errors over a step of a scene under a law, by central differences of the first step of a run.
 
-    scene, method  as of ``rollout``; method left out: ``scene.method``. Contacts and limits are solved to rounding
-    q (nq,), v (nv,)  the state; for a law that follows a path, that at its beginning
+    scene, method  as in ``rollout``; by default ``scene.method``. Contacts and limits are solved to rounding
+    q (nq,), v (nv,)  the state; for a law that follows a path, the state at its beginning
     dt  [s]
 
-    Of laws held for periods it is the product of all steps until they are taken anew together. A law's own states start
-    as in a run, and their errors evolve too, but for its clock. Under constraints errors are those that these allow.
-    Raises SimulationError for a state at which contacts, limits, motors or dry joints are about to change what they do,
-    as the step has two derivatives there, and as ``rollout``; ShapeError
+    For laws held for periods it is the product of all steps until they are evaluated together again. The states of a
+    law start as in a run; their errors evolve too, except that of its clock. Constraints restrict the errors.
+    Raises SimulationError for a state at which contacts, limits, motors or dry joints are about to change state, where
+    the step has two derivatives, and as ``rollout``; ShapeError
 
     >>> import spatialdyn as sd
     >>> model = sd.load_urdf("pendulum")
@@ -282,7 +282,7 @@ def closed_step(
         given = {name: np.concatenate([x, own[name].reshape(1, *x.shape[1:])]) for name, x in given.items()}
     run = rollout(
         scene, q0, v0, dt=h, steps=steps, method=method, control=law, states=given or None, record="last", check=False
-    )  # which would warn of it
+    )  # a check would warn of the law
     q1 = np.asarray(run.q)
     ends = [np.asarray(run.v), *(np.asarray(run.states[name]).reshape(len(q1), -1) for name in own)]
     if not all(np.isfinite(x).all() for x in (q1, *ends)):

@@ -1,4 +1,4 @@
-"""``Impedance``: a law by which a frame yields like a spring and a damper; the damping that a stiffness needs."""
+"""``Impedance``, a law that makes a frame yield like a spring and a damper, and the damping for a given stiffness."""
 
 from __future__ import annotations
 
@@ -14,24 +14,24 @@ from ..recursions.control.impedance import impedance_spec
 from .laws import Law, gain_of
 
 Array = NDArray[np.float64]
-SAME = 1e-9  # relative, of entries that have to be equal
+SAME = 1e-9  # relative difference of entries that must be equal
 
 
 class Impedance(Law):
     """Cartesian impedance: tau = g + Jᵀ (K e - D ẋ) - b v. The frame yields like a spring and a damper in the world.
 
-    model          Model whose frame it is
+    model          Model that has the frame
     frame          a link's or joint's name
     target         (4, 4), (T, 4, 4) or (B, T, 4, 4)  pose in the world, or one for each step
     K              number, (6,) or (6, 6), above 0, linear first, in the axes of the world [N/m | N m/rad]. Rotations
-                   are held by one number in all directions: only so is the torque that of a potential
+                   have one stiffness for all directions: otherwise the torque has no potential
     D              number, (6,) or (6, 6), 0 or above [N s/m | N m s/rad]: ``cartesian_damping``
-    velocity, acceleration  (6,) or (T, 6)  of the target: the frame is then accelerated with it, by Λ(q)
-    joint_damping  b, number or (nv,), 0 or above: for motions that the frame does not feel [N m s/rad | N s/m]
-    held           as of ``Control``
+    velocity, acceleration  (6,) or (T, 6)  of the target: the law then adds the force Λ(q) for its acceleration
+    joint_damping  b, number or (nv,), 0 or above: for motions that do not move the frame [N m s/rad | N s/m]
+    held           as in ``Control``
 
-    V = ½ (ẋ - ẋ_d)ᵀΛ(ẋ - ẋ_d) + ½ eᵀK e falls while nothing touches, with Λ(q) as it changes, and the robot is passive
-    for whatever does. Near a half turn from the target, and where J loses rank in motion, it is not to be used.
+    V = ½ (ẋ - ẋ_d)ᵀΛ(ẋ - ẋ_d) + ½ eᵀK e, with the changing Λ(q), falls without contact; the robot is passive towards
+    contacts. Do not use the law near a half turn from the target, or if J loses rank in motion.
     Raises  ModelError, SimulationError naming the eigenvalue, ShapeError, NonFiniteError
     Source  Hogan, Impedance control: an approach to manipulation (1985); Ott, Cartesian impedance control (2008).
 
@@ -79,7 +79,7 @@ class Impedance(Law):
         self.checks = (self._check,)
 
     def _check(self, model: Model) -> None:
-        """Raise ModelError for a robot without the frame, or with it elsewhere; masses and gravity do not matter."""
+        """Raise ModelError if the robot lacks the frame or has it elsewhere; masses and gravity do not matter."""
         if model is self.model:
             return
         name = f"{self.frame.kind}:{self.frame.name}"
@@ -92,13 +92,13 @@ class Impedance(Law):
 
 
 def cartesian_damping(Lambda: ArrayLike, K: ArrayLike, zeta: ArrayLike = 0.7) -> Array:
-    """D by which a mass Λ on springs K is damped by ζ in each of its modes, exactly: double diagonalization.
+    """The damping D that gives each mode of a mass Λ on springs K the ratio ζ exactly, by double diagonalization.
 
-    Lambda  (..., m, m)  operational-space inertia, as of ``operational_space``, positive definite
+    Lambda  (..., m, m)  operational-space inertia, as from ``operational_space``, positive definite
     K       (..., m, m) or (m,)  stiffness, positive definite
-    zeta    number or (m,), 0 or above: of the modes, the slowest first
+    zeta    number or (m,), 0 or above: damping ratios of the modes, the slowest first
 
-    With K Q = Λ Q Ω² and QᵀΛ Q = 1, D = Q⁻ᵀ 2 ζ Ω Q⁻¹. Where Λ(q) moves far, take it anew; 2 ζ √K alone leaves Λ out.
+    With K Q = Λ Q Ω² and QᵀΛ Q = 1, D = Q⁻ᵀ 2 ζ Ω Q⁻¹. If Λ(q) changes much, compute D again; 2 ζ √K would ignore Λ.
     Raises  ShapeError; SimulationError for a matrix that is not symmetric, or naming an eigenvalue that is not above 0
 
     >>> import numpy as np, spatialdyn as sd

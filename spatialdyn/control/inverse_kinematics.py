@@ -1,4 +1,4 @@
-"""``solve_ik``: joint positions that bring frames to poses or points, of many targets at once."""
+"""``solve_ik``: joint positions that bring frames to poses or points, for many targets at once."""
 
 from __future__ import annotations
 
@@ -33,25 +33,25 @@ from ..waiting import watch
 from .programs import repeated
 
 Array = NDArray[np.float64]
-WHY = np.array(["converged", "stuck", "exhausted"])  # a search stopped
+WHY = np.array(["converged", "stuck", "exhausted"])  # why a search stopped
 CONVERGED, STUCK, EXHAUSTED = range(3)
-BEYOND = 1e300  # rad, m: of a joint without limits
-STEPS, PROGRESS = 6, 0.9  # steps within which the residual has to fall to this part of what it was
+BEYOND = 1e300  # rad, m: limit of a joint without limits
+STEPS, PROGRESS = 6, 0.9  # within these steps the residual must fall to this share
 FILL = 128  # attempts side by side: fewer take hardly less time
-SAME = 1e-4  # rad, m: solutions that differ by less are one
+SAME = 1e-4  # rad, m: solutions that differ by less count as one
 
 
 class IKResult(NamedTuple):
     """The answer for each target (...):
 
     q           (..., nq)  the best configuration found
-    residual    (..., 2)   largest distance [m] and angle [rad] from a target that are left
+    residual    (..., 2)   largest remaining distance [m] and angle [rad] from a target
     converged   (...)      whether both are within the tolerance
-    iterations  (...)      steps, of all starts together
-    starts      (...)      starts that were tried
-    why         (...)      "converged"; otherwise of the best start "stuck" if its steps made no progress, "exhausted"
-                if they ran out
-    solutions   a list of the distinct (k, nq) of each target, flat, if all were asked for, else None
+    iterations  (...)      number of steps, of all starts together
+    starts      (...)      number of starts that were tried
+    why         (...)      "converged"; otherwise, for the best start, "stuck" if its steps made no progress,
+                "exhausted" if it took all allowed steps
+    solutions   with ``all_solutions`` a list of the distinct solutions (k, nq) of each target, flat; else None
     """
 
     q: Array
@@ -76,15 +76,15 @@ def solve_ik(
     seed: int = 0,
     all_solutions: bool = False,
 ) -> IKResult:
-    """Joint positions at which frames are where they should be: inverse kinematics of any batch of targets.
+    """Joint positions that bring frames to their targets: inverse kinematics for any batch of targets.
 
     targets        {frame: pose (..., 4, 4) or position (..., 3)} in the world [m]
     q0             (..., nq)  where the search starts [rad | m]; left out, the middle of the limits, or neutral
     limits         whether positions stay within the limits of the model
     tolerance      largest distance [m] and angle [rad] from a target
     restarts       starts after the first, from random configurations within the limits, the same for all targets
-    iterations     steps of a start at most
-    seed           of the random starts
+    iterations     largest number of steps of a start
+    seed           seed of the random starts
     all_solutions  whether every start is tried, and all distinct configurations that they find are returned
 
     Damped Gauss-Newton steps on the joints' group, the targets side by side on SIMD lanes; a start whose residual no
@@ -171,7 +171,7 @@ def _first(model: Model, limits: bool) -> Array:
 
 @lru_cache(maxsize=64)
 def _spec(sizes: tuple[int, ...]) -> Spec:
-    """A step of frames with so many equations each: the next q, and what is left at this one."""
+    """A step for frames with these numbers of equations: the next q, and the residual at this q."""
     placement, jacobian = SPECS["frame_placement"], SPECS["frame_jacobian"]
     ends = [sum(sizes[:k]) for k in range(len(sizes) + 1)]
     m = ends[-1]
@@ -213,14 +213,14 @@ def _spec(sizes: tuple[int, ...]) -> Spec:
 
 
 class _Attempts(NamedTuple):
-    """Ways to targets: n of them.
+    """n attempts, each from one start to one target.
 
-    target, start  (n,) which target, from which of its starts
-    state          (n, nq + 2) where they are, and what was left before
-    step, steps    (n,) steps taken, and those that it took to where they are best
+    target, start  (n,) index of the target, and of the start
+    state          (n, nq + 2) the present q, and the residual before it
+    step, steps    (n,) steps taken, and steps to the best q
     least          (n,) the least residual of earlier rounds
-    q, left        (n, nq), (n, 2) where they were best, and what was left there
-    why            (n,) why they are over, of WHY
+    q, left        (n, nq), (n, 2) the best q, and its residual
+    why            (n,) index into WHY: why the attempt ended
     """
 
     target: NDArray[np.intp]
@@ -242,25 +242,25 @@ class _Attempts(NamedTuple):
 
     @classmethod
     def all(cls, parts: list[_Attempts]) -> _Attempts:
-        """Some attempts and others."""
+        """All attempts of several lists."""
         return cls(*(np.concatenate(x) for x in zip(*parts, strict=True)))
 
     def some(self, chosen: NDArray[Any]) -> _Attempts:
-        """Those chosen, by a mask or by indices."""
+        """The attempts chosen by a mask or by indices."""
         at: NDArray[Any] = np.flatnonzero(chosen) if chosen.dtype == np.bool_ else chosen
         return _Attempts(*(x[at] for x in self))
 
     def beside(self, other: _Attempts) -> _Attempts:
-        """These and others."""
+        """These attempts and others."""
         return _Attempts.all([self, other]) if len(other.target) else self
 
     def moved(self, after: Array, tolerance: float, most: int) -> tuple[_Attempts, NDArray[np.bool_]]:
-        """The attempts after steps (n, STEPS, nq + 2), and which of them are over."""
+        """The attempts after steps (n, STEPS, nq + 2), and which of them have ended."""
         n, nq = len(self.q), self.q.shape[1]
         row = np.arange(n)
         square = np.maximum(after[:, :, nq], after[:, :, nq + 1])  # written out: faster than a max over two
         square[np.isnan(square)] = np.inf
-        more = most - self.step  # steps that may yet be taken, where a round takes STEPS
+        more = most - self.step  # steps still allowed; a round takes STEPS
         if len(more) and more.min() < STEPS:
             square[np.arange(STEPS) > more[:, None]] = np.inf
         good = square <= tolerance * tolerance
@@ -279,7 +279,7 @@ class _Attempts(NamedTuple):
 
 
 class _Search(NamedTuple):
-    """What a search for many targets needs: targets are (B, 16 K)."""
+    """The search for many targets; targets are (B, 16 K)."""
 
     model: Model
     spec: Spec
@@ -290,10 +290,10 @@ class _Search(NamedTuple):
     most: int
 
     def run(self, first: Array, others: Array, every: bool) -> tuple[list[Any], list[Array] | None]:
-        """(q, residual, iterations, starts, why) of each target, by its first start that converges, and all solutions.
+        """(q, residual, iterations, starts, why) of each target, from its first start that converges; all solutions.
 
-        Attempts, each of a target from one of its starts, step side by side. Where few are left others are begun before
-        it is known whether they are needed, and do not count if they are not: no result depends on the other targets.
+        Attempts step side by side. When few are left, further ones begin before it is known whether they are needed,
+        and do not count if they are not: no result depends on the other targets.
         """
         model, B, nq = self.model, len(self.targets), self.model.nq
         ends = (model.lower, model.upper) if self.limits else (np.full(nq, -np.inf), np.full(nq, np.inf))
@@ -319,7 +319,7 @@ class _Search(NamedTuple):
         return self._chosen(_Attempts.all(over), won, B, every)
 
     def _chosen(self, x: _Attempts, won: NDArray[np.intp], B: int, every: bool) -> tuple[list[Any], list[Array] | None]:
-        """The results of attempts that are over."""
+        """The results of attempts that have ended."""
         x = x.some(every | (x.start <= won[x.target]))
         good = x.why == CONVERGED
         order = np.lexsort((x.start, np.where(good, 0.0, x.left.max(1)), x.target))
@@ -344,7 +344,7 @@ class _Search(NamedTuple):
 
     @property
     def _turns(self) -> Array:
-        """1 for freedoms that turn without end, whose whole turns are no other solution; 0 for others."""
+        """1 for freedoms that turn without limits, for which whole turns give the same solution; 0 for others."""
         made = np.zeros(self.model.nv)
         for joint in self.model.joints[1:]:
             if joint.nv == 1 and joint.kind in ("continuous", "revolute"):

@@ -1,7 +1,7 @@
-"""Control laws by name: each a ``Control`` whose Spec is a recursion, and whose numbers are values.
+"""Control laws by name: each is a ``Control`` whose Spec is a recursion, with its numbers as values.
 
-A law follows a ``Path``, by a clock of its own that every stage of a method reads, or references given as arrays: a
-configuration, or one for each step. Laws add, are clipped (``limited_by``), and are called: ``law(model, t, q, v)``.
+A law follows a ``Path``, by its own clock, which every stage of a method reads, or references given as arrays: one
+configuration, or one for each step. Laws can be added, clipped (``limited_by``) and called: ``law(model, t, q, v)``.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ from ..recursions.spec import TAU, Argument, Q, Spec, V, made_once
 from .paths import Path
 
 Array = NDArray[np.float64]
-ROUNDING = 1e-9  # of a matrix's largest entry: how far from symmetric it may be
+ROUNDING = 1e-9  # relative to a matrix's largest entry: how far from symmetric it may be
 
 
 class Law(Control):
     """A ``Control`` of this module: its gains, its reference and how it is held.
 
-    line  Spec of its torque by gains and references q_ref, v_ref and a_ref, whatever gives these
+    line  Spec of its torque as a function of gains and references q_ref, v_ref and a_ref
     """
 
     line: Spec
@@ -37,7 +37,7 @@ class Law(Control):
     smooth = True
 
     def __init__(self, core: Spec, gains: dict[str, Array], reference: Any, held: bool | float) -> None:
-        """Of the Spec of a law, its gains by name, and a Path, or arrays q_ref, v_ref and a_ref by name."""
+        """A law from its Spec, its gains by name, and a Path, or arrays q_ref, v_ref and a_ref by name."""
         if isinstance(reference, Path):
             self.path, self.line = reference, core
             own = {name: kept(x) for name, x in gains.items()}
@@ -53,7 +53,7 @@ class Law(Control):
 
 @made_once(64)
 def following(core: Spec, path: Spec) -> Spec:
-    """The Spec of a law that follows a path, by a clock."""
+    """The Spec of a law that follows a path by a clock."""
     own = tuple(x for x in core.present if x.name not in (Q.name, V.name, "q_ref", "v_ref", "a_ref"))
     inputs: tuple[Argument, ...] = (Q, V, *own, *path.present)
     wanted = {x.name for x in core.present}
@@ -78,10 +78,10 @@ def following(core: Spec, path: Spec) -> Spec:
 
 
 def gain_of(name: str, value: ArrayLike, size: int | None, least: float | None = 0.0) -> Array:
-    """Gains as (nv,), of a diagonal, (nv, nv), or with axes of steps and samples (B, T, nv).
+    """Gains as (nv,), a diagonal, (nv, nv), or with axes of samples and steps (B, T, nv).
 
-    size   nv; None if only a robot will tell, and a number stays one until then
-    least  eigenvalues have to be above it; None for 0 or above
+    size   nv; None if it is unknown before a robot is given: a number then stays a number
+    least  eigenvalues must be above it; for None they must be 0 or above
 
     Raises SimulationError naming the eigenvalue, ShapeError, NonFiniteError.
     """
@@ -111,7 +111,7 @@ def _is_matrix(K: Array) -> bool:
 
 
 def _reference(path: Any, name: str = "path") -> tuple[Any, int | None]:
-    """A Path, or arrays by name; and nv, None if it does not follow from them."""
+    """A Path, or arrays by name; and nv, None if they do not determine it."""
     if isinstance(path, Path):
         return path, path._table.nv
     q = as_array(name, path)
@@ -127,19 +127,19 @@ def _reference(path: Any, name: str = "path") -> tuple[Any, int | None]:
 def _two_gains(
     law: str, first: tuple[str, ArrayLike], second: tuple[str, ArrayLike], size: int | None
 ) -> tuple[Spec, Array, Array]:
-    """The Spec of a law of two gains, and those."""
+    """The Spec of a law with two gains, and the gains."""
     one, two = gain_of(*first, size), gain_of(*second, size)
     return law_spec(law, _is_matrix(one), _is_matrix(two)), one, two
 
 
 class PD(Law):
-    """A law of the joints: tau = kp (q_ref ⊖ q) + kd (v_ref - v).
+    """PD control of the joints: tau = kp (q_ref ⊖ q) + kd (v_ref - v).
 
     kp, kd  numbers, (nv,), (nv, nv), or (B, 1, nv) per sample  gains [N m/rad | N/m], [N m s/rad | N s/m], 0 or more
     q_ref   (nq,), (T, nq) or (B, T, nq)  positions to reach [rad | m], or a Path
     v_ref   (nv,), (T, nv) or (B, T, nv)  velocities to reach [rad/s | m/s]; zero, or the path's, if left out
-    held    True: evaluated at the beginning of a step and held over it, as by a digital controller. False: wherever the
-            method evaluates forces. Or a period [s]
+    held    True: evaluated at the beginning of a step and held over it, as by a digital controller. False: evaluated
+            whenever the method evaluates forces. Or a period [s]
 
     Raises  SimulationError for gains that are not symmetric or have an eigenvalue below 0, naming it; ShapeError
 
@@ -170,7 +170,7 @@ class PD(Law):
 class Gravity(Law):
     """Gravity compensation: tau = g(q).
 
-    held  as of ``Control``
+    held  as in ``Control``
 
     >>> import spatialdyn as sd
     >>> model = sd.load_urdf("pendulum")
@@ -184,12 +184,12 @@ class Gravity(Law):
 
 
 class PDGravity(Law):
-    """PD with gravity at the robot's own q: tau = g(q) + Kp (q_d ⊖ q) - Kd v. The robot comes to rest exactly at q_d
-    for any Kp above 0. (PD with the constant g(q_d) needs a Kp above ``gravity_stiffness_bound``.)
+    """PD with gravity at the present q: tau = g(q) + Kp (q_d ⊖ q) - Kd v. The robot comes to rest exactly at q_d for
+    any Kp above 0. (PD with the constant g(q_d) needs a Kp above ``gravity_stiffness_bound``.)
 
     Kp, Kd  numbers, (nv,) or (nv, nv), above 0 [N m/rad | N/m], [N m s/rad | N s/m]
-    q_d     (nq,), (T, nq) or (B, T, nq)  or a Path, of which the positions are taken
-    held    as of ``Control``
+    q_d     (nq,), (T, nq) or (B, T, nq); or a Path, whose positions are used
+    held    as in ``Control``
 
     V = ½ vᵀM v + ½ eᵀKp e falls along motions: V̇ = -vᵀKd v. Raises as ``PD``, for eigenvalues that are not above 0.
 
@@ -209,13 +209,13 @@ class PDGravity(Law):
 
 
 class EnergyShaping(Law):
-    """Energy shaping: tau = g(q) - ∂V_d/∂q - Kd v, under which H_d = ½ pᵀM⁻¹p + V_d is the energy, with Ḣ_d = -vᵀKd v.
+    """Energy shaping: tau = g(q) - ∂V_d/∂q - Kd v, which makes H_d = ½ pᵀM⁻¹p + V_d the energy, with Ḣ_d = -vᵀKd v.
 
-    Kp, Kd     (nv,) or numbers; of "quadratic" (nv, nv) too, above 0
-    q_d        (nq,)  where V_d has its minimum
-    potential  "quadratic": V_d = ½ eᵀKp e, the law of ``PDGravity``. "cosine": V_d = Σ Kp (1 - cos e), whose torque is
-               at most Kp and which is the same a full turn away: for joints whose position is one number
-    held       as of ``Control``
+    Kp, Kd     (nv,) or numbers, above 0; with "quadratic" also (nv, nv)
+    q_d        (nq,)  the minimum of V_d
+    potential  "quadratic": V_d = ½ eᵀKp e, the law of ``PDGravity``. "cosine": V_d = Σ Kp (1 - cos e), with a torque of
+               at most Kp and a period of a full turn: for joints whose position is one number
+    held       as in ``Control``
 
     ``energy(model, q, v)`` is H_d, a Lyapunov function. Raises as ``PDGravity``
 
@@ -238,7 +238,7 @@ class EnergyShaping(Law):
         super().__init__(core, {"kp": one, "kd": two}, reference, held)
 
     def energy(self, model: Model, q: ArrayLike, v: ArrayLike) -> Array:
-        """H_d (...) = ½ vᵀM v + V_d(q) [J]. Raises ShapeError for a robot of other joints."""
+        """H_d (...) = ½ vᵀM v + V_d(q) [J]. Raises ShapeError for a robot with other joints."""
         given = self.rows(model, 1, 1)
         Kp, q_d = (given[in_step(name)][0, 0] for name in ("kp", "q_ref"))
         Kp = Kp.reshape(self.values["kp"].shape) if _is_matrix(self.values["kp"]) else Kp
@@ -253,13 +253,13 @@ class EnergyShaping(Law):
 
 
 class PDPlus(Law):
-    """PD+: tau = M a_d + C(q, v) v_d + g + Kp e + Kd ė along a path: passive, and exact where there is no error.
+    """PD+: tau = M a_d + C(q, v) v_d + g + Kp e + Kd ė along a path: passive, and exact if there is no error.
 
     Kp, Kd  numbers, (nv,) or (nv, nv), above 0 [N m/rad | N/m], [N m s/rad | N s/m]
     path    Path, or positions to hold (nq,)
-    held    as of ``Control``
+    held    as in ``Control``
 
-    V = ½ ėᵀM ė + ½ eᵀKp e falls along motions: V̇ = -ėᵀKd ė, by Ṁ - 2C skew. Raises as ``PDGravity``
+    V = ½ ėᵀM ė + ½ eᵀKp e falls along motions: V̇ = -ėᵀKd ė, because Ṁ - 2C is skew. Raises as ``PDGravity``
     Source  Paden and Panja, Globally asymptotically stable PD+ controller for robot manipulators (1988).
 
     >>> import spatialdyn as sd
@@ -276,11 +276,11 @@ class PDPlus(Law):
 
 
 class ComputedTorque(Law):
-    """Computed torque: tau = M (a_d + Kp e + Kd ė) + C v + g, which leaves ë + Kd ė + Kp e = 0 of a right model.
+    """Computed torque: tau = M (a_d + Kp e + Kd ė) + C v + g. With an exact model errors follow ë + Kd ė + Kp e = 0.
 
     Kp, Kd  numbers, (nv,) or (nv, nv), above 0 [1/s²], [1/s]: ``critical_gains``
     path    Path, or positions to hold (nq,)
-    held    as of ``Control``
+    held    as in ``Control``
 
     Raises  as ``PDGravity``
     Source  Spong, Hutchinson and Vidyasagar, Robot Modeling and Control (2006), section 8.3.
@@ -307,9 +307,9 @@ class Passivity(Law):
     rates  Λ, a number, (nv,) or (nv, nv), above 0 [1/s]
     gain   K, a number, (nv,) or (nv, nv), above 0 [N m s/rad | N s/m]
     path   Path, or positions to hold (nq,)
-    held   as of ``Control``
+    held   as in ``Control``
 
-    V = ½ sᵀM s falls along motions: V̇ = -sᵀK s, by Ṁ - 2C skew. Raises as ``PDGravity``
+    V = ½ sᵀM s falls along motions: V̇ = -sᵀK s, because Ṁ - 2C is skew. Raises as ``PDGravity``
     Source  Slotine and Li, On the adaptive control of robot manipulators (1987).
 
     >>> import spatialdyn as sd
@@ -326,13 +326,13 @@ class Passivity(Law):
 
 
 class StateFeedback(Law):
-    """State feedback: tau = tau₀ - K (q ⊖ q_ref, v - v_ref), as ``lqr`` finds K.
+    """State feedback: tau = tau₀ - K (q ⊖ q_ref, v - v_ref), for example with K from ``lqr``.
 
     K       (nv, 2 nv), or (m, 2 nv) with joints
-    q, v    (nq,), (T, nq) or (B, T, nq), and of v the same  the state to hold; v is zero if left out
+    q, v    (nq,), (T, nq) or (B, T, nq), and v likewise with nv  the state to hold; v is zero if left out
     tau     (nv,), (T, nv) or (B, T, nv)  torque at that state; zero if left out
     joints  the m freedoms that K drives, by index in v
-    held    as of ``Control``; True for a K of a step
+    held    as in ``Control``; True for a K of a discrete system
 
     Raises  ShapeError, NonFiniteError
 

@@ -1,4 +1,4 @@
-"""Monitors: whether a motion kept what theory says of its energy or of a Lyapunov function, and by how much not."""
+"""Monitors: whether, and by how much, a motion violates the passivity inequality or the fall of a Lyapunov function."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ class PassivityRecord:
     t          (N,)  time [s]
     stored     (N,)  change of the storage function, by default of T + V [J]
     supplied   (N,)  work of torques and external forces [J]
-    excess     (N,)  stored - supplied [J]: never above 0 for a passive robot, but for the method's error
+    excess     (N,)  stored - supplied [J]: for a passive robot never above 0, up to the method's error
     worst, at  the largest excess [J], and its time [s]
-    error      the largest error of the method's steps in the energy [J], to compare an excess with
+    error      the largest energy error of the method's steps [J], to compare with the excess
     dt         [s]
     """
 
@@ -54,9 +54,9 @@ class PassivityRecord:
         return -self.excess
 
     def order(self, other: PassivityRecord) -> float:
-        """The order in dt of the largest excess, from the same motion with another dt; NaN if one has none.
+        """The order in dt of the largest excess, from the same motion with another dt; NaN if one has no excess.
 
-        Raises SimulationError for something else than a record.
+        Raises SimulationError for anything but a record.
         """
         if not isinstance(other, PassivityRecord):
             raise SimulationError(f"other is {literal(other)}, expected a PassivityRecord of it with another dt")
@@ -76,9 +76,9 @@ class PassivityRecord:
 def passivity(run: Trajectory, storage: Any = None) -> PassivityRecord:
     """Whether a robot stored no more energy than was supplied: V(t) - V(0) <= ∫ vᵀτ dt + work of external forces.
 
-    run      result of ``simulate(..., record="work")``, in which the method integrates the work as a state, so that
-             only the method's own error remains; the trapezoidal rule on samples would find violations of order 2 in
-             motions of rk4
+    run      result of ``simulate(..., record="work")``: the method integrates the work as a state, so that only the
+             method's own error remains; the trapezoidal rule on samples would find violations of order 2 in motions by
+             rk4
     storage  (N,) another storage function on the samples, or a function of (t, q, v) of all samples [J]
 
     Raises  SimulationError for a motion without recorded work; ShapeError, NonFiniteError
@@ -108,7 +108,7 @@ class LyapunovRecord:
 
     t, value  (N,)  time [s] and its value
     rise      the largest rise from one sample to the next, 0 if it never rises
-    first     the time of the first rise above ``rounding`` [s], None if there is none
+    first     the time of the first rise above ``rounding`` [s]; None without one
     rounding  rises below it do not count
     """
 
@@ -124,7 +124,7 @@ class LyapunovRecord:
 
     @property
     def falls(self) -> bool:
-        """Whether it never rises, beyond rounding."""
+        """Whether it never rises by more than ``rounding``."""
         return self.first is None
 
     @watch.call("LyapunovRecord.plot")
@@ -141,7 +141,7 @@ def lyapunov(run: Trajectory, V: Any, rounding: float | None = None) -> Lyapunov
 
     run       a Trajectory
     V         a function of (t (N,), q (N, nq), v (N, nv)) of all samples, or its values (N,)
-    rounding  rises below it count as none; left out, 1e-12 of its largest value
+    rounding  rises below it do not count; by default 1e-12 of the largest value
 
     Raises  ShapeError, NonFiniteError, SimulationError
 

@@ -1,6 +1,6 @@
 """Motions between configurations: splines, quintics, trapezoids and Fourier series, each a ``Path``.
 
-Displacements are each joint's twist from the first configuration. Without a model coordinates are numbers.
+A displacement is the twist of each joint from the first configuration. Without a model coordinates are numbers.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from ..recursions.control.paths import fourier_spec, polynomial_spec, timed_spec
 from .paths import TIMES, Path, positive
 
 Array = NDArray[np.float64]
-SHORTEST = 1e-50  # s, of a quintic, and its inverse the longest: fifth powers that are no float are beyond
+SHORTEST = 1e-50  # s, duration of a quintic; 1 / SHORTEST is the longest: beyond, fifth powers leave the float range
 TURN = 3.0  # rad from the centre of a path: beyond π its displacement is not unique
 
 
@@ -30,13 +30,13 @@ def spline(
 
     times   (N,)  increasing, from 0 or later [s]
     points  (N, nq)  configurations [rad | m]; (B, N, nq) for B paths
-    model   of whose coordinates they are; left out, they are numbers
-    ends    "rest", where v is 0 at both ends, or "natural", where a is
-    limits  whether a path beyond the position or velocity limits of the model is an error: here, or without one in the
-            call or run of a law that follows it
+    model   Model whose coordinates the points have; left out, coordinates are numbers
+    ends    "rest": v is 0 at both ends; "natural": a is 0 there
+    limits  whether a path beyond the position or velocity limits of the model is an error: here or, without a model, in
+            the call or run of a law that follows the path
 
-    Displacements are those from the first point, where rotations may turn by 3 rad. At its ends a path that rests jumps
-    in acceleration, a natural one in velocity: runs past them are of order 1 in dt there, as of ``trapezoid``.
+    Displacements are from the first point, and may rotate by at most 3 rad. At the ends of a path the acceleration
+    ("rest") or the velocity ("natural") jumps: runs past these times are of order 1 in dt there, as with ``trapezoid``.
     Raises  ShapeError, SpatialDynError
     Source  de Boor, A Practical Guide to Splines (2001), ch. IV.
 
@@ -64,7 +64,7 @@ def spline(
 
 
 def _second_derivatives(widths: Array, slope: Array, rest: bool) -> Array:
-    """Of a cubic spline at its knots: a tridiagonal system, solved by elimination (Thomas)."""
+    """Second derivatives of a cubic spline at its knots: a tridiagonal system, solved by elimination (Thomas)."""
     n = len(widths) + 1
     lower, middle, upper, right = np.zeros(n), np.ones(n), np.zeros(n), np.zeros((n, *slope.shape[1:]))
     lower[1:-1], middle[1:-1], upper[1:-1] = widths[:-1], 2.0 * (widths[:-1] + widths[1:]), widths[1:]
@@ -107,14 +107,14 @@ def quintic(q0: ArrayLike, q1: ArrayLike, T: float, model: Model | None = None, 
 def trapezoid(
     q0: ArrayLike, q1: ArrayLike, v_max: ArrayLike, a_max: ArrayLike, model: Model | None = None, limits: bool = True
 ) -> Path:
-    """The fastest path from rest at q0 to rest at q1 within limits of velocity and acceleration, in step.
+    """The fastest synchronized path from rest at q0 to rest at q1 within limits of velocity and acceleration.
 
-    q0, q1        (nq,)  configurations [rad | m]; one or both (B, nq) for B paths, each as fast as it may be
+    q0, q1        (nq,)  configurations [rad | m]; one or both (B, nq) for B paths, each as fast as possible
     v_max, a_max  numbers or (nv,)  largest velocities and accelerations, above 0
     model, limits as in ``spline``
 
-    Accelerations jump at the corners. A law that feeds them forward is of order 4 by rk4 in between, but a step that
-    has or meets a jump leaves an error of order 1 in dt, which the gains let decay; ``quintic`` has no jumps.
+    Accelerations jump at the corners. A law that feeds them forward has order 4 with rk4 in between, but a step with a
+    jump inside or at its end leaves an error of order 1 in dt, which decays by the gains; ``quintic`` has no jumps.
 
     >>> import spatialdyn as sd
     >>> path = sd.trapezoid([0.0, 0.0], [1.0, 0.2], 0.5, 1.0)
@@ -138,12 +138,12 @@ def trapezoid(
     if not np.isfinite(most[1]).all():
         raise SpatialDynError(f"a_max is {literal(a_max)}, expected finite numbers")
     fast, a = most
-    rise = np.minimum(fast / a, np.sqrt(1.0 / a))  # s goes from 0 to 1 at a rate of a rise at most
+    rise = np.minimum(fast / a, np.sqrt(1.0 / a))  # s goes from 0 to 1 with a rate of at most a * rise
     level, none = np.maximum(0.0, 1.0 / (a * rise) - rise), 0.0 * rise
     bends = np.stack([none, rise, rise + level, 2.0 * rise + level], -1)
     s = [none, none, 0.5 * a], [0.5 * a * rise**2, a * rise, none], [1.0 - 0.5 * a * rise**2, a * rise, -0.5 * a]
     scale = np.stack([np.stack(x, -1) for x in s], -2)
-    if not level.any():  # never as fast as it may be
+    if not level.any():  # no path reaches the largest velocity
         bends, scale = bends[..., [0, 1, 3]], scale[..., [0, 2], :]
     return _timed(model, start, way, bends, scale, limits)
 
@@ -155,7 +155,7 @@ def fourier(
     """A periodic path whose displacement from the centre has the rate Σ_k cosines_k cos(kωt) + sines_k sin(kωt).
 
     cosines, sines  (H, nv)  of the harmonics k = 1 .. H [rad/s | m/s]; (B, H, nv) for B paths
-    frequency       of the first [1/s], ω = 2π frequency
+    frequency       of the first harmonic [1/s], ω = 2π frequency
     centre          (nq,)  mean configuration [rad | m], or (B, nq)
     model, limits   as in ``spline``
 
@@ -217,7 +217,7 @@ def _way(model: Model | None, q0: ArrayLike, q1: ArrayLike) -> tuple[Array, Arra
 
 
 def _displacements(model: Model | None, name: str, q: Array) -> Array:
-    """From the first of some configurations (..., N, nq) to each (..., N, nv). Raises for one that turns too far."""
+    """Displacements (..., N, nv) from the first configuration to each (..., N, nq). Raises if one turns too far."""
     _start(model, name, as_finite(name, q)[..., 0, :])
     first = q[..., :1, :]
     if model is None:

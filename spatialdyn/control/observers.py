@@ -23,16 +23,16 @@ Array = NDArray[np.float64]
 
 
 class MomentumObserver:
-    """The torque on each joint that motors, gravity and inertia do not explain: contacts, sensed by encoders alone.
+    """The torque on each joint that motors, gravity and inertia do not explain: contacts, without force sensors.
 
-    model  without joints that mimic others
+    model  Model without mimic joints
     gain   K, above 0, a number or (nv,) [1/s]: the residual follows the torque like 1 - exp(-K t)
     dt     time between updates [s]
 
-    ``update(q, v, tau)`` returns the residual (..., nv) [N m | N], with axes of samples if its arguments have some, in
-    all updates the same. It follows the external torque as a first-order filter, ṙ = K (τ_ext - r), to order 2 in dt,
-    in every joint, floating bases included. Everything that is neither in tau nor in the model appears in the residual:
-    subtract friction and motors' losses from tau.
+    ``update(q, v, tau)`` returns the residual (..., nv) [N m | N], with the axes of samples of its arguments, which
+    must be the same in all updates. The residual follows the external torque as a first-order filter,
+    ṙ = K (τ_ext - r), to order 2 in dt, in every joint, also of floating bases. All torques that are neither in tau nor
+    in the model appear in the residual: subtract friction and motors' losses from tau.
     ``momentum_observer_step`` is one step as a function; ``kernel`` is for loops in ``@njit``, and
     ``sd.specialize(model, sd.momentum_observer_step).c_code()`` is C code.
 
@@ -68,14 +68,14 @@ class MomentumObserver:
         return f"<MomentumObserver of {self.model.name}: gain {self.gain.tolist()} 1/s, dt {self.dt:g} s>"
 
     def reset(self) -> None:
-        """Forget all updates: the next one is the first again."""
+        """Forget all updates: the next update counts as the first."""
         self.memory = None
 
     def update(self, q: ArrayLike, v: ArrayLike, tau: ArrayLike) -> Array:
         """The residual (..., nv) at a state q (..., nq), v (..., nv) whose motors give tau (..., nv).
 
-        The first update takes the robot as free of contact, with a residual of 0. Raises ShapeError, also for other
-        axes of samples than before, and NonFiniteError, which leave the observer as it was.
+        The first update assumes no contact: its residual is 0. Raises ShapeError, also for other axes of samples than
+        before, and NonFiniteError; an error leaves the observer unchanged.
         """
         n = self.model.nv
         given = as_finite("q", q), as_finite("v", v), as_finite("tau", tau)
@@ -96,9 +96,9 @@ class MomentumObserver:
 
     @staticmethod
     def kernel() -> Callable[..., Any]:
-        """``f(model.bodies, q, v, tau, gain, dt, memory, after)`` for loops in ``@njit``, as those of ``sd.kernels``:
-        arrays but for dt; it writes the memory z, β, r (3 nv,) after a step. At the beginning z is ``momentum``, β
-        ``momentum_rate`` and r is 0.
+        """``f(model.bodies, q, v, tau, gain, dt, memory, after)`` for loops in ``@njit``, like those of ``sd.kernels``.
+        All arguments but dt are arrays; it writes the memory z, β, r (3 nv,) after a step to ``after``. At the
+        beginning z is ``momentum``, β is ``momentum_rate`` and r is 0.
         """
         return _kernel()
 
@@ -111,7 +111,7 @@ def momentum_observer_step(
     q, v, tau  (..., nq), (..., nv), (..., nv)  at the end of the step
     gain       (..., nv) [1/s]
     dt         the step [s]
-    memory     (..., 3 nv)  before it
+    memory     (..., 3 nv)  before the step
 
     Raises  ShapeError; ModelError for joints that mimic others
 
@@ -141,7 +141,7 @@ def _plain(model: Model, what: str) -> Model:
 def detection_thresholds(residuals: ArrayLike, sigmas: float = 6.0) -> Array:
     """Thresholds (nv,) of a residual: |mean| + sigmas times the standard deviation in motions without contact.
 
-    residuals  (..., N, nv)  of motions without contact, with the friction and model errors that the robot will have
+    residuals  (..., N, nv)  from motions without contact, with the friction and model errors to expect
 
     Raises ShapeError, SpatialDynError
 
@@ -164,10 +164,10 @@ def detection_thresholds(residuals: ArrayLike, sigmas: float = 6.0) -> Array:
 class ContactWrench(NamedTuple):
     """A wrench on a frame.
 
-    wrench   (..., 6)  force and torque at the frame's origin, in its axes [N | N m]: of those that give the residual,
-             the least in the norm that ``length`` weights
+    wrench   (..., 6)  force and torque at the frame's origin, in its axes [N | N m]: among all that give the residual,
+             the least one in the norm that ``length`` weights
     rank     (...)     how many of its six directions the joint torques determine
-    missing  (..., 6, 6)  rows: the directions that they do not determine; the other rows are 0
+    missing  (..., 6, 6)  rows: directions that the joint torques do not determine; the other rows are 0
     error    (..., nv) torques that no wrench on this frame explains [N m | N]
     """
 
@@ -183,11 +183,11 @@ def contact_wrench(
     """The wrench F on a frame that explains a residual r of ``MomentumObserver``: Jᵀ F = r.
 
     q         (..., nq), residual (..., nv)
-    least     whether to return the least such wrench where the joint torques do not determine all of it
-    length    [m]  that weights moments against forces in "least"
+    least     whether to return the least such wrench if the joint torques do not determine all of it
+    length    [m]  weights moments against forces for ``least``
 
-    Raises  ConstraintError where the joints determine fewer than six directions and ``least`` is not given, with
-            their names; ModelError, ShapeError
+    Raises  ConstraintError, naming the joints, if they determine fewer than six directions and ``least`` is False;
+            ModelError, ShapeError
 
     >>> import numpy as np, spatialdyn as sd
     >>> model, q = sd.load_urdf("ur5"), [0.1, -1.0, 1.2, 0.3, 0.5, 0.2]
@@ -208,7 +208,7 @@ def contact_wrench(
     with np.errstate(over="ignore"):
         scaled = J / scale[:, None]
     within_range("a Jacobian divided by length", scaled[np.isfinite(J).all((-2, -1))])
-    unknown = ~np.isfinite(scaled).all((-2, -1))  # of samples with NaN, for which no decomposition is found
+    unknown = ~np.isfinite(scaled).all((-2, -1))  # samples with NaN have no decomposition
     U, s, Vt = np.linalg.svd(np.where(unknown[..., None, None], 0.0, scaled), full_matrices=True)  # of scaled wrenches
     k = min(6, model.nv)
     told = s > max(6, model.nv) * EPS**0.5 * s[..., :1]
@@ -235,8 +235,8 @@ def base_velocity(model: Model, q: ArrayLike, v_joints: ArrayLike, momentum: Arr
 
     q         (..., nq) [rad | m]
     v_joints  (..., nv - 6)  velocities of the joints [rad/s | m/s]
-    momentum  (..., 6)  linear, and angular about the centre of mass, in the world, as ``centroidal_momentum`` has it:
-              what is constant where no forces act [kg m/s | kg m²/s]
+    momentum  (..., 6)  linear, and angular about the centre of mass, in the world, as from ``centroidal_momentum``;
+              constant if no forces act [kg m/s | kg m²/s]
 
     Returns v_b (..., 6), linear first, in the base's own frame.
     Raises  ModelError for a robot without a floating base, or with joints that mimic others; ShapeError

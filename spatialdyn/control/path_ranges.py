@@ -1,4 +1,4 @@
-"""How far and how fast a path goes: extremes of its polynomials, and the limits of joints that it may not pass."""
+"""The range of a path: extremes of its polynomials, and the check against limits of joints."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ..errors import SpatialDynError
 from ..model.model import Model
 
 Array = NDArray[np.float64]
-ROUNDING = 1e-9  # of a limit that a path may touch
+ROUNDING = 1e-9  # relative tolerance at limits, which a path may touch
 
 
 def extremes(c: Array, h: Array) -> Array:
@@ -29,7 +29,7 @@ def extremes(c: Array, h: Array) -> Array:
 
 
 def _cubic(c: Array, h: Array, order: int) -> tuple[Array, Array]:
-    """Of each segment, of powers up to 3: at its ends, and where the derivative, a parabola, is 0 in between."""
+    """Extremes of each segment, for powers up to 3: at its ends and where the derivative, a parabola, is 0."""
     powers = [c[..., m] if m < c.shape[-1] else np.zeros(c.shape[:-1]) for m in range(4)]
     for _ in range(order):
         powers = [(m + 1) * x for m, x in enumerate(powers[1:])] + [np.zeros(c.shape[:-1])]
@@ -44,7 +44,7 @@ def _cubic(c: Array, h: Array, order: int) -> tuple[Array, Array]:
 
 
 def _general(c: Array, h: Array, order: int) -> tuple[Array, Array]:
-    """Of each segment, by the roots of a polynomial."""
+    """Extremes of each segment, from the roots of a polynomial."""
     least, most = np.empty(c.shape[:-1]), np.empty(c.shape[:-1])
     lengths = np.broadcast_to(h, c.shape[:-1])
     for at in np.ndindex(c.shape[:-1]):
@@ -58,7 +58,7 @@ def _general(c: Array, h: Array, order: int) -> tuple[Array, Array]:
 
 
 def check_limits(model: Model, peaks: Any) -> None:
-    """Raise SpatialDynError, naming the joint, where peaks (..., n) are beyond position or velocity limits."""
+    """Raise SpatialDynError, naming the joint, if peaks (..., n) are beyond position or velocity limits."""
     lowest, highest, fastest = (x.reshape(-1, x.shape[-1]) for x in (peaks.lowest, peaks.highest, peaks.v))
     which = [""] if len(lowest) == 1 else [f" {b}" for b in range(len(lowest))]
     for joint in model.joints[1:]:

@@ -1,7 +1,7 @@
 """``Path``: a motion to follow, as a function of time; splines, quintics, trapezoids and Fourier series make one.
 
-A path is q(t) = q_c ∘ exp(u(t)): from its centre q_c by a displacement u, each joint's twist, so that quaternions and
-floating bases move as numbers do (``recursions.control.paths``). Without a model coordinates are numbers.
+A path is q(t) = q_c ∘ exp(u(t)): u is the displacement from its centre q_c, a twist for each joint, so quaternions and
+floating bases need no special case (``recursions.control.paths``). Without a model coordinates are numbers.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 TIMES = 1e-50, 1e50  # s: beyond, powers of a duration leave the range of float64
-SAMPLES = 1000  # of a segment or period, where extremes have no closed form
+SAMPLES = 1000  # of a segment or period, if extremes have no closed form
 
 
 class PathPoint(NamedTuple):
@@ -55,14 +55,14 @@ class Path:
 
     model     Model whose coordinates the path has; None if each coordinate is a plain number
     spec      Spec of a clock and values (``recursions.control.paths``), which control laws record into their program
-    values    {name: array} of its inputs beside the clock; of B paths centre has an axis (B,) before its own, the
-              others may
-    duration  [s]; a Fourier series repeats with this period, other paths rest before 0 and after their end. Of B paths
+    values    {name: array} of its inputs beside the clock; for B paths centre has an axis (B,) before its own, and
+              others may have it
+    duration  [s]; a Fourier series repeats with this period, other paths rest before 0 and after their end. For B paths
               the longest
-    limits    whether a path beyond the position or velocity limits of a robot that it meets is an error
+    limits    whether a path beyond the position or velocity limits of a robot that follows it is an error
 
-    ``path[b]`` is one of B paths, ``path.batch`` their shape (B,), () of one alone. It serves every robot with the
-    joints of ``model``, whatever its masses, loads and gravity.
+    ``path[b]`` is one of B paths; ``path.batch`` is (B,), or () for one path. A path serves every robot with the joints
+    of ``model``, with any masses, loads and gravity.
 
     ``spline``, ``quintic``, ``trapezoid`` and ``fourier`` make paths.
 
@@ -75,7 +75,7 @@ class Path:
     def __init__(
         self, model: Model | None, spec: Spec, values: dict[str, Array], duration: float, limits: bool = True
     ) -> None:
-        """See the class; the functions that make paths check what they are given."""
+        """See the class; the functions that make paths check their arguments."""
         if not isinstance(spec, Spec) or not isinstance(values, Mapping):
             name, wrong = ("values", values) if isinstance(spec, Spec) else ("spec", spec)
             raise SpatialDynError(f"{name} is {literal(wrong)}, expected a Spec and a mapping of its values")
@@ -106,7 +106,7 @@ class Path:
 
     @property
     def batch(self) -> tuple[int, ...]:
-        """(B,) of B paths, () of one."""
+        """(B,) for B paths, () for one."""
         return self.values["centre"].shape[:-1]
 
     def __getitem__(self, b: int | slice) -> Path:
@@ -120,15 +120,15 @@ class Path:
 
     @property
     def rows(self) -> dict[str, Array]:
-        """The values as those of a Control: of B paths with axes of samples and steps."""
+        """The values as a Control takes them: for B paths with axes of samples and steps."""
         sizes = {x.name: len(x.shape) for x in self.spec.present}
         return {name: x[:, None] if x.ndim > sizes[name] else x for name, x in self.values.items()}
 
     def __call__(self, t: ArrayLike) -> PathPoint:
-        """q, v and a at times t (...) [s]; of B paths at times (..., B) or (..., 1), each of its own."""
+        """q, v and a at times t (...) [s]; for B paths at times (..., B), one for each path, or (..., 1)."""
         when = as_array("t", t)
         given, spec = dict(self.values), self.spec
-        if "times" in given and given["times"].shape[-1] > 2:  # of each time its own segment, as one of its own
+        if "times" in given and given["times"].shape[-1] > 2:  # select one segment per time
             when = np.broadcast_to(when, broadcast(["t", "path"], [when.shape, self.batch]))
             ends = given["times"]
             at = (when[..., None] > ends[..., 1:-1]).sum(-1)
@@ -153,8 +153,8 @@ class Path:
         return _line(self.values["centre"].shape[-1]) if self.model is None else self.model
 
     def peaks(self) -> PathPeaks:
-        """Largest velocities and accelerations, least and largest positions: of polynomials in plain numbers from the
-        roots of their derivatives, else from 1000 samples in each segment or period.
+        """Largest velocities and accelerations, least and largest positions: for polynomials in plain numbers from the
+        roots of their derivatives, otherwise from 1000 samples in each segment or period.
         """
         plain = all(x.kind in R1 for x in self._table.bodies[1:])
         if "times" not in self.values or not plain:
@@ -175,14 +175,14 @@ class Path:
         return PathPeaks(widest[1], widest[2], centre + found[0, 0], centre + found[0, 1])
 
     def check_limits(self, model: Model | None = None) -> None:
-        """Raise SpatialDynError, naming the joint, where the path leaves position limits or is faster than a joint."""
+        """Raise SpatialDynError, naming the joint, if the path exceeds its position or velocity limits."""
         model = check_model(model if model is not None else self.model)
         self._check_coordinates(model)
         check_limits(model, self.peaks())
 
     def check_model(self, model: Model) -> None:
-        """Raise SpatialDynError unless the path is of this model's joints and, but with ``limits=False``, within their
-        limits.
+        """Raise SpatialDynError unless the path has this model's joints and, without ``limits=False``, stays within
+        their limits.
         """
         _meet(self, check_model(model))
 
@@ -208,7 +208,7 @@ class Path:
     def plot(self, path: str | None = None) -> Figure:
         """Draw q, v and a over time with Matplotlib; path: a file to write too. Returns the Figure.
 
-        Raises ShapeError for several paths, of which ``path[b]`` is one.
+        Raises ShapeError for B paths: use ``path[b].plot()``.
         """
         from ..pictures.control_plots import plot_path
 
@@ -217,7 +217,7 @@ class Path:
 
 @lru_cache(maxsize=32)
 def _meet(path: Path, model: Model) -> None:
-    """Raise SpatialDynError unless the path is one of this model; kept of those that are."""
+    """Raise SpatialDynError unless the path fits this model; success is cached."""
     path._check_coordinates(model)
     if path.limits:
         check_limits(model, path.peaks())
@@ -225,7 +225,7 @@ def _meet(path: Path, model: Model) -> None:
 
 @lru_cache(maxsize=32)
 def _joints(model: Model) -> tuple[tuple[Any, ...], ...]:
-    """What the configuration space is made of: names and kinds of the joints and their places in q and v."""
+    """The parts of the configuration space: names and kinds of the joints and their places in q and v."""
     return tuple((x.name, x.kind, x.idx_q, x.nq, x.idx_v, x.nv) for x in model.joints[1:])
 
 
@@ -238,13 +238,13 @@ def _first_difference(own: tuple[tuple[Any, ...], ...], other: tuple[tuple[Any, 
 
 @lru_cache(maxsize=32)
 def _is_plain(model: Model) -> bool:
-    """Whether all coordinates of its own are numbers."""
+    """Whether all independent coordinates are numbers."""
     return all(row["kind"] in R1 for row in model.bodies[1:] if not row["leader"])
 
 
 @lru_cache(maxsize=32)
 def _line(n: int) -> Model:
-    """A robot of n coordinates that are numbers."""
+    """A robot with n coordinates that are numbers."""
     builder = ModelBuilder("numbers")
     for k in range(n):
         builder.add_body(f"b{k}", None, "prismatic", (1, 0, 0), None, (1.0, (0, 0, 0), np.zeros((3, 3))))

@@ -1,4 +1,4 @@
-"""Specs of this room as programs over batches: recorded for a model, their kernels kept by content."""
+"""Specs of this package as programs over batches: recorded for a model, with kernels cached by content."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 
 def _values(static: tuple[bytes | int, ...]) -> tuple[Any, ...]:
-    """Values of static inputs, of what ``hashable`` makes of them: placements and numbers."""
+    """Values of static inputs, placements and numbers, from their form by ``hashable``."""
     return tuple(np.frombuffer(x).reshape(4, 4) if isinstance(x, bytes) else x for x in static)
 
 
@@ -33,7 +33,7 @@ def _recorded(spec: Spec, model: Model, static: tuple[bytes | int, ...]) -> reco
 
 @lru_cache(maxsize=64)
 def _kernel(spec: Spec, model: Model, static: tuple[bytes | int, ...], common: tuple[int, ...]) -> Any:
-    """The kernel, whose inputs ``common`` have one row; None if there is none."""
+    """The kernel; its inputs ``common`` have one row. None if not applicable."""
     if numba_kernels.PLAIN or not recording.fits((spec,), model.bodies, static=_values(static)):
         return None
     program, layout = _recorded(spec, model, static)
@@ -47,8 +47,8 @@ def repeated(
 ) -> Array:  # fmt: skip
     """The states (samples, steps, columns) of a Spec that takes its own output as first input, step after step.
 
-    inputs  (samples, columns) of the next, the same in all steps
-    common  (1, columns) of the last, finite numbers for all samples
+    inputs  (samples, columns) of the following inputs, the same in all steps
+    common  (1, columns) of the last inputs, finite numbers for all samples
     """
     made: Array = np.empty((len(state), steps, state.shape[1]))
     of_all = tuple(1 + len(inputs) + k for k in range(len(common)))

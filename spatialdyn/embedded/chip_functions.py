@@ -1,7 +1,7 @@
-"""sin, cos, exp and atan2 in C, and what else the functions of a file call: the lanes' polynomials, line by line.
+"""sin, cos, exp and atan2 in C, and other functions that a file calls: the polynomials of the lanes, line by line.
 
-The constants are those of ``engines.polynomials`` and ``engines.programs.llvm.llvm_vectors``, of which the lanes'
-code is made: results are the same bits, with fused multiply-add and without.
+The constants are those of ``engines.polynomials`` and ``engines.programs.llvm.llvm_vectors``, as in the code of the
+lanes: results are the same bits, with and without fused multiply-add.
 """
 
 from __future__ import annotations
@@ -203,7 +203,7 @@ def functions_text(needs: set[str], kind: str) -> str:
 
 
 def _words(kind: str) -> dict[str, str]:
-    """What stands in the texts."""
+    """The words to insert in the texts."""
     wide = kind == "double"
     bits, mantissa = (64, 52) if wide else (32, 23)
 
@@ -243,5 +243,5 @@ def _words(kind: str) -> dict[str, str]:
 
 
 def _positive(text: str) -> str:
-    """A number to which a sign is put."""
+    """A number that a minus sign can precede."""
     return f"({text})" if text.startswith("-") else text

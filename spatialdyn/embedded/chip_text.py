@@ -1,8 +1,8 @@
-"""A Program as a C99 function for a chip: no allocation, no library, sines and arctangents of our own.
+"""A Program as a C99 function for a chip: no allocation, no library, with its own sines and arctangents.
 
-It differs from ``c_code`` in this: numbers are double or float; products that the program fuses are fused where the
-processor can, so that results are those of the lanes to the bit; sin, cos, exp and atan2 are the lanes' polynomials;
-loops and branches are those of the program; and the function returns whether its answer is one.
+Differences from ``c_code``: numbers are double or float; products that the program fuses are fused if the processor
+can, so that results are those of the lanes to the bit; sin, cos, exp and atan2 are the lanes' polynomials; loops and
+branches are those of the program; and the function returns whether its results are valid.
 """
 
 from __future__ import annotations
@@ -44,9 +44,9 @@ ON_CHIP: dict[int, str] = {  # + - * / are as in ``c_code``
     SQRT: "SD_SQRT({a})", SIN: "sd_sin({a}, &bad)", COS: "sd_cos({a}, &bad)", EXP: "sd_exp({a})",
     ATAN2: "sd_atan2({a}, {b})", SELECT: "{a} > 0 ? {b} : {c}", ABS: "SD_ABS({a})", UFP: "sd_first_place({a})",
 }  # fmt: skip
-NEEDS = {SIN: "sin", COS: "cos", EXP: "exp", ATAN2: "atan2", UFP: "first_place"}  # functions that a file then has
-LOCAL = re.compile(r"x\d+|bad|k|sd_\w+|SD_\w+")  # names of the text itself, which no array can have
-TYPES = {8: "double", 4: "float"}  # by size
+NEEDS = {SIN: "sin", COS: "cos", EXP: "exp", ATAN2: "atan2", UFP: "first_place"}  # functions that a file then contains
+LOCAL = re.compile(r"x\d+|bad|k|sd_\w+|SD_\w+")  # names that the text uses itself, not allowed for arrays
+TYPES = {8: "double", 4: "float"}  # by size in bytes
 
 
 def type_of(dtype: np.dtype) -> str:
@@ -55,7 +55,7 @@ def type_of(dtype: np.dtype) -> str:
 
 
 def number(value: float, kind: str) -> str:
-    """A number of the type ``kind`` in C: the shortest text that is read back to the bit."""
+    """A number of the type ``kind`` in C: the shortest text that reads back to the same bits."""
     x: np.floating = np.float64(value)
     if kind == "float":
         with np.errstate(over="ignore"):
@@ -80,7 +80,7 @@ class ChipText(SourceText):
 
     @cached_property
     def needs(self) -> set[str]:
-        """The functions that it calls; "turn" is sine and cosine by one."""
+        """The functions that it calls; "turn" computes sine and cosine together."""
         joined = {k + i for k in range(len(self._program.lines)) if self._are_one(k) for i in (0, 1)}
         single = {NEEDS[op.code] for k, op in enumerate(self._program.lines) if op.code in NEEDS and k not in joined}
         return single | {"turn"} if joined else single
@@ -96,7 +96,7 @@ class ChipText(SourceText):
         return after is not None and {here.code, after.code} == {SIN, COS} and here.a == after.a
 
     def statements(self) -> list[str]:
-        """Of the lines that compute, indented in the loops and branches that they are in."""
+        """The statements of the lines that compute, indented in their loops and branches."""
         made: list[str] = []
         depth, paired, lines, kind = 0, -1, self._program.lines, self._kind
         for k, op in enumerate(lines):
@@ -128,7 +128,7 @@ class ChipText(SourceText):
 
     @cached_property
     def _of_branches(self) -> set[int]:
-        """What is above 0 while a region runs, of those whose body runs once: 0 after a pass."""
+        """The conditions, above 0 while a region runs, of regions whose body runs once: 0 after a pass."""
         lines, found = self._program.lines, set()
         for op in lines:
             if op.code == NEXT and lines[op.b].code == SELECT:
@@ -138,7 +138,7 @@ class ChipText(SourceText):
         return found
 
     def results_kept(self, entries: Sequence[str]) -> list[str]:
-        """``out[0] = -x12;`` of each output; inputs that are outputs are read before the first is written."""
+        """``out[0] = -x12;`` for each output; inputs that are outputs are read before the first output is written."""
         ends, made, kept = self._program.outputs, [], {}
         for line, _ in ends:
             if self._program.lines[line].code == INPUT and line not in kept:
@@ -152,14 +152,14 @@ class ChipText(SourceText):
 
 
 def entries_of(arrays: Shapes) -> list[str]:
-    """The texts of all entries of inputs in C order; a number is no array."""
+    """The texts of all entries of inputs in C order; a single number has no index."""
     return [
         f"{name}[{k}]" if shape else name for name, shape in arrays.items() for k in range(math.prod(shape))
     ]  # fmt: skip
 
 
 def parameters_of(inputs: Shapes, outputs: Shapes, kind: str) -> str:
-    """The parameters of a function: numbers by value, arrays by their sizes."""
+    """The parameters of a function: numbers by value, arrays with their sizes."""
     given = [
         f"const {kind} {name}[{math.prod(shape)}]" if shape else f"{kind} {name}" for name, shape in inputs.items()
     ]  # fmt: skip

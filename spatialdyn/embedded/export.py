@@ -19,7 +19,7 @@ from .chip_text import type_of
 from .functions import check_name, functions_of
 from .texts import MARK, files_of
 
-VERSION = "1.0.0"  # of the Arduino library that an export is
+VERSION = "1.0.0"  # version of an export as an Arduino library
 
 
 def export(
@@ -32,30 +32,30 @@ def export(
     """C for a controller's chip: calls, control laws and steps as one C99 file that allocates nothing.
 
     scene      Model, or for steps a Scene
-    functions  {name of a function: what it computes}: a public call such as ``sd.rnea``, or several; what
-               ``sd.specialize`` makes, with its fixed inputs, payloads and frames; ``sd.step``, or
+    functions  {name of a function: what it computes}: a public call such as ``sd.rnea``, or several; a result of
+               ``sd.specialize``, with its fixed inputs, payloads and frames; ``sd.step``, or
                ``functools.partial(sd.step, method="rk4")``; a control law such as ``sd.ComputedTorque(...)``, whose
                gains and path become constants and whose clock is an input, or a law's Spec, or one of "pd",
                "pd_gravity", "pd_plus", "computed_torque", "passivity_based" and "cosine_shaping", whose gains and
                references are inputs
-    folder     made if it is not there. An earlier export in it is replaced, other files are not
-    name       of the files and before the functions' names: robot_torque for "torque" of "robot"
+    folder     created if needed. An earlier export in it is replaced, other files are not
+    name       name of the files and prefix of the functions' names: robot_torque for "torque" of "robot"
     dtype      float64 for double, or float32 for float
 
-    In the folder: ``src/NAME.c``, ``.h`` (with units) and ``.hpp``; ``rust/NAME.rs``; ``src/NAME_check.c``, which
-    computes answers again that were recorded here, and ``check/main.c``, which prints how many are found; a
-    CMakeLists.txt, which is also that of an ESP-IDF component, and a library.properties with a sketch: the folder is an
-    Arduino library. Names are those given, and of arrays: none of the robot's.
+    The folder has ``src/NAME.c``, ``.h`` (with units) and ``.hpp``; ``rust/NAME.rs``; ``src/NAME_check.c``, which
+    compares its results with answers recorded on this machine, and ``check/main.c``, which prints how many agree; a
+    CMakeLists.txt, which also serves as that of an ESP-IDF component, and a library.properties with a sketch, which
+    make the folder an Arduino library. Names in it are the given names and those of arrays, none of the robot's.
 
-    Every function ``int NAME_torque(const double q[6], ..., double tau[6])`` returns 0, or 1 where its results are no
-    answer: an angle above 1e5 rad, a result that is not finite; quaternions are taken as given. Of the C library only
-    sqrt is called, and only without ``-fno-math-errno``. Where the processor has fused multiply-add, or with
-    ``-mfma``, results are those of this library to the bit, else to rounding. In float there is no detour over float64
-    as ``specialize`` makes it: numbers have to stay within its range. Loops and branches of steps in contact are loops
-    and branches in C.
+    Every function ``int NAME_torque(const double q[6], ..., double tau[6])`` returns 0, or 1 if its results are
+    invalid: for an angle above 1e5 rad, or a result that is not finite; quaternions are used as given. Of the C
+    library only sqrt is called, and only without ``-fno-math-errno``. If the processor has fused multiply-add, or with
+    ``-mfma``, results are those of this library to the bit, otherwise to rounding. In float, numbers must stay within
+    its range: unlike ``specialize``, no float64 is used instead. Loops and branches of steps in contact are loops and
+    branches in C.
 
     Returns the paths of the files, ``src/NAME.h`` first.
-    Raises  SpatialDynError for a name that C, C++ or Rust do not take, for what has no program, naming the function,
+    Raises  SpatialDynError for a name that C, C++ or Rust do not allow, for a function without a program, naming it,
             and for a folder with other files of those names; the errors of ``specialize``
 
     >>> import tempfile
@@ -87,7 +87,7 @@ def export(
 
 
 def _check_place(place: Path) -> None:
-    """Raise SpatialDynError if a file is there that no export has made."""
+    """Raise SpatialDynError if a file exists there that no export has made."""
     try:
         made = not place.exists() or MARK in place.read_text(encoding="utf-8", errors="replace")
     except OSError as error:

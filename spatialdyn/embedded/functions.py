@@ -1,6 +1,6 @@
-"""What an export holds: each function by its name, with named arrays, a program, and answers recorded on this machine.
+"""The functions of an export by name, each with named arrays, a program, and answers recorded on this machine.
 
-A function is a public call or several, what ``specialize`` makes of them, a step of a scene, or a control law.
+A function is a public call or several, a result of ``specialize``, a step of a scene, or a control law.
 """
 
 from __future__ import annotations
@@ -39,9 +39,9 @@ from .chip_text import LOCAL
 
 Array = NDArray[Any]
 LAWS = ("pd", "pd_gravity", "pd_plus", "computed_torque", "passivity_based", "cosine_shaping")
-CASES = 3  # recorded answers of a function
-DRAWS = 64  # samples of which those are chosen
-OTHER_WORDS = frozenset(  # of C++ and Rust, and of Arduino's sketches, that are none of C
+CASES = 3  # recorded answers per function
+DRAWS = 64  # samples from which the recorded ones are chosen
+OTHER_WORDS = frozenset(  # reserved words of C++, Rust and Arduino's sketches that C does not have
     """
     and and_eq asm bitand bitor catch char8_t char16_t char32_t class co_await co_return co_yield compl concept
     consteval constinit const_cast decltype delete dynamic_cast explicit export friend import module mutable namespace
@@ -59,10 +59,10 @@ class Function(NamedTuple):
     """A function of an export.
 
     inputs   name -> shape of one sample
-    outputs  the same of the results
-    units    of those that have one
+    outputs  name -> shape of the results
+    units    units of arrays that have one
     given    (CASES, entries of the inputs)  recorded states
-    answers  (CASES, entries of the outputs)  of the compiled program here
+    answers  (CASES, entries of the outputs)  results of the compiled program on this machine
     """
 
     name: str
@@ -75,7 +75,7 @@ class Function(NamedTuple):
 
 
 def check_name(what: str, name: Any) -> str:
-    """A name in C, C++ and Rust. Raises SpatialDynError."""
+    """A name that is valid in C, C++ and Rust. Raises SpatialDynError."""
     if not isinstance(name, str) or not NAME.fullmatch(name):
         raise SpatialDynError(f"{what} is {literal(name)}, expected letters, digits and _")
     if has_meaning(name, "c") or name in OTHER_WORDS or LOCAL.fullmatch(name):
@@ -84,7 +84,7 @@ def check_name(what: str, name: Any) -> str:
 
 
 def _check_array(name: str) -> None:
-    """The name of an array, which may be that of a function of the C library. Raises SpatialDynError."""
+    """Check the name of an array, which may equal that of a C library function. Raises SpatialDynError."""
     words = OTHER_WORDS.union(C_WORDS.split(), MACROS)
     if not NAME.fullmatch(name) or name in words or LOCAL.fullmatch(name):
         raise SpatialDynError(f"an array is named {literal(name)}, expected a name that C, C++ and Rust take")
@@ -131,9 +131,9 @@ def _program_of(scene: Model | Scene, what: Any, dtype: Any) -> tuple[Specialize
 def _of_law(
     model: Model, spec: Spec, values: Mapping[str, Any], static: Sequence[Any], dtype: Any
 ) -> tuple[Specialized, Shapes]:
-    """The program of a law: its values are constants, what has none is an input, as the law's states are.
+    """The program of a law: its values are constants; inputs without a value, and the law's states, are inputs.
 
-    It is called at the beginning of a step; the torque and the time step are inputs if the law reads them.
+    It is called at the beginning of a step; the argument torque and the time step are inputs if the law reads them.
     """
     spec = _at_the_beginning(spec)
     arguments = tuple(x for x in spec.present if not x.static)
@@ -185,7 +185,7 @@ def _reads(k: Specialized, name: str) -> bool:
 
 
 def _at_the_beginning(spec: Spec) -> Spec:
-    """A law whose inputs "q_begun" and such, of the beginning of the step, are those that it is called with."""
+    """A law that reads its present inputs instead of "q_begun" and the like, those at the beginning of the step."""
     early = begun_of(spec)
     if not early or tuple(spec.inputs) != spec.present:
         return spec
@@ -220,7 +220,7 @@ def _function(name: str, k: Specialized, parts: Shapes | None) -> Function:
 
 
 def _places(parts: Shapes) -> dict[str, slice]:
-    """Where each part of an output is."""
+    """The place of each part in an output."""
     found, first = {}, 0
     for name, shape in parts.items():
         found[name] = slice(first, first + math.prod(shape))
@@ -229,7 +229,7 @@ def _places(parts: Shapes) -> dict[str, slice]:
 
 
 def _without(program: Program, outputs: dict[str, tuple[int, ...]], name: str) -> Program:
-    """A program without one of its parts, which is taken from ``outputs``."""
+    """A program without one of its parts, which is also removed from ``outputs``."""
     at = _places(outputs)[name]
     del outputs[name]
     return program.only(k for k in range(len(program.outputs)) if not at.start <= k < at.stop)

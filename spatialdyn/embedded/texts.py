@@ -1,7 +1,7 @@
-"""The files of an export: C and its header, C++ and Rust beside it, the check, and what builds them.
+"""The files of an export: C and its header, C++ and Rust wrappers, the check, and build files.
 
-They hold the names that the caller gives, names of arrays, numbers and this library's own words: no text of a robot's
-file.
+They contain the names that the caller gives, names of arrays, numbers and this library's own words, but no text from a
+robot's file.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ from .chip_functions import functions_text
 from .chip_text import ChipText, entries_of, function_text, number, parameters_of
 from .functions import Function
 
-MARK = "made by spatialdyn export"  # of a file that may be replaced
-ROUGH = {"double": 2.0**-30, "float": 2.0**-10}  # of the largest entry: a processor that rounds products apart
+MARK = "made by spatialdyn export"  # marks a file that may be replaced
+ROUGH = {"double": 2.0**-30, "float": 2.0**-10}  # tolerance, of the largest entry, without fused multiply-add
 RUST = {"double": "f64", "float": "f32"}
 
 
 def files_of(name: str, functions: Sequence[Function], kind: str, version: str) -> dict[str, str]:
-    """Each file of an export of this name: its path in the folder, and its text."""
+    """{path in the folder: text} of the files of an export of this name."""
     return {
         f"src/{name}.h": header(name, functions, kind),
         f"src/{name}.c": source(name, functions, kind),
@@ -67,7 +67,7 @@ def _about(x: Function) -> list[str]:
 
 
 def _ascii(text: str) -> str:
-    """A unit without what would end a comment."""
+    """A unit without characters that would end a comment."""
     plain = text.replace("²", "^2").replace("³", "^3").replace("·", " ")
     return "".join(c for c in plain if c.isascii() and (c.isalnum() or c in " |/^.-()"))
 
@@ -77,7 +77,7 @@ def _declared(name: str, x: Function, kind: str) -> str:
 
 
 def source(name: str, functions: Sequence[Function], kind: str) -> str:
-    """The functions, and what they call."""
+    """The functions, and the functions that they call."""
     needs = set().union(*(ChipText(x.program, entries_of(x.inputs), kind).needs for x in functions))
     whole = [
         f'/* {MARK} */\n#include "{name}.h"\n', functions_text(needs, kind),
@@ -88,7 +88,7 @@ def source(name: str, functions: Sequence[Function], kind: str) -> str:
 
 
 def check(name: str, functions: Sequence[Function], kind: str) -> str:
-    """The recorded states, and what compares answers."""
+    """The recorded states, and the code that compares answers."""
     bits = 64 if kind == "double" else 32
     lines = [
         f"/* {MARK}: states and answers that were recorded where it was made */", "#include <stdint.h>",
@@ -220,7 +220,7 @@ includes={name}.h
 
 
 def cpp(name: str, functions: Sequence[Function], kind: str) -> str:
-    """The same functions on std::array, in a namespace; true is an answer."""
+    """The same functions on std::array, in a namespace; they return true for a valid result."""
     lines = [
         f"// {MARK}", "#pragma once", "#include <array>", f'#include "{name}.h"', "", f"namespace {name} {{", "",
     ]  # fmt: skip
@@ -241,7 +241,7 @@ def cpp(name: str, functions: Sequence[Function], kind: str) -> str:
 
 
 def rust(name: str, functions: Sequence[Function], kind: str) -> str:
-    """The declarations for Rust; 0 is an answer."""
+    """The declarations for Rust; functions return 0 for a valid result."""
     real = RUST[kind]
     lines = [f"// {MARK}", "#[allow(non_snake_case)]", 'unsafe extern "C" {']
     for x in functions:

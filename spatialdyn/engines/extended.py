@@ -1,4 +1,4 @@
-"""A call in double-double over a batch: as a program on SIMD lanes where that is faster, else by NumPy."""
+"""A call in double-double over a batch: as a program on SIMD lanes if that is faster, else by NumPy."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def rewrite(spec: Spec, table: Table, inputs: Arrays, out: NDArray[np.float64], 
 
 
 def runs_on_lanes(spec: Spec, table: Table) -> bool:
-    """Whether a call has a double-double program on SIMD lanes; compiles it to know."""
+    """Whether a call has a double-double program on SIMD lanes; compiles the program."""
     return _lane_kernel(spec, table) is not None
 
 

@@ -1,4 +1,4 @@
-"""The samples of a batch whose results no engine vouches for, for the calls to name the fault."""
+"""The failed samples of a batch, for which the calls then name the fault."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Long work that handles no signal, such as LLVM's, on a thread of its own, so that the main thread handles Ctrl-C.
+"""Run long work that handles no signal, such as LLVM's, on another thread, so that the main thread handles Ctrl-C.
 
 Python handles signals in its main thread, between two of its own operations. LLVM compiles the ABA of a humanoid for
 a second in one call.
@@ -51,7 +51,7 @@ class _Worker(threading.Thread):
 
 
 def leave(status: int) -> None:
-    """End the process now, without waiting for other threads; what was written to files must be flushed."""
+    """End the process now, without waiting for other threads; the caller must have flushed its files."""
     os._exit(status)
 
 

@@ -1,4 +1,4 @@
-"""The locks of the library, and what a fork does with them: the one place that makes and owns them.
+"""The locks of the library and their treatment in a fork: the only module that makes and owns them.
 
 A child of ``os.fork`` has one thread, and a copy of each lock as it was: one that another thread held is locked for
 ever. So before a fork all of them are taken, Numba's and llvmlite's too, and after it both processes release them; a
@@ -45,7 +45,7 @@ def foreign() -> list[Any]:
 
 
 def come_first() -> None:
-    """Have a fork take the locks of the library before those of modules that were imported since it was last asked.
+    """Make a fork take the library's locks before those of modules imported since the last call.
 
     Hooks run in the reverse order of their registration. With ``logging``'s lock taken first, a fork would wait for a
     thread that compiles, and that thread, which may import what makes a logger, for the fork.
@@ -85,7 +85,7 @@ def _release() -> None:
 
 
 def _in_child() -> None:
-    """Release the locks; those of ``functools.cached_property``, which Python has up to 3.11, are made anew."""
+    """Release the locks; those of ``functools.cached_property``, in Python up to 3.11, are made anew."""
     _release()
     for name, module in list(sys.modules.items()):
         if name.partition(".")[0] == PACKAGE:

@@ -1,4 +1,4 @@
-"""Memory of results: that of large ones is kept when they are freed, and used again.
+"""Memory of results: the memory of large results is kept when they are freed, and used again.
 
 The system hands out memory in zeroed pages, at the first write to each. For large results, as the mass matrices of
 8192 humanoids (121 MB), that takes longer than to compute them, in pages of 4 KB much longer than in huge ones of 2 MB.
@@ -31,7 +31,7 @@ _PRIVATE = {"flags": mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS} if hasattr(mmap, "MA
 
 
 class Block:
-    """Memory from the system, given back to it with this object."""
+    """Memory from the system, returned when this object is freed."""
 
     def __init__(self, size: int) -> None:
         """``size`` bytes, not written yet. Raises MemoryError."""
@@ -44,7 +44,7 @@ class Block:
         self.address = int(np.frombuffer(self._memory, np.uint8).ctypes.data)
 
     def release(self) -> None:
-        """Let the system take the pages, where it knows how to, until they are written to again."""
+        """Let the system reclaim the pages, if it can, until they are written again."""
         self._advise("MADV_FREE")
 
     def _advise(self, name: str) -> None:
@@ -78,7 +78,7 @@ class Pool:
         return sum(block.size for block in (*self._free, *self._given))
 
     def borrow(self, size: int) -> NDArray[np.uint8]:
-        """An array of so many bytes, with the memory of an earlier one if there is such. Raises MemoryError."""
+        """An array of this number of bytes, in the memory of an earlier one if possible. Raises MemoryError."""
         size_of_block = -(-size // PAGE) * PAGE
         block = self._taken(size_of_block)
         if block is None:
@@ -115,7 +115,7 @@ class Pool:
                 self._lock.release()
 
     def _taken(self, size: int) -> Block | None:
-        """The last free block that serves so many bytes; None if there is none."""
+        """The last free block that is large enough; None if there is none."""
         self._settle()
         if self._lock.acquire(blocking=False):
             try:
@@ -131,7 +131,7 @@ pool = Pool()
 
 
 def empty(shape: tuple[int, ...], dtype: DTypeLike = np.float64) -> NDArray[Any]:
-    """An uninitialized array; from 1 MiB aligned to 64 bytes, from 16 MiB in memory that is used again."""
+    """An uninitialized array; from 1 MiB on aligned to 64 bytes, from 16 MiB on in memory that is used again."""
     kind = np.dtype(dtype)
     size = kind.itemsize * math.prod(shape)
     if size < ALIGNED:

@@ -45,13 +45,13 @@ class Definition(ctypes.Structure):
 
 
 class Words(np.ndarray):
-    """Words for a compiled function, and references to the objects that they point at."""
+    """Words for a compiled function, with references to the objects at their addresses."""
 
     alive: Any = None
 
 
 def words(values: list[int], *alive: Any) -> Words:
-    """The words that a compiled function reads; they keep references to the objects that they point at."""
+    """The words that a compiled function reads; they keep references to the objects at their addresses."""
     made = np.array(values, np.int64).view(Words)
     made.alive = alive
     return made
@@ -113,7 +113,7 @@ def words_at(address: int, count: int) -> list[int]:
 
 
 def kind(dtype: np.dtype) -> int:
-    """The word of a dtype in which equal dtypes agree."""
+    """A word of a dtype that is the same for equal dtypes."""
     return words_at(id(dtype), KIND + 1)[KIND] & SAME
 
 

@@ -117,7 +117,7 @@ def batch(
 
 
 def hashable(static: tuple[Any, ...]) -> tuple[bytes | int, ...]:
-    """Values of static inputs, arrays as bytes; a StaticTable is hashed by its content."""
+    """Hashable values of static inputs: arrays as bytes; a StaticTable is hashed by its content."""
     return tuple(x.tobytes() if isinstance(x, np.ndarray) else x for x in static)
 
 
@@ -129,7 +129,7 @@ def program(spec: Spec, table: Table, static: tuple[bytes | int, ...]) -> CallPr
 
 
 def forget_programs() -> None:
-    """Have programs be recorded or loaded again."""
+    """Forget all programs, so that they are recorded or loaded again."""
     program.cache_clear()
     _program.cache_clear()
 
@@ -207,7 +207,7 @@ def run_table_kernel(
 
 
 def preview(spec: Spec, table: Table, inputs: Arrays, static: tuple[Any, ...], count: int) -> Failed:
-    """The samples of a call that fail, computed in NumPy, where compiling its table kernel would come first.
+    """The failed samples of a call, computed in NumPy, if its table kernel would have to be compiled first.
 
     ALL_OK also if the call has a program, its kernel is in memory, or the samples are no few.
     """
@@ -226,7 +226,7 @@ def preview(spec: Spec, table: Table, inputs: Arrays, static: tuple[Any, ...], c
 
 
 def _few(spec: Spec, table: Table, static: tuple[Any, ...]) -> int:
-    """How many samples NumPy computes in less time than it takes to compile the table kernel; 0 where it cannot."""
+    """The number of samples that NumPy computes in the time of compiling the table kernel; 0 if it cannot."""
     if numba_kernels.PLAIN or table.bodies[0]["kind"] == ANY_NORM:
         return 0
     numbers = max(1, math.prod(_core(spec, table, hashable(static))))
@@ -271,7 +271,7 @@ def _run_table_kernel(
 
 
 def compile_table_kernel(spec: Spec) -> None:
-    """Compile what computes batches of a call without a program."""
+    """Compile the table kernel that computes batches of a call without a program."""
     if lane_names.fits(spec):
         lane_batches.batches(spec).compile_now()
     else:
@@ -293,7 +293,7 @@ def _kernel(spec: Spec, count: int) -> Callable[..., int] | None:
 def _one_by_one(
     spec: Spec, rows: Any, inputs: Arrays, static: tuple[Any, ...], out: NDArray[Any], status: NDArray[np.int8]
 ) -> None:
-    """Samples by a kernel that is compiled when that pays, as ``_share``."""
+    """Compute samples, as ``_share``, by a kernel that is compiled when that pays."""
     kernel, varying = tiers.table_kernel(spec), [x for x in spec.present if not x.static]
     known = dict(zip((x.name for x in spec.present if x.static), static, strict=True))
     for k in range(len(out)):
@@ -339,7 +339,7 @@ def _in_slices(
     seen: bool,
     least: int = 1,
 ) -> Failed:
-    """Samples in slices between which Ctrl-C is handled, as ``run_table_kernel``; returns those that failed.
+    """Compute samples in slices, between which Ctrl-C is handled, as ``run_table_kernel``; returns those that failed.
 
     compute  ``(slice of the samples, their inputs, flat results, status)``, which writes the last two in place
     least    samples that take hardly longer than one

@@ -31,6 +31,7 @@ PIECES = 4  # of a thread's share of a batch: a thread that comes late leaves it
 IDLE = 0.5  # of the time it works: a thread that waits longer for the others, or for a core, is on a busy machine
 PAUSE = 10.0  # times that wait, and at most MOST_PAUSE seconds, in which batches then run on one thread
 MOST_PAUSE = 1.0
+MOST_THREADS = 1 << 20  # largest number passed to compiled code
 FINE_CLOCK = time.get_clock_info("thread_time").resolution < 1e-5  # 16 ms on Windows
 VARIABLE = "SPATIALDYN_NUM_THREADS"
 _V2 = "/sys/fs/cgroup/cpu.max", ""  # files of a control group's quota and its period
@@ -40,7 +41,7 @@ _lock = locks.new(threading.Lock)
 
 
 class ThreadPool:
-    """The threads that share a batch, and their number."""
+    """The threads that share batches, and their number."""
 
     def __init__(self) -> None:
         self._pools: dict[int, ThreadPoolExecutor] = {}
@@ -53,8 +54,11 @@ class ThreadPool:
     @property
     def most(self) -> NDArray[np.int64]:
         """The most threads of a batch that threads of others compute: a word, which compiled code reads."""
-        self._most[0] = self._asked or default_threads(self._forked)[0]
+        self._tell()
         return self._most
+
+    def _tell(self) -> None:
+        self._most[0] = min(self._asked or default_threads(self._forked)[0], MOST_THREADS)
 
     @property
     def size(self) -> int:
@@ -74,10 +78,10 @@ class ThreadPool:
         return n if main and time.perf_counter() >= self._busy_until else 1
 
     def ask(self, n: int | None) -> None:
-        """Have every thread's batches run on n threads; None: the default."""
+        """Run the batches of every calling thread on n threads; None: the default."""
         self._asked, self._busy_until = n, 0.0
-        if self._most[0]:
-            self._most[0] = self.most[0]
+        if self._most[0]:  # compiled code reads it
+            self._tell()
 
     def forked(self) -> None:
         """In a forked child: the threads are gone, and it is a worker."""
@@ -94,7 +98,7 @@ class ThreadPool:
             return self._pools[threads]
 
     def together(self, work: Callable[[], Any], threads: int) -> list[Any]:
-        """Call ``work`` in so many threads, this one among them; returns the results.
+        """Call ``work`` in this number of threads, including the caller's; returns the results.
 
         A thread that has not begun when this one is through is not waited for: ``work`` leaves nothing for it. All
         others have ended when it returns or raises.
@@ -138,7 +142,7 @@ class ThreadPool:
         return results
 
     def _judge(self, worked: float, idle: float) -> None:
-        """Pause after a batch in which this thread was idle for long, twice as long if it was so before."""
+        """Pause after a batch in which this thread was idle for long, twice as long if it was idle before too."""
         if idle <= IDLE * worked:
             self._pause = 0.0
             return
@@ -146,7 +150,7 @@ class ThreadPool:
         self._busy_until = time.perf_counter() + self._pause
 
     def share(self, first: int, end: int, least: int, part: Callable[[int, int], int]) -> int:
-        """The sum of ``part(first, end)`` over samples cut among the threads, at least ``least`` in each piece."""
+        """The sum of ``part(first, end)`` over samples divided among the threads, at least ``least`` in each part."""
         n = end - first
         most = n // least
         threads = max(1, min(self.size, most))
@@ -179,7 +183,7 @@ def default_threads(worker: bool = False) -> tuple[int, bool]:
 
 
 def available_cores() -> int:
-    """How many cores this process may use: its affinity, and the quota of its control group, rounded up."""
+    """The number of cores that this process may use: its affinity, and its control group's quota, rounded up."""
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     for quota, period in (_V2, _V1):
         with suppress(OSError, ValueError, IndexError):

@@ -1,1 +1,1 @@
-"""From a recorded motion to the parameters of a model, with what the recording does not tell."""
+"""Identification of a model's parameters from recorded motions, and of those that a recording does not determine."""

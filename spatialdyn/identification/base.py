@@ -19,20 +19,20 @@ from .unknowns import Unknowns, floats, unknowns_of, whole_number
 
 Array = NDArray[np.float64]
 ROWS = ("all", "base")
-DEPENDENT = 1e-9  # of the first pivot, columns of norm 1: what rounded angles leave of dependent ones is below
-ROUNDED = 1e-9  # of the largest column: a smaller one is what a rounded angle of π/2 leaves of a zero
-GAP = 1e3  # between the last pivot that counts and the first that does not
-STATES = 20  # rows for each column
+DEPENDENT = 1e-9  # relative to the first pivot, columns of norm 1: pivots of dependent columns, with rounded angles
+ROUNDED = 1e-9  # relative to the largest column: a zero column with a rounded angle of π/2 is smaller
+GAP = 1e3  # least ratio of the last pivot that counts to the first that does not
+STATES = 20  # rows per column
 CHUNK = 1024  # states at a time
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Base:
-    """Base parameters β = K π: torque is W[:, columns] β for every motion, and no fewer numbers do.
+    """Base parameters β = K π, the fewest numbers with torque = W[:, columns] β for every motion.
 
-    names    of all parameters π, the columns of a regressor
-    columns  (rank,)  indices of those that the base is built on, in π's order
-    K        (rank, len(names))  of each base parameter its own column and what is regrouped into it
+    names    names of all parameters π, the columns of a regressor
+    columns  (rank,)  indices of the parameters that the base is built on, in the order of π
+    K        (rank, len(names))  for each base parameter its own column and those regrouped into it
     rank     number of base parameters
     gap      ratio of the last pivot that counts to the first that does not; infinite if all count
     """
@@ -50,7 +50,7 @@ class Base:
         return "\n".join(f"{self.text(k)}" for k in range(self.rank))
 
     def text(self, k: int) -> str:
-        """Base parameter k as a sum of parameters. Raises IdentificationError for one that there is not."""
+        """Base parameter k as a sum of parameters. Raises IdentificationError for an unknown k."""
         k = whole_number("k", k, 0, self.rank - 1)
         parts = []
         first = int(self.columns[k])
@@ -63,7 +63,7 @@ class Base:
 
     @property
     def labels(self) -> tuple[str, ...]:
-        """A short name of each: the parameter it is built on, and how many are regrouped into it."""
+        """A short name for each: the parameter that it is built on, and how many are regrouped into it."""
         more = (self.K != 0.0).sum(1) - 1
         return tuple(f"{self.names[j]}{f' + {n}' if n else ''}" for j, n in zip(self.columns, more, strict=True))
 
@@ -77,16 +77,16 @@ def base_parameters(
 
     model       Model
     parameters  some of "inertial", "armature", "friction" ("viscous" and "coulomb"), "offset", as words or joined by +
-    rows        "all" torques; or "base": the six of a floating base, which see as much of the bodies
+    rows        "all" torques; or "base": the six of a floating base, which depend on the same parameters of bodies
     payload     a frame: the ten parameters are those of a load there, in the frame's axes
-    samples     random states; 0 for 20 rows of each column
-    seed        of the states
+    samples     number of random states; 0 for 20 rows per column
+    seed        seed of the states
 
-    By QR with pivoting of the columns, each of norm 1, of a regressor of random motions. Columns below 1e-9 of the
-    largest count as zero: a URDF's rounded π/2 leaves such of exact zeros, and of norm 1 they would add a rank.
+    The method is QR with column pivoting of a regressor of random motions, with columns scaled to norm 1. Columns below
+    1e-9 of the largest count as zero: a rounded π/2 in a URDF makes zero columns this large, which would add a rank.
 
-    Returns Base: ``print`` shows it. Raises IdentificationError where the pivots have no gap of 1e3 to tell the rank
-    by: load the robot with ``snap=1e-9``; ModelError, SpatialDynError for arguments.
+    Returns Base: ``print`` shows it. Raises IdentificationError if the pivots have no gap of 1e3 that determines the
+    rank: load the robot with ``snap=1e-9``; ModelError, SpatialDynError for arguments.
     Source  Gautier, Numerical calculation of the base inertial parameters of robots (1991).
 
     >>> import spatialdyn as sd
@@ -107,7 +107,7 @@ def base_parameters(
 
 @lru_cache(maxsize=16)
 def structural_base(model: Model, parameters: tuple[str, ...], payload: str | None, bodies: Any, rows: str) -> Base:
-    """``base_parameters`` of an identification, kept: it depends on the model alone."""
+    """``base_parameters`` for an identification, cached: they depend on the model alone."""
     unknowns = unknowns_of(model, parameters, payload, bodies)
     return base_of_columns(factor_of_random_motions(unknowns, rows, 0, 0), unknowns.names)
 
@@ -130,7 +130,7 @@ def factor_of_random_motions(unknowns: Unknowns, rows: str, samples: int, seed: 
 
 
 def base_of_columns(R: Array, names: tuple[str, ...]) -> Base:
-    """The Base of a triangular factor. Raises IdentificationError where the pivots have no gap."""
+    """The Base of a triangular factor. Raises IdentificationError if the pivots have no gap."""
     size = np.sqrt((R * R).sum(0))
     kept = np.flatnonzero(size > ROUNDED * size.max(initial=0.0))
     if not len(kept):

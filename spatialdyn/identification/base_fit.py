@@ -1,4 +1,4 @@
-"""Least squares of base parameters: of those that a recording shows, less those that it hardly tells."""
+"""Least squares of base parameters that a recording excites, without those that it hardly determines."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from .base import Base, pivoted
 from .least_squares import Factors, Solution, solve
 
 Array = NDArray[np.float64]
-UNSEEN = 1e-7  # of the largest pivot of columns of norm 1: a smaller one is no excitation
+UNSEEN = 1e-7  # relative to the largest pivot of columns of norm 1: a column with a smaller one is not excited
 
 
 class BaseFit:
-    """β (rank,) and what goes with it, 0 for columns that were removed or are not seen."""
+    """β (rank,) and its statistics, 0 for columns that were removed or are not seen."""
 
     def __init__(self, factors: Factors, rank: int, kept: NDArray[np.intp], extra: int, solution: Solution) -> None:
         own = len(kept)
@@ -35,7 +35,7 @@ def fit_base(
     factors: Factors, base: Base, extra: int, weighted: bool, share: float | None, method: str,
     inflation: Array | None = None, before: BaseFit | None = None,
 ) -> BaseFit:  # fmt: skip
-    """β of the columns that are seen, less those that are removed. Raises IdentificationError."""
+    """β of the columns that are seen and not removed. Raises IdentificationError."""
     tail = np.arange(base.rank, base.rank + extra)
     if before is not None:
         columns = np.concatenate([before.kept, tail]).astype(np.intp)

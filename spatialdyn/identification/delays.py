@@ -11,8 +11,8 @@ from .equations import Equations, Rows
 from .least_squares import Factors, added, factors_of, solve, triangle
 
 Array = NDArray[np.float64]
-MOST = 25  # samples, either way
-ROWS = 1 << 15  # of each freedom that are looked at for whole samples
+MOST = 25  # samples, in either direction
+ROWS = 1 << 15  # rows of each freedom in the search for whole samples
 TURNS = 8
 SETTLED = 1e-3  # of a sample: a smaller step ends the search
 
@@ -20,7 +20,7 @@ SETTLED = 1e-3  # of a sample: a smaller step ends the search
 def whole_delay(equations: Sequence[Equations], columns: NDArray[np.intp], most: int = MOST, look: int = ROWS) -> int:
     """The delay in samples, -most .. most, at which the torques fit best.
 
-    One factor of [W, y of each delay] has the residuals of all delays.
+    One factor of [W, y of each delay] gives the residuals of all delays.
     """
     count, shifts = len(columns), range(-most, most + 1)
     kept: list[Array] = []
@@ -53,7 +53,7 @@ def whole_delay(equations: Sequence[Equations], columns: NDArray[np.intp], most:
 
 
 def fitted_delay(equations: Sequence[Equations], columns: NDArray[np.intp], weighted: bool) -> tuple[float, Factors]:
-    """The delay [s] that fits best, and the factors there, with the column of the delay before y."""
+    """The delay [s] that fits best, and its factors, with the column of the delay before y."""
     dt = equations[0].recording.dt
     delay = whole_delay(equations, columns) * dt
     factors = merged([factors_of(one.rows(delay), columns) for one in equations])
@@ -74,7 +74,7 @@ def fitted_delay(equations: Sequence[Equations], columns: NDArray[np.intp], weig
 
 
 def merged(parts: Sequence[Factors]) -> Factors:
-    """Factors of the rows of all."""
+    """Factors of the rows of all parts."""
     total = parts[0]
     for one in parts[1:]:
         total = added(total, one)

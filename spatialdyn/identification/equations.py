@@ -1,10 +1,10 @@
 """The equations of a recording: rows W π = y, of torques at samples or of momenta over steps.
 
 torque    Y(q, v, a) π = τ at each sample, with accelerations
-momentum  (p(k+1) - p(k)) / h - mean of (Cᵀ v - g) = mean torque of a step, both sides linear in π and without
-          accelerations; the mean by Simpson's rule on a cubic. A torque that is held over a step is its mean exactly,
-          but for what velocities miss of its jumps (``held_weights``); the mean of one that is not is that of a cubic
-          through four samples
+momentum  (p(k+1) - p(k)) / h - mean of (Cᵀ v - g) = mean torque of a step, linear in π and without accelerations; the
+          mean on the left by Simpson's rule on a cubic. A torque held over a step equals its mean, except that
+          velocities miss part of its jumps (``held_weights``); the mean of another torque is that of a cubic through
+          four samples
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ from .unknowns import Unknowns
 
 Array = NDArray[np.float64]
 FORMS = ("torque", "momentum")
-HOLDS = ("after", "before")  # a torque acts from its sample to the next, or from the one before to it
+HOLDS = ("after", "before")  # a torque acts from its sample to the next one, or from the previous one to its sample
 CHUNK = 2048  # rows of each joint at a time
-KEPT = 1 << 25  # numbers of all rows up to which they are kept, of all recordings together
+KEPT = 1 << 25  # largest size of all rows, over all recordings, that is kept in memory
 
 
 @dataclass(frozen=True, eq=False)
 class Settings:
-    """How equations are made of a recording: see ``identify``."""
+    """Settings that make equations from a recording: see ``identify``."""
 
     unknowns: Unknowns
     form: str = "torque"
@@ -46,12 +46,12 @@ class Settings:
 
     @property
     def freedoms(self) -> int:
-        """How many rows a time has: those of the floating base alone if so."""
+        """Number of rows per time; six for rows of the floating base alone."""
         return 6 if self.base_rows else self.unknowns.model.nv
 
 
 class Rows(NamedTuple):
-    """Rows of some times: W (n, nv, count), y (n, nv), which count (n, nv), t (n,) [s], and τ (n, nv) measured."""
+    """Rows of n times: W (n, nv, count), y (n, nv), which of them count (n, nv), t (n,) [s], measured τ (n, nv)."""
 
     W: Array
     y: Array
@@ -64,7 +64,7 @@ class Equations:
     """The equations of one recording, with a delay: the torque of time t acts at t + delay."""
 
     def __init__(self, recording: Recording, settings: Settings, kept: int = KEPT) -> None:
-        """Filter the motion; no row is made yet, and up to ``kept`` numbers of them are kept.
+        """Filter the motion. Rows are made later; up to ``kept`` numbers of them stay in memory.
 
         Raises IdentificationError for commanded torques.
         """
@@ -82,27 +82,27 @@ class Equations:
 
     @cached_property
     def torques(self) -> Array:
-        """Torques (N or N - 1, nv) that rows are equal to without a delay, by the index of their sample."""
+        """Torques (N or N - 1, nv) on the right of the rows without a delay, by the index of their sample."""
         return self._acting(0.0)
 
     def shared(self, delay: float) -> tuple[int, float]:
-        """``shared_by_means`` of the rows; (1, 1) of those that share no sample."""
+        """``shared_by_means`` of the rows; (1, 1) if rows share no sample."""
         return shared_by_means(self.settings.window, self._weights(self._split(delay)[1]))
 
     def _split(self, delay: float) -> tuple[int, float]:
-        """Whole samples of a delay, and the part of one that is left."""
+        """Whole samples of a delay, and the remaining part of a sample."""
         whole = int(np.floor(delay / self.recording.dt + 1e-9))
         part = max(0.0, delay / self.recording.dt - whole)
         return whole, 0.0 if part < 1e-9 else part
 
     def _weights(self, part: float) -> Array:
-        """Weights of the samples that a row's torque is the sum of."""
+        """Weights of the samples whose sum is a row's torque."""
         if self.settings.form == "torque":
             return np.ones(1)
         return np.array(MEANS) if self.settings.hold is None else held_weights(self.motion.velocities, part)
 
     def _acting(self, part: float) -> Array:
-        """Torques (N or N - 1, nv) of samples or steps that begin at ``part`` of one."""
+        """Torques (N or N - 1, nv) of samples or steps, shifted by ``part`` of a step."""
         tau = self.recording.torques(self.model)
         if self.settings.form == "torque":
             return tau
@@ -111,7 +111,7 @@ class Equations:
         return summed(tau[:-1] if self.settings.hold == "after" else tau[1:], self._weights(part))
 
     def rows(self, delay: float = 0.0) -> Iterator[Rows]:
-        """All rows, in chunks; windows of several rows are means of both sides."""
+        """All rows, in chunks; a window of several rows gives the mean of both sides."""
         whole, part = self._split(delay)
         torques = self._acting(part) if part else self.torques
         window, rest = self.settings.window, None
@@ -134,7 +134,7 @@ class Equations:
             at += n
 
     def left_sides(self, most: int) -> Iterator[tuple[Array, Array, NDArray[np.bool_]]]:
-        """W, what is known of the torque, and which rows count, without a delay; up to about ``most`` times."""
+        """W, the known part of the torque, and which rows count, without a delay; for at most about ``most`` times."""
         n = 0
         for one in self._left(0.0):
             yield one
@@ -143,7 +143,7 @@ class Equations:
                 return
 
     def _left(self, part: float) -> Iterator[tuple[Array, Array, NDArray[np.bool_]]]:
-        """Left sides with what is known of them; kept where they are small, for one value of ``part``."""
+        """Left sides with their known parts; kept in memory if small, for one value of ``part``."""
         if part in self._made:
             yield from self._made[part]
             return
@@ -191,14 +191,14 @@ class Equations:
         if not self.recording.wrenches:
             return self._known(W, whole, v, sign, still, None)
         last = len(self.motion) - (1 if part else 0)
-        first, end = max(0, start - 1), min(stop + 2, last)  # a neighbour more on both sides, for means by four
+        first, end = max(0, start - 1), min(stop + 2, last)  # one neighbour more on both sides, for means over four
         forces = self._wrenches(self.motion.between(first, end, part).q, first, part)
         assert forces is not None
         means = means_of_steps(forces)[start - first :][: stop - start]
         return self._known(W, whole, v, sign, still, means)
 
     def _turning(self, start: int, stop: int, part: float) -> NDArray[np.bool_]:
-        """Steps (n, nv) that are of samples before and after a joint turns: there dry friction jumps."""
+        """Which steps (n, nv) use samples before and after a joint reverses, where dry friction jumps."""
         v = self.motion.states.v
         k = np.arange(start, stop)
         few = self.settings.hold is not None and self.motion.velocities == "measured"
@@ -215,7 +215,7 @@ class Equations:
     def _known(
         self, W: Array, whole: Array, v: Array, sign: Array, still: NDArray[np.bool_], forces: Array | None
     ) -> tuple[Array, Array, NDArray[np.bool_]]:
-        """W, the part of the torque that is not unknown, and which rows count."""
+        """W, the known part of the torque, and which rows count."""
         unknowns, friction = self.settings.unknowns, self.settings.friction
         known = whole - W @ unknowns.present
         kinds = {kind for kind, _ in unknowns.joints}
@@ -235,7 +235,7 @@ class Equations:
         return W[:, :rows], known[:, :rows], keep[:, :rows]
 
     def _wrenches(self, q: Array, start: int, part: float) -> Array | None:
-        """Torques (n, nv) of the measured wrenches, None without any."""
+        """Torques (n, nv) of the measured wrenches; None without any."""
         if not self.recording.wrenches:
             return None
         total = np.zeros((len(q), self.model.nv))
@@ -265,7 +265,7 @@ def _means(rows: Rows, window: int) -> Rows:
 
 
 def refuse_flight(recording: Recording, settings: Settings) -> None:
-    """Raise IdentificationError for the six rows of a base on which no force was measured: they tell ratios alone."""
+    """Raise IdentificationError for base rows without a measured force, which determine only ratios of parameters."""
     if settings.base_rows and not recording.wrenches:
         raise IdentificationError(
             "recording has no wrenches, expected them for the rows of the base alone: without a measured force they "

@@ -22,11 +22,11 @@ from .unknowns import DEFAULT, Unknowns, own_joints, unknowns_of, whole_number, 
 
 Array = NDArray[np.float64]
 CRITERIA = ("logdet", "cond")
-POINTS = 120  # of a period, where the regressor is taken
-FINE = 1000  # where limits are held
-MARGIN = 0.999  # of a limit: between two points a path goes on by less than the rest
+POINTS = 120  # points of a period at which the regressor is evaluated
+FINE = 1000  # points of a period at which limits are checked
+MARGIN = 0.999  # share of a limit to use: between two points a path exceeds them by less than the rest
 FREE = (math.pi, 3.0)  # amplitude and speed of a joint without limits [rad, rad/s | m, m/s]
-RIDGE = 1e-9  # of the largest diagonal entry of WᵀW: what is not moved counts as log of this, not as -inf
+RIDGE = 1e-9  # of the largest diagonal entry of WᵀW, added so that unexcited directions do not give log 0 = -inf
 PERIODS = 1e-9, 1e9  # s: beyond, squares of accelerations leave the range of float64
 STEP = 1e-6  # of central differences of the regressor
 
@@ -48,24 +48,24 @@ def excitation(
     allowed: Callable[[Path], bool] | None = None,
     seed: int = 0,
 ) -> Path:
-    """A periodic path whose torques tell as much as they can of a robot's base parameters; at rest at its ends.
+    """A periodic path whose torques determine a robot's base parameters as well as possible; at rest at its ends.
 
     model         Model whose positions are numbers
-    duration      of one period [s]
-    harmonics     of the Fourier series, 2 or more
-    criterion     "logdet": the volume of the parameters' ellipsoid of errors is least; "cond": the condition of the
-                  regressor, its columns of norm 1 at the start of the search
+    duration      length of one period [s]
+    harmonics     number of harmonics of the Fourier series, 2 or more
+    criterion     "logdet" minimizes the volume of the parameters' error ellipsoid; "cond" minimizes the condition
+                  number of the regressor, with columns of norm 1 at the start of the search
     parameters, payload   as in ``identify``
     centre        (nq,) mean configuration; the middle of the limits if left out, 0 where there are none [rad | m]
-    acceleration  largest ones, a number or (nv,); none if left out
-    limits        whether positions, velocities and efforts are kept within the model's limits. Joints without any get
-                  an amplitude of π and a speed of 3
-    starts        random paths, of which the best is improved
-    steps         of the improvement, along the exact gradient by the path's coefficients
-    allowed       a function of a Path that says whether it may be run: of collisions, say
-    seed          of the random paths
+    acceleration  largest accelerations, a number or (nv,); no limit if left out
+    limits        whether positions, velocities and efforts are kept within the model's limits. Joints without limits
+                  get an amplitude of π and a speed of 3
+    starts        number of random paths, of which the best is improved
+    steps         steps of the improvement, along the exact gradient by the path's coefficients
+    allowed       a function of a Path that returns whether it may be run, such as a check for collisions
+    seed          seed of the random paths
 
-    Returns a Path. Raises  IdentificationError where no start is within the limits or allowed; ShapeError,
+    Returns a Path. Raises  IdentificationError if no start is within the limits and allowed; ShapeError,
     SpatialDynError for arguments
     Source  Swevers et al., Optimal robot excitation and identification (1997).
 
@@ -126,7 +126,7 @@ def excitation(
 
 
 class _Search:
-    """Coefficients x (2 harmonics - 2, nv) of paths at rest at their ends, their worth and its gradient."""
+    """Coefficients x (2 harmonics - 2, nv) of paths at rest at their ends, their criterion and its gradient."""
 
     def __init__(
         self, unknowns: Unknowns, columns: NDArray[np.intp], period: float, harmonics: int, criterion: str, limits: bool
@@ -138,10 +138,10 @@ class _Search:
         ends[0, :harmonics], ends[1, harmonics:] = 1.0, rates
         self.free = np.linalg.svd(ends)[2][2:].T
         self.coarse, self.fine = (self._basis(n, period, rates) for n in (POINTS, FINE))
-        self.size: Array | None = None  # of columns, for "cond"
+        self.size: Array | None = None  # norms of columns, for "cond"
 
     def _basis(self, n: int, period: float, rates: Array) -> tuple[Array, Array, Array]:
-        """q - centre, v and a (n, 2 harmonics - 2) of each coefficient."""
+        """q - centre, v and a (n, 2 harmonics - 2) for each coefficient."""
         angle = np.arange(n)[:, None] * period / n * rates
         c, s = np.cos(angle), np.sin(angle)
         q = np.concatenate([s / rates, -c / rates], 1)
@@ -152,7 +152,7 @@ class _Search:
         )
 
     def bound(self, centre: Any, acceleration: Any) -> None:
-        """Take the limits. Raises ShapeError, SpatialDynError."""
+        """Set the limits. Raises ShapeError, SpatialDynError."""
         model = self.unknowns.model
         low, high, fast = model.lower, model.upper, model.velocity_limit
         bounded = np.isfinite(low) & np.isfinite(high)
@@ -188,7 +188,7 @@ class _Search:
         )
 
     def within(self, x: Array) -> Array | None:
-        """The coefficients, each joint's scaled so that it reaches its nearest limit; None if efforts are beyond."""
+        """The coefficients, scaled so that each joint reaches its nearest limit; None if efforts exceed the limits."""
         q, v, a = (B @ x for B in self.fine)
         with np.errstate(divide="ignore", invalid="ignore"):
             room = [self.up / q.max(0), self.down / -q.min(0), self.fast / abs(v).max(0), self.most / abs(a).max(0)]
@@ -203,7 +203,7 @@ class _Search:
         return None
 
     def _columns(self, q: Array, v: Array, a: Array) -> Array:
-        """Rows of the base's columns, in units of the noise."""
+        """Regressor rows with the base's columns, in units of the noise."""
         Y = np.asarray(calls["joint_torque_regressor"](self.unknowns.model, q, v, a))
         W = self.unknowns.stacked(Y, a, v, np.sign(v))[:, :, self.columns]
         return np.asarray(W / self.noise[:, None])
@@ -216,7 +216,7 @@ class _Search:
         return self._worth(self._columns(*self._states(x)))[0]
 
     def _worth(self, W: Array) -> tuple[float, Array]:
-        """The criterion, larger is better, and its derivative by W (n, nv, rank)."""
+        """The criterion, where larger is better, and its derivative by W (n, nv, rank)."""
         A = W.reshape(-1, W.shape[-1])
         if self.size is None:
             self.size = np.maximum(np.sqrt((A * A).sum(0)), 1e-300)
@@ -232,7 +232,7 @@ class _Search:
         return math.log(least / s[0]), (G / self.size).reshape(W.shape)
 
     def slope(self, x: Array) -> Array:
-        """Gradient by x: that by W, differences of W by each of q, v and a, and the basis."""
+        """Gradient by x, from the derivative by W, differences of W by q, v and a, and the basis."""
         states = self._states(x)
         G = self._worth(self._columns(*states))[1]
         dry = [k for k, j in enumerate(self.columns) if self.unknowns.names[j].endswith(".coulomb")]

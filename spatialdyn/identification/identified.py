@@ -1,4 +1,4 @@
-"""``Identified``: the parameters that a recording tells, how well, and the model that has them."""
+"""``Identified``: the parameters identified from a recording, their accuracy, and the model that has them."""
 
 from __future__ import annotations
 
@@ -26,21 +26,21 @@ from .unknowns import own_joints
 
 Array = NDArray[np.float64]
 COLUMNS = ("base parameter", "value", "±95 %", "σ %", "model")
-POOR = 0.3  # of |β|: a larger deviation is no knowledge of it
+POOR = 0.3  # of |β|: with a larger deviation a parameter counts as poorly determined
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Validation:
-    """A motion's torques against those predicted, n times of nv freedoms (six of a base alone).
+    """Measured and predicted torques of a motion, at n times for nv freedoms (six for a base alone).
 
     t          (n,)     [s]
-    tau        (n, nv)  measured, less what of the delay, the window and the hold the fit has too [N m | N]
-    predicted  (n, nv)  of the identified parameters
+    tau        (n, nv)  measured, with the delay, window and hold of the fit [N m | N]
+    predicted  (n, nv)  by the identified parameters
     rms        (nv,)    of the difference
-    noise      (nv,)    the same of the recording that was identified
-    ratio      (nv,)    rms / noise: 1 where the model explains this motion as well
-    share      (nv,)    rms over the deviation of the measured torque
-    white      (nv,)    probability of a difference as uneven as this if it were white
+    noise      (nv,)    rms in the recording that was identified
+    ratio      (nv,)    rms / noise: 1 if the model explains this motion equally well
+    share      (nv,)    rms over the standard deviation of the measured torque
+    white      (nv,)    probability that white noise is at least as correlated as this difference
     """
 
     t: Array
@@ -62,26 +62,27 @@ class Identified:
 
     start            Model that the identification began from
     method           "ols", "wls", "log_cholesky" or "sdp"
-    base             Base: what the torques depend on
-    beta             (rank,)  base parameters; 0 where one was removed
-    deviation        (rank,)  standard deviations, of noise in the torques alone; infinite where the recording tells
-                     nothing
+    base             Base: the base parameters of the torques
+    beta             (rank,)  base parameters; 0 if removed
+    deviation        (rank,)  standard deviations, from noise in the torques alone; infinite if the recording does not
+                     determine the parameter
     half_width       (rank,)  of the 95 % intervals: beta ± half_width
-    covariance       (rank, rank)  0 for what was removed
+    covariance       (rank, rank)  0 for removed parameters
     parameters       (count,)  of ``names``: with ols and wls those that give beta and are nearest to the model's own
-    consistent       whether the method is one of inertias that bodies can have, and all found are, beyond rounding
+    consistent       whether the method ensures physically consistent inertias, and all found are, beyond rounding
     noise            (nv,)  standard deviation of the residuals of each freedom [N m | N]
-    white            (nv,)  probability of residuals as uneven as these if they were white; NaN of a generator
-    residuals        (n, nv)  with their times ``t`` (n,); NaN where a row did not count; empty of a generator
-    rows             (nv,)  equations of each freedom
+    white            (nv,)  probability that white noise is at least as correlated as these residuals; NaN for a
+                     generator
+    residuals        (n, nv)  with their times ``t`` (n,); NaN if a row did not count; empty for a generator
+    rows             (nv,)  number of equations of each freedom
     delay            [s]  the torque of time t acts at t + delay; with its ``delay_deviation``, 0 if it was given
     singular_values  (rank,)  of the base's columns, each of norm 1, weighted
-    seen             (rank,)  whether the recording moves the parameter at all
+    seen             (rank,)  whether the recording excites the parameter at all
     removed          names of base parameters that were removed, in this order
     bounds           names of parameters that are held at 0
-    notes            what is odd, in words
-    steps            of the search for consistent inertias
-    settings         how equations are made
+    notes            warnings, in words
+    steps            number of steps of the search for consistent inertias
+    settings         settings of the equations
     """
 
     start: Model
@@ -121,21 +122,21 @@ class Identified:
 
     @property
     def correlation(self) -> Array:
-        """(rank, rank) correlation of the base parameters; 0 beside what was removed."""
+        """(rank, rank) correlation of the base parameters; 0 for removed ones."""
         d = np.sqrt(self.covariance.diagonal())
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.nan_to_num(self.covariance / d / d[:, None])
 
     @property
     def eigenvalues(self) -> dict[str, Array]:
-        """{body: (4,)} of the pseudo-inertias, increasing: all above 0 for bodies that exist."""
+        """{body: (4,)} eigenvalues of the pseudo-inertias, increasing: all above 0 for physical bodies."""
         bodies = self.settings.unknowns.bodies
         P = pseudo_inertia(self.parameters[: 10 * len(bodies)].reshape(-1, 10))
         return {body.name: values for body, values in zip(bodies, np.linalg.eigvalsh(P), strict=True)}
 
     @property
     def friction(self) -> Friction | None:
-        """Coulomb's and viscous friction that was identified; None if it was not looked for. Raises ModelError."""
+        """The identified Coulomb and viscous friction; None if friction was not an unknown. Raises ModelError."""
         unknowns = self.settings.unknowns
         if not {"coulomb", "viscous"} & {kind for kind, _ in unknowns.joints}:
             return None
@@ -143,14 +144,14 @@ class Identified:
 
     @property
     def offset(self) -> Array:
-        """(nv,) constant torque that the sensors or drives show beside the robot's [N m | N]."""
+        """(nv,) constant torque that sensors or drives add to the robot's [N m | N]."""
         return self.settings.unknowns.values("offset", self.parameters)
 
     def model(self) -> Model:
-        """The Model with the identified inertias, armatures, and friction as its joints' own, as a URDF has them.
+        """The Model with the identified inertias, armatures, and friction of its joints, as a URDF has them.
 
-        Raises  InertiaError naming the body whose inertia no mass distribution has: "log_cholesky" and "sdp" give none;
-                IdentificationError naming the joint of a friction or armature below 0
+        Raises  InertiaError naming the body whose inertia no mass distribution has ("log_cholesky" and "sdp" give no
+                such inertia); IdentificationError naming the joint of a friction or armature below 0
         """
         unknowns = self.settings.unknowns
         for name, values in self.eigenvalues.items():
@@ -197,7 +198,7 @@ class Identified:
         return Model(replace(made.robot, joints=tuple(joints)), made.options)
 
     def scene(self) -> Scene:
-        """The Scene of the model and its friction, that which was known too. Raises as ``model``."""
+        """The Scene of the model and its friction, including friction that was known. Raises as ``model``."""
         known, found = self.settings.friction, self.friction
         model = self.model()
         if known is None or found is None:
@@ -224,20 +225,20 @@ class Identified:
 
     @watch.call("Identified.report")
     def report(self, path: Any, validation: Recording | None = None) -> None:
-        """Write one HTML page that needs no network: parameters with intervals, residuals of each joint, what the
-        recording does not tell, inertias, and the torques of another motion against those predicted.
+        """Write one HTML page that needs no network: parameters with intervals, residuals of each joint, parameters
+        that the recording does not determine, inertias, and measured and predicted torques of another motion.
 
         path        a name that ends in .html, or an open file
         validation  a Recording of another motion
 
-        Raises  SpatialDynError for another ending, if the file cannot be written, or where matplotlib is not installed.
+        Raises  SpatialDynError for another ending, if the file cannot be written, or if matplotlib is not installed.
         """
         from ..pictures.identification_page import report_identified
 
         report_identified(self, path, validation)
 
     def table(self) -> list[list[str]]:
-        """Words of a table, a row of each base parameter, in the order of ``COLUMNS``."""
+        """Cells of a table, a row for each base parameter, in the order of ``COLUMNS``."""
         own = self.base.K @ self.settings.unknowns.present
         return [
             [
@@ -251,7 +252,7 @@ class Identified:
 
     @property
     def poor(self) -> tuple[str, ...]:
-        """Names of base parameters that the recording hardly tells: their deviation is over 30 % of them."""
+        """Names of base parameters that the recording hardly determines: their deviation is above 30 % of them."""
         weak = ~self.seen | (self.deviation > POOR * abs(self.beta))
         return tuple(label for label, w in zip(self.base.labels, weak, strict=True) if w and label not in self.removed)
 
@@ -278,7 +279,7 @@ class Identified:
         return f"<Identified {self.start.name}: {self.base.rank} base parameters by {self.method}>"
 
     def to_dict(self) -> dict[str, Any]:
-        """All numbers as JSON types; those that are not finite are None."""
+        """All numbers as JSON types; numbers that are not finite become None."""
         arrays = ("beta", "deviation", "half_width", "parameters", "noise", "white", "singular_values", "rows")
         own = {name: [_json(x) for x in getattr(self, name).tolist()] for name in arrays}
         plain = {name: _json(getattr(self, name)) for name in ("method", "consistent", "delay", "delay_deviation")}

@@ -1,4 +1,4 @@
-"""``identify``: a recording, a model, and the parameters that the torques tell."""
+"""``identify``: the parameters of a model from a recording of its motion and torques."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ from .recording import Recording
 from .unknowns import DEFAULT, floats, freedoms_of, names_of, unknowns_of, words_of
 
 Array = NDArray[np.float64]
-LEAST = 1e-100  # of numbers above 0, by which is divided
+LEAST = 1e-100  # lower bound of divisors
 METHODS = ("ols", "wls", "log_cholesky", "sdp")
 TIMES_RANK = 10  # rows that a recording needs at least for each base parameter
-PRIOR = 1.0  # as much as each body's inertia seen once with a deviation of its own size
-FLOOR = 1e-4  # eigenvalues of P₀ by its largest: what a model has below, bodies of no mass say, is raised
+PRIOR = 1.0  # equals one observation of each body's inertia with a deviation of its own size
+FLOOR = 1e-4  # least eigenvalue of P₀ relative to the largest: smaller ones, as of massless bodies, are raised
 MOST_WINDOW = 1 << 20
-LOOK = 2048  # rows of each freedom in which a delay of whole samples is looked for
+LOOK = 2048  # rows of each freedom in the search for a delay of whole samples
 
 
 @watch.call("identify")
@@ -56,36 +56,36 @@ def identify(
 ) -> Identified:
     """Parameters of a robot from recorded motions: their base parameters, intervals, and a model that has them.
 
-    recording   Recording, several of one robot, or a generator of them: each is reduced to small factors and let go
-    model       Model, or a Scene, whose Coulomb's and viscous friction are known where they are not looked for; one
+    recording   Recording, several of one robot, or a generator of them: each is reduced to small factors and released
+    model       Model, or a Scene, whose Coulomb and viscous friction count as known if they are not unknowns; a Scene
                 with contacts, constraints or fext is refused. A mimic joint's friction is its leader's
-    method      "ols", "wls": least squares, weighted by each freedom's own noise, of base parameters; "log_cholesky":
-                of inertias that bodies can have, and friction of 0 or more, by Gauss-Newton; "sdp": the same by a
+    method      "ols": least squares of base parameters; "wls": weighted by each freedom's own noise; "log_cholesky": of
+                physically consistent inertias, and friction of 0 or more, by Gauss-Newton; "sdp": the same by a
                 semidefinite program (needs cvxpy)
     parameters  some of "inertial", "friction" ("viscous" and "coulomb"), "armature", "offset", as words or joined by +
-    prior       weight, above 0, of the model's own inertias, of the last two methods; 1 if left out: each body's as if
-                seen once with a deviation of its own size. Intervals are those of the data alone
-    form        "torque": equations at samples, with accelerations; "momentum": over steps, without. Left out: the
-                first where accelerations were measured and torques are not held
-    hold        "after": a torque acts from its sample to the next one, as a controller's does; "before": up to its
-                sample; None: it is that of its time
-    delay       the torque of time t acts at t + delay [s]; True fits it. Wrenches have none
-    window      rows that are averaged, of motion and torque alike: less noise of velocities, fewer equations
-    cutoff      [Hz] of a filter without phase for positions whose derivatives were not measured; None for none
-    v_min       a row in which a joint is slower has no part in what its dry friction is in [rad/s | m/s]: above 0 where
-                a joint may stick. Rows in which it turns have none either, but for samples with accelerations
-    payload     a frame: the ten parameters of a load there, the robot's own are known
+    prior       weight, above 0, of the model's own inertias in the last two methods; 1 by default: as one observation
+                of each body's inertia with a deviation of its own size. Intervals come from the data alone
+    form        "torque": equations at samples, with accelerations; "momentum": equations over steps, without
+                accelerations. By default "torque" if accelerations were measured and torques are not held
+    hold        "after": a torque acts from its sample to the next one, like that of a controller; "before": up to its
+                sample; None: it is the torque at its time
+    delay       the torque of time t acts at t + delay [s]; True fits it. Wrenches are not delayed
+    window      number of rows to average, of motion and torque: less noise of velocities, fewer equations
+    cutoff      [Hz] of a filter without phase for positions whose derivatives were not measured; None for no filter
+    v_min       rows in which a joint is slower do not count if its dry friction acts in them [rad/s | m/s]: above 0 if
+                a joint may stick. Rows in which it reverses do not count either, except samples with accelerations
+    payload     a frame: the unknowns are the ten parameters of a load there, the robot's own are known
     bodies      names of joints whose bodies are unknown; all by default. With inertial parameters, without payload
     rows        "all", or "base": the six of a floating base, for measured ``wrenches``
-    remove      take away base parameters with a deviation above this share of them, the worst first; None for none
+    remove      remove base parameters with a deviation above this share of them, the worst first; None for none
 
-    Noise of a freedom counts as 1e-6 of its torque at least: every method fits exact torques, as computed ones, with
-    intervals of that size.
+    The noise of a freedom counts as at least 1e-6 of its torque: every method fits exact torques, such as computed
+    ones, with intervals of that size.
 
     Returns Identified: ``print`` shows it; ``model()``, ``scene()``, ``validate(recording)``, ``report(path)``.
-    Raises  IdentificationError with a table of what the recording does not tell, for too few samples, a torque that
-            was not recorded, flight; ShapeError, ModelError, SpatialDynError for arguments
-    Source  Gautier, Khalil; Wensing, Kim, Slotine (2018); Rucker and Wensing (2022), as the files name them.
+    Raises  IdentificationError for parameters that the recording does not determine, with a table of them, too few
+            samples, a torque that was not recorded, flight; ShapeError, ModelError, SpatialDynError for arguments
+    Source  Gautier, Khalil; Wensing, Kim, Slotine (2018); Rucker and Wensing (2022); the files cite them in full.
 
     >>> import numpy as np, spatialdyn as sd
     >>> model, t = sd.load_urdf("two_link"), np.linspace(0.0, 4.0, 401)
@@ -211,7 +211,7 @@ def _residuals(equations: list[Equations], base: Base, beta: Array, delay: float
 
 
 def _white(residuals: Array, floor: Array, shared: tuple[int, float]) -> tuple[Array, Array]:
-    """``whiteness`` of each freedom; residuals below the floor of noise, of torques that are exact, count as white."""
+    """``whiteness`` of each freedom; residuals below the noise floor, as of exact torques, count as white."""
     found = np.array([np.ones(len(floor)), np.full(len(floor), shared[1])])
     for k, x in enumerate(residuals.T):
         x = x[np.isfinite(x)]
@@ -221,7 +221,7 @@ def _white(residuals: Array, floor: Array, shared: tuple[int, float]) -> tuple[A
 
 
 def _unused(settings: Settings, late: bool) -> str:
-    """The settings that could make residuals even and were not used, in words."""
+    """The unused settings that could make residuals white, in words."""
     dry = any(kind == "coulomb" for kind, _ in settings.unknowns.joints)
     given = {
         "hold=": settings.hold is not None, "delay=True": late, "cutoff=": settings.cutoff is not None,
@@ -232,7 +232,7 @@ def _unused(settings: Settings, late: bool) -> str:
 
 
 def _nearest(base: Base, beta: Array, present: Array) -> Array:
-    """π with K π = β, nearest to the model's own, each measured by its size."""
+    """π with K π = β, nearest to the model's own values, each difference relative to its size."""
     size = np.maximum(abs(present), 1e-3 * max(1e-9, abs(present).max(initial=0.0)))
     size[base.columns] = np.maximum(size[base.columns], 1e-6)
     change, *_ = np.linalg.lstsq(base.K * size, beta - base.K @ present, rcond=1e-13)
@@ -262,7 +262,7 @@ def _consistent(method: str, fit: BaseFit, base: Base, unknowns: Any, weight: fl
 
 
 def _recordings(given: Any) -> tuple[Any, bool]:
-    """Recordings one by one, and whether they can be gone through once only."""
+    """An iterable of recordings, and whether it can be iterated only once."""
     if isinstance(given, Recording):
         return [given], False
     if not isinstance(given, Iterable) or getattr(given, "ndim", 1) == 0:
@@ -271,7 +271,7 @@ def _recordings(given: Any) -> tuple[Any, bool]:
 
 
 def _peeked(logs: Any) -> tuple[Recording, Any]:
-    """The first Recording, and all of them. Raises IdentificationError."""
+    """The first Recording, and an iterator over all of them. Raises IdentificationError."""
     walk = iter(logs)
     first = next(walk, None)
     if first is None:

@@ -1,7 +1,7 @@
-"""Least squares of many rows by small triangular factors, one of each freedom, weighted by its own noise.
+"""Least squares of many rows by small triangular factors, one for each freedom, weighted by its own noise.
 
-A factor R of [W_b | y] of a freedom has all that least squares needs of its rows: ||W_b β - y|| = ||R (β, -1)||.
-Factors of more rows are added by another QR, so a log need not fit into memory, and weights change without its rows.
+The factor R of [W_b | y] of a freedom replaces its rows in least squares: ||W_b β - y|| = ||R (β, -1)||. Another QR
+adds the factors of more rows, so a log need not fit into memory, and weights can change without its rows.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ from numpy.typing import NDArray
 from .equations import Rows
 
 Array = NDArray[np.float64]
-NORMAL = 1.959963984540054  # of 95 % of a normal distribution
+NORMAL = 1.959963984540054  # half width of 95 % of a normal distribution
 ITERATIONS = 30
 SETTLED = 1e-8  # relative change of deviations at which reweighting ends
-LAGS = 10  # of the test for whiteness
+LAGS = 10  # number of lags in the test for whiteness
 WHITE = 0.01  # probability below which a residual is not white
-FLOOR = 1e-6  # of a freedom's torque: noise of torques that are exact, so that their weights are no rounding errors
-SMALL = 1e-3  # of the largest torque: one that is smaller, 0 say, has the floor of this
+FLOOR = 1e-6  # of a freedom's torque: least noise, so that weights of exact torques are not made of rounding errors
+SMALL = 1e-3  # of the largest torque: smaller torques, such as 0, count as this for the floor
 
 
 def triangle(A: Array) -> Array:
@@ -32,7 +32,7 @@ def triangle(A: Array) -> Array:
 
 @dataclass(frozen=True)
 class Factors:
-    """A triangular factor (columns + 1, columns + 1) of each freedom, how many rows it is of, and Σ τ² of those."""
+    """A triangular factor (columns + 1, columns + 1) for each freedom, its number of rows, and their Σ τ²."""
 
     R: tuple[Array, ...]
     n: NDArray[np.int64]
@@ -49,12 +49,12 @@ class Factors:
         return Factors(tuple(triangle(R[:, at]) for R in self.R), self.n, self.power)
 
     def joined(self, sigma: Array) -> Array:
-        """R (columns + 1, columns + 1) of all rows, those of each freedom divided by its deviation."""
+        """R (columns + 1, columns + 1) of all rows, with the rows of each freedom divided by its deviation."""
         return triangle(np.concatenate([R / s for R, s in zip(self.R, sigma, strict=True)]))
 
     @property
     def floor(self) -> Array:
-        """Least deviation (nv,) of each freedom's noise: a share of its torque or, if larger, of that of forces."""
+        """Least deviation (nv,) of each freedom's noise: a share of its torque or, if larger, of the forces' torque."""
         y = np.array([float(np.sum(R[:, -1] ** 2)) for R in self.R])
         rms = np.sqrt(np.maximum(self.power, y) / np.maximum(self.n, 1))
         least = FLOOR * np.maximum(rms, SMALL * rms.max(initial=0.0))
@@ -86,7 +86,7 @@ def factors_of(rows: Iterable[Rows], columns: NDArray[np.intp], more: Callable[[
 
 
 def _factor(A: Array) -> Array:
-    """Triangular factor, square, of rows of which many columns are 0: those of bodies that a freedom does not carry."""
+    """Square triangular factor of rows with many zero columns, those of bodies that a freedom does not move."""
     used = np.flatnonzero(A.any(0))
     R = np.zeros((A.shape[1], A.shape[1]))
     small = triangle(A[:, used])
@@ -95,7 +95,7 @@ def _factor(A: Array) -> Array:
 
 
 def added(one: Factors | None, other: Factors) -> Factors:
-    """Factors of the rows of both."""
+    """The factors of two sets of rows together."""
     if one is None:
         return other
     R = tuple(_factor(np.concatenate(pair)) for pair in zip(one.R, other.R, strict=True))
@@ -115,9 +115,9 @@ class Solution:
 def solve(factors: Factors, weighted: bool, inflation: Array | None = None) -> Solution:
     """β by least squares; reweighted by each freedom's deviation until that settles if ``weighted``.
 
-    inflation  (nv,) of the variance of a mean of the residuals, where they are not white
+    inflation  (nv,)  factor on the variance of a mean of the residuals, if they are not white
 
-    The covariance holds for noise of another size at each freedom in both cases. A deviation is no less than the floor.
+    In both cases the covariance allows a different noise for each freedom. No deviation is below the floor.
     """
     nv, p, floor = len(factors.R), factors.size, factors.floor
     sigma, more = np.ones(nv), np.ones(nv) if inflation is None else inflation
@@ -144,20 +144,20 @@ def solve(factors: Factors, weighted: bool, inflation: Array | None = None) -> S
 
 
 def quantile(freedoms: float) -> float:
-    """Of Student's t at 97.5 %, from its expansion by 1/freedoms (Abramowitz and Stegun, 26.7.5)."""
+    """Quantile of Student's t at 97.5 %, from its expansion in 1/freedoms (Abramowitz and Stegun, 26.7.5)."""
     z, n = NORMAL, max(freedoms, 1.0)
     first, second = (z**3 + z) / 4.0, (5.0 * z**5 + 16.0 * z**3 + 3.0 * z) / 96.0
     return z + first / n + second / n**2
 
 
 def whiteness(residuals: Array, apart: int = 1, least: float = 1.0) -> tuple[float, float]:
-    """Probability of residuals (n,) as uneven as these if they were white (Ljung and Box), and their inflation.
+    """Probability that white noise (n,) is at least as correlated as these residuals (Ljung and Box); their inflation.
 
-    apart  from one residual to the next that shares no sample with it: those are tested
+    apart  distance of residuals that share no sample: only residuals this far apart are tested
     least  inflation of residuals of white noise
 
-    The inflation is 1 + 2 Σ ρ_k over the first lags whose correlation is significant: the variance of a mean of
-    neighbours over that of white residuals.
+    The inflation is 1 + 2 Σ ρ_k over the first lags with significant correlation: the variance of a mean of neighbours
+    over that of white residuals.
     """
     chance, inflation = _whiteness(residuals[::apart])
     if apart > 1 and chance < WHITE:

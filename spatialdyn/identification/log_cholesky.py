@@ -1,10 +1,11 @@
-"""Inertias that bodies can have, by Gauss-Newton steps on Cholesky factors of pseudo-inertias.
+"""Physically consistent inertias, by Gauss-Newton steps on Cholesky factors of pseudo-inertias.
 
-Each pseudo-inertia is P = U Uᵀ with U upper triangular of positive diagonal, and pays - log det P: it stays positive
-definite. A step is P + U (Θ + Θᵀ) Uᵀ of ten coordinates Θ, those of log-Cholesky at U. It is straight in parameters, as
-the valley is that torques leave; along the curves of log-Cholesky coordinates a steep one takes hundreds of steps.
-The cost is then ½ |A π - z|² + ¼ weight |Θ + Θᵀ + C|² to order 2, C of the prior: one linear least squares each step.
-The torques' part is scaled up from nothing to 1 on the way, so that no step meets the border of what exists.
+Each pseudo-inertia is P = U Uᵀ with U upper triangular of positive diagonal. The cost term - log det P keeps P positive
+definite. A step is P + U (Θ + Θᵀ) Uᵀ with ten coordinates Θ, the log-Cholesky coordinates at U. Steps are straight in
+the parameters, like the directions that torques do not determine; along curves of log-Cholesky coordinates the search
+would take hundreds of steps. To order 2 the cost is ½ |A π - z|² + ¼ weight |Θ + Θᵀ + C|², with C from the prior: one
+linear least squares per step. The weight of the torques grows from 0 to 1 during the search, so that no step reaches
+the border of positive definite matrices.
 
 Source: Rucker and Wensing, Smooth parameterization of rigid-body inertia (2022); the scaling: Nesterov and Nemirovski,
 Interior-point polynomial algorithms in convex programming (1994). The prior of a body is
@@ -23,9 +24,9 @@ from .pseudo_inertia import parameters_of, pseudo_inertia
 Array = NDArray[np.float64]
 STEPS = 200  # most; some ten are usual
 SETTLED = 1e-10  # of the prior's weight: a step that lowers the cost by less ends the search
-NEAR = 1.0  # of weight for each body: a step that lowers the cost by less lets the torques' part grow
-GROWTH = 1e3  # of the torques' part at a time
-INSIDE = 0.9  # of the way to the border in one step
+NEAR = 1.0  # of weight per body: after a step that lowers the cost by less, the torques' weight grows
+GROWTH = 1e3  # largest factor of the torques' weight at a time
+INSIDE = 0.9  # largest part of the way to the border in one step
 HALVINGS = 40
 PLACES = [(i, j) for i in range(4) for j in range(i, 4)]
 _ROWS, _COLUMNS = np.array(PLACES).T
@@ -38,8 +39,8 @@ _SYMMETRIC.flags.writeable = False
 
 @dataclass(frozen=True)
 class Consistent:
-    """Parameters (count,) of consistent bodies, the cost, the number of steps, which linear ones are held at 0, and
-    what is odd, in words.
+    """Parameters (count,) of consistent bodies, the cost, the number of steps, which linear parameters are held at 0,
+    and warnings in words.
     """
 
     pi: Array
@@ -56,9 +57,9 @@ def upper_factor(P: Array) -> Array:
 
 
 def fit(A: Array, z: Array, start: Array, bodies: int, bounded: NDArray[np.bool_], weight: float) -> Consistent:
-    """π that minimises ½ |A π - z|² + weight Σ D, its first 10 ``bodies`` of bodies that exist.
+    """π that minimises ½ |A π - z|² + weight Σ D, with its first 10 ``bodies`` entries of consistent bodies.
 
-    start    (count,)  of consistent bodies: where the search begins, and P₀ of the prior
+    start    (count,)  parameters of consistent bodies: where the search begins, and P₀ of the prior
     bounded  which of the other parameters are 0 or more
     """
     ten, tall, root = 10 * bodies, len(A), np.sqrt(0.5 * weight)
@@ -109,7 +110,7 @@ def fit(A: Array, z: Array, start: Array, bodies: int, bounded: NDArray[np.bool_
                 break
             length *= 0.5
         else:
-            gain = 0.0  # rounding is all that is left
+            gain = 0.0  # only rounding remains
         settled = share == 1.0 and gain <= SETTLED * weight
         if gain <= NEAR * weight * max(bodies, 1):
             share = min(1.0, GROWTH * share)

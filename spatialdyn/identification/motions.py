@@ -16,15 +16,15 @@ from ..model.model import Model
 from .recording import Recording
 
 Array = NDArray[np.float64]
-ORDER = 4  # of the Butterworth filter, whose gain is used twice: no phase is left
+ORDER = 4  # of the Butterworth filter, applied forth and back, so that it has no phase
 ALONE = 0.01  # a smaller correlation counts as 0
-MEANS = (-1.0 / 24.0, 13.0 / 24.0, 13.0 / 24.0, -1.0 / 24.0)  # of four samples, of ``means_of_steps``
-NEAR = 4  # steps: further from a jump nothing is off
-EDGE = 1.0  # of 1/cutoff, left out at both ends, where the filter continues the motion by reflection
+MEANS = (-1.0 / 24.0, 13.0 / 24.0, 13.0 / 24.0, -1.0 / 24.0)  # weights of four samples in ``means_of_steps``
+NEAR = 4  # steps: further away a jump has no effect
+EDGE = 1.0  # in units of 1/cutoff: left out at both ends, where the filter continues the motion by reflection
 
 
 class States(NamedTuple):
-    """q (n, nq), v (n, nv) and a (n, nv); a is None where no equation needs it."""
+    """q (n, nq), v (n, nv) and a (n, nv); a is None if no equation needs it."""
 
     q: Array
     v: Array
@@ -33,7 +33,7 @@ class States(NamedTuple):
 
 @dataclass(frozen=True)
 class Motion:
-    """States at even times, those of samples ``first``, ``first`` + 1, ... of a recording.
+    """States at even times, from samples ``first``, ``first`` + 1, ... of a recording.
 
     model, dt   Model, [s]
     first       index of the first sample that has a state
@@ -53,8 +53,8 @@ class Motion:
     def between(self, start: int, stop: int, part: float) -> States:
         """States at ``part`` in [0, 1) of the steps start .. stop - 1; at 0 the samples themselves.
 
-        By a cubic in the displacement from the earlier sample that has both samples' positions and velocities: q is off
-        by h⁴/384 times its fourth derivative. a is the cubic through four samples.
+        q and v come from a cubic in the displacement from the earlier sample, with both samples' positions and
+        velocities: q has an error of h⁴/384 times its fourth derivative. a comes from the cubic through four samples.
         """
         q, v, a = self.states
         if part == 0.0:
@@ -75,7 +75,7 @@ def cubic_rate(u: Array, v0: Array, v1: Array, h: float, s: float) -> Array:
 
 def cubic_at(x: Array, start: int, stop: int, s: float) -> Array:
     """x at ``s`` in [0, 1) of the steps start .. stop - 1, through four neighbours (Catmull and Rom); at the ends the
-    outer ones are the nearest.
+    nearest sample replaces a missing neighbour.
     """
     k = np.arange(start, stop)
     before, one, two, after = (x[np.clip(k + i, 0, len(x) - 1)] for i in (-1, 0, 1, 2))
@@ -87,10 +87,10 @@ def cubic_at(x: Array, start: int, stop: int, s: float) -> Array:
 
 
 def shared_by_means(window: int, of: Array) -> tuple[int, float]:
-    """What means of ``window`` neighbouring sums of white noise, with weights ``of``, have in common.
+    """Correlation of means over ``window`` neighbouring sums of white noise, with weights ``of``.
 
-    Returns how many means apart those are that share next to no sample, and the variance of a mean of many of them over
-    that of as many white ones.
+    Returns the distance, in means, from which on means share almost no sample, and the ratio of the variance of a mean
+    of many of them to that of as many white numbers.
     """
     weights = np.convolve(of, np.full(window, 1.0 / window))
     rho = np.correlate(weights, weights, "full")[len(weights) - 1 :: window]
@@ -99,12 +99,12 @@ def shared_by_means(window: int, of: Array) -> tuple[int, float]:
 
 
 def held_weights(velocities: str, part: float) -> Array:
-    """Weights (2 n + 1) of held torques, of steps -n .. n, that a change of momentum over step 0 is the sum of.
+    """Weights (2 n + 1) of held torques, of steps -n .. n, whose sum is the change of momentum over step 0.
 
-    A held torque jumps at ``part`` of a step, and the acceleration with it. ``differences`` and the cubic of
-    ``Motion.between`` go on smoothly there: velocities near a jump are off by the jump times the step times a number e,
-    and momenta by e times the jump of the torque, whatever the inertia. The weights are the torque that such momenta
-    see. [1] where velocities were measured at the jumps.
+    A held torque jumps at ``part`` of a step, and the acceleration jumps with it. ``differences`` and the cubic of
+    ``Motion.between`` are smooth there: velocities near a jump have an error of the jump times the step times a number
+    e, and momenta an error of e times the jump of the torque, for any inertia. The weights give the torque that matches
+    these momenta. They are [1] if velocities were measured at the jumps.
     """
     if velocities == "filtered" or (velocities == "measured" and part == 0.0):
         return np.ones(1)
@@ -119,12 +119,12 @@ def held_weights(velocities: str, part: float) -> Array:
     weights = np.zeros(2 * NEAR + 1)
     weights[NEAR] = 1.0
     weights[1:] += rise[::-1]  # the torque of the step after the jump
-    weights[:-1] -= rise[::-1]  # and of that before it
+    weights[:-1] -= rise[::-1]  # and of the step before it
     return weights
 
 
 def summed(x: Array, weights: Array) -> Array:
-    """Sums (n, ...) of neighbours of x (n, ...) with ``weights`` (2 k + 1); at the ends the outer ones are the last."""
+    """Weighted sums (n, ...) of neighbours of x (n, ...), ``weights`` (2 k + 1); at the ends the last one repeats."""
     if len(weights) == 1:
         return x
     k, n = len(weights) // 2, np.arange(len(x))
@@ -133,9 +133,9 @@ def summed(x: Array, weights: Array) -> Array:
 
 
 def means_of_steps(x: Array) -> Array:
-    """Means (n - 1, ...) of x (n, ...) between neighbours, of the cubic through the four nearest samples: off by h⁴.
+    """Means (n - 1, ...) of x (n, ...) between neighbours, from the cubic through four samples, with an error of h⁴.
 
-    Of fewer than four samples by two: off by h².
+    With fewer than four samples means are over two, with an error of h².
     """
     if len(x) < 4:
         return np.asarray(0.5 * (x[1:] + x[:-1]))
@@ -145,19 +145,19 @@ def means_of_steps(x: Array) -> Array:
 
 
 def motion_of(recording: Recording, model: Model, cutoff: float | None, accelerations: bool) -> Motion:
-    """The Motion of a recording; what was not measured comes from derivatives of what was.
+    """The Motion of a recording; velocities and accelerations that were not measured are computed as derivatives.
 
-    cutoff         [Hz] of a low-pass filter without phase for positions that are used to derive others, or None:
-                   central differences of order 4 then
+    cutoff         [Hz] of a low-pass filter without phase for signals to differentiate; None for central differences of
+                   order 4
     accelerations  whether a is needed
 
-    Raises IdentificationError where positions are not all numbers and v was not measured, or too few samples are left.
+    Raises IdentificationError if v was not measured and not all positions are numbers, or if too few samples remain.
     """
     q, v, a, h = recording.q, recording.v, recording.a, recording.dt
     if cutoff is not None and cutoff * h >= 0.5:
         raise IdentificationError(f"cutoff is {cutoff:g} Hz, expected one below {0.5 / h:g} Hz, half the sampling rate")
     plain = all(row["kind"] in R1 for row in model.bodies[1:])
-    if cutoff is not None and 1.0 / len(q) > cutoff * h / EDGE:  # then nothing is left
+    if cutoff is not None and 1.0 / len(q) > cutoff * h / EDGE:  # then no sample remains
         raise IdentificationError(f"cutoff is {cutoff:g} Hz, expected one above {EDGE / (len(q) * h):g} Hz")
     if v is None and not plain:
         raise IdentificationError(
@@ -190,8 +190,9 @@ def motion_of(recording: Recording, model: Model, cutoff: float | None, accelera
 def spectral(x: Array, h: float, cutoff: float) -> tuple[Array, Array, Array]:
     """Columns of x (N, n) through a Butterworth filter forth and back, and their first two derivatives.
 
-    Less the line from end to end x is continued by its point reflections, of period 2 N - 2, so that value and slope
-    go on at the ends; there all is multiplied by 1 / (1 + (f / cutoff)^(2 ORDER)) and by powers of i 2π f.
+    After subtracting the line from end to end, point reflections continue x with period 2 N - 2, so that value and
+    slope are continuous at the ends. Its spectrum is multiplied by 1 / (1 + (f / cutoff)^(2 ORDER)) and by powers of
+    i 2π f.
     """
     n = len(x)
     ramp = np.arange(n)[:, None] / (n - 1)
@@ -206,7 +207,7 @@ def spectral(x: Array, h: float, cutoff: float) -> tuple[Array, Array, Array]:
 
 
 def _differences(x: Array, h: float) -> Array:
-    """First derivative of order 4; the two first and last rows, by NumPy's differences, are left out by the caller."""
+    """First derivative of order 4; the caller discards the first and last two rows, which are NumPy's differences."""
     made = np.gradient(x, h, axis=0)
     made[2:-2] = (x[:-4] - 8.0 * x[1:-3] + 8.0 * x[3:-1] - x[4:]) / (12.0 * h)
     return np.asarray(made)

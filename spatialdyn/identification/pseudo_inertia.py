@@ -1,8 +1,9 @@
-"""The pseudo-inertia of a body: ten inertial parameters as a symmetric 4x4 matrix that a mass distribution makes.
+"""The pseudo-inertia of a body: ten inertial parameters as a symmetric 4x4 matrix of moments of its mass.
 
-P = [[Σ, h], [hᵀ, m]] with Σ = ½ tr(Ī) 1 - Ī, the second moments of mass about the frame's origin. A body exists exactly
-if P is positive semidefinite. A load in a frame X (4, 4) of a body has X P Xᵀ in the body. Source: Wensing, Kim,
-Slotine, Linear matrix inequalities for physically consistent inertial parameter identification (2018).
+P = [[Σ, h], [hᵀ, m]] with Σ = ½ tr(Ī) 1 - Ī, the second moments of mass about the frame's origin. A body with these
+parameters exists exactly if P is positive semidefinite. A load with P in a frame placed at X (4, 4) in a body has
+X P Xᵀ in the body. Source: Wensing, Kim, Slotine, Linear matrix inequalities for physically consistent inertial
+parameter identification (2018).
 """
 
 from __future__ import annotations
@@ -12,8 +13,8 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 NAMES = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
-ROUNDING = 4.0 * float(np.finfo(float).eps)  # of the largest eigenvalue of four: a smaller one has no known sign
-_PLACES = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))  # of the last six in Ī
+ROUNDING = 4.0 * float(np.finfo(float).eps)  # relative to the largest eigenvalue: the sign of a smaller one is unknown
+_PLACES = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))  # places of the last six parameters in Ī
 
 
 def pseudo_inertia(pi: Array) -> Array:
@@ -46,12 +47,12 @@ def parameters_of(P: Array) -> Array:
 
 
 def in_body(X: Array) -> Array:
-    """(10, 10) of the parameters in a body of those in a frame that is placed at X (4, 4) in it."""
+    """Matrix (10, 10) that maps parameters in a frame, placed at X (4, 4) in a body, to parameters in the body."""
     return np.asarray(parameters_of(X @ pseudo_inertia(np.eye(10)) @ X.T).T)
 
 
 def consistent(pi: Array, floor: float) -> Array:
-    """The nearest parameters (..., 10) whose P has no eigenvalue below ``floor`` times its largest; bits kept if so."""
+    """The nearest parameters (..., 10) whose P has no eigenvalue below ``floor`` times its largest, or pi unchanged."""
     P = pseudo_inertia(pi)
     values, axes = np.linalg.eigh(P)
     least = floor * np.maximum(values[..., -1:], np.finfo(float).tiny)

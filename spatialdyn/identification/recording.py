@@ -21,30 +21,30 @@ from .unknowns import floats, own_joints
 
 Array = NDArray[np.float64]
 TABLES = (".csv", ".parquet")
-GAP = 1.5  # median steps: in a longer one samples are missing
-JITTER = 0.01  # of a step: times that are less even are refused
+GAP = 1.5  # median steps: in a longer step samples are missing
+JITTER = 0.01  # of a step: times with larger deviations are refused
 STUCK = 3  # samples in a row at the largest torque, equal to the bit: a saturated or clipped signal
 LEAST = 5  # samples
-APART = 0.3  # of a motion: velocities whose integral is further from the positions are not theirs
-MOVES = 0.02  # rad or m, deviation of positions: a joint that moves less may be at rest
+APART = 0.3  # of a motion: velocities whose integral differs more from the positions do not belong to them
+MOVES = 0.02  # rad or m, standard deviation of positions: a joint that moves less may be at rest
 BEYOND = 0.01  # of a range of positions
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Recording:
-    """A motion that was measured: N samples at even times.
+    """A measured motion: N samples at even times.
 
     t         (N,)      increasing [s]
     q         (N, nq)   joint positions [rad | m]
-    tau       (N, nv)   joint torques [N m | N]; of a floating base the six first ones may be left out, and are 0
-    v, a      (N, nv)   velocities and accelerations; None where they were not measured
+    tau       (N, nv)   joint torques [N m | N]; the six of a floating base may be left out, and are then 0
+    v, a      (N, nv)   velocities and accelerations; None if they were not measured
     wrenches  {frame: (N, 6)}  forces on the robot, linear first, in the frame's axes and at its origin [N | N m]
 
-    ``Recording(..., resample=True)`` puts uneven times on an even grid, between samples by straight lines; without it
-    steps that differ by more than 1 % are refused.
+    ``Recording(..., resample=True)`` interpolates samples at uneven times linearly to an even grid; without it steps
+    that differ by more than 1 % are refused.
 
-    Raises  IdentificationError naming the row and column of what is not finite, times that do not increase or are
-            uneven, fewer than 5 samples; ShapeError
+    Raises  IdentificationError naming the row and column of a number that is not finite, for times that do not increase
+            or are uneven, and for fewer than 5 samples; ShapeError
 
     >>> import numpy as np, spatialdyn as sd
     >>> t = np.linspace(0.0, 1.0, 101)
@@ -60,8 +60,8 @@ class Recording:
     a: Array | None = None
     wrenches: Mapping[str, Array] = field(default_factory=dict)
     dt: float = field(init=False)
-    _commanded: bool = field(init=False, default=False)  # torques that a motor was asked for
-    _filled: tuple[str, ...] = field(init=False)  # a note where samples were missing
+    _commanded: bool = field(init=False, default=False)  # whether torques are commands to a motor
+    _filled: tuple[str, ...] = field(init=False)  # a note if samples were missing
 
     def __init__(
         self, t: ArrayLike, q: ArrayLike, tau: ArrayLike, v: ArrayLike | None = None, a: ArrayLike | None = None,
@@ -120,13 +120,14 @@ class Recording:
     def of(cls, run: Trajectory) -> Recording:
         """The Recording of a simulation's samples, of its positions, velocities and torques.
 
-        For ``identify``, hold="after" is right where torques are held from sample to sample: a constant or a table, a
-        law with held=True, or what semi_implicit_euler and explicit_euler ask for once a step; and every step is
-        recorded (``record=1``), or the torque is one number between samples. A function or a law that rk4 and others
-        evaluate within a step has the torques of its times: hold=None. Forces of contacts, limits, constraints and
-        ``fext`` are no part of ``tau``, and of no equation of ``identify``.
+        For ``identify``, hold="after" is right if torques are held from sample to sample: a constant or a table, a law
+        with held=True, or torques that semi_implicit_euler and explicit_euler evaluate once a step; every step must be
+        recorded (``record=1``), or the torque constant between samples. For a function or a law that rk4 and other
+        methods evaluate within a step use hold=None. ``tau`` does not contain forces of contacts, limits, constraints
+        and ``fext``; neither do the equations of ``identify``.
 
-        With motors ``tau`` is the commanded torque, not what acted: ``requires`` replays it, ``identify`` refuses it.
+        With motors ``tau`` is the commanded torque, not the torque that acted: ``requires`` replays it, ``identify``
+        refuses it.
         """
         if not isinstance(run, Trajectory):
             raise IdentificationError(f"run is a {type(run).__name__}, expected a Trajectory")
@@ -139,14 +140,14 @@ class Recording:
     def load(cls, path: Any, model: Model | None = None, *, resample: bool = False) -> Recording:
         """The Recording in a table, CSV by NumPy or parquet by pandas.
 
-        path   a name that ends in .csv or .parquet: columns t, q0 ..., tau0 ... and perhaps v0 ..., a0 ..., and of a
-               force on a frame wrench_FRAME_0 ... wrench_FRAME_5. Other columns are left alone
-        model  with it columns may be named by joints of one freedom: q_NAME, tau_NAME, ...
+        path   a name that ends in .csv or .parquet: columns t, q0 ..., tau0 ... and optionally v0 ..., a0 ..., and for
+               a force on a frame wrench_FRAME_0 ... wrench_FRAME_5. Other columns are ignored
+        model  if given, columns may be named by joints of one freedom: q_NAME, tau_NAME, ...
 
-        In a CSV file commas, semicolons or tabs stand between names, and the names on the first line.
+        The first line of a CSV file has the names; commas, semicolons or tabs separate.
 
         Raises  SpatialDynError for a file that cannot be read, naming line and column; IdentificationError naming the
-                column that is missing
+                missing column
         """
         check_ending("path", path, TABLES)
         columns = from_csv(path) if str(path).lower().endswith(".csv") else from_parquet(path)
@@ -156,14 +157,14 @@ class Recording:
     def from_columns(
         cls, columns: Mapping[str, ArrayLike], model: Model | None = None, *, resample: bool = False
     ) -> Recording:
-        """The Recording of named columns, as of a pandas DataFrame: see ``load``."""
+        """The Recording of named columns, such as a pandas DataFrame: see ``load``."""
         if not isinstance(columns, Mapping) and not hasattr(columns, "columns"):
             raise IdentificationError(f"columns is a {type(columns).__name__}, expected a mapping, or a DataFrame")
         return cls(**arrays_of(columns, None if model is None else check_model(model)), resample=resample)
 
     @watch.call("Recording.save")
     def save(self, path: Any) -> None:
-        """Write the samples to a CSV file that ``load`` reads, all digits of them."""
+        """Write the samples with all digits to a CSV file that ``load`` reads."""
         check_ending("path", path, (".csv",))
         kinds = {kind: getattr(self, kind) for kind in KINDS if getattr(self, kind) is not None}
         kinds |= {f"wrench_{frame}_": x for frame, x in self.wrenches.items()}
@@ -175,10 +176,10 @@ class Recording:
             raise SpatialDynError(f"{literal(path)} cannot be written: {error}") from error
 
     def check(self, model: Model) -> tuple[str, ...]:
-        """What is odd about the recording for a robot, in words; empty if nothing is.
+        """Warnings about the recording for a robot, in words; empty if there are none.
 
         Raises  ShapeError for arrays of another robot; IdentificationError naming a joint that moves while its torque
-                is one number to the bit: saturated, or not recorded
+                is constant to the bit: saturated, or not recorded
         """
         nq, nv = check_model(model).nq, model.nv
         widths = {
@@ -222,7 +223,7 @@ class Recording:
         return tuple(notes)
 
     def _odd_motion(self, model: Model, joint: Joint) -> list[str]:
-        """Notes on positions beyond the limits of a joint of one freedom, and on velocities that are not theirs."""
+        """Notes on positions beyond the limits of a joint of one freedom, and on velocities that do not fit them."""
         q, notes = self.q[:, joint.idx_q], []
         low, high = float(model.lower[joint.idx_q]), float(model.upper[joint.idx_q])
         room = BEYOND * (high - low)
@@ -256,7 +257,7 @@ def _longest_run(x: NDArray[np.bool_]) -> int:
 
 
 def _gaps(t: Array) -> tuple[str, ...]:
-    """A note on steps in which samples are missing; none without such."""
+    """A note on steps in which samples are missing; empty without such steps."""
     steps = np.diff(t)
     usual, worst = float(np.median(steps)), int(steps.argmax())
     count = int((steps > GAP * usual).sum())

@@ -1,7 +1,7 @@
-"""Inertias that bodies can have, by a semidefinite program: the cost of ``log_cholesky`` for a solver of its own.
+"""Physically consistent inertias by a semidefinite program: an external solver minimizes the cost of ``log_cholesky``.
 
-The pseudo-inertia is linear in the parameters and has to be positive semidefinite. Source: Wensing, Kim, Slotine,
-Linear matrix inequalities for physically consistent inertial parameter identification (2018).
+The pseudo-inertia is linear in the parameters and must be positive semidefinite. Source: Wensing, Kim, Slotine, Linear
+matrix inequalities for physically consistent inertial parameter identification (2018).
 """
 
 from __future__ import annotations
@@ -16,19 +16,19 @@ from .log_cholesky import Consistent
 from .pseudo_inertia import pseudo_inertia
 
 Array = NDArray[np.float64]
-AT_BOUND = 1e-7  # of the largest linear parameter
-OPTIMAL, NEARLY = "optimal", "optimal_inaccurate"  # of cvxpy: what is accepted, the second with a note
+AT_BOUND = 1e-7  # relative to the largest linear parameter
+OPTIMAL, NEARLY = "optimal", "optimal_inaccurate"  # accepted statuses of cvxpy, the second with a note
 INSTEAD = 'method="log_cholesky" minimises the same cost without this solver'
 
 
 def fit(A: Array, z: Array, start: Array, bodies: int, bounded: NDArray[np.bool_], weight: float) -> Consistent:
     """``log_cholesky.fit`` by cvxpy and Clarabel.
 
-    Raises  SpatialDynError where they are missing, IdentificationError where they find no optimum
+    Raises  SpatialDynError if they are missing, IdentificationError if they find no optimum
     """
     cvxpy = need_cvxpy()
     ten, basis = 10 * bodies, pseudo_inertia(np.eye(10))
-    size = np.maximum(abs(start), 1e-3)  # of each column: numbers of one size converge
+    size = np.maximum(abs(start), 1e-3)  # scale of each column: similar magnitudes converge
     free = start + size * np.linalg.lstsq(A * size, z - A @ start, rcond=1e-13)[0]  # whose own cost would hide the rest
     pi = cvxpy.Variable(len(start))
     cost: Any = 0.5 * cvxpy.sum_squares((A * size) @ (pi - free / size))
@@ -45,7 +45,7 @@ def fit(A: Array, z: Array, start: Array, bodies: int, bounded: NDArray[np.bool_
     try:
         problem.solve(solver="CLARABEL")
     except cvxpy.error.SolverError as error:
-        reason = str(error).partition(". ")[0].rstrip(".")  # what follows is advice on cvxpy's own options
+        reason = str(error).partition(". ")[0].rstrip(".")  # the rest is advice on cvxpy's options
         raise IdentificationError(f"the semidefinite program is not solved: {reason}; {INSTEAD}") from error
     if pi.value is None or problem.status not in (OPTIMAL, NEARLY):
         raise IdentificationError(
@@ -60,7 +60,7 @@ def fit(A: Array, z: Array, start: Array, bodies: int, bounded: NDArray[np.bool_
 
 
 def need_cvxpy() -> Any:
-    """The package cvxpy. Raises SpatialDynError where it or its solver is not installed."""
+    """The package cvxpy. Raises SpatialDynError if it or its solver is not installed."""
     try:
         import clarabel  # noqa: F401
         import cvxpy

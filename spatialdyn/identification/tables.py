@@ -20,7 +20,7 @@ WRENCH = re.compile(r"wrench_(.+)_([0-5])")
 
 
 def arrays_of(columns: Mapping[str, ArrayLike], model: Model | None) -> dict[str, Any]:
-    """t, q, v, a, tau and wrenches of named columns; others are left alone. Raises IdentificationError."""
+    """t, q, v, a, tau and wrenches of named columns; other columns are ignored. Raises IdentificationError."""
     given = [str(name) for name in columns]
     refuse_twice(given)
     where = dict(zip(given, columns, strict=True))
@@ -50,7 +50,7 @@ def arrays_of(columns: Mapping[str, ArrayLike], model: Model | None) -> dict[str
 
 
 def _names_of(kind: str, given: Mapping[str, Any], joints: list[str]) -> list[str]:
-    """Names of the columns kind0, kind1, ... or kind_JOINT; none without any. Raises IdentificationError for a gap."""
+    """Names of the columns kind0, kind1, ... or kind_JOINT that exist. Raises IdentificationError for a gap."""
     numbers = sorted(int(name[len(kind) :]) for name in given if re.fullmatch(kind + "(0|[1-9][0-9]*)", name))
     numbered = [f"{kind}{k}" for k in range(numbers[-1] + 1)] if numbers else []
     named = [f"{kind}_{joint}" for joint in joints]
@@ -79,17 +79,17 @@ def _numbers(name: str, given: Any) -> Array:
 
 
 def refuse_twice(names: list[str]) -> None:
-    """Raise IdentificationError for a name that two columns have."""
+    """Raise IdentificationError if two columns have the same name."""
     for k, name in enumerate(names):
         if name in names[:k]:
             raise IdentificationError(f"columns have {name} {names.count(name)} times, expected each name once")
 
 
 def from_csv(path: Any) -> dict[str, Any]:
-    """Columns of a CSV file by the names in its first line: numbers where all cells are, texts else.
+    """Columns of a CSV file by the names in its first line: as numbers if all cells are numbers, otherwise as texts.
 
-    Commas, semicolons or tabs separate, whichever are in the names; lines that begin with # are left out, but for names
-    there, as NumPy writes them. Raises SpatialDynError.
+    The first line determines the separator: comma, semicolon or tab. Lines that begin with # are ignored, unless they
+    hold the names, as NumPy writes them. Raises SpatialDynError.
     """
     try:
         with open(path, encoding="utf-8-sig") as file:  # a spreadsheet begins with a byte order mark
@@ -119,7 +119,7 @@ def from_csv(path: Any) -> dict[str, Any]:
 
 
 def _by_cells(path: Any, names: list[str], rows: list[tuple[int, str]], separator: str) -> dict[str, Any]:
-    """Columns of lines of which some cells are no numbers: those columns are texts. Raises SpatialDynError."""
+    """Columns of lines in which some cells are not numbers; such columns become texts. Raises SpatialDynError."""
     cells = [_cells(line, separator) for _, line in rows]
     for (number, _), own in zip(rows, cells, strict=True):
         if len(own) != len(names):
@@ -159,14 +159,14 @@ def _is_number(text: str) -> bool:
 
 
 def from_parquet(path: Any) -> dict[str, Any]:
-    """Columns of a parquet file, with its index where that has a name. Raises SpatialDynError."""
+    """Columns of a parquet file, with its index if that has a name. Raises SpatialDynError."""
     try:
         import pandas
     except ImportError as error:
         raise SpatialDynError("pandas is not installed, expected it for parquet; pip install pandas pyarrow") from error
     try:
         frame = pandas.read_parquet(path)
-    except Exception as error:  # of the engine that pandas finds, which has its own errors
+    except Exception as error:  # the engine of pandas has its own errors
         raise SpatialDynError(f"{literal(path)} cannot be read: {error}") from error
     frame = frame.reset_index() if any(frame.index.names) else frame
     refuse_twice([str(name) for name in frame.columns])

@@ -1,4 +1,4 @@
-"""What an identification looks for: inertial parameters of bodies or of a load, armatures, friction and offsets."""
+"""The unknowns of an identification: inertial parameters of bodies or of a load, armatures, friction and offsets."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ DEFAULT = ("inertial", "friction")
 
 
 class Body(NamedTuple):
-    """Ten unknown parameters.
+    """A body or a load with ten unknown parameters.
 
-    name   of the joint whose body it is, or of the frame that carries the load
+    name   name of the body's joint, or of the frame that carries the load
     joint  index of the joint
-    X      None of a body; of a load the placement (4, 4) of its frame in the joint's
+    X      None for a body; for a load the placement (4, 4) of its frame in the joint's
     """
 
     name: str
@@ -50,7 +50,7 @@ class Unknowns:
 
     @property
     def load(self) -> bool:
-        """Whether the ten parameters are those of a load, beside the model's own."""
+        """Whether the ten parameters are those of a load, which adds to the model's own."""
         return any(body.X is not None for body in self.bodies)
 
     @cached_property
@@ -62,7 +62,7 @@ class Unknowns:
 
     @cached_property
     def present(self) -> Array:
-        """The model's own values; of a load 0, as of friction and offsets, which no Model has."""
+        """The model's own values; 0 for a load, and for friction and offsets, which no Model has."""
         own = np.asarray(calls["inertial_parameters"](self.model))
         bodies = [np.zeros(10) if body.X is not None else own[body.joint] for body in self.bodies]
         rest = [self.model.armature[k] if kind == "armature" else 0.0 for kind, k in self.joints]
@@ -74,7 +74,7 @@ class Unknowns:
         return np.array([kind != "offset" for kind, _ in self.joints], bool)
 
     def stacked(self, Y: Array, a: Array, viscous: Array, sign: Array) -> Array:
-        """Columns (n, nv, count) of a regressor Y (n, nv, njoints, 10), of a, v and sgn v (n, nv)."""
+        """Columns (n, nv, count) from a regressor Y (n, nv, njoints, 10), a, v and sgn v (n, nv)."""
         n, nv = a.shape
         W = np.zeros((n, nv, len(self.names)))
         for k, body in enumerate(self.bodies):
@@ -86,7 +86,7 @@ class Unknowns:
         return W
 
     def values(self, kind: str, x: Array) -> Array:
-        """(nv,) of one kind among the columns of joints, 0 where there is none."""
+        """Values (nv,) of one kind from the columns of joints; 0 for a freedom without such a column."""
         found = np.zeros(self.model.nv)
         for column, (own, k) in enumerate(self.joints, start=10 * len(self.bodies)):
             if own == kind:
@@ -132,23 +132,23 @@ def unknowns_of(model: Model, parameters: Any, payload: Any = None, bodies: Any 
 
 
 def words_of(parameters: Any) -> tuple[str, ...]:
-    """Some of WORDS, of words or of one text that joins them by +. Raises SpatialDynError."""
+    """Some of WORDS, from words or from one text that joins them by +. Raises SpatialDynError."""
     return as_words("parameters", parameters.split("+") if isinstance(parameters, str) else parameters, WORDS)
 
 
 def own_joints(model: Model) -> list[Joint]:
-    """The joints that have freedoms of their own, no mimic joints: those have their leaders'."""
+    """The joints with freedoms of their own: all but mimic joints."""
     followers = {x.name for x in model.robot.joints if x.mimic is not None} if model.mimic_matrix is not None else set()
     return [x for x in model.joints[1:] if x.name not in followers]
 
 
 def freedoms_of(model: Model) -> list[str]:
-    """A name of each freedom: its joint's, with an index where that has several."""
+    """A name for each freedom: its joint's, with an index if the joint has several freedoms."""
     return [j.name if j.nv == 1 else f"{j.name}[{k}]" for j in own_joints(model) for k in range(j.nv)]
 
 
 def floats(model: Model) -> bool:
-    """Whether the robot's first joint is that of a floating base: its six freedoms are the first."""
+    """Whether the robot has a floating base as first joint; its six freedoms are then the first."""
     return model.njoints > 1 and model.joints[1].kind == "floating"
 
 
@@ -170,7 +170,7 @@ def names_of(argument: str, given: Any) -> list[str]:
 
 
 def _bare(model: Model, name: str) -> bool:
-    """Whether a joint's armature is a number of its own, of no rotor or transmission."""
+    """Whether a joint's armature is independent of rotors and transmissions."""
     joints = {x.name: x for x in model.robot.joints}
     if name not in joints:
         return False

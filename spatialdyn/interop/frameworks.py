@@ -1,4 +1,4 @@
-"""Frameworks of others, imported when a bridge to one is used."""
+"""Other frameworks, each imported when its bridge is used."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from ..errors import SpatialDynError, pip_install
 
 
 def framework(name: str) -> Any:
-    """A package, imported. Raises SpatialDynError with the line that installs it where it is missing."""
+    """Import a package. Raises SpatialDynError with the command that installs it if it is missing."""
     try:
         return import_module(name)
     except ImportError as error:

@@ -1,22 +1,25 @@
-"""A Specialized as a function of JAX arrays, with derivatives: its program is called by XLA, within jit, vmap and scan.
+"""A Specialized as a function of JAX arrays, with derivatives: XLA calls its program, within jit, vmap and scan.
 
-One primitive of JAX stands for a program and all its derivatives (``differentiable.Node``): the derivative of one is
-another, so that forward mode, reverse mode and second derivatives are programs too. On the CPU XLA calls compiled code
-through its foreign function interface; on other devices, and where that interface is another than this library knows,
-it calls Python (``pure_callback``).
+One JAX primitive represents a program and all its derivatives (``differentiable.Node``): the derivative of a node is
+another node, so that forward mode, reverse mode and second derivatives are programs too. On the CPU XLA calls compiled
+code through its foreign function interface; on other devices, and if this library does not know the interface's
+version, it calls Python (``pure_callback``).
 """
 
 from __future__ import annotations
 
+import atexit
 import math
 import warnings
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from functools import cache, partial
 from typing import Any
 
 import numpy as np
 
 from ..calls.differentiable import Differentiable, Node
+from ..errors import SpatialDynError
 from .frameworks import framework
 
 
@@ -26,6 +29,9 @@ def to_jax(made: Differentiable) -> Callable[..., Any]:
 
     def function(*arrays: Any) -> Any:
         given = [jax.numpy.asarray(x) for x in arrays]
+        for name, x in zip(made.names, given, strict=False):
+            if jax.numpy.iscomplexobj(x):
+                raise SpatialDynError(f"{name} is {x.dtype}, expected real numbers")
         single = all(x.dtype == np.float32 for x in given)
         dtype = np.float32 if single else jax.dtypes.canonicalize_dtype(np.float64)
         shapes = made.aligned([x.shape for x in given])
@@ -39,7 +45,7 @@ def to_jax(made: Differentiable) -> Callable[..., Any]:
 
 
 def bound(node: Node, arrays: Sequence[Any]) -> list[Any]:
-    """The primitive of arrays with equally many leading axes, each in the whole batch or for all its samples."""
+    """The primitive, for arrays with the same number of leading axes; an axis has the batch's size or 1."""
     lead = node.lead([x.shape for x in arrays])
     whole = []
     for x, core in zip(arrays, node.cores, strict=True):
@@ -52,7 +58,7 @@ def bound(node: Node, arrays: Sequence[Any]) -> list[Any]:
 
 @cache
 def primitive() -> Any:
-    """The primitive ``spatialdyn``: of a node's inputs, its results."""
+    """The primitive ``spatialdyn``: from a node's inputs to its results."""
     jax = framework("jax")
     core, ad, batching, mlir = (
         framework(f"jax.{x}") for x in ("extend.core", "interpreters.ad", "interpreters.batching", "interpreters.mlir")
@@ -77,7 +83,18 @@ def primitive() -> Any:
     ad.primitive_jvps[made] = _jvp
     ad.primitive_transposes[made] = _transpose
     batching.primitive_batchers[made] = _batched
+    atexit.register(finish)  # after JAX's own, so it runs before that
     return made
+
+
+def finish() -> None:
+    """Wait for the arrays that are being computed.
+
+    At exit JAX waits for them with Python's lock held, for which samples that Python recomputes would wait too.
+    """
+    for x in framework("jax").live_arrays():
+        with suppress(Exception):  # the error of an array that was not asked for, or one that is deleted meanwhile
+            x.block_until_ready()
 
 
 @cache
@@ -89,7 +106,7 @@ def _alone(node: Node) -> Callable[..., Any]:
 
 @cache
 def known_to_xla(name: str, address: int) -> bool:
-    """Register a handler with XLA; False, with a warning that says why, where XLA does not take it."""
+    """Register a handler with XLA; returns False, with a warning of the reason, if XLA refuses it."""
     jax = framework("jax")
     try:
         jax.ffi.register_ffi_target(name, jax.ffi.pycapsule(address), platform="cpu")
@@ -136,7 +153,7 @@ def _jvp(primals: Sequence[Any], tangents: Sequence[Any], *, node: Node) -> tupl
 
 
 def _transpose(cotangents: Sequence[Any], *arrays: Any, node: Node) -> list[Any]:
-    """What is linear in one direction, or in the weights, as a function of the results' weights."""
+    """The transpose of a node that is linear in a direction, or in the weights: a function of the results' weights."""
     ad = framework("jax.interpreters.ad")
     if all(isinstance(x, ad.Zero) for x in cotangents):
         return [ad.Zero(x.aval) if ad.is_undefined_primal(x) else None for x in arrays]
@@ -157,7 +174,7 @@ def _summed(x: Any, shape: tuple[int, ...]) -> Any:
 
 
 def _batched(arrays: Sequence[Any], axes: Sequence[Any], *, node: Node) -> tuple[Any, Any]:
-    """A node of arrays with a further axis in front, 1 where an input has none."""
+    """A node of arrays with a further axis in front, of size 1 for inputs without it."""
     numpy = framework("jax").numpy
     moved = [x[None] if at is None else numpy.moveaxis(x, at, 0) for x, at in zip(arrays, axes, strict=True)]
     found = bound(node, moved)

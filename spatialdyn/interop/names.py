@@ -1,4 +1,4 @@
-"""Names of the calls in other libraries and textbooks, and names of what an example shows or another library has."""
+"""Names of the calls in other libraries and textbooks, and of subjects that an example or another library covers."""
 
 from __future__ import annotations
 
@@ -122,7 +122,7 @@ NAMES: dict[str, Aliases] = {
     "SymbolicManipulator": Aliases("symbolic sympy eom equations_of_motion lagrange"),
 }  # fmt: skip
 
-EXAMPLES: dict[str, str] = {  # of the gallery: words for what it shows that no call does
+EXAMPLES: dict[str, str] = {  # example of the gallery -> words for subjects that it shows and no call covers
     "cart_pole_lqr": "cart_pole",
     "ilqr": "ilqr ddp trajopt trajectory_optimization optimal_control",
     "mppi_on_lanes": "mppi mpc",
@@ -137,7 +137,7 @@ EXAMPLES: dict[str, str] = {  # of the gallery: words for what it shows that no 
 }  # fmt: skip
 
 _FACE = "spatialdyn.compat.pinocchio"
-ABSENT: dict[str, str] = {  # what has it instead: words
+ABSENT: dict[str, str] = {  # library to use instead -> words
     "no shapes are here to collide; Pinocchio with coal, or MuJoCo, finds collisions": "collision collisions collide "
     "check_collision distance_to closest_points geometry computeCollisions computeDistances",
     "sd.load reads MJCF, xacro and URDF, from_mjmodel a mujoco.MjModel": "mjcf load_mjcf from_mjcf read_mjcf "
@@ -154,7 +154,7 @@ ABSENT: dict[str, str] = {  # what has it instead: words
 
 
 def suggestion(name: str, public: Iterable[str]) -> str:
-    """What to use for an unknown name: ``did you mean ...``, an example, or what has it; empty if no name is similar.
+    """A hint for an unknown name: ``did you mean ...``, an example, or another library; empty if no name is similar.
 
     name    the unknown name
     public  the library's names

@@ -39,14 +39,14 @@ LOWER_LIMITS = {
 def from_pinocchio(pin_model: Any, inertia: str = "warn") -> Model:
     """The Model of a ``pinocchio.Model``: same joints, q, v, frames, limits and gravity, entry by entry.
 
-    pin_model  a Model of Pinocchio 3 or later; nothing of Pinocchio is imported
+    pin_model  a Model of Pinocchio 3 or later; this function does not import Pinocchio
     inertia    policy on inertias that are not physical, as in ``load_urdf``
 
-    Its universe becomes the root link, and a free flyer an ordinary floating joint. A joint's body becomes the link
+    The universe becomes the root link, and a free flyer an ordinary floating joint. A joint's body becomes the link
     named by its first body frame at the identity, or else by the joint. Every other frame becomes a link without mass
     on a fixed joint; a fixed-joint frame names that joint. Unbounded and planar joints keep their (cos, sin). Limits of
-    joints with several freedoms, and all else that a Model cannot hold, are listed in ``model.robot.notes``.
-    rotorInertia and rotorGearRatio, which change no result of Pinocchio, are left out; armature is kept.
+    joints with several freedoms, and all other parts without a counterpart, are listed in ``model.robot.notes``.
+    rotorInertia and rotorGearRatio are left out, since they change no result of Pinocchio; armature is kept.
 
     Raises ModelError naming the joint for a type that is not revolute, prismatic, helical, spherical, planar or
     free flyer and for joints not in depth-first order; InertiaError.
@@ -86,7 +86,7 @@ def _pose(placement: Any) -> tuple[float, ...]:
 
 
 def fresh_name(name: str, taken: set[str]) -> str:
-    """The name with underscores appended until it is not in ``taken``, to which it is added."""
+    """The name with underscores appended until it is not in ``taken``; it is added to ``taken``."""
     while name in taken:
         name += "_"
     taken.add(name)
@@ -212,5 +212,5 @@ def _position_limits(pin_model: Any, joint: Any, name: str, kind: str, notes: li
 
 
 def _unlimited(x: float) -> float:
-    """x, or infinity where Pinocchio's value is the largest float: no limit."""
+    """x, or infinity if it is the largest float, by which Pinocchio means no limit."""
     return math.copysign(math.inf, x) if abs(x) >= np.finfo(float).max else x

@@ -1,6 +1,6 @@
 """States of MuJoCo and Drake: the order of a joint's numbers, and the axes of its velocity.
 
-The joint's kind gives a pair of functions that convert its part of a state, there and back.
+Each kind of joint has a pair of functions that convert its part of a state, there and back.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 
 
 class _Place(NamedTuple):
-    """Slices of a joint's numbers: q, v in the model's state, x, w in the other library's."""
+    """Slices of a joint's numbers: q, v in the model's state; x, w in the other library's state."""
 
     joint: Joint
     kind: int

@@ -1,8 +1,9 @@
 """A Specialized as a function of PyTorch tensors on the CPU, with derivatives.
 
-A program, and each derivative of it, is an operator of ``torch.library``, with a kernel that tells shapes alone, so
-that ``torch.compile`` and ``torch.export`` hold it as one node. An ``autograd.Function`` around it, whose derivatives
-are such functions again, is used where a derivative may be asked for: a plain call would take thrice its time in it.
+A program, and each of its derivatives, is an operator of ``torch.library``, with a second kernel that computes only
+shapes, so that ``torch.compile`` and ``torch.export`` keep it as one node. An ``autograd.Function`` around it, whose
+derivatives are such functions too, is used only if a derivative may be needed: it takes three times as long as a plain
+call.
 """
 
 from __future__ import annotations
@@ -64,7 +65,7 @@ def _library() -> Any:
 
 
 def operator(node: Node) -> Any:
-    """The operator of a node, of tensors of one dtype whose leading axes broadcast; one for all nodes of one key."""
+    """The operator of a node, for tensors of one dtype whose leading axes broadcast; nodes of one key share it."""
     torch = framework("torch")
     name = f"{node.name}_{hashlib.sha256(node.key.encode()).hexdigest()[:16]}"
     if name in _operators():
@@ -93,12 +94,12 @@ def operator(node: Node) -> Any:
 
 @cache
 def _operators() -> dict[str, Any]:
-    """Those that were made, by name."""
+    """The operators made so far, by name."""
     return {}
 
 
 def _leads(node: Node, tensors: Sequence[Any]) -> list[tuple[Any, ...]]:
-    """The leading axes of inputs. Raises ShapeError for those that are not a node's."""
+    """The leading axes of a node's inputs. Raises ShapeError if shapes do not match."""
     leads = []
     for name, x, core in zip(node.inputs, tensors, node.cores, strict=True):
         rank = x.ndim - len(core)
@@ -109,7 +110,7 @@ def _leads(node: Node, tensors: Sequence[Any]) -> list[tuple[Any, ...]]:
 
 
 def _in_front(node: Node, tensors: Sequence[Any], in_dims: Sequence[Any]) -> list[Any]:
-    """Tensors whose mapped axis is the first, before as many others as any input has."""
+    """Tensors with the mapped axis first, all padded to the same number of leading axes."""
     moved = [x if d is None else x.movedim(d, 0) for x, d in zip(tensors, in_dims, strict=True)]
     ranks = [x.ndim - len(core) - (d is not None) for x, core, d in zip(moved, node.cores, in_dims, strict=True)]
     most = max(ranks)
@@ -165,12 +166,12 @@ def function_of(node: Node) -> Any:
         def vmap(info: Any, in_dims: Any, *tensors: Any) -> Any:
             return Derivable.apply(*_in_front(node, tensors, in_dims)), (0,) * len(node.results)
 
-    vars(Derivable.forward)["__signature__"] = signature(Derivable.forward)  # else found out at each call
+    vars(Derivable.forward)["__signature__"] = signature(Derivable.forward)  # else determined at each call
     return Derivable
 
 
 def graph_function(made: Differentiable) -> Any:
-    """The ``autograd.Function`` of a program within ``torch.compile``, which takes none with a forward mode."""
+    """The ``autograd.Function`` of a program within ``torch.compile``, which accepts none with a forward mode."""
     torch, node, weighted = framework("torch"), made.node(), made.node(0, True)
     call, slopes, count, hinted = operator(node), operator(weighted), len(made.names), weighted.hinted
 
@@ -195,5 +196,5 @@ def graph_function(made: Differentiable) -> Any:
 
 
 def _filled(given: Sequence[Any], like: Sequence[Any]) -> list[Any]:
-    """Tensors, those of others without one being 0."""
+    """The tensors, with zeros in place of None, of the shapes of ``like``."""
     return [y.new_zeros(y.shape) if x is None else x for x, y in zip(given, like, strict=True)]

@@ -1,4 +1,4 @@
-"""Drift, in a computed motion, of the quantities that a motion without torques conserves."""
+"""Drift of conserved quantities in a computed motion without torques."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ Array = NDArray[np.float64]
 class Conservation(NamedTuple):
     """Drift of one quantity.
 
-    name, unit   of the quantity
+    name, unit   name and unit of the quantity
     initial      its first value
     drift        largest |value - initial|
-    slope        of the least-squares line through the values, per second
-    slope_error  its standard error, if deviations from the line are independent
+    slope        slope of the least-squares line through the values, per second
+    slope_error  standard error of the slope, if deviations from the line are independent
     """
 
     name: str
@@ -55,18 +55,18 @@ def check_conservation(
 ) -> ConservationReport:
     """The drift of each conserved quantity in a motion without torques.
 
-    trajectory  any object with t (n,) [s], q (n, nq), and p (n, nv) or v (n, nv); ``model`` defaults to its own, if it
-                has one
+    trajectory  any object with t (n,) [s], q (n, nq), and p (n, nv) or v (n, nv)
     quantities  the quantities to check; conserved_quantities(model) if left out
-    model       the Model that moved
+    model       the Model that moved; the trajectory's own model if left out
 
-    A straight line fitted to the values tells drift from oscillation: for an integrator that loses energy the slope is
-    many times its standard error. Oscillations correlate neighbouring values, so that error is an underestimate.
+    A straight line fitted to the values distinguishes drift from oscillation: for an integrator that loses energy the
+    slope is many times its standard error. Oscillations correlate neighbouring values, so this standard error is too
+    small.
 
     Returns a ConservationReport: per quantity name, unit, initial, drift, slope, slope_error.
     Raises  ShapeError for arrays that do not fit, fewer than 3 times or times that do not increase; NonFiniteError
-            naming the first state that is not finite; SpatialDynError for an object without these arrays, or
-            without a model where one is needed.
+            naming the first state that is not finite; SpatialDynError for an object without these arrays, or without a
+            model if one is needed.
 
     >>> from types import SimpleNamespace
     >>> import numpy as np, spatialdyn as sd

@@ -30,7 +30,7 @@ from .lie_brackets import motion_subspace
 Array = NDArray[np.float64]
 
 SAMPLES = 8  # random states: an analytic rate that is not identically zero is nonzero in all of them
-CONSERVED = 1e-9  # of the terms of a rate: above rounding and the error of a URDF's π/2 of 12 digits
+CONSERVED = 1e-9  # relative to the terms of a rate: above rounding and the error of π/2 with 12 digits in a URDF
 
 
 @dataclass(frozen=True, repr=False)
@@ -38,9 +38,9 @@ class ConservedQuantity:
     """A function of (q, p) that is constant along every free motion.
 
     name         e.g. "energy"
-    unit         of its values
+    unit         unit of its values
     description  the reason why it is conserved
-    function     of q (..., nq), p (..., nv), to values (...)
+    function     function of q (..., nq), p (..., nv) that returns values (...)
     """
 
     name: str
@@ -64,11 +64,11 @@ def conserved_quantities(model: Model) -> list[ConservedQuantity]:
     Source: Noether's theorem, for the motions in the module's docstring.
 
     Each joint on the world gives the momenta of the translations and rotations that it allows and on which gravity does
-    no work: of a floating base without gravity all six, with gravity the linear ones across it and the angular ones
+    no work: for a floating base without gravity all six; with gravity the horizontal linear ones, and the angular ones
     about the vertical and, in free fall, about the centre of mass. Added are single momenta p_i whose rate is zero in
     every state, such as that of a symmetric top about its axis. Each quantity is checked at random states: its rate is
-    below 1e-9 of its terms. Joint limits are ignored, and springs of series-elastic joints, which are torques here:
-    what they act on is not conserved. A robot may conserve more than these symmetries give.
+    below 1e-9 of its terms. Joint limits are ignored. So are springs of series-elastic joints, which count as torques
+    here and change the quantities that they act on. A robot may conserve more than these symmetries give.
 
     Returns a list of ConservedQuantity, with .name, .unit, .description and .value(q, p).
     Raises  InertiaError if M is singular; ModelError if model is not a Model.
@@ -121,7 +121,7 @@ def _coordinate(k: int, q: Array, p: Array) -> Array:
 def _of_joint(model: Model, index: int) -> Iterator[ConservedQuantity]:
     """Momenta of the motions that a joint on the world allows and on which gravity does no work."""
     joint = model.joints[index]
-    if joint.pitch:  # a screw is neither a translation nor a rotation: its momentum is tested by itself
+    if joint.pitch:  # a screw is neither a translation nor a rotation: its momentum is tested separately
         return
     S, R, origin = motion_subspace(model, joint), joint.placement[:3, :3], joint.placement[:3, 3]
     g = model.gravity
@@ -174,7 +174,7 @@ def _about(rows: Array, up: Array) -> Array:
 
 
 def _wrench(model: Model, index: int, q: Array, p: Array) -> tuple[Array, Array]:
-    """Momentum of a joint's subtree: angular about the world's origin, and linear, (..., 3) each in world axes."""
+    """Momentum of a joint's subtree: angular about the world's origin, and linear, (..., 3) each, in world axes."""
     joint = model.joints[index]
     body = p[..., joint.idx_v : joint.idx_v + joint.nv] @ motion_subspace(model, joint)
     X = calls["forward_kinematics"](model, q)[..., index, :, :]

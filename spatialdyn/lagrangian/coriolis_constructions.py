@@ -1,16 +1,16 @@
 """Several constructions of the Coriolis matrix C, and a test of their properties.
 
-The equation of motion determines C q̇ but not C: any matrix that annuls q̇ may be added. Three properties of C, with
+The equation of motion determines C q̇ but not C: a matrix B with B q̇ = 0 may be added. Three properties of C, with
 N = Ṁ - 2C:
 
-weak      q̇ᵀ N q̇ = 0: power is conserved; every C with the right C q̇ has it
+weak      q̇ᵀ N q̇ = 0: power is conserved; every C with the right C q̇ has this property
 strong    N is skew-symmetric, Ṁ = C + Cᵀ: needed in proofs of passivity, where C multiplies an error, not q̇
-torsion   C(v) w - C(w) v = 0 for coordinates: with the strong one it makes C that of the Christoffel symbols
+torsion   C(v) w - C(w) v = 0 for coordinates: together with "strong" it makes C that of the Christoffel symbols
 
 The velocities of spherical, floating and planar joints are not rates of coordinates but components along fields X_k
-with brackets [X_j, X_k] = Σ c^m_jk X_m, and the last property reads C(v) w - C(w) v = <X_i, [v, w]>. As v holds twists
-in the body's frame, S_j × S_k = Σ c^m_jk S_m. An armature on such a joint multiplies the acceleration only: the metric
-<,> and C leave it out.
+with brackets [X_j, X_k] = Σ c^m_jk X_m, and the last property becomes C(v) w - C(w) v = <X_i, [v, w]>. As v holds
+twists in the body's frame, S_j × S_k = Σ c^m_jk S_m. An armature on such a joint multiplies the acceleration only: the
+metric <,> and C do not contain it.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from ..waiting import watch
 from .lie_brackets import structure_constants
 
 Array = NDArray[np.float64]
-LEAST_STEP = 1e-12  # below, M(q + h) - M(q - h) is rounding
+LEAST_STEP = 1e-12  # below this step M(q + h) - M(q - h) is rounding
 STEP = 5e-3  # of sixth-order differences: h⁶ and eps / h are both about 1e-13 of M
 STENCIL = ((1, 45.0 / 60.0), (2, -9.0 / 60.0), (3, 1.0 / 60.0))
 
@@ -108,8 +108,8 @@ class ChristoffelC:
 
         h  step along integrate(q, h e_k) [rad | m]
 
-        C needs all three terms and v: the quotient (M(q + h e_j) - M(q - h e_j)) / 2h alone, which some texts give as
-        the entry C_ij, is a slice of ∂M/∂q and not a Coriolis matrix.
+        C needs all three terms and v: the quotient (M(q + h e_j) - M(q - h e_j)) / 2h, which some texts call the entry
+        C_ij, is a slice of ∂M/∂q and not a Coriolis matrix.
 
         Strong and torsion-free up to the error of the differences; 6 n mass matrices.
         Raises  SpatialDynError if h is not a positive number.
@@ -130,9 +130,9 @@ class ChristoffelC:
     def by_rnea_columns(self, q: ArrayLike, v: ArrayLike) -> Array:
         """Columns ½ (c(v + e_j) - c(v) - c(e_j)) of the quadratic form c(v) = C v: half of ∂(C v)/∂v.
 
-        The one C that is symmetric in velocities: C(v) w = C(w) v. For coordinates that is the Christoffel C. On joints
-        of several freedoms it lacks half the bracket term <X_i, [v, e_j]>, and so the strong property; C v is right
-        there too. 2 n + 1 runs of rnea.
+        This is the only C that is symmetric in velocities: C(v) w = C(w) v. For coordinates it is the Christoffel C. On
+        joints of several freedoms it lacks half of the bracket term <X_i, [v, e_j]>, and with it the strong property;
+        C v is correct there too. 2 n + 1 runs of rnea.
         """
         q, v = self._given(q), self._given(v, "v")
         E, still = np.eye(self.model.nv), self.model.with_(gravity=(0.0, 0.0, 0.0))
@@ -144,7 +144,7 @@ class ChristoffelC:
         return np.ascontiguousarray(np.swapaxes(columns, -1, -2))
 
     def not_christoffel(self, q: ArrayLike, v: ArrayLike, skew: bool = True) -> Array:
-        """A valid C that is not that of the Christoffel symbols, for contrast.
+        """A valid C that differs from that of the Christoffel symbols, for contrast.
 
         skew=True   Σ Jᵀ (I J̇ + v ×* I J) over the bodies: N is skew-symmetric, yet C(v) w - C(w) v is not zero, so
                     skewness alone proves nothing; O(n² d)
@@ -167,7 +167,7 @@ class ChristoffelC:
         return array
 
     def _koszul(self, q: ArrayLike, v: ArrayLike, dM: Array) -> Array:
-        """½ Σ_k (...) v_k, the dots being the bracket of Koszul's formula."""
+        """½ Σ_k (...) v_k, where (...) is the bracket of Koszul's formula."""
         v, L = self._given(v, "v"), _brackets(self.model, q)
         broadcast(["q", "v"], [dM.shape[:-3], v.shape[:-1]])
         symbols = dM + np.swapaxes(dM, -1, -2) - np.moveaxis(dM, -1, -3)
@@ -175,7 +175,7 @@ class ChristoffelC:
         return np.asarray(0.5 * np.einsum("...ijk,...k->...ij", symbols, v))
 
     def _body_factor(self, q: ArrayLike, v: ArrayLike) -> Array:
-        """The factor v ×* I, which is B plus ½ (v ×* I w - w ×* I v + I (v × w)), a term that w = v annuls."""
+        """The factor v ×* I, which is B plus ½ (v ×* I w - w ×* I v + I (v × w)), a term that is 0 for w = v."""
         q, v, model = self._given(q), self._given(v, "v"), self.model
         C = dynamics.coriolis_matrix(model, q, v).copy()
         for joint in model.joints[1:]:
@@ -246,16 +246,16 @@ class SkewSymmetry:
 def verify_skew_symmetry(
     model: Model, q: ArrayLike, v: ArrayLike, C: ArrayLike | Callable[[Array], ArrayLike] | None = None
 ) -> SkewSymmetry:
-    """How far Ṁ - 2C is from skew symmetry, and C from the matrix of the Christoffel symbols.
+    """Deviation of Ṁ - 2C from skew symmetry, and of C from the matrix of the Christoffel symbols.
 
     q  (nq,)  joint positions [rad | m]
     v  (nv,)  joint velocities [rad/s | m/s]
     C  (nv, nv) a matrix, or a function of v (nv,) that returns one; ``sd.coriolis_matrix`` at q if left out
 
-    A matrix with both skewness and zero torsion is that of the Christoffel symbols; with skewness alone it may be
-    another (``ChristoffelC.not_christoffel``). NaN or inf where q or v is not finite or a product overflows.
+    A matrix with skewness and zero torsion is that of the Christoffel symbols; with skewness alone it may be another
+    one (``ChristoffelC.not_christoffel``). The result is NaN or inf if q or v is not finite or a product overflows.
 
-    Raises  ShapeError for shapes that do not match, and what mass_matrix_dot raises.
+    Raises  ShapeError for shapes that do not match, and the errors of mass_matrix_dot.
 
     >>> import spatialdyn as sd
     >>> model = sd.load_urdf("two_link")
@@ -280,7 +280,7 @@ def verify_skew_symmetry(
     rate = dynamics.mass_matrix_dot(model, q, v)
     of_unit = [matrix(given(e)) for e in np.eye(model.nv)] if callable(given) else []
     torsion = None
-    with np.errstate(over="ignore", invalid="ignore"):  # NaN for what is not finite, as the calls on q and v have it
+    with np.errstate(over="ignore", invalid="ignore"):  # NaN if not finite, as in calls on q and v
         N = rate - 2.0 * at_v
         if callable(given):
             back = np.zeros((model.nv, model.nv))

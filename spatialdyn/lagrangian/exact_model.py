@@ -3,9 +3,9 @@
 A Robot holds floats. A float read from a file is the double nearest to its text, and the shortest decimal that rounds
 to the same double is that text. Rotations and rotated inertias are computed, so the Reader looks for their origin:
 roll, pitch and yaw that are a fraction of π to ten digits, an axis in whole numbers, entries of at most twelve digits.
-Where it takes a float for another number, ``assumptions`` says so.
+``assumptions`` lists the floats that it replaces by another number.
 
-The exact robot goes through the steps that make a Model (``assembly.walk``, ``joint_rows.put_joint``), on Numbers.
+The steps that make a Model (``assembly.walk``, ``joint_rows.put_joint``) process the exact robot, on Numbers.
 """
 
 from __future__ import annotations
@@ -33,10 +33,10 @@ from ..model.robot import WITH_AXIS
 from ..model.robot_checks import rpy_of
 
 Expr = Any  # sympy.Expr
-STEPS = 360  # per π: an angle within ANGLE of a multiple of half a degree is taken for it
+STEPS = 360  # per π: an angle within ANGLE of a multiple of half a degree is replaced by this multiple
 ANGLE = 1e-10  # rad: rounding to ten digits
 COMPUTED = 1e-14  # relative: above the rounding of a product of rotations
-DIGITS = 12  # a decimal this short within COMPUTED of a number is taken for its origin
+DIGITS = 12  # a decimal with at most this many digits, within COMPUTED of a number, counts as its origin
 WHOLE = 1000  # largest whole number in an axis such as (1, 2, 2)
 
 
@@ -44,14 +44,14 @@ WHOLE = 1000  # largest whole number in an axis such as (1, 2, 2)
 class ExactRobot:
     """A robot in Numbers of one Ring.
 
-    ring         of constants: rationals, radicals, sines and cosines of angles that are no fraction of π
-    moving       (kind, axis, pitch, pose in the parent's body) of each joint, the world left out
+    ring         ring of constants: rationals, radicals, sines and cosines of angles that are not fractions of π
+    moving       (kind, axis, pitch, pose in the parent's body) of each joint, without the world
     rotors       {index of a joint: (ratio, axis in the joint's frame) of its rotor}
     couplings    {index of a joint: inertia that it shares with the joint before it}
     values       by name: mass ``m_1``, com ``c_1x``, inertia about it ``I_1xx``, origin of the joint in the body that
-                 carries it ``l_1x``, armature ``J_1`` of joint 1's body with all that is fixed to it; ``g_x`` ...
+                 carries it ``l_1x``, armature ``J_1``, for joint 1's body with all that is fixed to it; ``g_x`` ...
     frames       "kind:name" -> pose in the body of its joint
-    assumptions  floats taken for other numbers, in words
+    assumptions  floats replaced by other numbers, in words
     """
 
     ring: Ring
@@ -64,7 +64,7 @@ class ExactRobot:
 
 
 class Reader:
-    """Reads floats as exact expressions; ``notes`` lists those taken for other numbers."""
+    """Reads floats as exact expressions; ``notes`` lists floats replaced by other numbers."""
 
     def __init__(self) -> None:
         """Nothing read yet."""
@@ -76,7 +76,7 @@ class Reader:
         return self.sympy.Rational(repr(float(x)))
 
     def angle(self, x: float, where: str) -> Expr:
-        """A fraction of π if the angle is one to ten digits, else a decimal."""
+        """A fraction of π if the angle equals one to ten digits, else a decimal."""
         steps = round(x * STEPS / math.pi)
         if abs(x - steps * math.pi / STEPS) <= ANGLE * max(1.0, abs(x)):
             found = self.sympy.Rational(steps, STEPS) * self.sympy.pi
@@ -86,7 +86,7 @@ class Reader:
         return self.decimal(_short(x, COMPUTED * max(1.0, abs(x))))
 
     def axis(self, u: Sequence[float], where: str) -> list[Expr]:
-        """Whole numbers over their norm if the axis is that, else decimals."""
+        """Whole numbers over their norm if the axis has this form, else decimals."""
         largest = max(map(abs, u))
         whole = [Fraction(x / largest).limit_denominator(WHOLE) for x in u]
         if all(abs(float(w) - x / largest) <= COMPUTED for w, x in zip(whole, u, strict=True)):
@@ -100,7 +100,7 @@ class Reader:
         return [self.decimal(x) for x in u]
 
     def entries(self, values: Sequence[float], where: str) -> list[Expr]:
-        """Decimals of at most twelve digits from which the values may have been computed, else their own."""
+        """Decimals of at most twelve digits from which the values may have been computed, else the values' decimals."""
         scale = COMPUTED * max(map(abs, values), default=0.0)
         short = [_short(x, scale) for x in values]
         changed = [f"{x!r} for {s!r}" for x, s in zip(values, short, strict=True) if x != s]
@@ -243,7 +243,7 @@ def exact_table(model: Model, known: ExactRobot, ring: Ring, chosen: Mapping[str
 
 
 def _lighten(row: Row) -> None:
-    """Write zeros and ones as floats, which products absorb."""
+    """Write zeros and ones as floats, which products simplify."""
     for name, x in row.__dict__.items():
         if isinstance(x, Row):
             _lighten(x)

@@ -1,19 +1,19 @@
 """Hamilton's equations and the Poisson bracket, in joint velocities of any kind.
 
-The state is (q, p) with p = M(q) v. Where every v_i is the rate of a coordinate, p is canonical: Ω = Σ dq_i ∧ dp_i.
+The state is (q, p) with p = M(q) v. If every v_i is the rate of a coordinate, p is canonical: Ω = Σ dq_i ∧ dp_i.
 The velocities of spherical, floating and planar joints are quasi-velocities, twists in the body's frame with
 [X_j, X_k] = c^m_jk X_m (``lie_brackets``). With θ^i the forms dual to X_i, so that θ^i(q̇) = v_i, the canonical one-form
 is p_i θ^i and
 
     Ω = Σ θ^i ∧ dp_i + ½ Σ p_m c^m_jk θ^j ∧ θ^k,    {q-function f, p_j} = X_j f,    {p_j, p_k} = -c^m_jk p_m,
 
-the same Ω and bracket as in any chart, written in another frame. A map of (q, p) is symplectic if it preserves this Ω,
-not if it preserves Σ θ^i ∧ dp_i alone.
+the same Ω and bracket as in any chart, written in another frame. A map of (q, p) is symplectic if it preserves this Ω;
+preserving Σ θ^i ∧ dp_i alone is not enough.
 
-Rotor inertia (armature) on a floating or planar joint, or differing by axis on a spherical one, is an exception. It is
-added to M and nothing else, so the equation of motion M q̈ + C v + g = τ lacks the term by which the frame's rotation
-changes the rotor's momentum: p = M v and ṗ are those of that equation and the energy is conserved, but H does not
-generate ṗ, and no method preserves Ω. On every other joint it does.
+Rotor inertia (armature) on a floating or planar joint, or one that differs by axis on a spherical joint, is an
+exception. It is added to M only, so the equation of motion M q̈ + C v + g = τ lacks the term by which the frame's
+rotation changes the rotor's momentum: p = M v and ṗ are those of this equation and the energy is conserved, but H does
+not generate ṗ, and no method preserves Ω. On every other joint H generates ṗ.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from .lie_brackets import structure_constants
 Array = NDArray[np.float64]
 Observable = Callable[[Array, Array], float]
 
-LEAST_STEP = 1e-12  # below, differences are rounding
+LEAST_STEP = 1e-12  # below this step differences are rounding
 STEP = 4e-3  # of 6th-order differences: h⁶/140 of truncation is 3e-17 f⁽⁷⁾, rounding 2 eps/h = 1e-13 of f
 WEIGHTS = ((1, 45.0 / 60.0), (2, -9.0 / 60.0), (3, 1.0 / 60.0))  # of f(kh) - f(-kh), over h
 
@@ -54,7 +54,7 @@ def hamilton_equations(
     fext   (..., njoints, 6)  force on each joint's body, in the joint's frame, linear first [N | N m]; zero if left out
 
     Returns v (..., nv) [rad/s | m/s] and dp (..., nv) [N m | N].
-    Raises  what hamilton_field raises: ShapeError, ConfigurationError, InertiaError, NonFiniteError.
+    Raises  the errors of hamilton_field: ShapeError, ConfigurationError, InertiaError, NonFiniteError.
 
     >>> import numpy as np, spatialdyn as sd
     >>> model = sd.load_urdf("two_link")
@@ -78,18 +78,19 @@ def poisson_bracket(
 
         {F, G} = Σ_i (X_i F ∂G/∂p_i - ∂F/∂p_i X_i G) - Σ_ijm p_m c^m_ij ∂F/∂p_i ∂G/∂p_j
 
-    with X_i F the derivative along integrate(q, e_i). Where v are rates of coordinates X_i = ∂/∂q_i and c = 0, and
-    this is the textbook bracket. The last sum makes it the same in the quasi-velocities of spherical, floating and
-    planar joints, where {p_i, p_j} = -c^m_ij p_m; without it neither Ḟ = {F, H} nor Jacobi's identity would hold.
+    with X_i F the derivative along integrate(q, e_i). If v are rates of coordinates, X_i = ∂/∂q_i and c = 0, and this
+    is the textbook bracket. For the quasi-velocities of spherical, floating and planar joints, with
+    {p_i, p_j} = -c^m_ij p_m, the last sum gives the same bracket; without it neither Ḟ = {F, H} nor Jacobi's identity
+    would hold.
 
     F, G   functions of (q (nq), p (nv)) that return a number; each is called 12 nv times
     q      (nq,)  joint positions [rad | m]
     p      (nv,)  joint momenta [kg m²/s | kg m/s]
-    step   of the differences, in q [rad | m], and in p times max(1, |p_i|)
+    step   step of the differences, in q [rad | m], and in p times max(1, |p_i|)
 
-    Returns {F, G}, error about 1e-12 of F G for functions that vary over a radian or a metre.
+    Returns {F, G}, with an error of about 1e-12 of F G for functions that vary over a radian or a metre.
     Raises  ShapeError for more than one state; SpatialDynError if a function returns no number or the step is not
-            positive; NonFiniteError if one is not finite.
+            positive; NonFiniteError if a number is not finite.
 
     >>> import spatialdyn as sd
     >>> model = sd.load_urdf("two_link")

@@ -1,7 +1,7 @@
 """The frame of vector fields X_i along which joint velocities v_i move the robot, and its Lie brackets.
 
-X_i moves q along q ∘ exp(s e_i), a twist in the body's frame. Where a joint has one freedom X_i = ∂/∂q_i; the fields of
-a spherical, floating or planar joint do not commute.
+X_i moves q along q ∘ exp(s e_i), a twist in the body's frame. For a joint of one freedom X_i = ∂/∂q_i; the fields of a
+spherical, floating or planar joint do not commute.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 def motion_subspace(model: Model, joint: Joint) -> Array:
     """The motions S of a joint, a row per freedom, (nv, 6) in its body's frame, angular first.
 
-    Orthonormal but for a helical joint's, whose linear part is its pitch long.
+    Rows are orthonormal, except for a helical joint, whose linear part has the length of its pitch.
     """
     rows = model.bodies[joint.row - joint.nv + 1 : joint.row + 1]["S"]
     return np.array([[float(s[part][axis]) for part in "wv" for axis in "xyz"] for s in rows]).reshape(-1, 6)

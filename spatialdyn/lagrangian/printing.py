@@ -20,7 +20,7 @@ Arguments = Mapping[str, tuple[Expr, ...]]
 
 
 def text(name: str, value: Any) -> str:
-    """An expression as ``name = ...``; of a matrix or array the nonzero entries, indices from 1."""
+    """An expression as ``name = ...``; for a matrix or array its nonzero entries, indices from 1."""
     flat, shape = _flat(value)
     if not shape:
         return f"{name} = {value}\n"
@@ -61,7 +61,7 @@ def _shared(
 def function(
     name: str, value: Any, arguments: Arguments, default: NDArray[np.float64] | None
 ) -> Callable[..., NDArray[np.float64]]:
-    """``f(*arguments)`` on arrays (..., size of each), broadcast; ``default`` stands in for missing parameters.
+    """``f(*arguments)`` on arrays (..., size of each), broadcast; ``default`` replaces missing parameters.
 
     Raises ShapeError naming an argument whose last axis has another size.
     """
@@ -98,7 +98,7 @@ def function(
 
 
 def python_code(name: str, value: Any, arguments: Arguments) -> str:
-    """A Python function that needs NumPy only."""
+    """The text of a Python function that needs NumPy only."""
     from sympy.printing.numpy import NumPyPrinter
 
     printer = NumPyPrinter({"fully_qualified_modules": False, "allow_unknown_functions": True})
@@ -114,7 +114,7 @@ def python_code(name: str, value: Any, arguments: Arguments) -> str:
 
 
 def _functions(x: Expr) -> set[str]:
-    """Functions of NumPy that the text of an expression calls."""
+    """NumPy functions that the text of an expression calls."""
     sympy = need_sympy()
     found = {f.func.__name__ for f in x.atoms(sympy.sin, sympy.cos, sympy.tan)}
     found |= {"sqrt"} if any(abs(p.exp) == sympy.S.Half for p in x.atoms(sympy.Pow)) else set()
@@ -122,7 +122,7 @@ def _functions(x: Expr) -> set[str]:
 
 
 def c_code(name: str, value: Any, arguments: Arguments) -> str:
-    """A C99 function that writes its result, in C order, to its last argument."""
+    """The text of a C99 function that writes its result, in C order, to its last argument."""
     from sympy.printing.c import C99CodePrinter
 
     printer = C99CodePrinter()

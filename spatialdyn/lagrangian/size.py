@@ -1,4 +1,4 @@
-"""How long a closed form would be, from numbers alone: the Fourier terms of M or g over the angles."""
+"""Estimate of the length of a closed form from numerical values: the Fourier terms of M or g over the angles."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from ..calls.dynamics import calls
 from ..calls.states import random_configuration
 from ..model.model import Model
 
-STATES = 100_000  # at most on the grid
+STATES = 100_000  # limit of states on the grid
 SLICE = 4096  # states at a time
-CALLS = {"g": ("generalized_gravity", 1), "V": ("potential_energy", 1)}  # and the degree in each angle; else M
-NOISE = 1e-12  # of the largest amplitude: rounding
+CALLS = {"g": ("generalized_gravity", 1), "V": ("potential_energy", 1)}  # call, and degree in each angle; otherwise M
+NOISE = 1e-12  # relative to the largest amplitude: smaller ones are rounding
 
 
 def fourier_terms(model: Model, quantity: str) -> int:
-    """Terms of g or V, else of M, which the other quantities hold, as Fourier series in the joints' angles.
+    """Number of Fourier terms, in the joints' angles, of g or V, or for other quantities of M, which they contain.
 
-    They are counted in the entries of the chain with the most angles, on a grid of as many of its last angles as STATES
-    allow, with all other joints in a random state: in closed form there are hardly fewer.
+    The terms are counted in the entries of the chain with the most angles, on a grid over as many of its last angles as
+    STATES allows, with all other joints in a random state. A closed form has hardly fewer terms.
     """
     name, degree = CALLS.get(quantity, ("crba", 2))
     points = 2 * degree + 1

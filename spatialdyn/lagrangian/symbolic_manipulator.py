@@ -1,7 +1,7 @@
 """M, C, g, energies and Hamilton's equations of a robot in closed form.
 
 ``SymbolicManipulator`` runs the recursions of the numerical calls, ``recursions.SPECS``, on exact numbers and symbols
-(``engines.numbers.symbolic``): it prints the formulas that they compute. It differentiates results by q.
+(``engines.numbers.symbolic``), which gives the formulas that they compute. It differentiates results by q.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ Expr = Any  # sympy.Expr
 Matrix = Any  # sympy.ImmutableMatrix
 
 ROUTES = ("recursion", "derivatives")
-LARGEST = 4  # freedoms up to which M is inverted in closed form
+LARGEST = 4  # largest number of freedoms for which M is inverted in closed form
 LONGEST = 300_000  # products of terms per quantity: up to 30 s of arithmetic
 # quantity -> method, arguments
 QUANTITIES: dict[str, tuple[str, tuple[str, ...]]] = {
@@ -57,21 +57,21 @@ QUANTITIES: dict[str, tuple[str, tuple[str, ...]]] = {
 
 
 class SymbolicManipulator:
-    """A robot's dynamics in closed form, exact and canonical: equal functions are equal expressions.
+    """A robot's dynamics in closed form, exact and canonical: equal functions have equal expressions.
 
     model       Model without mimic joints, or a source for ``load_urdf``: the name of a robot, a path, URDF text
     parameters  "numbers": the robot's own, as fractions. "symbols": masses, centres of mass, inertias, joint origins,
-                armatures and gravity that are not 0 become symbols. A list of some of "mass", "com", "inertia",
-                "origin", "armature", "gravity" and of single names: only those become symbols. A mapping from names to
-                symbols (or their names), expressions or numbers: those replace the robot's, even a 0.
+                armatures and gravity that are not 0 become symbols. A list with some of "mass", "com", "inertia",
+                "origin", "armature", "gravity" and single names: only these become symbols. A mapping from names to
+                symbols (or their names), expressions or numbers: these replace the robot's values, even a 0.
 
     Names: ``m_1`` mass, ``c_1x`` centre of mass, ``I_1xx`` .. ``I_1zz`` inertia about it, ``l_1x`` origin of the joint
     in the body that carries it, ``J_1`` armature; 1 is the first joint (``model.joints[1]``), whose body includes
-    all that is fixed to it, in the joint's frame. ``g`` is the magnitude of a gravity along one axis, ``g_x``, ``g_y``,
-    ``g_z`` the components of another.
+    all bodies fixed to it, in the joint's frame. ``g`` is the magnitude of gravity along one axis; gravity in another
+    direction has the components ``g_x``, ``g_y``, ``g_z``.
 
     q, v, a, p, tau   tuples of symbols: positions, velocities, accelerations, momenta, torques
-    parameters        symbol -> the robot's number, None for a symbol of an expression that was given
+    parameters        symbol -> the robot's number, None for a symbol in a given expression
     meaning           symbol -> meaning in words
     assumptions       floats that were replaced by exact numbers, such as an angle by a fraction of π
 
@@ -84,10 +84,10 @@ class SymbolicManipulator:
 
     limit       largest number of products of terms for one quantity; None for no limit
 
-    Closed forms grow exponentially with the number of joints about different axes. With the robots' numbers M of the
-    ur5 (six joints, three of them parallel) has 1400 operations and C 7200; of the panda (seven joints) g has 40 000,
-    and M, beyond the limit as is C, 660 000. ``specialize(model, sd.crba).c_code()`` gives unsimplified code of any
-    robot and call at once.
+    Closed forms grow exponentially with the number of joints about different axes. With the robots' numbers, M of the
+    ur5 (six joints, three of them parallel) has 1400 operations and C 7200; g of the panda (seven joints) has 40 000,
+    and M 660 000, which is beyond the limit, as is C. ``specialize(model, sd.crba).c_code()`` gives unsimplified code
+    of any robot and call at once.
 
     Raises  ModelError for mimic joints; UrdfError for a robot that cannot be read; SpatialDynError naming an unknown
             parameter, or if sympy is not installed; its methods raise SpatialDynError for a quantity beyond the limit
@@ -156,12 +156,12 @@ class SymbolicManipulator:
     ) -> Any:
         """The result of a public call, by its name, on the symbols: ``s.evaluate("frame_placement", frame="tip")``.
 
-        name  of the call, or a control law: its torque, with its other inputs as symbols (``kp_1``, of a matrix
-              ``kp_12``); of a law on a path those of the path's q, v and a (``q_ref_1``, ``v_ref_1``, ``a_ref_1``)
+        name  name of the call; or a control law: its torque, with its other inputs as symbols (``kp_1``, for a matrix
+              ``kp_12``); for a law on a path also the path's q, v and a (``q_ref_1``, ``v_ref_1``, ``a_ref_1``)
 
-        Its inputs are q, v, a, tau; external forces are left out. A vector is returned as a matrix of one column.
+        Its inputs are q, v, a, tau, without external forces. A vector is returned as a matrix of one column.
 
-        Raises SpatialDynError for an unknown call or one with other inputs, or a result without closed form, such as
+        Raises SpatialDynError for an unknown call, a call with other inputs, or a result without closed form, such as
         that of a law within limits
 
         >>> import spatialdyn as sd
@@ -192,7 +192,7 @@ class SymbolicManipulator:
         return self._shown(self._numbers(name, **static))
 
     def _torque(self, spec: Any) -> Any:
-        """The torque of a control law, its inputs beside q, v and tau as symbols of their names."""
+        """The torque of a control law, with its inputs beside q, v and tau as symbols of the same names."""
         sizes = {"nq": self.model.nq, "nv": self.model.nv, "njoints": self.model.njoints}
         known: dict[str, Any] = {"q": self.q, "v": self.v, "tau": self.tau}
         own = [x for x in spec.present if x.name not in known]
@@ -209,8 +209,8 @@ class SymbolicManipulator:
         return self._shown(engine.run(spec, ring, rows, sizes, inputs), ring)
 
     def _symbol(self, x: Argument, at: tuple[int, ...]) -> Expr:
-        """An entry of a law's input, of one number alone without an index."""
-        index = "_" + ("" if self.model.nv < 5 else "_").join(str(k + 1) for k in at)  # of a gain (nv, 2 nv) too
+        """The symbol of an entry of a law's input; an input of one number has no index."""
+        index = "_" + ("" if self.model.nv < 5 else "_").join(str(k + 1) for k in at)  # also for a gain (nv, 2 nv)
         symbol = self._sympy.Symbol(x.name if x.shape in ((), (1,)) else x.name + index, real=True)
         if symbol in self._ring.plain:
             raise SpatialDynError(f"input {symbol} of the law has the name of the robot's, expected another")
@@ -229,10 +229,10 @@ class SymbolicManipulator:
 
     @watch.call("SymbolicManipulator.simplify")
     def simplify(self, expression: Any) -> Any:
-        """An expression in the robot's symbols, rational in sines and cosines of sums of its angles, in canonical form.
+        """Canonical form of an expression in the robot's symbols, rational in sines and cosines of sums of its angles.
 
-        Other symbols are taken as parameters. Matrices are simplified entry by entry.
-        Raises SpatialDynError naming a part that has no such form.
+        Other symbols count as parameters. Matrices are simplified entry by entry.
+        Raises SpatialDynError naming a part without such a form.
         """
         self._budget.spent = 0
         if hasattr(expression, "applyfunc"):
@@ -256,10 +256,10 @@ class SymbolicManipulator:
     def christoffel(self, route: str = "recursion") -> Any:
         """Christoffel symbols of the first kind Γ (nv, nv, nv): C_ij = Σ_k Γ_ijk v_k.
 
-        route  "recursion": over the tree, any joints. "derivatives": ½ (∂_k M_ij + ∂_j M_ik - ∂_i M_jk), for joints
+        route  "recursion": over the tree, for any joints. "derivatives": ½ (∂_k M_ij + ∂_j M_ik - ∂_i M_jk), for joints
                whose velocities are q̇. Both give the same expressions.
 
-        Raises SpatialDynError for another route, or naming a joint that has no such coordinates
+        Raises SpatialDynError for another route, or naming a joint whose velocities are not q̇
         """
         return self._shown(self._gamma(route))
 
@@ -277,7 +277,7 @@ class SymbolicManipulator:
     def C(self, route: str = "recursion") -> Matrix:
         """Coriolis matrix C(q, v) (nv, nv) of the Christoffel symbols: Ṁ - 2C is skew.
 
-        route  "recursion": C itself over the tree, in O(n d). "derivatives": Σ_k Γ_ijk v_k of ``christoffel``'s.
+        route  "recursion": C directly over the tree, in O(n d). "derivatives": Σ_k Γ_ijk v_k by ``christoffel``.
         """
         if as_word("route", route, ROUTES) == "recursion":
             return self._shown(self._numbers("coriolis_matrix"))
@@ -372,7 +372,7 @@ class SymbolicManipulator:
         )
         try:
             return self.simplify(bracket)
-        except SpatialDynError:  # of a function that is not rational, such as exp
+        except SpatialDynError:  # for a function that is not rational, such as exp
             return bracket
 
     def _coordinates(self, what: str) -> None:
@@ -388,7 +388,7 @@ class SymbolicManipulator:
 
     @watch.call("SymbolicManipulator.quantity")
     def quantity(self, what: Any) -> tuple[str, Any, tuple[str, ...]]:
-        """Name, expression and arguments of a quantity, a key of QUANTITIES, or of an expression.
+        """Name, expression and arguments of a quantity (a key of QUANTITIES) or of an expression.
 
         Raises SpatialDynError for another name, or symbols that are not the robot's
         """
@@ -411,13 +411,13 @@ class SymbolicManipulator:
         return "f", what, ("q", *(name for name, x in groups.items() if what.free_symbols & set(x)))
 
     def _arguments(self, names: Sequence[str]) -> dict[str, tuple[Expr, ...]]:
-        """Symbols of each argument of an exported function; the parameters last if there are any."""
+        """Symbols of each argument of an exported function; parameters, if any, come last."""
         made = {name: getattr(self, name) for name in names}
         return made | ({"parameters": tuple(self.parameters)} if self.parameters else {})
 
     @watch.call("SymbolicManipulator.text")
     def text(self, what: Any) -> str:
-        """A quantity or expression as plain text, a line for each entry that is not 0."""
+        """A quantity or expression as plain text, with a line for each entry that is not 0."""
         name, value, _ = self.quantity(what)
         return printing.text(name, value)
 
@@ -440,13 +440,13 @@ class SymbolicManipulator:
 
     @watch.call("SymbolicManipulator.python_code")
     def python_code(self, what: Any) -> str:
-        """A Python function of a quantity or expression, of one sample, that needs NumPy only."""
+        """Python text of a function for a quantity or expression, for one sample; it needs NumPy only."""
         name, value, arguments = self.quantity(what)
         return printing.python_code(name, value, self._arguments(arguments))
 
     @watch.call("SymbolicManipulator.c_code")
     def c_code(self, what: Any) -> str:
-        """A C function of a quantity or expression: ``void M(const double *q, ..., double *out)``, C order, C99."""
+        """C99 text of a function for a quantity or expression: ``void M(const double *q, ..., double *out)``."""
         name, value, arguments = self.quantity(what)
         return printing.c_code(name, value, self._arguments(arguments))
 
@@ -460,7 +460,7 @@ class SymbolicManipulator:
 
 
 def _array(x: Sequence[Any]) -> NumberArray:
-    """An object array of Numbers, which NumPy leaves as they are."""
+    """An object array of Numbers, which NumPy does not convert."""
     made = np.empty(len(x), dtype=object)
     made[:] = x
     return made

@@ -24,7 +24,7 @@ def gradient(ring: Ring, M: NumberArray, q: Sequence[Expr]) -> NumberArray:
 
 
 def christoffel_from_gradient(dM: NumberArray, half: Any) -> NumberArray:
-    """Γ_ijk = ½ (∂_k M_ij + ∂_j M_ik - ∂_i M_jk) of ∂M/∂q, for velocities that are q̇."""
+    """Γ_ijk = ½ (∂_k M_ij + ∂_j M_ik - ∂_i M_jk) from ∂M/∂q, for velocities that are q̇."""
     made = np.empty_like(dM)
     for i, j, k in np.ndindex(*dM.shape):
         made[i, j, k] = (dM[i, j, k] + dM[i, k, j] - dM[j, k, i]) * half

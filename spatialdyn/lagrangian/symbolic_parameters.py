@@ -14,7 +14,7 @@ from ..errors import SpatialDynError, literal
 from .exact_model import ExactRobot
 
 Expr = Any  # sympy.Expr
-DIGITS = 4000  # of a number; Python prints 4300
+DIGITS = 4000  # limit of digits of a number; Python prints at most 4300
 LARGEST = 10**DIGITS
 
 PARAMETER_KINDS = {"mass": "m_", "com": "c_", "inertia": "I_", "origin": "l_", "armature": "J_", "gravity": "g"}
@@ -70,7 +70,7 @@ def _given(parameters: Any, nonzero: Sequence[str]) -> dict[str, Any]:
 
 
 def _expression(name: str, value: Any) -> Expr:
-    """A symbol of that name, or the expression or number itself."""
+    """A symbol of the given name, or the expression or number itself."""
     sympy = need_sympy()
     if isinstance(value, str):
         if not value.isidentifier():
@@ -84,7 +84,7 @@ def as_expression(name: str, value: Any) -> Any:
     sympy = need_sympy()
     try:
         made = sympy.sympify(value, strict=True)
-    except Exception as error:  # SymPy's converters of other types raise what they like
+    except Exception as error:  # SymPy's converters of other types raise any errors
         raise SpatialDynError(f"{name} is {literal(value):.80}, expected an expression: {literal(error):.80}") from None
     if not isinstance(made, (sympy.Expr, sympy.MatrixBase, sympy.NDimArray)):
         raise SpatialDynError(f"{name} is {literal(value):.80}, expected an expression")
@@ -99,7 +99,7 @@ def meanings(
     """{symbol: the robot's value, None in an expression} and {symbol: meaning in words} of the chosen values.
 
     joints  names of the model's joints
-    Raises SpatialDynError for one symbol in place of two different values
+    Raises SpatialDynError for one symbol that replaces two different values
     """
     own: dict[Expr, Expr | None] = {}
     meaning: dict[Expr, str] = {}
@@ -112,7 +112,7 @@ def meanings(
                 raise SpatialDynError(
                     f"parameter {symbol} stands for {earlier} and for {number} ({name}), expected one value"
                 )
-            own[symbol] = number if earlier is None else earlier  # an expression takes the value that it has elsewhere
+            own[symbol] = number if earlier is None else earlier  # an expression has no value
             before = f"{meaning[symbol]}; " if symbol in meaning else ""
             meaning[symbol] = before + _words(name, joints)
     return own, meaning

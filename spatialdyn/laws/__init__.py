@@ -1,5 +1,5 @@
-"""What a control law or a cost is to a run: a Spec with values, and how laws add, are clipped, held and called.
+"""Control laws and costs as runs take them: a Spec with values; laws can be added, clipped, held and called.
 
-``simulation`` takes these, so they stand below it. The laws by name, with their paths and gains, and what looks at runs
-stand above it, in ``control``.
+``simulation`` imports this package. The laws by name, with their paths and gains, and the functions that examine runs
+are in ``control``, which imports ``simulation``.
 """

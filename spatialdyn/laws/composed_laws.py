@@ -1,4 +1,4 @@
-"""Control laws made of others: their sum, a law within limits, and one that is taken anew once in a period."""
+"""Control laws made of others: their sum, a law within limits, and a law that is evaluated once in a period."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ PERIOD = Argument("period", (1,), "s", "from one sample to the next")
 LEFT = Argument("time_left", (1,), "s", "until the next sample", start=0.0)
 HELD = Argument("held_torque", ("nv",), "N m | N", "of the last sample", start=0.0)
 STEP = tuple(replace(x, unit_norm=False) for x in (Q, V, TAU))
-EARLY = tuple(begun(x) for x in (Q, V, TAU))  # what a held torque is of
+EARLY = tuple(begun(x) for x in (Q, V, TAU))  # inputs of a held torque
 
 
 def ends_of(spec: Spec) -> tuple[Argument, ...]:
@@ -29,15 +29,15 @@ def ends_of(spec: Spec) -> tuple[Argument, ...]:
 
 
 def own_of(spec: Spec) -> tuple[Argument, ...]:
-    """The inputs of a law that the step does not give, its states among them."""
+    """The inputs of a law that the step does not give, including its states."""
     return tuple(x for x in spec.present if x.name not in given_by_step(spec))
 
 
 def called(spec: Spec, rows: Any, given: Mapping[str, Any], names: Mapping[str, str], early: bool) -> tuple[Any, Any]:
-    """The torque of a law and what it makes of its states, by their names.
+    """The torque of a law, and the rates or ends of its states by name.
 
-    names  what the given inputs are called that the law has under its own names
-    early  whether it is called with the beginning of the step
+    names  {name in the law: name in ``given``} of its inputs
+    early  whether it is called with the inputs at the beginning of the step
     """
     states = {x.name for x in spec.states}
 
@@ -57,9 +57,9 @@ def _composed(
     name: str, recursion: Any, own: tuple[Argument, ...], ends: tuple[Argument, ...], parts: tuple[Spec, ...],
     early: bool = False,
 ) -> Spec:  # fmt: skip
-    """The Spec of a law made of others, whose own inputs, static ones last, follow q, v and tau.
+    """The Spec of a law made of others; their own inputs, static ones last, follow q, v and tau.
 
-    early  whether it reads the beginning of the step, beside what its parts do
+    early  whether it reads inputs at the beginning of the step even if its parts do not
     """
     own = tuple(sorted((replace(x, unit_norm=False, optional=False) for x in own), key=lambda x: x.static))
     first = (*EARLY, *(begun(x) for x in own if x.start is not None))
@@ -75,9 +75,9 @@ def _composed(
 
 @lru_cache(maxsize=64)
 def names_in_sum(specs: tuple[Spec, ...]) -> list[dict[str, str]]:
-    """What the own inputs of laws are called in their sum: a name that several have gets their numbers.
+    """Names of the laws' own inputs in their sum: a name that several laws have gets the number of the law.
 
-    They share one clock.
+    All laws share one clock.
     """
     count: dict[str, int] = {}
     for spec in specs:
@@ -88,7 +88,7 @@ def names_in_sum(specs: tuple[Spec, ...]) -> list[dict[str, str]]:
     for k, spec in enumerate(specs, 1):
         named = {x.name: x.name for x in own_of(spec)}
         for name in named.keys() - taken:
-            while named[name] in taken or named[name] == name:  # a part may be a sum, whose names have numbers already
+            while named[name] in taken or named[name] == name:  # a part may be a sum with numbered names
                 named[name] += f"_{k}"
         names.append(named)
         taken |= {*named.values()}
@@ -110,7 +110,7 @@ def total(specs: tuple[Spec, ...], held: tuple[bool, ...]) -> Spec:
         places = dict(zip((x for x, y in own.items() if y.start is not None), parts, strict=True))
         for k, (spec, named, early) in enumerate(zip(specs, names, held, strict=True)):
             torque, made = called(spec, rows, given, named, early)
-            if early and made:  # its torque is held, its states move on
+            if early and made:  # the torque is held, the states still change
                 made = called(spec, rows, given, named, False)[1]
             tau[:] = torque if k == 0 else tau + torque
             for name, x in made.items():
@@ -122,7 +122,7 @@ def total(specs: tuple[Spec, ...], held: tuple[bool, ...]) -> Spec:
 
 
 def unused(name: str, spec: Spec) -> str:
-    """A name that a law made of another gives to its own input: the other has none of that name."""
+    """A name for an own input of a law made of another law, which has no input of this name."""
     taken = {x.name for x in own_of(spec)}
     while name in taken:
         name = f"outer_{name}"
@@ -131,7 +131,7 @@ def unused(name: str, spec: Spec) -> str:
 
 @made_once(64)
 def limited(spec: Spec) -> Spec:
-    """A law within -limits to limits, an input of the name ``unused``."""
+    """A law clipped to -limits to limits; ``unused`` names this input."""
     names = {x.name: x.name for x in own_of(spec)}
     limits = unused(LIMITS.name, spec)
 
@@ -150,9 +150,9 @@ def limited(spec: Spec) -> Spec:
 
 @made_once(64)
 def sampled(spec: Spec) -> Spec:
-    """A law that is taken anew once in a period and held in between; its states that change at ends do so then.
+    """A law evaluated once in a period and held in between; states that change at the end of a step change only then.
 
-    Its period, the time that is left and the torque that is held are of the names ``unused``.
+    ``unused`` names its period, the remaining time and the held torque.
     """
     names = {x.name: x.name for x in own_of(spec)}
     period, time_left, held = (replace(x, name=unused(x.name, spec)) for x in (PERIOD, LEFT, HELD))

@@ -1,8 +1,8 @@
-"""Control laws: Specs that give joint torques of q, v and states of their own, with values of their other inputs.
+"""Control laws: Specs that give joint torques from q, v and their own states, with values of their other inputs.
 
-A law is written as any recursion is, and recorded into the program of a step. Its numbers are inputs, or are read where
-it is recorded: kernels of a law that carries numbers of its own are kept by the content of the recorded program, never
-by its name, so that another law of the same name does not meet an old kernel.
+A law is written like any recursion, and recorded into the program of a step. Its numbers are inputs, or are read when
+it is recorded. Kernels of a law with its own numbers are cached by the content of the recorded program, never by its
+name, so that another law of the same name does not get an old kernel.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from .law_specs import OF_STEP, begun_of, check_parts, check_recordable, in_step
 
 Array = NDArray[Any]
 ONE = np.ones(1)
-MOST = 1e30  # N m, N: a limit of none, in float32 too
+MOST = 1e30  # N m, N: stands for no limit, in float32 too
 
 
 class Control:
@@ -39,19 +39,19 @@ class Control:
 
     spec    Spec whose output is tau (nv), or whose parts are tau and then one for each of its states, in order:
             NAME_rate, which the run's method integrates as it integrates v, or NAME_after, the state at the end of a
-            step as a function of the inputs at its beginning. Its inputs are any of q, v, tau (the argument torque
-            without the law's), dt (the step), its states, and others. A law that depends on time has a clock, a state
-            whose rate is 1
+            step as a function of the inputs at its beginning. Its inputs are any of q, v, tau (the argument torque,
+            without that of the law), dt (the step), its states, and others. A law that depends on time has a clock, a
+            state whose rate is 1
     values  {name: array} of the others: of the input's shape, with an axis of steps before it, or in a rollout with
-            axes of samples and steps; a number where the input is (nv,) stands for each freedom
-    held    False: the law is evaluated wherever the method evaluates forces. True: it is evaluated at the beginning of
+            axes of samples and steps; for an input (nv,) one number stands for each freedom
+    held    False: the law is evaluated whenever the method evaluates forces. True: it is evaluated at the beginning of
             a step and held over it, as by a digital controller. A period [s]: it is evaluated once in a period, at the
             nearest step, and held in between, as by a controller slower than the steps
 
-    The torque is added to the argument torque of ``simulate``, or tau of ``rollout``. ``law + other`` is the law of
-    both, each held as it is; ``law.limited_by(limits)`` clips its torque; ``law(model, t, q, v)`` is its torque.
-    Raises  SimulationError for a Spec that is no control law, for missing or unknown values, and for a recursion that
-            closes over numbers: they have to be inputs.
+    The torque is added to the argument torque of ``simulate``, or tau of ``rollout``. ``law + other`` is the sum of
+    both, each with its own ``held``; ``law.limited_by(limits)`` clips a torque; ``law(model, t, q, v)`` is the torque.
+    Raises  SimulationError for a Spec that is not a control law, for missing or unknown values, and for a recursion
+            that closes over numbers: they must be inputs.
 
     >>> import numpy as np, spatialdyn as sd
     >>> from spatialdyn.recursions.spec import TAU, Argument, Q, Spec, V
@@ -68,14 +68,14 @@ class Control:
     (True, (1601, 2))
     """
 
-    checks: tuple[Callable[[Model], None], ...] = ()  # of a model that the law meets
-    # of each torque that is held for a period: the names of that value, of the time that is left, and of the torque
+    checks: tuple[Callable[[Model], None], ...] = ()  # of a model given to the law
+    # for each torque that is held for a period: the names of the period, of the remaining time, and of the torque
     periods: tuple[tuple[str, ...], ...] = ()
-    smooth = False  # whether its torque is known to have derivatives, so that a closed step may be judged by them
-    _predicts = False  # whether it learns from what its torque does, which then has to be the torque that acts
+    smooth = False  # whether its torque has derivatives, so that a closed step may be judged by them
+    _predicts = False  # whether it learns from the effect of its torque, which must then act unchanged
 
     def __init__(self, spec: Spec, values: Mapping[str, Any] | None = None, held: bool | float = False) -> None:
-        """Check the Spec, and keep copies of the values."""
+        """Check the Spec and keep copies of the values."""
         check_recordable(spec)
         check_parts(spec)
         self.spec, self.values, self.static = with_values(spec, values)
@@ -86,7 +86,7 @@ class Control:
         cls, spec: Spec, values: Mapping[str, Array], static: tuple[Any, ...] = (), held: bool | float = False,
         checks: tuple[Callable[[Model], None], ...] = (),
     ) -> Control:  # fmt: skip
-        """A law whose Spec is composed of others, with checks of a model. Raises SimulationError."""
+        """A law whose Spec is composed of others, with their checks of a model. Raises SimulationError."""
         if not isinstance(spec, Spec) or not isinstance(values, Mapping):
             raise SimulationError(
                 f"a law is of {shown(spec)} and {literal(values)}, expected a Spec and a mapping of arrays"
@@ -97,7 +97,7 @@ class Control:
         return made
 
     def _hold(self, held: Any) -> None:
-        """Keep how the torque is held: with a period, by a Spec that keeps it from step to step."""
+        """Set ``held``; with a period, make a Spec that keeps the torque from step to step."""
         period = as_number(held)
         if not isinstance(held, (bool, np.bool_)) and 0.0 < period < math.inf:
             names = tuple(unused(x.name, self.spec) for x in (PERIOD, LEFT, HELD))
@@ -111,7 +111,7 @@ class Control:
         return f"<Control: {self.spec.name}{', held' if self.held else ''}>"
 
     def __add__(self, other: Any) -> Control:
-        """The law whose torque is the sum of both, each held as it is; they share a clock."""
+        """The law whose torque is the sum of both, each with its own ``held``; they share a clock."""
         if not isinstance(other, Control):
             return NotImplemented
         laws = (self, other)
@@ -127,8 +127,8 @@ class Control:
         return made
 
     def limited_by(self, limits: ArrayLike) -> Control:
-        """This law with its torques within -limits to limits, a number or (nv,), above 0 [N m | N]: effort limits, as
-        of a Model, infinite where there is none.
+        """This law with its torques clipped to -limits to limits, a number or (nv,), above 0 [N m | N]: effort limits,
+        such as those of a Model; infinite for no limit.
 
         Raises SimulationError for limits that are not above 0, and for a composite adaptive law
         """
@@ -142,7 +142,7 @@ class Control:
         return made
 
     def _acts(self, where: str) -> None:
-        """Raise SimulationError for a law that has to act alone."""
+        """Raise SimulationError for a law that must act alone."""
         if self._predicts:
             raise SimulationError(
                 f'law "{self.spec.name}" is composite and learns from what its torque does, expected it not {where}'
@@ -152,12 +152,12 @@ class Control:
         self, model: Model, t: ArrayLike, q: ArrayLike, v: ArrayLike, tau: ArrayLike | None = None,
         states: Mapping[str, ArrayLike] | None = None,
     ) -> Array:  # fmt: skip
-        """The torque (..., nv) [N m | N] at times t (...), of states q (..., nq) and v (..., nv).
+        """The torque (..., nv) [N m | N] at times t (...), for states q (..., nq) and v (..., nv).
 
-        tau     (..., nv)  torque of the arguments, of laws that read it; zero if left out
-        states  {name: (..., size)}  the law's own, which otherwise are as at the beginning; its clock is t
+        tau     (..., nv)  argument torque, for laws that read it; zero if left out
+        states  {name: (..., size)}  the law's own states, by default as at the beginning of a run; its clock is t
 
-        Of a law whose values have an axis of samples (B,) they are of those samples. Raises ShapeError, NonFiniteError;
+        If values have an axis of samples (B,), the states are of these samples. Raises ShapeError, NonFiniteError;
         SimulationError for a law whose values have an axis of steps.
         """
         shapes, known = _shapes(self.spec, check_model(model), self.static), self._known(model)
@@ -186,21 +186,21 @@ class Control:
         size, rows = math.prod(batch), {}
         for name, y in given.items():
             lead, core = leads[name], shapes.cores[name]
-            one = math.prod(lead) == 1  # a row for all samples, or one for each
+            one = math.prod(lead) == 1  # one row for all samples, or one for each
             whole = y if one or lead == batch else np.broadcast_to(y, batch + core)
             rows[name] = whole.reshape(1 if one else size, math.prod(core))
         if known is None:
             known = {own_name(name): np.ascontiguousarray(y[:, 0]) for name, y in self.rows(model, size, 1).items()}
         rows |= known
         made, left = _torques_of(self, model, rows, size)
-        for name, y in given.items():  # what the law reads has been looked at, unless samples are left
+        for name, y in given.items():  # inputs that the law reads were checked, unless samples remain
             if (len(left) or name not in shapes.read) and not np.isfinite(y).all():
                 raise NonFiniteError(f"{name} has numbers that are not finite, expected finite ones")
         return made.reshape(*batch, n)
 
     def _known(self, model: Model) -> dict[str, Array] | None:
-        """Rows (1, columns) of the values by name, those of the last call while they are the same; None if one has an
-        axis of samples or steps, or could be written to.
+        """Rows (1, columns) of the values by name, from the last call if they are the same; None if a value has an axis
+        of samples or steps, or is writable.
         """
         arrays, last = tuple(self.values.values()), self.__dict__.get("_kept")
         if last is not None and last[0] is model and all(map(operator.is_, last[1], arrays)):
@@ -212,11 +212,11 @@ class Control:
         return rows
 
     def __getstate__(self) -> dict[str, Any]:
-        """Without what is kept of calls."""
+        """The state without cached calls."""
         return {name: x for name, x in self.__dict__.items() if name != "_kept"}
 
     def axes(self, model: Model) -> dict[str, tuple[int, ...]]:
-        """For each value that has any, by name, its axes before those of the input: steps, or samples and steps."""
+        """{name: axes before those of the input}, steps or samples and steps, for values that have such axes."""
         found = {}
         for name, (x, core) in zip(self._given, self._cores(check_model(model)), strict=True):
             found[f'{name} of spec "{self.spec.name}"'] = x.shape[: x.ndim - len(core)]
@@ -225,8 +225,8 @@ class Control:
     @property
     def torque_spec(self) -> Spec:
         """The Spec of its torque alone at the beginning of a step, which ``sd.exact``, ``sd.specialize`` and
-        ``SymbolicManipulator`` take a law for: its inputs are q, v, what the law reads besides, its clock among them,
-        and ``values`` by name.
+        ``SymbolicManipulator`` use for a law. Its inputs are q, v, the other inputs that the law reads, such as its
+        clock, and ``values`` by name.
         """
         return _torque(self.spec)
 
@@ -237,7 +237,7 @@ class Control:
 
     @property
     def _deepest(self) -> int:
-        """The most axes that a value has before those of its input."""
+        """The largest number of axes that a value has before those of its input."""
         sizes = {x.name: len(x.shape) for x in self.spec.present}
         return max((x.ndim - sizes[name] for name, x in self.values.items() if x.ndim), default=0)
 
@@ -257,7 +257,7 @@ class Control:
 
     def rows(self, model: Model, samples: int, steps: int) -> dict[str, Array]:
         """Values (samples or 1, steps or 1, columns) by the names of a step's inputs. Raises ShapeError, and
-        NonFiniteError for those of all samples.
+        NonFiniteError for a value that all samples share.
         """
         for check in self.checks:
             check(model)
@@ -279,14 +279,14 @@ class Control:
 
 
 def check_control(control: Any) -> Control | None:
-    """The argument ``control``. Raises SimulationError for something else than a Control or None."""
+    """The argument ``control``. Raises SimulationError for anything but a Control or None."""
     if control is not None and not isinstance(control, Control):
         raise SimulationError(f"control is {shown(control)}, expected a Control or None")
     return control
 
 
 def shown(given: Any) -> str:
-    """What stands in place of a Control or a Cost: of a Spec, which is long, its name."""
+    """The text of a given value in a message about a Control or a Cost; for a Spec, which is long, its name."""
     return f'the Spec "{given.name}"' if isinstance(given, Spec) else literal(given)
 
 
@@ -295,7 +295,7 @@ def shown(given: Any) -> str:
 
 @lru_cache(maxsize=32)
 def recorded(specs: tuple[Spec, ...], model: Model, static: tuple[Any, ...], dtype: np.dtype) -> Recording | None:
-    """The recording of Specs that have a control law in them; None if a joint has zero articulated inertia."""
+    """The recording of Specs that contain a control law; None if a joint has zero articulated inertia."""
     try:
         return recording.record(specs, model.bodies, static, dtype=dtype)
     except ZeroDivisionError:
@@ -306,7 +306,7 @@ def law_torques(
     control: Control, model: Model, q: Array, v: Array, tau: Array, states: Mapping[str, Array], steps: Array,
     dt: float, total: int,
 ) -> Array:  # fmt: skip
-    """The law's torques (N, nv) in samples of a run, at the beginning of these steps (N,); tau is that of arguments."""
+    """The law's torques (N, nv) in samples of a run, at the beginning of steps (N,); tau is the argument torque."""
     given: dict[str, Array] = {Q.name: q, V.name: v, TAU.name: tau, DT.name: np.full((len(q), 1), dt), **states}
     for name, rows in control.rows(model, 1, total).items():
         given[own_name(name)] = rows[0] if rows.shape[1] == 1 else rows[0, np.minimum(steps, rows.shape[1] - 1)]
@@ -316,9 +316,9 @@ def law_torques(
 def _torques_of(
     control: Control, model: Model, given: Mapping[str, Array], samples: int
 ) -> tuple[Array, NDArray[np.intp]]:
-    """The law's torques (samples, nv) by rows of its inputs, one or as many as samples: of any number the same bits.
+    """The law's torques (samples, nv) from rows of its inputs, one or one per sample; the same bits for any number.
 
-    Also the samples that the program rejects, for what is not finite or an angle out of range: NumPy computes those.
+    NumPy computes the samples that the program rejects: with numbers that are not finite, or angles out of range.
     """
     spec, names = _torque(control.spec), _names(control.spec)
     rows = [given[name] for name in names]
@@ -327,7 +327,7 @@ def _torques_of(
     common = tuple(k for k, x in enumerate(inputs) if len(x) == 1 and names[k] in control.values)
     made, left = _program(spec, model, control.static, common), np.arange(samples)
     out = np.empty((samples, model.nv))
-    if samples and not numba_kernels.PLAIN:  # those of all samples are finite: ``Control.rows``
+    if samples and not numba_kernels.PLAIN:  # rows for all samples are finite: ``Control.rows``
         rejected = made.batch(samples)(inputs, (out,))
         left = left if rejected is None else rejected
     if len(left):
@@ -348,10 +348,10 @@ def _program(spec: Spec, model: Model, static: tuple[Any, ...], common: tuple[in
 
 
 class _Shapes(NamedTuple):
-    """What a call of a law on a model looks up.
+    """Shapes and names for a call of a law on a model.
 
     cores   shapes of one sample of all inputs but static ones, by name
-    starts  of its states: names, and what they begin with, None of the clock
+    starts  names of its states and their initial values, None for the clock
     read    names of the inputs
     zero    (nv,) zeros
     """

@@ -1,6 +1,6 @@
-"""Costs of motions: a Spec of one number, which a rollout sums up in the program of its steps.
+"""Costs of motions: a Spec of one number, which a rollout sums in the program of its steps.
 
-The sum is a state of the control law: a law and a cost become one law, whose further state is the sum.
+The sum is a state of the control law: a law and a cost become one law with the sum as an additional state.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ from .law_specs import (
 )
 
 COST = "cost"
-OWN = "cost."  # before the names of a cost's inputs among those of the law that it becomes part of
-UNWRITTEN = float("0")  # an object of its own, which a cost leaves where it writes nothing
+OWN = "cost."  # prefix of the names of a cost's inputs in the law that contains it
+UNWRITTEN = float("0")  # a distinct object, which stays if a cost writes nothing
 
 
 class Cost:
@@ -39,8 +39,8 @@ class Cost:
     values  {name: array} of the others: of the input's shape, with an axis of steps before it, or with axes of samples
             and steps
 
-    The caller adds the cost of the last state, from ``run.q`` and ``run.v``. With a cost the steps are another program
-    than without, so motions may differ in their last bits.
+    The caller adds the cost of the last state, from ``run.q`` and ``run.v``. Steps with a cost are another program than
+    steps without, so motions may differ in their last bits.
     Raises  SimulationError as ``Control``, and for a Spec of several numbers or with states; in ``rollout`` for a
             recursion that writes no number
 
@@ -73,19 +73,19 @@ class Cost:
 
 
 def check_cost(cost: Any) -> Cost:
-    """The argument ``cost``. Raises SimulationError for something else than a Cost or None."""
+    """The argument ``cost``. Raises SimulationError for anything but a Cost or None."""
     if not isinstance(cost, Cost):
         raise SimulationError(f"cost is {shown(cost)}, expected a Cost or None: sd.Cost(spec, values)")
     return cost
 
 
 def is_of_cost(name: str) -> bool:
-    """Whether an input of a law is that of a cost that became part of it."""
+    """Whether an input of a law belongs to a cost in the law."""
     return name.startswith(OWN)
 
 
 def with_cost(control: Control | None, cost: Cost) -> Control:
-    """A control law with the sum of a cost as a further state; without a law its torque is 0."""
+    """A control law with the sum of a cost as an additional state; without a law its torque is 0."""
     made: Control = Control.__new__(Control)
     made.spec = _summed(None if control is None else control.spec, cost.spec)
     made.held = control is not None and control.held

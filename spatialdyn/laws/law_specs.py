@@ -25,31 +25,31 @@ from ..recursions.spec import TAU, Argument, Q, Spec, V, shape_in, sizes_of
 Array = NDArray[Any]
 Law = Callable[[Any, Any, Any, Mapping[str, Any]], tuple[Any, dict[str, Any]]]
 RATE, AFTER = "_rate", "_after"  # endings of a state's part
-BEGUN = "_begun"  # of an input that is q, v, tau or a state at the beginning of the step
-OWN_INPUT = "control."  # before the names of a law's inputs among those of a step
+BEGUN = "_begun"  # ending of an input that is q, v, tau or a state at the beginning of the step
+OWN_INPUT = "control."  # prefix of the names of a law's inputs in a step
 OF_STEP = (Q.name, V.name, TAU.name, DT.name)  # inputs that the step gives
-NUMBERS = (int, float, complex, list, dict, np.ndarray, np.generic)  # what a law may not read but as an input
+NUMBERS = (int, float, complex, list, dict, np.ndarray, np.generic)  # types that a law may read only as inputs
 OWN_MODULES = __name__.partition(".")[0] + "."
-CODE = (types.FunctionType, types.BuiltinFunctionType, types.ModuleType, type)  # what a law may close over
+CODE = (types.FunctionType, types.BuiltinFunctionType, types.ModuleType, type)  # types that a law may close over
 
 
 def in_step(name: str) -> str:
-    """What an input or state of a law is called in a step."""
+    """The name in a step of an input or state of a law."""
     return OWN_INPUT + name
 
 
 def own_name(name: str) -> str:
-    """What an input or state of a step is called by the law, or by the caller."""
+    """The name in the law, and for the caller, of an input or state of a step."""
     return name.removeprefix(OWN_INPUT)
 
 
 def begun(x: Argument) -> Argument:
-    """q, v, tau or a state at the beginning of the step, as an input of a law: what a torque held over it reads."""
+    """q, v, tau or a state at the beginning of the step, as an input of a law: a torque held over the step reads it."""
     return replace(x, name=x.name + BEGUN, start=None, unit_norm=False, optional=False)
 
 
 def begun_of(spec: Spec) -> dict[str, str]:
-    """The inputs of a law that are something at the beginning of the step: {name: of what}."""
+    """{name: name without BEGUN} of the inputs of a law that are values at the beginning of the step."""
     known = {x + BEGUN: x for x in (*OF_STEP[:3], *(x.name for x in spec.states))}
     return {x.name: known[x.name] for x in spec.present if x.name in known}
 
@@ -64,25 +64,25 @@ def static_rows(value: Any) -> Any:
 
 
 def _of_step(x: Argument) -> Argument:
-    """An input of a law as one of a step."""
+    """An input of a law as an input of a step."""
     return replace(x, name=OWN_INPUT + x.name, optional=False, unit_norm=False)
 
 
 @lru_cache(maxsize=256)
 def states_of(spec: Spec) -> tuple[Argument, ...]:
-    """The states of a law, as a step names them."""
+    """The states of a law, named as in a step."""
     return tuple(_of_step(x) for x in spec.states)
 
 
 def moved_states(spec: Spec) -> tuple[str, ...]:
-    """Names in a step of the states that have rates."""
+    """Names, in a step, of the states that have rates."""
     ends = (part.name for part in spec.parts[1:])
     return tuple(OWN_INPUT + x.name for x, end in zip(spec.states, ends, strict=True) if end == x.name + RATE)
 
 
 @lru_cache(maxsize=256)
 def inputs_of(spec: Spec) -> tuple[Argument, ...]:
-    """The inputs of a law beside q, v, dt and its states, as a step names them, static ones last."""
+    """The inputs of a law beside q, v, dt and its states, named as in a step, static ones last."""
     found = [x for x in spec.present if x.start is None and x.name not in given_by_step(spec)]
     return tuple(_of_step(x) for x in sorted(found, key=lambda x: x.static))
 
@@ -90,7 +90,7 @@ def inputs_of(spec: Spec) -> tuple[Argument, ...]:
 def law_on(spec: Spec, rows: Sequence[Any], inputs: Mapping[str, Any]) -> Law:
     """``(q, v, tau, states) -> tau, rates or ends of states`` on a table of Rows; ``inputs`` are those of a step.
 
-    What it is first called with is the beginning of the step, unless that is among the inputs.
+    The arguments of its first call count as the beginning of the step, unless the inputs contain the beginning.
     """
     parts, early = spec.parts or (spec.output,), begun_of(spec)
     first: dict[str, Any] = {}
@@ -117,7 +117,7 @@ def law_on(spec: Spec, rows: Sequence[Any], inputs: Mapping[str, Any]) -> Law:
 def evaluated(
     spec: Spec, rows: Sequence[Any], shape: tuple[int, ...], inputs: Mapping[str, Any], start: float = 0.0
 ) -> Any:
-    """``tracer.evaluate`` of a caller's Spec, whose name is in its errors. ``start`` is what is not written."""
+    """``tracer.evaluate`` for a caller's Spec, named in errors. ``start`` fills entries that are not written."""
     try:
         return evaluate(spec, rows, shape, inputs, np.zeros(len(rows) - 1, object), start)
     except SpatialDynError:
@@ -139,7 +139,7 @@ def evaluated(
 
 
 def check_recordable(spec: Any) -> None:
-    """Raise SimulationError for what is no Spec, or one that no program can be made of for all values."""
+    """Raise SimulationError for anything but a Spec, and for a Spec that one program cannot serve for all values."""
     if not isinstance(spec, Spec):
         raise SimulationError(f"spec is {literal(spec)}, expected a Spec")
     if not spec.traceable:
@@ -148,9 +148,9 @@ def check_recordable(spec: Any) -> None:
 
 
 def with_values(spec: Spec, given: Mapping[str, Any] | None) -> tuple[Spec, dict[str, Any], tuple[Any, ...]]:
-    """A law without the optional inputs that have no value, copies of the values of the others, of static ones last.
+    """A law without the optional inputs that have no value, copies of the other values, and static values last.
 
-    Raises SimulationError for values that are missing or unknown, or no mapping.
+    Raises SimulationError for missing or unknown values, or if they are no mapping.
     """
     if given is not None and not isinstance(given, Mapping):
         raise SimulationError(
@@ -172,7 +172,7 @@ def with_values(spec: Spec, given: Mapping[str, Any] | None) -> tuple[Spec, dict
 
 
 def kept(x: Array) -> Array:
-    """A copy that cannot be written to, or the array itself if it is one."""
+    """A read-only copy, or the array itself if it is read-only."""
     if x.flags.writeable or x.base is not None:
         x = x.copy()
         x.flags.writeable = False
@@ -180,7 +180,7 @@ def kept(x: Array) -> Array:
 
 
 def _static(name: str, value: Any) -> Any:
-    """The value of a static input: an int, or the table of Constraints and their like. Raises SimulationError."""
+    """The value of a static input: an int, or the table of Constraints and the like. Raises SimulationError."""
     found = getattr(value, "table", value)
     if isinstance(found, (bool, np.bool_)) or not isinstance(found, (int, np.integer, StaticTable)):
         raise SimulationError(
@@ -190,9 +190,9 @@ def _static(name: str, value: Any) -> Any:
 
 
 def _refuse_constants(spec: Spec) -> None:
-    """Raise SimulationError for a recursion that reads numbers which are no inputs: what was compiled keeps them.
+    """Raise SimulationError for a recursion that reads numbers other than inputs, because compiled code keeps them.
 
-    Also for a function that it calls, other than the library's own.
+    Functions that it calls are checked too, except those of this library.
     """
     seen: set[int] = set()
     waiting: list[Any] = [spec.recursion]
@@ -217,7 +217,7 @@ def _refuse_constants(spec: Spec) -> None:
 
 
 def _read(function: types.FunctionType) -> list[tuple[str, Any]]:
-    """What a function reads from around it: its closure, and the globals that its code names."""
+    """The outer names that a function reads: its closure, and the globals that its code names."""
     cells = zip(function.__code__.co_freevars, function.__closure__ or (), strict=True)
     found = [(name, cell.cell_contents) for name, cell in cells]
     codes = [function.__code__]
@@ -230,7 +230,7 @@ def _read(function: types.FunctionType) -> list[tuple[str, Any]]:
 
 @lru_cache(maxsize=256)
 def _globals(code: types.CodeType) -> tuple[str, ...]:
-    """The globals that a code names; kept, since a controller that plans needs them in its loop."""
+    """The globals that a code names; cached, because a planning controller needs them in its loop."""
     return tuple(sorted({x.argval for x in dis.get_instructions(code) if x.opname == "LOAD_GLOBAL"}))
 
 

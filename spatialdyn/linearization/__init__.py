@@ -1,1 +1,1 @@
-"""Linear systems near a state: derivatives of steps and of the equation of motion, those of impulses among them."""
+"""Linear systems near a state: derivatives of steps, also with impulses, and of the equation of motion."""

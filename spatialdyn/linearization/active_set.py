@@ -1,4 +1,4 @@
-"""The states of points and joints at the solution of a step by impulses, and their equations: solved, differentiated.
+"""States of points and joints at the solution of a step by impulses; solution and derivatives of their equations.
 
 A point p with velocities u, c in the normal, and impulse λ has
 
@@ -6,10 +6,10 @@ A point p with velocities u, c in the normal, and impulse λ has
     sticks     u = 0
     slides     u_n = 0,    λ_t + μ λ_n u_t / |u_t| = 0
 
-and a joint, with velocity x and impulse λ, x = 0 or x at a limit, or λ = ±F as it rubs, 0 without friction. They are
-those of a projection (Alart and Curnier 1991): p_n = λ_n - u_n / B_nn is above 0 of a point that touches, |λ_t - u_t/B|
-above μ λ_n of one that slides. In a phase of a bounce λ_n is at least λ_0, and above it of a point that touches; one
-that bounces has λ_n = λ_0 and friction as it glances or not.
+and a joint, with velocity x and impulse λ, has x = 0 or x at a limit, or slides with λ = ±F, 0 without friction. A
+projection (Alart and Curnier 1991) decides: a point touches if p_n = λ_n - u_n / B_nn is above 0, and slides if
+|λ_t - u_t/B| is above μ λ_n. In a phase of a bounce λ_n is at least λ_0, and above it for a point that touches; a point
+that bounces has λ_n = λ_0, with friction if it glances.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ Array = NDArray[Any]
 SEPARATES, STICKS, SLIDES = "separates", "sticks", "slides"
 BOUNCES, GLANCES = "bounces", "glances"  # without and with sliding
 FREE, LOWER, UPPER = "free", "lower limit", "upper limit"
-STEPS = 30  # of Newton, of which a solved step needs a few
-SETTLED = 1e-13  # relative change of velocities at which they end
-SOLVED = 1e-6  # relative part that may be left of the laws of points and joints
-SHARED = 1e-8  # relative singular value of impulses that others may take, and their least part of such a change
+STEPS = 30  # limit of Newton steps; a solved step needs a few
+SETTLED = 1e-13  # relative change of velocities at which Newton steps end
+SOLVED = 1e-6  # largest relative residual of the laws of points and joints
+SHARED = 1e-8  # relative singular value of impulses that others can replace, and their least part in such a change
 RANK = 1e-11  # relative singular value of an equation that depends on others
-CONTRADICTS = 1e-7  # of the terms of equations, what others leave of one
+CONTRADICTS = 1e-7  # relative to the terms of an equation: residual after the others are met
 SMALL = 1e-300
 RESTS = 1e-5  # [m/s | rad/s] of a point that rests: some tolerances of a step
 EVEN = 1e-2  # how much less loads weigh than friction where both may be shared
@@ -39,12 +39,12 @@ EVEN = 1e-2  # how much less loads weigh than friction where both may be shared
 class ActiveSet:
     """The equations of one step, linear but for friction, about a solution to some tolerance.
 
-    x, impulse, reaction    of that solution, then of the one that is found
+    x, impulse, reaction    of that solution, then of the refined solution
     M, J, C                 (nv, nv), (rows, nv), (nc, nv): slopes of momentum, velocity and closing by x
-    momentum, velocity, closing  what is left there
+    momentum, velocity, closing  residuals there
     gap, level, least, most  see ``impulse_balance``
     mu                      (np)
-    joints                  (nl + nd) their freedoms
+    joints                  (nl + nd) freedoms of the joints
     lower                   (np) λ_0
     kept                    (nc) equations of constraints that are independent
     switch                  margin [m/s | rad/s] below which a state is at a switch
@@ -87,14 +87,14 @@ class ActiveSet:
     # --- where it is ---
 
     def state(self) -> tuple[Array, Array, Array]:
-        """What is left of momentum, u, and what is left of constraints, at the present solution."""
+        """The residual of momentum, u, and the residual of constraints, at the present solution."""
         dx = self.x - self.start[0]
         impulse, reaction = self.impulse - self.start[1], self.reaction - self.start[2]
         momentum = self.momentum + self.M @ dx - self.J.T @ impulse - self.C.T @ reaction
         return momentum, self.velocity + self.J @ dx, self.closing + self.C @ dx
 
     def classify(self, u: Array) -> tuple[list[str], list[float]]:
-        """The states, and by how much each is from another one, in units of velocity."""
+        """The states, and the distance of each from another state, in units of velocity."""
         names, margins = [], []
         for p in range(self.points):
             k = 3 * p
@@ -103,7 +103,7 @@ class ActiveSet:
             most = self.mu[p] * max(self.impulse[k], 0.0) * self.friction[p]
             over = float(np.linalg.norm(t)) - most
             near = abs(push)
-            across = self.friction[p] > SMALL  # else the point moves along its normal alone
+            across = self.friction[p] > SMALL  # otherwise the point moves only along its normal
             slides = across and over > 0.0
             if not push > 0.0 and self.lower[p] == 0.0:
                 names.append(SEPARATES)
@@ -135,7 +135,7 @@ class ActiveSet:
     # --- equations ---
 
     def system(self, names: list[str], u: Array) -> tuple[Array, Array]:
-        """Slopes (n, n) of the equations of the states by x, λ and μ, rows of one scale, and the scales of unknowns."""
+        """Slopes (n, n) of the states' equations by x, λ and μ, with rows of one scale, and the scales of unknowns."""
         nv, rows = len(self.x), len(self.impulse)
         held = np.flatnonzero(self.kept)
         size = nv + rows + len(held)
@@ -165,7 +165,7 @@ class ActiveSet:
         return K, held
 
     def direction(self, p: int, u: Array) -> tuple[Array, float]:
-        """Of a point's sliding u_t / |u_t|, and μ λ_n B / |u_t|, by which its friction turns with u_t."""
+        """The direction u_t / |u_t| of a sliding point, and μ λ_n B / |u_t|, the rate at which friction turns."""
         t = u[3 * p + 1 : 3 * p + 3]
         size = float(np.linalg.norm(t))
         if size > 0.0:
@@ -175,7 +175,7 @@ class ActiveSet:
         return (-f / force if force > 0.0 else np.array([1.0, 0.0])), 0.0
 
     def left(self, names: list[str], u: Array, momentum: Array, closing: Array) -> Array:
-        """What is left of the equations of the states."""
+        """The residual of the equations of the states."""
         found = [momentum]
         for p in range(self.points):
             if names[p] == SEPARATES:
@@ -201,14 +201,14 @@ class ActiveSet:
         return np.concatenate([*found, closing[self.kept]])
 
     def solve(self, K: Array, right: Array) -> Array:
-        """K y = right, by the least change in the metric of M where equations depend on others."""
+        """Solve K y = right, with the least change in the metric of M if equations depend on others."""
         S, equations, unknowns = self.scaled(K)
         scaled = right * (equations if right.ndim == 1 else equations[:, None])
         made: Array = np.linalg.lstsq(S, scaled, rcond=RANK)[0] * (unknowns if right.ndim == 1 else unknowns[:, None])
         return made
 
     def undetermined(self) -> list[bool]:
-        """Of points and joints: whether a point slides whose load others could take."""
+        """For points and joints: whether it is a sliding point whose load others could take."""
         found = [False] * len(self.names)
         sliding = [p for p in range(self.points) if self.names[p] in (SLIDES, GLANCES) and self.mu[p] > 0.0]
         if sliding:
@@ -247,7 +247,7 @@ class ActiveSet:
         return np.asarray((abs(free[apart]) > SHARED).any(axis=(0, 2)), np.bool_)
 
     def scaled(self, K: Array) -> tuple[Array, Array, Array]:
-        """K in one scale, and the scales of equations and unknowns."""
+        """K scaled, and the scales of equations and unknowns."""
         nv, size = len(self.x), len(K)
         unknowns = np.ones(size)
         unknowns[:nv] = self.scale
@@ -287,7 +287,7 @@ class ActiveSet:
         return bool(still and self.lower[p] == 0.0 and self.impulse[3 * p] > 0.0)
 
     def settle(self) -> bool:
-        """Newton's steps to the solution; returns whether it is one."""
+        """Take Newton's steps to the solution; returns whether they reach it."""
         nv, rows = len(self.x), len(self.impulse)
         self.relax()
         for _ in range(STEPS):
@@ -307,7 +307,7 @@ class ActiveSet:
         else:
             return False
         momentum, u, closing = self.state()
-        left = self.left(self.names, u, momentum, closing)[nv : nv + rows]  # of a direction of sliding that turns back
+        left = self.left(self.names, u, momentum, closing)[nv : nv + rows]  # of a sliding direction that reverses
         if abs(left).max(initial=0.0) > SOLVED * (
             abs(u).max(initial=0.0) + (self.own * abs(self.impulse)).max(initial=0.0)
         ):
@@ -317,8 +317,8 @@ class ActiveSet:
         return True
 
     def derivative(self, by: Any, by_lower: Array) -> tuple[Array, Array]:
-        """Derivatives (nv, m) of x and (rows, m) of impulses, by those of what is left and of λ_0: ``by`` has their
-        rows, as ``impulse_balance`` has them.
+        """Derivatives (nv, m) of x and (rows, m) of impulses, from those of the residuals and of λ_0: ``by`` has their
+        rows, as in ``impulse_balance``.
         """
         _, u, _ = self.state()
         K, held = self.system(self.names, u)
@@ -351,7 +351,7 @@ class ActiveSet:
         return found[:nv], found[nv : nv + len(self.impulse)]
 
     def note_contradictions(self, K: Array, found: Array, right: Array) -> None:
-        """States that depend on others and contradict them as the state moves are at a switch: one has to change."""
+        """Mark as switching the states whose equations depend on others and contradict them as the state moves."""
         sizes = np.maximum(np.linalg.norm(K, axis=1, keepdims=True), SMALL)
         left, terms = abs(K @ found + right) / sizes, (abs(K) @ abs(found) + abs(right)) / sizes
         off = (left > CONTRADICTS * terms.max(axis=0)).any(axis=1)[len(self.x) :]

@@ -1,13 +1,13 @@
 """Derivatives of steps in which points bounce, by Poisson's phases (``recursions.contact.impulses``).
 
-Each phase is a solve of the same form (``active_set``): the first brings the points to rest, with impulses λ_c, and
-each that follows adds impulses whose normals are at least a share of those before. Their derivatives are chained: λ and
-the least of a phase are functions of the state, as is what of λ_c only answers to forces. The phases that a step goes
-through are part of its state: where they are about to change, it is at a switch.
+Each phase solves equations of the same form (``active_set``): the first brings the points to rest, with impulses λ_c,
+and each later phase adds impulses whose normals are at least a share of earlier ones. Derivatives are chained: λ and
+the least impulses of a phase are functions of the state, as is the part of λ_c that only balances forces. The phases of
+a step are part of its state: if they are about to change, it is at a switch.
 
-The derivative is that of the step, whose hits act at its end: no step resolves the time at which a point falls. Points
-of a rigid body that hit at once and could take each other's load give back the same together if their e is the same
-and nothing rubs; else they are refused: how far each rebounds follows from its share, which no law determines.
+The derivative is that of the step, whose hits act at its end: no step resolves the time of a hit. Points of a rigid
+body that hit at once and could take each other's load rebound together if they have the same restitution and no
+friction; otherwise they are refused: their rebound depends on their shares of the load, which no law determines.
 """
 
 from __future__ import annotations
@@ -23,17 +23,17 @@ from ..recursions.contact.impulses import PHASES
 from .active_set import SMALL, ActiveSet
 
 Array = NDArray[Any]
-SWEEPS = 50  # of friction before Newton's steps of a phase
+SWEEPS = 50  # sweeps over friction before Newton's steps of a phase
 
 
 class Phase(NamedTuple):
-    """What a phase begins with.
+    """The values at the beginning of a phase.
 
-    first     (rows) impulses of points in the phases before; 0 of joints, whose impulses are those of all phases
+    first     (rows) impulses of points in earlier phases; 0 for joints, whose impulses are those of all phases
     lower     (np) least impulses of normals
     by_first, by_lower  (rows, m), (np, m) their derivatives
-    open      (np) whether a point has no target for its normal but to rest: it bounces as it reaches the ground
-    switching (np) whether a point was at a switch in a phase before
+    open      (np) whether the only target of a point's normal velocity is rest: it bounces when it reaches the ground
+    switching (np) whether a point was at a switch in an earlier phase
     """
 
     first: Array
@@ -45,7 +45,7 @@ class Phase(NamedTuple):
 
 
 class Hits(NamedTuple):
-    """Of points: restitution of those that bounce, else 0; as in ``Phase``; velocities of normals; without impulses."""
+    """For points: restitution, 0 without a bounce; as in ``Phase``; velocities along normals; without impulses."""
 
     bounces: Array
     open: NDArray[np.bool_]
@@ -75,7 +75,7 @@ def hits_of(steps: Any, at: Any, by_x: Any, solution: tuple[Array, Array, Array]
 def last_phase(
     steps: Any, hits: Hits, at: Any, by_x: Any, solution: tuple[Array, Array, Array], kept: NDArray[np.bool_]
 ) -> ActiveSet:  # fmt: skip
-    """The solution of the last phase of a step; sets what it begins with, ``steps.phase``."""
+    """The solution of the last phase of a step; sets the values at its beginning, ``steps.phase``."""
     points, rows, m = len(hits.open), steps.rows, steps.m
     normal = steps.first
     zero = np.zeros((rows, m))
@@ -118,8 +118,8 @@ def last_phase(
 
 
 def _rubbed(solved: ActiveSet, x: Array, impulse: Array) -> Array:
-    """x as friction of the points' normals changes it, in sweeps, from which Newton's steps begin: they turn back no
-    direction of sliding. Tangential parts of ``impulse`` are written.
+    """The start of Newton's steps: x after sweeps over the friction of points, so that no sliding direction reverses.
+    Tangential parts of ``impulse`` are written.
     """
     answers = np.linalg.solve(solved.M, solved.J.T)
     for _ in range(SWEEPS):
@@ -149,7 +149,7 @@ def _refuse(steps: Any, points: NDArray[np.bool_]) -> None:
 
 
 def _load(steps: Any, hits: Hits, by_x: Any, p: int, kept: NDArray[np.bool_]) -> tuple[float, Array]:
-    """The impulse on a point alone that only holds it against the forces of the step, and its derivatives."""
+    """The impulse that holds a single point against the forces of the step, and its derivatives."""
     k, M, C = 3 * p, by_x.momentum[0], by_x.closing[0]
     pressed = hits.before[p] - hits.free @ by_x.velocity[0][k]
     if not pressed > 0.0:

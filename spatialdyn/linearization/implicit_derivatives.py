@@ -1,14 +1,14 @@
 """Derivatives of a step of the implicit methods, by the implicit function theorem at its solution.
 
-A step of ``symplectic`` takes z = (x, π) to z⁺, by stages whose slopes ż have derivatives F by z and G by τ there: the
-same equations, linear in the derivatives, are solved instead of iterated. Before and after it (δq, δv) is taken to
-(δq, δp) by p = M v, and to δz by ``chart_rate``, which is linear in v and ṗ: it is the tangent map of the charts.
+A step of ``symplectic`` takes z = (x, π) to z⁺, by stages whose slopes ż have derivatives F by z and G by τ: the same
+equations, linear in the derivatives, are solved instead of iterated. Before and after the step, p = M v maps (δq, δv)
+to (δq, δp), and ``chart_rate``, which is linear in v and ṗ and so the tangent map of the charts, maps this to δz.
 
 A step of ``variational`` solves p⁻(q, ξ, τ) = p for ξ, and then q⁺ = q ∘ exp(ξ) and p⁺ = p⁺(q, ξ, τ).
 
-F, G and the derivatives of p⁻, p⁺, M v and M⁻¹ p are those of programs along unit directions, which are lanes of one
-batch: one for each freedom of each sample. Springs and smooth friction are torques τ(q, v): F has the part of G by
-them. The step itself is that of the program of a run, beside springs, smooth friction and constraints that of its loop;
+Programs compute F, G and the derivatives of p⁻, p⁺, M v and M⁻¹ p along unit directions, which are lanes of one batch:
+one for each freedom of each sample. Springs and smooth friction are torques τ(q, v), which add G ∂τ/∂z to F. The
+program of a run computes the step itself, or, with springs, smooth friction or constraints, its loop;
 ``held_methods`` has the steps under constraints.
 
 Source: Hairer, Lubich, Wanner, Geometric Numerical Integration (2006), VI.4, for derivatives of symplectic methods.
@@ -54,9 +54,9 @@ TABLEAUX = {"implicit_midpoint": GAUSS2, "gauss4": GAUSS4, "gauss6": GAUSS6}
 class Solved(NamedTuple):
     """Solved steps of n samples.
 
-    q, p     (n, ...)  the states after them
-    z        (n, 2 nv)  before, after; of canonical methods
-    work     (n, rows, 2 nv or nv)  what the method has left in its scratch
+    q, p     (n, ...)  the states after the steps
+    z        (n, 2 nv)  before and after, for canonical methods
+    work     (n, rows, 2 nv or nv)  the method's scratch after the step
     centres  (n, nv + 1, 6)
     """
 
@@ -110,9 +110,9 @@ def derivatives(
     model: Model, method: Method, begun: Begun, batch: tuple[int, ...], samples: NDArray[np.intp],
     beside: Beside = ALONE,
 ) -> Array:  # fmt: skip
-    """(n, 2 nv, 3 nv) of n samples of finite numbers, by q, v and tau.
+    """Derivatives (n, 2 nv, 3 nv) by q, v and tau, for n samples of finite numbers.
 
-    batch    shape of the batch that they are of
+    batch    shape of the batch that contains the samples
     samples  (n,)  their places in it
     Raises SimulationError, naming the first sample and how many, for steps that are not solved.
     """
@@ -192,7 +192,7 @@ def _canonical(
     pairs = unit[:, : 2 * nv, : 2 * nv]
 
     def slopes(z: Array) -> Slopes:
-        """Of ż at z."""
+        """The Slopes of ż at z."""
         total, by = tau, None
         if effects:
             at, momenta = run(model, STATE, "", [z, centres], outputs=2)
@@ -207,7 +207,7 @@ def _canonical(
         return Slopes(run(model, spec, "", states) if rows else np.empty(0), F if by is None else F + G @ by, G)
 
     def to_chart(z: Array, moved: Array, changed: Array) -> Array:
-        """δz of (δq, δp)."""
+        """δz for (δq, δp)."""
         m = moved.shape[2]
         lanes = [np.repeat(z, m, axis=0), *(x.transpose(0, 2, 1).reshape((n * m, nv)) for x in (moved, changed))]
         made: Array = run(model, CHARTS, "", [*lanes, np.repeat(centres, m, axis=0)])
@@ -228,7 +228,7 @@ def _canonical(
 
 
 def _gauss(method: Tableau, solved: Solved, slopes: Any, start: Array, of_tau: Array, h: Array) -> Array:
-    """δz⁺ of δL_i = h b_i (F_i (δz + Σ mu_ij δL_j) + G_i δτ), z⁺ = z + Σ L_i."""
+    """δz⁺ from δL_i = h b_i (F_i (δz + Σ mu_ij δL_j) + G_i δτ), z⁺ = z + Σ L_i."""
     s, n, size = len(method.b), len(start), start.shape[1]
     z0, L = solved.z[0], solved.work[:, 7 : 7 + len(method.b)]
     system = np.broadcast_to(np.eye(s * size), (n, s * size, s * size)).copy()
@@ -244,13 +244,13 @@ def _gauss(method: Tableau, solved: Solved, slopes: Any, start: Array, of_tau: A
 
 
 def _partitioned(name: str, solved: Solved, slopes: Any, start: Array, of_tau: Array, h: Array) -> Array:
-    """δz⁺ of symplectic Euler, or of Störmer and Verlet, which is its half step and that of its adjoint."""
+    """δz⁺ of symplectic Euler, or of Störmer-Verlet, a half step of symplectic Euler and one of its adjoint."""
     z0, z1 = solved.z
     k = z0.shape[1] // 2
     one = np.eye(k)
 
     def implicit(F: Array, G: Array, c: Array, x: Array, half: slice, other: slice, base: Array) -> Array:
-        """δy = base + c δẏ for the half of y that it holds, given the other half."""
+        """Solve δy = base + c δẏ for one half of y, given the other half."""
         right = base + c * (F[:, half, other] @ x + G[:, half] @ of_tau)
         made: Array = np.linalg.solve(one - c * F[:, half, half], right)
         return made
@@ -272,7 +272,7 @@ def _partitioned(name: str, solved: Solved, slopes: Any, start: Array, of_tau: A
 
 
 def _with_forces(spec: Spec, fext: Array | None) -> tuple[Spec, list[Array], list[int]]:
-    """The spec with or without external forces, their rows as an input, the columns of their tangent, which is 0."""
+    """The spec with or without external forces, their rows as an input, and the columns of their tangent, all 0."""
     if fext is None:
         return numba_kernels.variant(spec, frozenset()), [], []
     rows = fext.reshape((len(fext), -1))
@@ -316,7 +316,7 @@ def _solve(
 
 
 def _alone(model: Model, method: Method, begun: Begun, beside: Beside, sample: int) -> tuple[State, str]:
-    """The state after a step to which the program has no answer, and why it is not solved, "" if it is."""
+    """The state after a step that the program rejects, and why it is not solved; "" if it is solved."""
     family, nv, (q, _, p, tau, h, fext) = method.family, model.nv, begun
     assert family is not None
     step: Any = method.advance

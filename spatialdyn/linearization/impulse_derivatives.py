@@ -1,14 +1,13 @@
 """Derivatives of steps by impulses, contacts, joint limits and dry friction, by the implicit function theorem.
 
 At the solution of a step each point separates, sticks or slides, and each joint moves freely, rubs, sticks or stays at
-a limit. The equations of that state, with those of motion, are smooth in the solution and in what the step starts from
-(``recursions.contact.impulse_balance``): the solution is brought to rounding by Newton's steps on them, and its
-derivative solves them once more. Where a state is about to change, the derivative is that of the side on which the
-step is.
+a limit. The equations of that state, with those of motion, are smooth in the solution and in the initial state of the
+step (``recursions.contact.impulse_balance``): Newton's steps on them refine the solution to rounding, its derivative
+solves the linearized equations. If a state is about to change, the derivative is that of the side on which the step is.
 
-Rows that depend on others, of boxes on four corners, leave impulses undetermined, and velocities not: the least change
-in the metric of M is taken. Where such points slide, how friction turns with the velocity depends on how they share the
-load: their derivative is that of the impulses found, and the result says so.
+With dependent rows, as for a box on four corners, impulses are undetermined but velocities are not: the least change in
+the metric of M is taken. If such points slide, the change of friction with the velocity depends on how they share the
+load: the derivative is that of the impulses found, and the result says so.
 
 A derivation of our own, after Alart and Curnier (1991) for the equations of sliding.
 """
@@ -43,19 +42,19 @@ from .step_ends import Closing, led
 from .step_torques import Torques
 
 Array = NDArray[Any]
-SWITCH = 1e-6  # [m/s | rad/s] margin of a state below which it is at a switch: a solved step leaves as much open
+SWITCH = 1e-6  # [m/s | rad/s] margin below which a state is at a switch: the tolerance of a solved step
 
 
 @dataclass(frozen=True)
 class Laws:
-    """What acts in the steps, and how their equations are called.
+    """The laws that act in the steps, and the tables of their equations.
 
-    table    of contacts, limits and dry joints
-    static   the tables of the equations in their order
-    has      of ``impulse_balance.ALL``
-    mu       (np) of points
-    bounces  (np) restitution
-    labels   of points and joints
+    table    table of contacts, limits and dry joints
+    static   the tables of the equations, in order
+    has      some of ``impulse_balance.ALL``
+    mu       (np) friction coefficients of points
+    bounces  (np) restitution of points
+    labels   names of points and joints
     """
 
     model: Model
@@ -70,19 +69,19 @@ class Laws:
 
     @property
     def spec(self) -> Spec:
-        """Of the equations."""
+        """The Spec of the equations."""
         return impulse_balance_spec(self.has)
 
     @property
     def sizes(self) -> tuple[int, int, int]:
-        """Numbers of points, of joints with limits, of joints that rub beside."""
+        """Numbers of points, of joints with limits, and of other joints with dry friction."""
         x = self.table.sizes
         return x["np"], x["nl"], x["nd"]
 
 
 class Found(NamedTuple):
-    """Derivatives of n steps by q, v, z and τ: (n, 2 nv, 3 nv), (n, 3 nv, 4 nv) with bristles; states of points and
-    joints (n, rows), which are at a switch, and which slide with a load that others could take.
+    """Derivatives of n steps by q, v, z and τ: (n, 2 nv, 3 nv), with bristles (n, 3 nv, 4 nv); states of points and
+    joints (n, rows); which are at a switch; which slide with a load that others could take.
     """
 
     derivatives: Array
@@ -92,7 +91,7 @@ class Found(NamedTuple):
 
 
 def laws_of(model: Model, effects: tuple[Any, ...], touching: Any, forced: bool) -> Laws:
-    """What acts by impulses among the effects of a run; touching  the contacts and limits of its scene."""
+    """The laws of the effects of a run that act by impulses; ``touching`` has the contacts and limits of its scene."""
     contact, constrained = find(effects, Contact), find(effects, Constrained)
     rubs, bends = find(effects, DryFriction), find(effects, LuGreFriction)
     heights: tuple[StaticTable, ...] = ()
@@ -100,7 +99,7 @@ def laws_of(model: Model, effects: tuple[Any, ...], touching: Any, forced: bool)
         table, heights = contact.table, contact.contacts.tables[1:]
         names = [contact.label(k) for k in range(len(table.rows) - 1)]
     else:
-        assert rubs is not None  # what is solved for and is no contact
+        assert rubs is not None  # solved for, and not a contact
         table = touching.with_dry(dry(effects, model.nv))
         named = Contact(touching, False, table, rubs.way)
         names = [named.label(k) for k in range(len(table.rows) - 1)]
@@ -124,11 +123,11 @@ def derivatives(
 ) -> Found:  # fmt: skip
     """Derivatives of n steps of finite numbers, by q, v, z and tau.
 
-    z        (n, nv) bristles, None without
+    z        (n, nv) bristles; None without bristles
     acting   torques and friction of the steps
     h        (n,)
     fext     (n, njoints, 6)
-    batch    shape of the batch that they are of
+    batch    shape of the batch that contains the samples
     samples  (n,)  their places in it
 
     Raises SimulationError, naming the first sample, for steps that are not solved.
@@ -143,7 +142,7 @@ def derivatives(
 
 
 class _Steps:
-    """A step and its solution; arrays have an axis of steps, of which there is one."""
+    """A step and its solution; arrays have an axis of steps, of length one."""
 
     def __init__(
         self, laws: Laws, q: Array, v: Array, z: Array | None, acting: Torques, h: Array, fext: Array | None,
@@ -168,19 +167,19 @@ class _Steps:
         return [self.q, self.v, x, self.tau, *forces, h, *self.law, *rate, impulse, *held]
 
     def _split(self, out: Array) -> Balance:
-        """By outputs, along axis 1."""
+        """Split by outputs, along axis 1."""
         points, limits, dry = self.laws.sizes
         sizes = {"nv": self.nv, "np": points, "nl": limits, "nd": dry, "nc": self.held}
         widths = [int(np.prod(shape_in(x.shape, sizes))) for x in self.laws.spec.parts]
         return Balance(*np.split(out, np.cumsum(widths)[:-1], axis=1))
 
     def values(self, x: Array, impulse: Array, reaction: Array) -> Balance:
-        """What is left of the equations."""
+        """The residuals of the equations."""
         given = [np.ascontiguousarray(y) for y in self._inputs(x, impulse, reaction)]
         return self._split(run(self.laws.model, self.laws.spec, "", given, self.laws.static))
 
     def slopes(self, x: Array, impulse: Array, reaction: Array, moving: tuple[str, ...]) -> Balance:
-        """Their derivatives by those of "q", "v", "x" that are named."""
+        """The derivatives of the residuals by the named ones of "q", "v", "x"."""
         given = [np.ascontiguousarray(y) for y in self._inputs(x, impulse, reaction)]
         names = [y.name for y in self.laws.spec.present if not y.static]
         unit = np.eye(len(moving) * self.nv)
@@ -197,7 +196,7 @@ class _Steps:
     # --- solutions ---
 
     def begin(self, bounces: Array) -> tuple[Array, Array, Array]:
-        """x, impulses and reactions by the step itself, to its tolerance; ``bounces`` (np) restitution."""
+        """x, impulses and reactions from the step itself, to its tolerance; ``bounces`` (np) has the restitution."""
         laws, model = self.laws, self.laws.model
         points, limits, _ = laws.sizes
         impulse, reaction = np.zeros((self.n, self.rows)), np.zeros((self.n, self.held))
@@ -259,7 +258,7 @@ class _Steps:
     def solved(
         self, k: int, at: Balance, by_x: Balance, solution: tuple[Array, Array, Array], kept: NDArray[np.bool_]
     ) -> ActiveSet:  # fmt: skip
-        """Step k, solved from what is ``at`` a solution to some tolerance; points' impulses are those of its phase."""
+        """Step k, solved from the values ``at`` an approximate solution; impulses of points are those of its phase."""
         velocity, gap, opened = at.velocity[k].copy(), at.gap[k].copy(), self.phase.open
         rest = self.first[opened]
         velocity[rest], gap[opened] = by_x.velocity[k][rest] @ solution[0], np.inf
@@ -279,14 +278,14 @@ class _Steps:
         return made
 
     def by_state(self, k: int, x: Array, impulse: Array, reaction: Array) -> Balance:
-        """Slopes of step k by the state, those of torques among them."""
+        """Slopes of step k by the state, including those of torques."""
         slopes = self.slopes(x[None].copy(), impulse[None].copy(), reaction[None].copy(), ("q", "v"))
         rest = self.m - 2 * self.nv
         by = Balance(*(np.concatenate([y[0], np.zeros((y.shape[1], rest))], axis=1) for y in slopes))
         return self._with_torques(by, x, k)
 
     def derivative(self, k: int, s: ActiveSet, closing: Array | None = None) -> tuple[Array, Array]:
-        """δx (nv, m), δλ (rows, m) by the state; ``closing`` (nc, m) adds to the slope of what constraints leave."""
+        """δx (nv, m), δλ (rows, m) by the state; ``closing`` (nc, m) adds to the slope of the constraints' residual."""
         phase = self.phase
         by = self.by_state(k, s.x, s.impulse + phase.first, s.reaction)
         if closing is not None:
@@ -299,7 +298,7 @@ class _Steps:
         return s.derivative(by, phase.by_lower)
 
     def _with_torques(self, by: Balance, x: Array, k: int) -> Balance:
-        """With the slopes by what torques and friction of step k change with the state."""
+        """``by`` plus the slopes from torques and friction of step k, which change with the state."""
         acting, push = self.acting, -self.acting.by_torque[k]
         if not np.isscalar(acting.by_viscous):
             push = push + (x - self.begun[k])[:, None] * acting.by_viscous[k]
@@ -309,7 +308,7 @@ class _Steps:
         return by
 
     def where(self, k: int, count: int = 1) -> str:
-        """What messages call a step."""
+        """The name of a step in messages."""
         found = sample_of(int(self.samples[k]), count, self.batch).removeprefix(" in ")
         return f"{found}: " if found else ""
 
@@ -323,7 +322,7 @@ class _Steps:
         return [x > 0.0 for x in chosen]
 
     def _met(self, first: list[ActiveSet], moved: Array, by_x: Balance) -> Found:
-        """The second part of a step under constraints, which meets C v⁺ = 0 where the step ends: ``meet``."""
+        """The second part of a step under constraints, which meets C v⁺ = 0 at its end: ``meet``."""
         laws = self.laws
         assert laws.constrained is not None
         unit = np.broadcast_to(np.eye(self.nv, self.m), (self.n, self.nv, self.m))

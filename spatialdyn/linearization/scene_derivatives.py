@@ -1,4 +1,4 @@
-"""Derivatives of steps of scenes: under constraints those of the step's program, by impulses those of its laws."""
+"""Derivatives of steps of scenes: of the step's program under constraints, of the impulses' laws with impulses."""
 
 from __future__ import annotations
 
@@ -45,18 +45,18 @@ class _Pair(NamedTuple):
 
 
 class StepDerivatives(_Pair):
-    """A (..., 2 nv, 2 nv) and B (..., 2 nv, nv), which it unpacks to; and on which side of impulses' laws they are.
+    """A (..., 2 nv, 2 nv) and B (..., 2 nv, nv), to which it unpacks, and the states of what acts by impulses.
 
     With bristles, which are a state beside q and v, A (..., 3 nv, 3 nv) and B (..., 3 nv, nv) of (δq, δv, δz).
 
-    labels     what touches, stops or rubs: points, limits, dry joints, motors, bristles; () where none acts
-    active     (..., len(labels))  their states in the step: "separates", "sticks", "slides", "bounces" of points;
-               "free", "lower limit", "upper limit", "sticks", "slides" of joints; "commanded" of motors, "saturated" at
-               the limit of a voltage, current or gear; "bends" of bristles
-    switching  (..., len(labels))  whether a state is within 1e-6 m/s or rad/s of another, or its gap of changing sign:
-               the derivative is then that of one side. Creases of a Heightfield, on its lines, are not marked
-    undetermined  (..., len(labels))  whether a point slides whose share of the load others could take, as of boxes on
-               four corners: its friction turns with that share, and the derivative is that of the impulses found
+    labels     names of points, limits, dry joints, motors, bristles; () if none acts
+    active     (..., len(labels))  their states in the step: "separates", "sticks", "slides", "bounces" for points;
+               "free", "lower limit", "upper limit", "sticks", "slides" for joints; for motors "commanded", or
+               "saturated" at the limit of a voltage, current or gear; "bends" for bristles
+    switching  (..., len(labels))  whether a state is within 1e-6 m/s or rad/s of another state, or its gap of changing
+               sign: the derivative is then that of one side. Creases of a Heightfield are not marked
+    undetermined  (..., len(labels))  whether a point slides whose load others could take, as for a box on four corners:
+               its friction depends on its share of the load, and the derivative is that of the impulses found
     """
 
     labels: tuple[str, ...] = ()
@@ -134,7 +134,7 @@ def scene_derivatives(
 
 
 def _bristles(model: Model, states: Any) -> Array:
-    """Where bristles are before the step: 0 where nothing is said. Raises as ``run_states``."""
+    """Deflections of bristles before the step; 0 by default. Raises as ``run_states``."""
     given = dict(states) if isinstance(states, Mapping) else states
     known = given.pop(BRISTLES.name, None) if isinstance(given, dict) else None
     run_states(model, (BRISTLES,), (), given)  # raises for another state
@@ -142,7 +142,7 @@ def _bristles(model: Model, states: Any) -> Array:
 
 
 class Begun(NamedTuple):
-    """Steps at their beginning, n each; z and fext may be None."""
+    """The beginnings of n steps; z and fext may be None."""
 
     q: Array
     v: Array
@@ -155,7 +155,7 @@ class Begun(NamedTuple):
 def constrained_linearization(
     scene: Scene, q: ArrayLike, v: ArrayLike, tau: ArrayLike, fext: ArrayLike | None
 ) -> StepDerivatives:
-    """``linearize`` of a scene of constraints, springs and smooth friction, in continuous time."""
+    """``linearize`` for a scene with constraints, springs and smooth friction, in continuous time."""
     model, n = scene.model, scene.model.nv
     assert scene.constraints is not None
     found = checked_call(MOTION, model, (q, v, tau, fext, *(None,) * 5), (), None)
@@ -170,7 +170,7 @@ def constrained_linearization(
 
 
 def _implicit(plan: Plan, begun: Begun, batch: tuple[int, ...], samples: NDArray[np.intp]) -> Array:
-    """(n, 2 nv, 3 nv) of a method that solves equations."""
+    """Derivatives (n, 2 nv, 3 nv) of a method that solves equations."""
     model, (q, v, _, tau, h, fext) = plan.model, begun
     acting = tuple(x for x in plan.effects if type(x).torque is not Effect.torque)
     p = calls["momentum"](model, q, v)
@@ -180,11 +180,11 @@ def _implicit(plan: Plan, begun: Begun, batch: tuple[int, ...], samples: NDArray
 
 
 def _by_program(scene: Scene, method: str, plan: Plan, begun: Begun) -> Array:
-    """(n, 2 nv, 3 nv) by the derivative of the program of the step, with bristles (n, 3 nv, 4 nv)."""
+    """Derivatives (n, 2 nv, 3 nv), with bristles (n, 3 nv, 4 nv), of the program of the step."""
     model, n = scene.model, scene.model.nv
     q, v, z, tau, h, fext = begun
     ends = np.empty_like(q)
-    for dt in np.unique(h):  # raises what a step raises
+    for dt in np.unique(h):  # raises the errors of a step
         at = np.flatnonzero(h == dt)
         forces = None if fext is None else fext[at][:, None]
         run = rollout(
@@ -202,7 +202,7 @@ def _by_program(scene: Scene, method: str, plan: Plan, begun: Begun) -> Array:
 
 
 def displacements(model: Any, q: Array, rates: Array) -> Array:
-    """(n, nv, m) of changes (n, nq, m) of the coordinates q (n, nq)."""
+    """Displacements (n, nv, m) for changes (n, nq, m) of the coordinates q (n, nq)."""
     n = model.nv
     unit = np.broadcast_to(np.eye(n), (len(q), n, n))
     E = along(model, SPECS["integrate"], [q, np.zeros((len(q), n))], [n, unit])

@@ -1,14 +1,14 @@
-"""Derivatives of a step of an integration method, and of the equation of motion: what LQR, iLQR and filters start from.
+"""Derivatives of a step of an integration method, and of the equation of motion, for LQR, iLQR and filters.
 
-A state moves by a displacement δx = (δq, δv), with δq in each joint's own body's frame, as ``integrate`` takes it and
-``difference`` gives it: quaternions have three freedoms here too. A step under a held torque has then
+A displacement of a state is δx = (δq, δv), with δq in the frame of each joint's own body, as ``integrate`` takes it and
+``difference`` returns it: quaternions have three freedoms here too. For a step under a held torque
 
     δx⁺ = A δx + B δτ
 
-exactly. ``recursions.derivatives.step_derivatives`` has the explicit methods, each one recursion and so one program on
-SIMD lanes; ``implicit_derivatives`` the others. Under constraints explicit methods have the derivative of their step's
-program, symplectic ones are in ``held_methods``; steps by impulses, of contacts, limits and dry friction, are in
-``impulse_derivatives``.
+is exact. ``recursions.derivatives.step_derivatives`` has the explicit methods, each one recursion and so one program on
+SIMD lanes; ``implicit_derivatives`` has the others. Under constraints, explicit methods use the derivative of the
+program of their step, and ``held_methods`` has the symplectic ones; ``impulse_derivatives`` has steps with impulses of
+contacts, limits and dry friction.
 """
 
 from __future__ import annotations
@@ -66,32 +66,32 @@ def step_derivatives(
     v       (..., nv)          joint velocities [rad/s | m/s]
     tau     (..., nv)          joint torques [N m | N]
     dt      (...)              step [s]; negative goes back in time
-    method  a name in ``integrators``, but "dop853" and "radau", whose steps adapt to a tolerance. The step is that of
-            ``simulate`` from this state, without what a run before it may have left (compensated sums, chart centres)
+    method  a name in ``integrators``, except "dop853" and "radau", whose steps adapt to a tolerance. The step is that
+            of ``simulate`` from this state, without data of an earlier run (compensated sums, chart centres)
     fext    (..., njoints, 6)  force on each joint's body, in the joint's frame, held too [N | N m], beside those of the
             scene; zero if left out
     states  {name: (..., nv)}  states that the scene carries beside q and v, "bristles"; 0 if left out
 
-    The state moves by δx = (δq, δv), δq (nv) as ``integrate`` takes it and ``difference`` gives it, in each joint's own
-    body's frame. δx⁺ = A δx + B δτ is exact to rounding, whatever dt: neither 1 + dt A_c nor exp(dt A_c) is.
+    The displacement is δx = (δq, δv), with δq (nv) in the frame of each joint's own body, as ``integrate`` takes it and
+    ``difference`` returns it. δx⁺ = A δx + B δτ is exact to rounding for any dt: neither 1 + dt A_c nor exp(dt A_c) is.
 
-    Steps by impulses are differentiated at their solution, by the implicit function theorem: points and joints keep
-    their state there, and the result says which, and where one is about to change. A robot that stands still is often
-    at a switch: its points are neither above the ground nor in it. A point that bounces
-    does so at the end of the step, as in ``step``: no step resolves the time of a hit. With bristles the state is
-    (δq, δv, δz), A (..., 3 nv, 3 nv) and B (..., 3 nv, nv).
+    Steps with impulses are differentiated at their solution, by the implicit function theorem: points and joints keep
+    their states there, and the result names these states and those that are about to change. A robot that stands still
+    is often at a switch: its points are neither above the ground nor in it. A point bounces at the end of the step, as
+    in ``step``: no step resolves the time of a hit. With bristles the state is (δq, δv, δz), A (..., 3 nv, 3 nv) and
+    B (..., 3 nv, nv).
 
-    Batches of the explicit methods run on SIMD lanes, of any size; those of models of 26 freedoms or more, 17 with
-    velocity_verlet and 12 with rk4, by the table kernel. Implicit methods are solved and differentiated on lanes, but
-    beside springs, smooth friction and constraints solved sample by sample.
+    Batches of any size with explicit methods run on SIMD lanes; models of 26 freedoms or more, 17 with velocity_verlet
+    and 12 with rk4, use the table kernel. Implicit methods are solved and differentiated on lanes; with springs, smooth
+    friction or constraints they are solved sample by sample.
 
     Returns StepDerivatives: A (..., 2 nv, 2 nv) and B (..., 2 nv, nv), views of one array, with ``labels``, ``active``,
             ``switching`` and ``undetermined`` of what acts by impulses. NaN or infinity in a sample's state, torque or
-            forces gives NaN in that sample alone, where it counts.
-    Raises  SpatialDynError for another method or a dt that is not finite; SimulationError
-            for points that bounce at once and share their load, a step that does not converge, and a joint of several
-            freedoms that turns by π or more in a step, each naming the first sample and how many; the errors of
-            ``aba``, and of ``step`` under constraints.
+            forces gives NaN in the results of that sample that depend on it, and in no other sample.
+    Raises  SpatialDynError for another method or a dt that is not finite; SimulationError for points that bounce at
+            once and share their load, a step that does not converge, and a joint of several freedoms that turns by π or
+            more in a step, each naming the first sample and the number of such samples; the errors of ``aba``, and of
+            ``step`` under constraints.
 
     >>> import numpy as np, spatialdyn as sd
     >>> model = sd.load_urdf("two_link")
@@ -104,10 +104,10 @@ def step_derivatives(
     >>> moved = np.concatenate([sd.difference(model, before[0], after[0]), after[1] - before[1]]) / 2
     >>> bool(abs(moved - A @ np.concatenate([dq, dv])).max() < 1e-14)
     True
-    >>> rubs = sd.Scene(model, friction=sd.Friction([5.0, 0.0]))
+    >>> rubs = sd.Scene(model, friction=sd.Friction([50.0, 0.0]))
     >>> found = sd.step_derivatives(rubs, q, np.zeros(2), tau, 0.01)
-    >>> found.labels, found.active.tolist(), found.A[2].round(9).tolist()
-    (('friction of joint "shoulder"',), ['sticks'], [0.0, 0.0, 0.0, 0.0])
+    >>> found.labels, found.active.tolist(), bool(abs(found.A[2]).max() < 1e-9)
+    (('friction of joint "joint1"',), ['sticks'], True)
     """
     scene, fext = _scene(scene, fext)
     model = scene.model
@@ -122,7 +122,7 @@ def step_derivatives(
         return StepDerivatives(*_implicit(model, q, v, tau, dt, method, fext))
     h = _steps(dt)[..., None]
     if h.ndim == 1 and type(q) is np.ndarray and q.ndim == 2:
-        h, law = h[None], tuple(x if x is None else x[None] for x in law)  # rows, as the program's shortest way takes
+        h, law = h[None], tuple(x if x is None else x[None] for x in law)  # rows for the fastest call of the program
     found = checked_call(spec, model, (q, v, tau, fext, h, *law), (), None)
     n = model.nv
     if turns:
@@ -178,7 +178,7 @@ def linearize(
 
 
 def _is_smooth(scene: Scene) -> bool:
-    """Whether friction acts alone, and by its smooth law."""
+    """Whether only friction acts, by its smooth law."""
     alone = scene.contacts is None and not scene.limits and scene.motor is None
     return isinstance(scene.friction, Friction) and scene.friction_method == SMOOTH and alone
 
@@ -202,7 +202,7 @@ def _scene(given: Scene | Model, fext: ArrayLike | None) -> tuple[Scene, ArrayLi
 
 
 def _checked(scene: Scene) -> tuple[tuple[slice, ...], tuple[Array | None, ...]]:
-    """The angular velocities of joints of several freedoms; coefficients of smooth friction, NO_LAW for none.
+    """The angular velocities of joints of several freedoms; coefficients of smooth friction, NO_LAW without friction.
 
     Raises for what acts and is no smooth force.
     """

@@ -1,9 +1,9 @@
 """Torques and friction of a step by impulses, with their derivatives: of motors, bristles, springs and smooth friction.
 
-A step takes torques τ, viscous friction b and levels F of dry friction from the state at its beginning. Of a motor all
-three are functions of v and of what is commanded (``recursions.joints.motors.driven``); bristles are a torque and
-viscous friction, by their state z and v (``recursions.joints.friction.add_bristles``); springs and smooth friction are
-torques by q and v. Each is differentiated as it is: on the branch on which it is, one-sided where that changes.
+A step takes torques τ, viscous friction b and levels F of dry friction from the state at its beginning. For a motor all
+three are functions of v and of the command (``recursions.joints.motors.driven``); bristles are a torque and viscous
+friction, functions of their state z and v (``recursions.joints.friction.add_bristles``); springs and smooth friction
+are torques, functions of q and v. Each is differentiated on its present branch, one-sided where the branch changes.
 """
 
 from __future__ import annotations
@@ -40,17 +40,17 @@ COMMANDED, SATURATED, BENDS = "commanded", "saturated", "bends"
 
 
 class Torques(NamedTuple):
-    """What acts in n steps beside impulses of points and limits; derivatives are by the m of q, v, z and τ, in order.
+    """Torques and friction in n steps, without impulses of points and limits; derivatives by the m of q, v, z and τ.
 
     torque     (n, nv)
     law        coulomb, viscous, static, stribeck, each (n, nv); () without friction
     by_torque  (n, nv, m) derivatives of the torque
     by_viscous, by_level  (n, nv, m) of viscous friction and of the level of dry friction; 0 where they are constant
-    kept       (n, nv) part of z + h v⁺ that bristles keep, and its derivatives; None without
+    kept       (n, nv) part of z + h v⁺ that bristles keep, and its derivatives; None without bristles
     by_kept
-    labels     of motors and bristles
+    labels     names of motors and bristles
     active     (n, labels) their states
-    margins    (n, labels) by how much each is from another one [rad/s | m/s]
+    margins    (n, labels) distance of each from another state [rad/s | m/s]
     """
 
     torque: Array
@@ -65,12 +65,12 @@ class Torques(NamedTuple):
     margins: Array
 
     def of(self, rows: slice) -> Torques:
-        """Those of some steps."""
+        """The torques of some steps."""
         return Torques(*(_rows(x, rows) for x in self))
 
 
 def _rows(x: Any, rows: slice) -> Any:
-    """Some rows of an array or of all of a law; what has none as it is."""
+    """Some rows of an array, or of all arrays of a law; anything else unchanged."""
     if isinstance(x, tuple):
         return tuple(y[rows] if isinstance(y, np.ndarray) else y for y in x)
     return x[rows] if isinstance(x, np.ndarray) else x
@@ -79,9 +79,9 @@ def _rows(x: Any, rows: slice) -> Any:
 def torques_of(
     model: Model, effects: tuple[Effect, ...], q: Array, v: Array, z: Array | None, tau: Array, h: Array
 ) -> Torques:
-    """Of the effects of a run, at states (n, ...).
+    """The Torques of the effects of a run, at states (n, ...).
 
-    z  (n, nv) of bristles, None without
+    z  (n, nv) of bristles; None without bristles
     """
     n, nv = v.shape
     motor, rubs = find(effects, Drive), find(effects, DryFriction)
@@ -140,7 +140,7 @@ def nothing_labelled(n: int) -> tuple[tuple[str, ...], Array, Array]:
 
 
 def bent_labels(model: Model, bristles: LuGreFriction, v: Array) -> tuple[tuple[str, ...], Array, Array]:
-    """Labels, states and margins of bristles: how they slip turns with the sign of v."""
+    """Labels, states and margins of bristles, whose slip changes with the sign of v."""
     coulomb, _, static, _ = bristles.friction.law
     rows = np.flatnonzero((np.maximum(coulomb, static) > 0.0) & (bristles.coefficients[0] > 0.0))
     labels = tuple(f'bristles of joint "{joint_of_velocity(model, int(k)).name}"' for k in rows)
@@ -178,9 +178,7 @@ def _of_motor(
 
 
 def _sides(motor: Drive, v: Array, tau: Array, lines: list[Array]) -> tuple[NDArray[np.bool_], tuple[Array, Array]]:
-    """Whether motors are at a limit, and how far they are from where ``driven`` takes another branch: in torque, and
-    in velocity.
-    """
+    """Whether motors are at a limit, and the distances, in torque and in velocity, to another branch of ``driven``."""
     stall, emf, most, efficiency, limit = lines
     if motor.given == VOLTAGE:
         over = abs(tau) - stall
@@ -192,7 +190,7 @@ def _sides(motor: Drive, v: Array, tau: Array, lines: list[Array]) -> tuple[NDAr
     size, lossy = abs(motor_torque), efficiency < 1.0
     cap = np.minimum(most, limit * np.where(motor_torque * v < 0.0, efficiency, 1.0 / efficiency))
     torque = np.minimum(abs(over), abs(size - cap))
-    torque = np.where(lossy, np.minimum(torque, size), torque)  # losses turn with its sign
+    torque = np.where(lossy, np.minimum(torque, size), torque)  # losses change with its sign
     turns = lossy & (size >= np.minimum(most, limit * efficiency))  # the gear's limit differs with the sign of v
     return (over > 0.0) | (size > cap), (torque, np.where(turns, abs(v), np.inf))
 

@@ -1,8 +1,8 @@
-"""The contacts of a scene as feet: the equations that keep bodies still, and the points that they belong to.
+"""The contacts of a scene as feet: the equations that hold bodies at rest, and their points.
 
-A body with several contact points has its velocity V in its own axes. Points p that stay where they are make the rows
-[1 -p̃] V = 0, of which at most six are independent: B, an orthonormal basis of them, is constant. A body with one
-point is still where its sphere touches, along the ground's normal and across it.
+A body with several contact points has its velocity V in its own axes. Points p at rest give the rows [1 -p̃] V = 0, of
+which at most six are independent; their orthonormal basis B is constant. A body with one point is at rest where its
+sphere touches, along the ground's normal and across it.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ INDEPENDENT = 1e-8  # of the largest singular value of a foot's rows; lengths in
 class Foot(NamedTuple):
     """A body that touches the ground.
 
-    row     of the body in the table
+    row     row of the body in the table
     at      indices of its points among those of the contacts
-    B       (r, 6) independent rows, linear first; of one point the three of its sphere's lowest point, in order
+    B       (r, 6) independent rows, linear first; for one point the three rows of its sphere's lowest point, in order
     """
 
     row: int
@@ -34,7 +34,7 @@ class Foot(NamedTuple):
 
 
 def feet_of(model: Model, contacts: Contacts) -> list[Foot]:
-    """The bodies of the contacts."""
+    """The bodies that have contact points."""
     groups: dict[int, list[int]] = {}
     for k in range(len(contacts)):
         groups.setdefault(int(contacts.table.rows["row"][1 + k]), []).append(k)
@@ -54,6 +54,6 @@ def basis(contacts: Contacts, at: Iterable[int]) -> Array:
 
 
 def part_of(contacts: Contacts, foot: Foot, at: tuple[int, ...]) -> Array:
-    """What makes the rows of those of its points that stand from the rows of all, (r, rows of all)."""
+    """Matrix (r, rows of all) that maps the rows of all points to the rows of the points ``at`` that stand."""
     found: Array = np.eye(len(foot.B)) if at == foot.at else basis(contacts, at) @ foot.B.T
     return found

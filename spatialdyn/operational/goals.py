@@ -1,4 +1,4 @@
-"""What tasks want, as the arrays that a whole body's program takes, and where its answers are."""
+"""The goals of tasks as arrays for a whole body's program, and the places of its answers."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ Array = NDArray[np.float64]
 
 
 class Joints(NamedTuple):
-    """The freedoms of a posture, as an index of arrays, and its rows without the accelerations wanted."""
+    """The freedoms of a posture, as an index of arrays, and its rows without the desired accelerations."""
 
     at: Any
     rows: Rows
 
 
 class Goals(NamedTuple):
-    """What some tasks want.
+    """The goals of some tasks.
 
-    terms   the call, or None to be made
+    terms   the call; None until it is made
     inputs  goals, targets, goals of joints and rest, as the recursion takes them
     joints  for each task, its freedoms if the program has them
-    others  indices of tasks that are in no program: of other classes, and a second posture of a joint
+    others  indices of tasks that the program does not have: of other classes, and a second posture of a joint
     """
 
     tasks: Sequence[Any]
@@ -93,7 +93,7 @@ def goals_of(tasks: Sequence[Any], terms: Terms, known: dict[Any, Joints]) -> Go
 
 
 def goal_of(task: Any) -> Array:
-    """What a task wants, (4, m) or (4, 1): weight, Kp, Kd and the feedforward a_d + Kd ẋ_d. Raises ShapeError."""
+    """The goal of a task, (4, m) or (4, 1): weight, Kp, Kd and the feedforward a_d + Kd ẋ_d. Raises ShapeError."""
     for name in ("acceleration", "velocity", "Kp", "Kd"):
         x = getattr(task, name)
         if x is not None and x.ndim > 1:
@@ -106,7 +106,7 @@ def goal_of(task: Any) -> Array:
 
 
 def put_target(task: Any, out: Array, frame: int, axes: tuple[int, ...]) -> None:
-    """Write a target to its pose. Raises ShapeError."""
+    """Write the target of a task to its pose in ``out``. Raises ShapeError."""
     target = np.asarray(task.target)
     if target.shape not in ((4, 4), (3,)):
         raise ShapeError(f'target of task "{task.name}" has shape {target.shape}, expected that of one state')
@@ -119,7 +119,7 @@ def put_target(task: Any, out: Array, frame: int, axes: tuple[int, ...]) -> None
 
 
 def put_rest(task: Any, joints: Joints, model: Model, out: Array) -> None:
-    """Write where the joints of a posture rest. Raises ShapeError."""
+    """Write the target positions of the joints of a posture. Raises ShapeError."""
     target = np.asarray(task.target)
     if target.ndim != 1:
         raise ShapeError(f'target of task "{task.name}" has shape {target.shape}, expected that of one state')
@@ -130,7 +130,7 @@ def put_rest(task: Any, joints: Joints, model: Model, out: Array) -> None:
 
 
 def freedoms(task: PostureTask, model: Model) -> Joints:
-    """Those of a posture."""
+    """The freedoms of a posture."""
     at = task.at(model)
     rows = task._of_state(model, np.asarray(calls["neutral"](model)), np.zeros(model.nv))
     neighbours = at == list(range(at[0], at[-1] + 1))
@@ -140,9 +140,9 @@ def freedoms(task: PostureTask, model: Model) -> Joints:
 def terms_of(
     model: Model, contacts: Contacts, feet: Sequence[Foot], tasks: Sequence[Any], known: dict[Any, Terms]
 ) -> Terms:
-    """The call that has the terms of these tasks.
+    """The call that computes the terms of these tasks.
 
-    known  those of other tasks, written in place
+    known  calls for other tasks, written in place
     """
     asked = asked_of(tasks)
     frames = [None if x is None or x.frame is None else model.frame(x.frame) for x in asked]

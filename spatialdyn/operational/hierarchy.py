@@ -1,4 +1,4 @@
-"""``task_torque``: joint torques that do tasks in strict order, and a posture with what they leave."""
+"""``task_torque``: joint torques that do tasks in strict order, and a posture in the remaining directions."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ class TaskTorque(NamedTuple):
 
     tau     (..., nv)  joint torques [N m | N]
     a       (..., nv)  the joint accelerations that they cause
-    missed  for each task (..., m): J a + J̇ v - a*, 0 where the task is met
-    rank    for each task (...): directions that it has, of those that the tasks before it leave
+    missed  for each task (..., m): J a + J̇ v - a*, 0 if the task is met
+    rank    for each task (...): number of its strong directions among those that earlier tasks leave
     weak    for each task (..., m, m): rows: its other directions, in the metric of lengths
     """
 
@@ -42,25 +42,25 @@ def task_torque(
     model: Model, q: ArrayLike, v: ArrayLike, tasks: Task | Iterable[Task],
     posture: ArrayLike | PostureTask | None = None, *, damping: float = DAMPING, length: float = LENGTH,
 ) -> TaskTorque:  # fmt: skip
-    """Joint torques that do tasks in strict order: no task disturbs one before it, and the posture disturbs no task.
+    """Joint torques that do tasks in strict order: no task disturbs an earlier one, and the posture disturbs no task.
 
-    Each task acts through what those before it leave, N: with Jp = J N, Λp = (Jp M⁻¹ Jpᵀ)⁻¹ and τ̂ the torques so far,
+    Each task acts in the null space N of earlier ones: with Jp = J N, Λp = (Jp M⁻¹ Jpᵀ)⁻¹ and τ̂ the torques so far,
     F = Λp (a* - J̇ v - J M⁻¹ τ̂), τ̂ += Jpᵀ F, N -= M⁻¹ Jpᵀ Λp Jp. At the end τ = τ̂ + Nᵀ τ₀ + C v + g.
 
-    model    Model in which every freedom has a motor; of a robot that floats, ``WholeBody`` is the call
+    model    Model in which every freedom has a motor; for a floating robot use ``WholeBody``
     q        (..., nq)  joint positions [rad | m]
     v        (..., nv)  joint velocities [rad/s | m/s]
     tasks    in order; their ``priority`` and ``weight`` do not count
-    posture  τ₀ (..., nv) [N m | N], or a PostureTask, of whose accelerations M makes torques; zero if left out
+    posture  τ₀ (..., nv) [N m | N], or a PostureTask, whose accelerations times M are τ₀; zero if left out
     damping  share of a task's largest mobility below which a direction is weak, and faded out instead of inverted
-    length   by which rotations are compared with translations [m]
+    length   [m] by which rotations are compared with translations
 
     Returns TaskTorque (tau, a, missed, rank, weak): bounded in every configuration.
-    Raises  ModelError for frames or joints that are not there, and for a robot that floats; SpatialDynError for two
-            tasks of one axis of a frame or of the centre of mass; ShapeError, NonFiniteError
+    Raises  ModelError for unknown frames or joints, and for a floating robot; SpatialDynError for two tasks on one axis
+            of a frame or of the centre of mass; ShapeError, NonFiniteError
     Source  Khatib, A unified approach for motion and force control of robot manipulators (1987); Sentis and Khatib,
-            Synthesis of whole-body behaviors through hierarchical control of behavioral primitives (2005). Of their
-            projections one is taken, (I - Jᵀ J̄ᵀ): a second one on top of it would change the lower tasks.
+            Synthesis of whole-body behaviors through hierarchical control of behavioral primitives (2005). Only one of
+            their projections is used, (I - Jᵀ J̄ᵀ): a second one would change the lower tasks.
 
     >>> import numpy as np, spatialdyn as sd
     >>> model = sd.load_urdf("panda")
@@ -119,7 +119,7 @@ def _posture(model: Model, q: Array, v: Array, posture: Any) -> Array:
 
 
 def check_tasks(model: Model, tasks: Any) -> list[Any]:
-    """The tasks as a list, each one of the model's. Raises SpatialDynError, ModelError, ShapeError."""
+    """The tasks as a list, checked against the model. Raises SpatialDynError, ModelError, ShapeError."""
     expected = "a task such as FrameTask, or several"
     try:
         given = [tasks] if hasattr(tasks, "rows") else list(tasks)
@@ -141,7 +141,7 @@ def check_tasks(model: Model, tasks: Any) -> list[Any]:
         key: tuple[Any, ...] = ("centre of mass",)
         what = "the centre of mass"
         if isinstance(task, FrameTask):
-            row, placement = frame_row_and_placement(model, task.frame)  # of a link and its joint the same
+            row, placement = frame_row_and_placement(model, task.frame)  # the same for a link and its joint
             key = row, np.asarray(placement).tobytes(), task.reference
             what = f'frame "{model.frame(task.frame).name}"'
         for axis in axes_of(task.axes):

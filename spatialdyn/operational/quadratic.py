@@ -1,7 +1,7 @@
-"""Quadratic programs, min ½ xᵀP x + gᵀx with low <= (x, rows x) <= high: a solver solves them, we verify.
+"""Quadratic programs, min ½ xᵀP x + gᵀx with low <= (x, rows x) <= high: calls of a solver, and checks of its answers.
 
-DAQP, the default, is called by its own interface, which has the program in this form; qpsolvers, which has others, is
-asked for any other solver.
+DAQP, the default, is called directly, because its interface takes this form; other solvers are called through
+qpsolvers.
 """
 
 from __future__ import annotations
@@ -14,23 +14,23 @@ from numpy.typing import NDArray
 from ..errors import ConstraintError, SpatialDynError, pip_install
 
 Array = NDArray[np.float64]
-VIOLATED = 1e-5  # of the robot's weight, a limit or an acceleration to brake with: what a solution may miss
-RELAXED = 1e-6  # of the same: with a smaller relaxation the program counts as feasible
-STEEP = 1e6  # weight of relaxation over a program that only has to have one answer
-NONE = 1e29  # a bound this large does not hold
+VIOLATED = 1e-5  # relative to the robot's weight, a limit or a braking acceleration: error allowed in a solution
+RELAXED = 1e-6  # likewise relative: with a smaller relaxation the program counts as feasible
+STEEP = 1e6  # weight of the relaxation relative to the cost, which only makes the answer unique
+NONE = 1e29  # a bound this large counts as none
 EQUAL = 5  # DAQP's word for an equation
 
 
 class Program(NamedTuple):
     """A program.
 
-    Rows are scaled so that what matters of them is about 1, forces so that the robot's weight is.
+    Rows are scaled to relevant values of about 1, forces so that the robot's weight is 1.
 
     P, g       of the cost ½ xᵀP x + gᵀx
     rows       (m, n)
     low, high  (n + m,) bounds of x, then of the rows, 1e30 for none; equal where ``sense`` is EQUAL
-    names      of each bound: its name and a unit
-    size       of each bound: the number of those units that is 1
+    names      for each bound: its name and a unit
+    size       for each bound: its scale, as a number of these units
     """
 
     P: Array
@@ -44,7 +44,7 @@ class Program(NamedTuple):
 
 
 class Relaxation(NamedTuple):
-    """What has to give way: the name of a limit, by how much, and its unit."""
+    """A relaxed limit: its name, by how much it is relaxed, and its unit."""
 
     name: str
     amount: float
@@ -55,7 +55,7 @@ class Relaxation(NamedTuple):
 
 
 def available() -> list[str]:
-    """Solvers that are there. Raises SpatialDynError without qpsolvers."""
+    """Installed solvers. Raises SpatialDynError without qpsolvers."""
     try:
         import qpsolvers
     except ImportError:
@@ -68,7 +68,7 @@ def raw(solver: str, p: Program) -> Array | None:
     if solver == "daqp":
         import daqp
 
-        x, _, flag, _ = daqp.solve(p.P, p.g, p.rows, p.high, p.low, p.sense.copy())  # which it writes to
+        x, _, flag, _ = daqp.solve(p.P, p.g, p.rows, p.high, p.low, p.sense.copy())  # DAQP writes to sense
         return x if flag > 0 and np.isfinite(x).all() else None
     return by_qpsolvers(solver, p)
 
@@ -99,7 +99,7 @@ def by_qpsolvers(solver: str, p: Program) -> Array | None:
 
 
 def residual(p: Program, x: Array) -> float:
-    """By how much x misses the rows and bounds."""
+    """The largest violation of rows and bounds by x."""
     y = np.concatenate([x, p.rows @ x])
     return max(float((p.low - y).max(initial=0.0)), float((y - p.high).max(initial=0.0)))
 
@@ -114,10 +114,10 @@ def solve(solver: str, p: Program) -> tuple[Array | None, float]:
 
 
 def relax(solver: str, p: Program) -> tuple[Program, list[Relaxation]]:
-    """The program with the smallest relaxation of inequalities and bounds, in squares relative to their sizes, and what
-    that is, the largest first: an empty list if none was needed.
+    """The program with the least sum of squared relaxations of inequalities and bounds, relative to their sizes, and
+    these relaxations, the largest first; the list is empty if none was needed.
 
-    Raises ConstraintError if not even then there is an answer: equations hold.
+    Raises ConstraintError if there is still no answer, as equations are not relaxed.
     """
     n = len(p.g)
     equal = p.sense == EQUAL

@@ -1,4 +1,4 @@
-"""Operational-space dynamics of a frame: Λ (J a + J̇ v) + μ + p = F, and what two frames feel of each other."""
+"""Operational-space dynamics of a frame: Λ (J a + J̇ v) + μ + p = F, and the coupling of two frames."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ class OperationalSpace(NamedTuple):
     mu      (..., m)      Coriolis and centrifugal force J̄ᵀ C v - Λ J̇ v [N | N m]
     p       (..., m)      gravity J̄ᵀ g [N | N m]
     J_bar   (..., nv, m)  dynamically consistent inverse M⁻¹ Jᵀ Λ of J
-    N       (..., nv, nv) 1 - J̄ J: torques Nᵀ τ₀ do not accelerate the frame, N a is what J does not see
-    rank    (...)         directions in which Λ is the inverse
+    N       (..., nv, nv) 1 - J̄ J: torques Nᵀ τ₀ do not accelerate the frame; N a is the part of a with J N a = 0
+    rank    (...)         number of directions in which Λ is the exact inverse
     weak    (..., m, m)   rows: the other directions, in the metric of lengths; 0 elsewhere
-    C       (..., m, m)   (J̄ᵀ C - Λ J̇) J̄, of the Coriolis force of a motion J̄ ẋ: dΛ/dt = C + Cᵀ
+    C       (..., m, m)   (J̄ᵀ C - Λ J̇) J̄, the Coriolis matrix of a motion J̄ ẋ: dΛ/dt = C + Cᵀ
     """
 
     Lambda: Array
@@ -51,15 +51,15 @@ def operational_space(
     q          (..., nq)  joint positions [rad | m]
     v          (..., nv)  joint velocities [rad/s | m/s]
     frame      a link's or joint's name
-    reference  local, world or local_world_aligned: of J, J̇ v and all results
-    axes       letters of xyz, and of rotations after an r: "xyz" of a point, "xyz rz"
-    length     by which rotations are compared with translations [m]
+    reference  local, world or local_world_aligned: axes of J, J̇ v and all results
+    axes       letters of xyz, and for rotations after an r: "xyz" for a point, "xyz rz"
+    length     [m] by which rotations are compared with translations
     damping    share of the mobility's largest eigenvalue below which a direction is weak: there Λ stays below
-               1.125 / (damping · largest) instead of growing without bound, and N leaves the direction to others
+               1.125 / (damping · largest) instead of growing without bound, and N keeps the direction free
 
-    Returns OperationalSpace (Lambda, mu, p, J_bar, N, rank, weak, C). Where rank is m, all are exact.
-    Raises  ModelError for a frame that is not there; SpatialDynError for axes, length or damping; ShapeError,
-            NonFiniteError, InertiaError
+    Returns OperationalSpace (Lambda, mu, p, J_bar, N, rank, weak, C). If rank is m, all are exact.
+    Raises  ModelError for an unknown frame; SpatialDynError for axes, length or damping; ShapeError, NonFiniteError,
+            InertiaError
     Source  Khatib, A unified approach for motion and force control of robot manipulators (1987).
 
     >>> import numpy as np, spatialdyn as sd
@@ -92,17 +92,17 @@ def operational_space_coupling(
     model: Model, q: ArrayLike, frame: str | Frame, other: str | Frame, reference: str = "local",
     out: Array | None = None,
 ) -> Array:  # fmt: skip
-    """J M⁻¹ J₂ᵀ (..., 6, 6) of two frames: the acceleration of the one per force on the other, without M.
+    """J M⁻¹ J₂ᵀ (..., 6, 6) of two frames: the acceleration of one per force on the other, without computing M.
 
     model      Model
     q          (..., nq)  joint positions [rad | m]
-    frame      a link's or joint's name: what is accelerated
-    other      the same: what the force acts on
-    reference  local, world or local_world_aligned, of each frame its own
+    frame      name of the link or joint that is accelerated
+    other      name of the link or joint on which the force acts
+    reference  local, world or local_world_aligned, for each frame its own
     out        (..., 6, 6)  written in place if given
 
     Returns the coupling, linear first [1/kg | 1/(kg m) | 1/(kg m²)]; with ``operational_space_inertia_inverse`` of both
-    it is the mobility of two hands together.
+    frames it gives the mobility of two hands together.
     Raises  as ``operational_space_inertia_inverse``
     Source  after Jain, Robot and Multibody Dynamics (2011).
 
@@ -122,6 +122,6 @@ def operational_space_coupling(
 
 
 def times(A: Any, x: Any) -> Array:
-    """A x, of matrices and vectors of any leading axes."""
+    """A x, for matrices and vectors with any leading axes."""
     found: Array = np.einsum("...ij,...j->...i", A, x)
     return found

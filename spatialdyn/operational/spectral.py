@@ -1,9 +1,9 @@
 """Axes of a task, and the inverse of its mobility J M⁻¹ Jᵀ that stays bounded near singularities.
 
 Rotations are compared with translations by a length: 1 rad/s² counts as ``length`` m/s². In that metric the mobility
-has eigenvalues w. Those of at least ε = damping · w_max are inverted; below, 1/w gives way to w (3 - 2 w/ε) / ε², which
-has the same value and slope at ε, never exceeds 1.125/ε, and vanishes with w: where no force accelerates the task, none
-is asked for.
+has eigenvalues w. Those of at least ε = damping · w_max are inverted; below ε, w (3 - 2 w/ε) / ε² replaces 1/w. It has
+the same value and slope at ε, never exceeds 1.125/ε, and vanishes with w: no force is applied in directions in which it
+would not accelerate the task.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ from ..errors import SpatialDynError, literal
 Array = NDArray[np.float64]
 ALL_AXES = "xyz rxyz"
 LENGTH = 0.3  # [m] by which rotations are compared with translations: about a link of an arm
-LEAST_SHARE = 1e-100  # of the largest eigenvalue, by which is divided
+LEAST_SHARE = 1e-100  # of the largest eigenvalue: lower bound of divisors
 DAMPING = 1e-3  # of the largest eigenvalue: below, a direction is weak
 
 
 def axes_of(axes: Any) -> list[int]:
-    """The rows of a Jacobian, linear first, that a word like "xyz rz" names. Raises SpatialDynError."""
+    """The rows of a Jacobian, linear first, for a word like "xyz rz". Raises SpatialDynError."""
     return list(_rows(axes if isinstance(axes, str) else literal(axes)))
 
 
@@ -60,7 +60,7 @@ def _rows(axes: str) -> tuple[int, ...]:
 
 
 def lengths_of(rows: list[int], length: Any) -> Array:
-    """What each row is multiplied by to be a length: 1, of rotations ``length``. Raises SpatialDynError."""
+    """Factors that make each row a length: 1, for rotations ``length``. Raises SpatialDynError."""
     size = as_number(length)
     if not 0.0 < size < math.inf:
         raise SpatialDynError(f"length is {literal(length)}, expected a finite number above 0")
@@ -80,7 +80,7 @@ def share_of(damping: Any) -> float:
 def spectral_inverse(A: Array, lengths: Array, share: float, whole: Array | None = None) -> Inverse:
     """The bounded inverse of A (..., m, m).
 
-    whole  the mobility whose largest eigenvalue counts, if not that of A: of a task before others restrict it
+    whole  the mobility with the largest eigenvalue to compare with, by default A: the task's before others restrict it
     """
     scale = lengths[:, None] * lengths
     w, Q = np.linalg.eigh(A * scale)

@@ -1,4 +1,4 @@
-"""What is constant of the program of the points that stand: which rows and variables it has, and their names."""
+"""The constant parts of the program for the points that stand: its rows and variables, and their names."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ Array = NDArray[np.float64]
 
 
 class Standing(NamedTuple):
-    """What is constant of some points.
+    """The constant parts of the program for some points.
 
     at       indices of the points
-    whole    whether the program is that of all rows and points, as the call writes it
-    bodies   rows of torques that it has: of the base and of joints with a limit
-    feet     (ns, all ns) what makes its equations of feet from those of all
-    pyramids rows of the pyramids that it has
-    columns  variables that it has
+    whole    whether the program has all rows and points, as the call writes it
+    bodies   its rows of torques: of the base and of joints with a limit
+    feet     (ns, all ns) maps the equations of all feet to its equations of feet
+    pyramids its rows of pyramids
+    columns  its variables
     sense, names, size  as of ``Program``
     """
 
@@ -39,7 +39,7 @@ class Standing(NamedTuple):
 
     @classmethod
     def of(cls, body: Any, feet: Sequence[Foot], at: tuple[int, ...]) -> Standing:
-        """Of these points of a WholeBody."""
+        """The constant parts for these points of a WholeBody."""
         n, contacts, parts, k = body.model.nv, body.contacts, [], len(at)
         for foot in feet:
             standing = tuple(p for p in foot.at if p in at)
@@ -83,7 +83,7 @@ class Standing(NamedTuple):
 
 
 def units(joint: Any) -> tuple[str, str]:
-    """Of accelerations and torques of a joint."""
+    """Units of accelerations and torques of a joint."""
     if joint.nv > 1:
         return "rad/s² | m/s²", "N m | N"
     return ("m/s²", "N") if joint.kind == "prismatic" else ("rad/s²", "N m")

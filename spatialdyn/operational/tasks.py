@@ -1,6 +1,6 @@
-"""Tasks: linear equations J a + J̇ v = a* of joint accelerations, of a frame, the centre of mass or joints.
+"""Tasks: linear equations J a + J̇ v = a* in joint accelerations, for a frame, the centre of mass or joints.
 
-a* follows a target by a* = a_d + Kd (ẋ_d - ẋ) + Kp e, with e the displacement that is left. ``task_torque`` and
+a* follows a target by a* = a_d + Kd (ẋ_d - ẋ) + Kp e, with e the displacement to the target. ``task_torque`` and
 ``WholeBody`` take any object with ``name``, ``weight``, ``priority``, ``check(model)`` and ``rows(model, q, v)``.
 """
 
@@ -36,7 +36,7 @@ REFERENCES = ("local", "world", "local_world_aligned")
 
 
 class Asked(NamedTuple):
-    """What the equations of a task belong to: rows of a frame in a reference, or of the centre of mass for None."""
+    """The rows of a task's J and J̇ v: those of a frame in a reference, or of the centre of mass for frame None."""
 
     frame: str | Frame | None
     reference: str
@@ -44,7 +44,7 @@ class Asked(NamedTuple):
 
 
 class Rows(NamedTuple):
-    """The equations of a task: J (..., m, nv), drift J̇ v (..., m) and the acceleration wanted (..., m).
+    """The equations of a task: J (..., m, nv), drift J̇ v (..., m) and the desired acceleration (..., m).
 
     turning  (m,)  which rows are rotations
     """
@@ -57,7 +57,7 @@ class Rows(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """What tasks have in common: ``FrameTask``, ``ComTask``, ``PostureTask`` are tasks."""
+    """The base class of tasks: ``FrameTask``, ``ComTask``, ``PostureTask``."""
 
     def rows(self, model: Model, q: ArrayLike, v: ArrayLike) -> Rows:
         """The equations at a state q (..., nq), v (..., nv). Raises as ``check``, and NonFiniteError."""
@@ -75,19 +75,19 @@ class Task:
         return self._of_state(model, at, speed)
 
     def _of_state(self, model: Model, q: Array, v: Array) -> Rows:
-        """The same, of arrays that fit."""
+        """As ``rows``, for checked arrays."""
         raise NotImplementedError
 
     def _asked(self) -> Asked | None:
-        """What J and J̇ v belong to, where a program has them among others. Returns None if not applicable."""
+        """The rows of J and J̇ v that a program computes for this task. Returns None if not applicable."""
         return None
 
     def check(self, model: Model) -> None:
-        """Raise ModelError or ShapeError if the task is none of this model's."""
+        """Raise ModelError or ShapeError if the task does not fit this model."""
         check_model(model)
 
     def with_(self, **changes: Any) -> Any:
-        """The task with some of its fields changed, as its target from step to step."""
+        """The task with some of its fields changed, for example the target from step to step."""
         known = [x.name for x in fields(self)]
         for name in changes:
             if name not in known:
@@ -96,7 +96,7 @@ class Task:
 
 
 def _numbers(task: Any, *names: str) -> None:
-    """Replace fields by arrays of finite numbers, where they are given."""
+    """Replace fields, if given, by arrays of finite numbers."""
     for name in names:
         value = getattr(task, name)
         if value is not None:
@@ -107,7 +107,7 @@ def _numbers(task: Any, *names: str) -> None:
 
 
 def _gains(task: Any, follows: bool, moves: bool) -> None:
-    """Kp and Kd, 0 or above, or defaults: 100 1/s² where there is a target, and Kd critically damped."""
+    """Set Kp and Kd, 0 or above; by default 100 1/s² if there is a target, and Kd critically damped."""
     _numbers(task, "Kp", "Kd")
     for name in ("Kp", "Kd"):
         if getattr(task, name) is not None and (getattr(task, name) < 0.0).any():
@@ -132,7 +132,7 @@ def _common(task: Any, name: str) -> None:
 
 
 def _fits(task: Any, shapes: dict[str, int]) -> None:
-    """Raise ShapeError unless the last axes of those fields are of that size; gains may be numbers."""
+    """Raise ShapeError unless the last axes of these fields have these sizes; gains may be numbers."""
     for name, size in shapes.items():
         x = getattr(task, name)
         if x is not None and x.shape[-1:] != (size,) and not (name in ("Kp", "Kd") and x.ndim == 0):
@@ -144,14 +144,14 @@ class FrameTask(Task):
     """A frame follows a pose, or has an acceleration.
 
     frame         a link's or joint's name
-    target        (..., 4, 4) pose in the world, or (..., 3) a point, of a task of "xyz" alone [m]; none: no stiffness
+    target        (..., 4, 4) pose in the world, or (..., 3) a point for axes "xyz" alone [m]; without one no stiffness
     acceleration  (..., m)  feedforward a_d along the axes; zero if left out
     velocity      (..., m)  ẋ_d; zero if left out
     Kp, Kd        gains, 0 or more, numbers or (m,) [1/s², 1/s]; 100 and critically damped with a target
-    reference     local_world_aligned, local or world: of the axes; a target needs one of the first two
-    axes          letters of xyz, and of rotations after an r: "xyz rxyz", "xyz", "z rxy"
-    weight        in ``WholeBody``, of the squared error
-    priority      in ``WholeBody``, 0 first
+    reference     local_world_aligned, local or world: frame of the axes; a target needs one of the first two
+    axes          letters of xyz, and for rotations after an r: "xyz rxyz", "xyz", "z rxy"
+    weight        weight of the squared error in ``WholeBody``
+    priority      order in ``WholeBody``, 0 first
 
     Raises  SpatialDynError, ShapeError, NonFiniteError
 
@@ -195,7 +195,7 @@ class FrameTask(Task):
             raise SpatialDynError(f'target of task "{self.name}" has {fault}')
 
     def check(self, model: Model) -> None:
-        """Raise ModelError if there is no such frame, or one of the world."""
+        """Raise ModelError if the frame is unknown, or fixed to the world."""
         frame = check_model(model).frame(self.frame)
         if frame_row_and_placement(model, frame)[0] == 0:
             raise ModelError(f'frame "{frame.name}" of task "{self.name}" does not move, expected one of a body')
@@ -213,7 +213,7 @@ class FrameTask(Task):
         return Asked(self.frame, self.reference, tuple(axes_of(self.axes)))
 
     def _error(self, model: Model, q: Array, rows: list[int]) -> Array | None:
-        """The displacement that is left, along the axes."""
+        """The displacement to the target, along the axes."""
         if self.target is None:
             return None
         target, X = np.asarray(self.target), np.asarray(calls["frame_placement"](model, q, self.frame))
@@ -278,7 +278,7 @@ class ComTask(Task):
 class PostureTask(Task):
     """Joints follow positions, or have accelerations; the other fields are those of ``FrameTask``.
 
-    target  (..., nq)  a configuration; of it the joints named count
+    target  (..., nq)  a configuration, of which only the named joints count
     joints  names; all but a floating base if left out
 
     >>> import spatialdyn as sd
@@ -320,7 +320,7 @@ class PostureTask(Task):
         return found
 
     def check(self, model: Model) -> None:
-        """Raise ModelError for joints that are not there, ShapeError for a target of another size."""
+        """Raise ModelError for unknown joints, ShapeError for a target of another size."""
         m = len(self.at(model))
         _fits(self, {"target": model.nq, "acceleration": m, "velocity": m, "Kp": m, "Kd": m})
 
@@ -335,9 +335,9 @@ class PostureTask(Task):
 
 
 def rows_of(task: Any, model: Model, q: Array, v: Array) -> Rows:
-    """The equations of a task, or of an object with its methods, whose arguments have been checked.
+    """The equations of a task, or of an object with its methods, for checked arguments.
 
-    Raises ShapeError, NonFiniteError for rows of such an object
+    Raises ShapeError, NonFiniteError for the rows of such an object
     """
     if isinstance(task, Task):
         return task._of_state(model, q, v)

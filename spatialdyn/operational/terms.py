@@ -1,4 +1,4 @@
-"""The call of ``recursions.control.whole_body``: one table of feet and frames, one program, one call a state."""
+"""The call of ``recursions.control.whole_body``: one table of feet and frames, one program, one call per state."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ Array = NDArray[np.float64]
 
 
 class State:
-    """What the program gives at a state, see ``recursions.control.whole_body``: parts of one array, by their names."""
+    """The results of the program at a state, parts of one array by name; see ``recursions.control.whole_body``."""
 
     __slots__ = ("_flat", "_parts")
 
     def __init__(self, flat: Array, parts: dict[str, tuple[int, int, tuple[int, ...]]]) -> None:
-        """Of the array and where its parts lie."""
+        """From the array and the places of its parts."""
         self._flat, self._parts = flat, parts
 
     def __getattr__(self, name: str) -> Array:
@@ -42,11 +42,11 @@ class State:
 
 
 class Place(NamedTuple):
-    """Where the rows of a task are among those of all.
+    """The place of a task's rows among the rows of all tasks.
 
-    rows     of J, J̇ v and a*
-    frame    its frame's number, 0 of the centre of mass
-    axes     of the frame
+    rows     rows of J, J̇ v and a*
+    frame    its frame's number, 0 for the centre of mass
+    axes     axes of the frame
     turning  which rows are rotations
     """
 
@@ -59,11 +59,11 @@ class Place(NamedTuple):
 class Terms:
     """The call for some contacts and tasks.
 
-    places  for each task, where its rows are; None for one that asked for none
+    places  for each task the place of its rows; None for a task without rows in the program
     """
 
     def __init__(self, model: Model, contacts: Contacts, feet: Sequence[Foot], asked: Sequence[Asked | None]) -> None:
-        """Of what tasks asked; the contacts may have no points."""
+        """``asked`` has the rows of each task; the contacts may have no points."""
         frames: list[dict[str, Any]] = []
         equations: list[dict[str, Any]] = []
         rows: list[dict[str, Any]] = []
@@ -107,7 +107,7 @@ class Terms:
         self._static = (*contacts.tables, StaticTable(table, SIZES))
 
     def __call__(self, *inputs: Array) -> State:
-        """The program and terms; inputs in the order of the Spec's."""
+        """The program and terms; inputs are in the order of the Spec."""
         return State(self._answer(*inputs), self._parts)
 
     @cached_property
@@ -116,5 +116,5 @@ class Terms:
         return of_model(self.spec, self.model, self._static, (True,) * len(varying))
 
     def __getstate__(self) -> dict[str, Any]:
-        """Without the call, which another process makes itself."""
+        """The state without the call, which another process makes itself."""
         return {name: x for name, x in self.__dict__.items() if name != "_answer"}

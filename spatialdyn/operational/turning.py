@@ -1,4 +1,4 @@
-"""The rotation that is left to a target, as a vector."""
+"""The remaining rotation to a target, as a vector."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ Array = NDArray[np.float64]
 
 
 def turning(R: Array) -> Array:
-    """Rotation vectors (..., 3) of rotations (..., 3, 3), of angles up to π."""
+    """Rotation vectors (..., 3) of rotations (..., 3, 3), with angles up to π."""
     R = np.asarray(R)
     if R.ndim == 2:
         (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = R.tolist()

@@ -1,14 +1,14 @@
 """``WholeBody``: joint torques of a robot on its feet, by a quadratic program of accelerations and contact forces.
 
     min  Σ w_k |J_k a + J̇_k v - a_k*|² + w_f |f|² + ε |a|²
-    s.t. M_b a + h_b = J_bᵀ f                       the base and what else has no motor
+    s.t. M_b a + h_b = J_bᵀ f                       freedoms without a motor, such as the base
          J_c a + J̇_c v = -D J_c v                   feet that stand
          |f_t| <= μ/√2 f_n,  0 <= f_n               pyramids within the cones
          -τ_max <= M_a a + h_a - J_aᵀ f <= τ_max
          least(q, v) <= a <= most(q, v)             position and velocity limits
 
-τ is what the third line has: it is no variable. Source: after Del Prete, Mansard, Ramos, Stasse and Nori, Implementing
-torque control with high-ratio gear boxes and without joint-torque sensors (2016), the form that TSID has.
+The torque τ = M_a a + h_a - J_aᵀ f is not a variable. Source: after Del Prete, Mansard, Ramos, Stasse and Nori,
+Implementing torque control with high-ratio gear boxes and without joint-torque sensors (2016), the form of TSID.
 """
 
 from __future__ import annotations
@@ -38,20 +38,20 @@ from .terms import State, Terms
 Array = NDArray[np.float64]
 LIMITS = ("torque", "velocity", "position")
 FORCES, MOTION = 1e-4, 1e-6  # weights of (f/weight)² and of a²
-KEPT = 1e-8  # of the largest singular value: directions that higher tasks have
-MOST_TERMS = 64  # sets of frames that a WholeBody remembers the programs of
+KEPT = 1e-8  # relative to the largest singular value: higher tasks have the directions above
+MOST_TERMS = 64  # sets of frames whose programs a WholeBody caches
 
 
 class WholeBodyMotion(NamedTuple):
-    """What a whole body does at a state.
+    """The motion of a whole body at a state.
 
-    tau       (nv,)   torques, 0 of a floating base [N m | N]
+    tau       (nv,)   torques, 0 for a floating base [N m | N]
     a         (nv,)   joint accelerations
     forces    (k, 3)  forces of the ground on the points that stand, in the world [N]
-    points    names of those
+    points    names of these points
     missed    for each task (m,): J a + J̇ v - a*
-    relaxed   limits that had to give way, the largest first; empty where all hold
-    residual  by how much equations and limits are missed, relative to their terms
+    relaxed   relaxed limits, the largest relaxation first; empty if all limits hold
+    residual  violation of equations and limits, relative to their terms
     """
 
     tau: Array
@@ -64,29 +64,29 @@ class WholeBodyMotion(NamedTuple):
 
 
 class WholeBody:
-    """Whole-body control: tasks of a robot that stands on the contacts of its scene.
+    """Whole-body control: tasks for a robot that stands on the contacts of its scene.
 
-    scene       Scene with Contacts, whose points are the feet; or a Model, of a robot without feet
+    scene       Scene with Contacts, whose points are the feet; or a Model for a robot without feet
     tasks       FrameTask, ComTask, PostureTask, or any object with their methods: weighted within one ``priority``, and
                 in strict order of priorities, 0 first
     limits      which of torque, velocity and position limits of the model hold; () for none
     dt          step over which torques are held [s]: velocity and position limits look ahead by it
     brake       acceleration with which joints can be stopped before their position limits [rad/s² | m/s²]
-    standing    "all": every point stands. A distance [m]: those not farther than that from the ground
-    damping     D, by which feet that slip are slowed [1/s]
-    force_weight, motion_weight  weights of squared forces, in shares of the robot's weight, and of accelerations: they
-                choose among what tasks leave, and move the forces by their share
-    largest     normal force of a point [N]; none if left out
-    solver      of qpsolvers: "daqp"; any that is installed
+    standing    "all": every point stands. A distance [m]: the points at most this far from the ground stand
+    damping     D, by which slipping feet are slowed [1/s]
+    force_weight, motion_weight  weights of squared forces, in shares of the robot's weight, and of squared
+                accelerations: they select one of the solutions that tasks allow, and shift the forces slightly
+    largest     largest normal force of a point [N]; no limit if left out
+    solver      name of a solver of qpsolvers that is installed, such as "daqp"
     infeasible  "raise", or "relax": take the smallest relaxation of limits, and report it
 
     ``solve(q, v)`` is a WholeBodyMotion; the object itself is a torque function of ``simulate``, held over a step of
-    contacts: ``sd.simulate(scene, q, v, 5.0, 2e-3, torque=whole_body)``. Whatever the solver says, its answer is
-    checked. Freedoms without a motor have no torque, those of the scene's Motor no more than it gives at rest. Losses
-    of motors and friction of joints are not compensated. Over a Heightfield each point has the axes of the ground
-    below it.
+    contacts: ``sd.simulate(scene, q, v, 5.0, 2e-3, torque=whole_body)``. Every answer of the solver is checked.
+    Freedoms without a motor have no torque; with the scene's Motor torques are at most those that it gives at rest.
+    Losses of motors and friction of joints are not compensated. Over a Heightfield each point has the axes of the
+    ground below it.
     Raises  ModelError, ConstraintError and SpatialDynError naming what does not fit; ``solve`` ConstraintError with the
-            smallest relaxation, by name, where the limits leave nothing
+            smallest relaxation, by name, if the limits allow no solution
 
     >>> import numpy as np, spatialdyn as sd
     >>> solid = (2.0, (0, 0, 0), 0.02 * np.eye(3))
@@ -148,7 +148,7 @@ class WholeBody:
         self._goals = self._asked(self.tasks)
 
     def _constants(self) -> tuple[Array, Array]:
-        """The settings of the program, which are the same at every state."""
+        """The settings of the program that are the same at every state."""
         model, n = self.model, self.model.nv
         stops = [(x.idx_v, x.idx_q) for x in model.joints[1:] if x.nq == x.nv == 1 and "position" in self.limits]
         lower, upper = np.full(n, -FAR), np.full(n, FAR)
@@ -170,7 +170,7 @@ class WholeBody:
         return np.array([lower, upper, fastest, self.unit, self.limit]), np.array(numbers)
 
     def __call__(self, t: float, q: ArrayLike, v: ArrayLike) -> Array:
-        """The torque (nv,) at a state: a torque function of ``simulate``, which calls it again where it records."""
+        """The torque (nv,) at a state: a torque function of ``simulate``, which calls it again for each record."""
         q, v = self._one(q, v)
         key = t, q.tobytes(), v.tobytes()
         called = self._called  # of any thread
@@ -183,7 +183,7 @@ class WholeBody:
         return f"<WholeBody of {self.model.name}: {tasks}; {', '.join(self.limits) or 'no'} limits; {self.solver}>"
 
     def solve(self, q: ArrayLike, v: ArrayLike, tasks: Task | Iterable[Task] | None = None) -> WholeBodyMotion:
-        """The motion at q (nq,), v (nv,); ``tasks`` in place of those that it was made with. Raises as the class."""
+        """The motion at q (nq,), v (nv,); ``tasks`` replace those of the constructor. Raises as the class."""
         q, v = self._one(q, v)
         goals = self._goals if tasks is None else self._asked(check_tasks(self.model, tasks))
         state, fixed = self._state(goals, q, v)
@@ -214,21 +214,21 @@ class WholeBody:
         return q, v
 
     def _asked(self, tasks: Sequence[Any]) -> Goals:
-        """What tasks want, and the call that has their terms."""
+        """The goals of tasks, and the call that computes their terms."""
         if len(self._terms) >= MOST_TERMS:
             self._terms.clear()
         terms = terms_of(self.model, self.contacts, self._feet, tasks, self._terms)
         return goals_of(tasks, terms, self._postures)
 
     def _state(self, goals: Goals, q: Array, v: Array) -> tuple[State, Standing]:
-        """The program of all points at a state, and what stands."""
+        """The program of all points at a state, and the points that stand."""
         state = goals.terms(q, v, *self._settings, *goals.inputs, self._friction)
         if isinstance(self.standing, str):
             return state, self._whole
         return state, self._at(tuple(np.flatnonzero(state.gap <= self.standing).tolist()))
 
     def _at(self, at: tuple[int, ...]) -> Standing:
-        """What is constant of these points."""
+        """The constant parts for these points."""
         if at not in self._standing:
             self._standing[at] = Standing.of(self, self._feet, at)
         return self._standing[at]
@@ -243,7 +243,7 @@ class WholeBody:
         return Program(P, g, *fixed.program(x), fixed.sense, fixed.names, fixed.size)
 
     def _alone(self, p: Program, tasks: Sequence[Any], rows: Sequence[Rows]) -> Program:
-        """The program with these tasks in place of those that it has."""
+        """The program with these tasks instead of its own."""
         n, size = self.model.nv, len(p.g)
         P, g = np.diag(np.r_[np.full(n, self.motion_weight), np.full(size - n, self.force_weight)]), np.zeros(size)
         for task, row in zip(tasks, rows, strict=True):
@@ -272,7 +272,7 @@ class WholeBody:
     def _in_order(
         self, program: Program, tasks: Sequence[Any], rows: list[Rows], levels: list[int]
     ) -> tuple[Array, tuple[Program, list[Relaxation]]]:
-        """A program for each priority, in what those before it leave: x + Z y."""
+        """Solve a program for each priority in the null space of the earlier ones: x + Z y."""
         softer: tuple[Program, list[Relaxation]] | None = None
         for level in levels:
             chosen = [k for k, task in enumerate(tasks) if task.priority == level]
@@ -291,7 +291,7 @@ class WholeBody:
         return x, softer
 
     def _within(self, p: Program, x: Array, Z: Array) -> Array:
-        """The best y of x + Z y; 0 where the solver has none, which is feasible."""
+        """The best y in x + Z y; 0, which is feasible, if the solver finds none."""
         bounded = (p.sense != EQUAL) & ((p.high < NONE) | (p.low > -NONE))
         y = np.concatenate([x, p.rows @ x])
         rows = np.concatenate([Z, p.rows @ Z])[bounded]

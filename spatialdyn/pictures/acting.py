@@ -1,8 +1,8 @@
-"""What acts on a robot, in its picture: ground, points that touch it and their impulses, loops, constant forces.
+"""The effects of a scene in a robot's picture: ground, contact points and their impulses, loops, constant forces.
 
-Drawn on a Stage beside the robot: the ground of ``Contacts``, a sphere for each point, an arrow for its impulse; a mark
-for each place that a constraint holds, and a line to where it is held, of no length where the constraint is met;
-wheels that roll; constant forces. Couplers, constraints on velocities alone, friction and limits have no place.
+Drawn on a Stage with the robot: the ground of ``Contacts``, a sphere for each point, an arrow for its impulse; a mark
+for each place of a constraint, and a line to its counterpart, of length 0 if the constraint is met; wheels that roll;
+constant forces. Couplers, constraints on velocities alone, friction and limits have no place and are not drawn.
 """
 
 from __future__ import annotations
@@ -33,10 +33,10 @@ from .stage import Stage, plain, quaternions
 Array = NDArray[np.float64]
 POINT: Color = (0.98, 0.8, 0.15, 0.55)  # spheres of contact points
 IMPULSE: Color = (0.35, 0.05, 0.6, 1.0)
-CUT: Color = (0.85, 0.05, 0.1, 1.0)  # of an arrow that would be longer
+CUT: Color = (0.85, 0.05, 0.1, 1.0)  # arrows that are cut
 HELD: Color = (0.1, 0.55, 0.3, 1.0)
 SOIL: Color = (0.86, 0.82, 0.74, 1.0)
-SLOPES: Color = (0.62, 0.56, 0.45, 1.0)  # of a heightfield, which light makes paler
+SLOPES: Color = (0.62, 0.56, 0.45, 1.0)  # a heightfield; light makes it paler
 FORCE: Color = (0.85, 0.1, 0.55, 1.0)  # none of these is red, green or blue: those are the axes of frames
 MOMENT: Color = (0.0, 0.55, 0.6, 1.0)
 ARROW = 0.25  # of the robot's size: length of the median impulse, and of the largest constant force
@@ -57,7 +57,7 @@ class Place(NamedTuple):
 
 
 def scene_of_run(given: Any) -> Scene | None:
-    """The scene of a Trajectory or a Rollout, None of one without."""
+    """The scene of a Trajectory or a Rollout, None if it has none."""
     return given.scene if isinstance(given, (Trajectory, Rollout)) else None
 
 
@@ -71,7 +71,7 @@ def impulses_of(given: Any, sample: int) -> Array | None:
 
 
 def places(model: Model, x: Constraint) -> tuple[Place, Place] | None:
-    """Where a constraint holds: on a's body, and where it is held; None for one that has no two places."""
+    """The two places that a constraint holds together: on a's and on b's body; None for one without places."""
     if not isinstance(x, (PointConstraint, WeldConstraint, HingeConstraint, DistanceConstraint)):
         return None
     a = model.frame(x.frame_a)
@@ -83,11 +83,11 @@ def places(model: Model, x: Constraint) -> tuple[Place, Place] | None:
 
 
 class Acting:
-    """What acts, on a Stage.
+    """The effects of a scene, drawn on a Stage.
 
     scene      the Scene
-    impulses   (N, k, 3)  of the steps that end at the times t (N,), None where none were recorded [N s]
-    scale      [m/(N s)]  length of an impulse's arrow: the median of those that act is a quarter of the robot's size
+    impulses   (N, k, 3)  of the steps that end at the times t (N,), None if not recorded [N s]
+    scale      [m/(N s)]  length of an impulse's arrow: the median nonzero impulse is a quarter of the robot's size
     """
 
     def __init__(self, stage: Stage, scene: Scene, size: float, box: Array, impulses: Array | None, t: Array) -> None:
@@ -109,7 +109,7 @@ class Acting:
             self._add_forces(scene.fext)
 
     def place(self, X: Array, first: int | None = None, last: int | None = None) -> None:
-        """Move what is not fixed to a body, where bodies are at X (bodies, 4, 4).
+        """Move the parts that are not fixed to a body, for bodies at X (bodies, 4, 4).
 
         first, last  the recorded steps, ends included, whose mean impulse is drawn; None draws none
         """
@@ -133,7 +133,7 @@ class Acting:
                 handle.colors = as_bytes(CUT if length > longest else IMPULSE)
 
     def first_of(self, k: int) -> int:
-        """The first recorded step of those that are shown at the k-th time alone."""
+        """The first of the recorded steps that are shown only at the k-th time."""
         return min(k, int(np.searchsorted(self.t, self.t[k] - WINDOW, side="right")))
 
     def show(self, on: bool) -> None:

@@ -1,4 +1,4 @@
-"""``sd.plot``: several motions of one robot beside each other."""
+"""``sd.plot``: several motions of one robot in the same panels."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 Array = NDArray[np.float64]
-SHARE = 1e-3  # of the energy that a motion exchanges: a smaller change is seen as drift alone
+SHARE = 1e-3  # of the energy that a motion exchanges: a smaller change is visible only in the drift
 COMPARED = ("q", "v", "tau", "p", "energy", "difference")
 
 
@@ -38,9 +38,9 @@ def plot(
     ax: Any = None,
     path: Any = None,
 ) -> Any:
-    """A Matplotlib Figure of trajectories beside each other, a panel for each coordinate, a colour for each run.
+    """A Matplotlib Figure that compares trajectories, with a panel for each coordinate and a colour for each run.
 
-    runs    sequence of Trajectory of one robot; or one Trajectory, Rollout or Tradeoff, as its method ``plot`` draws it
+    runs    sequence of Trajectory of one robot; or one Trajectory, Rollout or Tradeoff, drawn by its method ``plot``
     what    one or several of "q", "v", "tau", "p", "energy" (T + V, and its drift on a log axis) and "difference": the
             largest distance to the first run's positions at the times that both have, on a log axis. By default q and
             energy
@@ -49,7 +49,7 @@ def plot(
     ax      Matplotlib axes to draw into, one for each panel
     path    a file to write
 
-    Raises  SpatialDynError for other runs, names or numbers of labels and axes, for more than 24 panels, and where
+    Raises  SpatialDynError for other runs, names or numbers of labels and axes, for more than 24 panels, and if
             matplotlib is not installed; ModelError for an unknown joint.
 
     >>> import spatialdyn as sd
@@ -115,7 +115,7 @@ def _runs_of(runs: Any) -> list[Trajectory]:
 
 
 def _labels(runs: Sequence[Trajectory], labels: Any) -> list[str]:
-    """Names of runs: those given, or as much of method and step as tells them apart."""
+    """Names of runs: the given ones, or as much of method and step as distinguishes the runs."""
     if labels is not None:
         words = as_items("labels", labels, str, "names of the runs")
         if len(words) != len(runs):
@@ -168,7 +168,7 @@ def _energies(runs: Sequence[Trajectory], words: Sequence[str]) -> list[Panel]:
 
 
 def _energy_scale(run: Trajectory) -> float:
-    """How much energy a motion exchanges [J], or without its model the energy itself."""
+    """The energy that a motion exchanges [J], or without its model the energy itself."""
     if run.model is None:
         return float(abs(run.energy).max())
     T = np.asarray(calls["kinetic_energy"](run.model, run.q, run.v))

@@ -1,4 +1,4 @@
-"""``Trajectory.plot("contacts")``: each point's gap, its force over time, and where in its cone the force lies."""
+"""``Trajectory.plot("contacts")``: each point's gap, its force over time, and the force in its friction cone."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 Array = NDArray[np.float64]
-USUAL, MORE = 90.0, 4.0  # percentile of the forces that act; impacts beyond four times that force leave the panel
+USUAL, MORE = 90.0, 4.0  # percentile of nonzero forces; impacts beyond four times that force leave the panel
 OUTSIDE = "#d95f02"  # as of limits
 REST = 1e-9  # of dt: a last step that much shorter is one of its own
 
@@ -110,7 +110,7 @@ def point_forces(run: Trajectory) -> PointForces:
 
 
 def _begun(model: Model, q: Array, way: Array) -> Array:
-    """Where steps that end at q with dt v⁺ = way began, by whose slope they were taken.
+    """The configurations before steps that end at q with dt v⁺ = way: each step used the ground's slope there.
 
     q⁺ = q ∘ exp(dt x) ∘ exp(dt ω⁺), x the linear velocity of floating and planar joints in the axes of the beginning,
     which has turned into v⁺.

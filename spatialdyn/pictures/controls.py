@@ -1,4 +1,4 @@
-"""What a page of viser lets a hand change: a slider for each freedom, or the time of a motion; and what is shown."""
+"""Controls of a viser page: a slider for each freedom, or for the time of a motion; boxes for the layers shown."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ SMOOTH = 1000  # steps of a slider
 
 
 def weakly(method: Callable[..., Any]) -> Callable[..., None]:
-    """A bound method that does not keep its object alive: the server holds controls, and ends with the scene.
+    """A bound method that does not keep its object alive: the server holds the controls, and ends with the scene.
 
-    Called after its object is gone, it does nothing.
+    A call after the object is gone does nothing.
     """
     found = weakref.WeakMethod(method)
 
@@ -43,7 +43,7 @@ class Sliders:
     """
 
     def __init__(self, gui: Any, model: Model, q: Array, show: Callable[[Array], Any]) -> None:
-        """``q`` (nq,) is shown at first; ``show`` is called with another one when a hand moves a slider."""
+        """``q`` (nq,) is shown at first; ``show`` is called with the new configuration when a user moves a slider."""
         self.model, self._show = model, show
         self.handles: list[tuple[int, Any]] = []
         labels = {x.column: x for x in coordinates(model, "v", model.nv)}
@@ -64,7 +64,7 @@ class Sliders:
                     self.handles.append((at, handle))
 
     def slid(self, event: Any) -> None:
-        """Show where the sliders stand, if a hand moved one."""
+        """Show the configuration of the sliders, if a user moved one."""
         if event.client_id is None:  # set by ``follow``
             return
         u = np.zeros(self.model.nv)
@@ -73,7 +73,7 @@ class Sliders:
         self._show(np.asarray(calls["integrate"](self.model, calls["neutral"](self.model), u)))
 
     def follow(self, q: Array) -> None:
-        """Put the sliders where a configuration (nq,) has them."""
+        """Set the sliders to a configuration (nq,)."""
         u = self._displacement(q)
         for at, handle in self.handles:
             handle.value = float(np.clip(u[at], handle.min, handle.max))
@@ -115,7 +115,7 @@ class Player:
         self._show(int(np.argmin(abs(self.t - self._now.value))))
 
     def _slid(self, event: Any) -> None:
-        if event.client_id is not None:  # by a hand
+        if event.client_id is not None:  # by a user
             self._show_now()
 
     def _pressed(self, event: Any) -> None:

@@ -78,7 +78,7 @@ def _of_freedoms(model: Model, quantity: str) -> Iterator[Coordinate]:
 
 
 def natural_scale(model: Model | None, unit: str) -> float:
-    """The size of a quantity that a robot's mass, its reach and a second make, in its unit; 0 without a model."""
+    """The scale of a quantity in its unit, from the robot's mass, its reach and one second; 0 without a model."""
     if model is None:
         return 0.0
     length, mass = reach(model.robot), float(model.total_mass)
@@ -87,7 +87,7 @@ def natural_scale(model: Model | None, unit: str) -> float:
 
 
 def chosen(columns: Sequence[Coordinate], model: Model | None, joints: Any) -> list[Coordinate]:
-    """Those of some joints, given by name, in the order of the model; all for None.
+    """The columns of the named joints, in the order of the model; all for None.
 
     Raises SpatialDynError if joints is no sequence of names, or there is no model; ModelError for an unknown name.
     """
@@ -108,7 +108,7 @@ def chosen(columns: Sequence[Coordinate], model: Model | None, joints: Any) -> l
 
 
 def by_unit(columns: Sequence[Coordinate]) -> dict[str, list[Coordinate]]:
-    """{unit: columns}, in the order of their first."""
+    """{unit: columns}, in the order of the first column of each unit."""
     groups: dict[str, list[Coordinate]] = {}
     for x in columns:
         groups.setdefault(x.unit, []).append(x)
@@ -116,5 +116,5 @@ def by_unit(columns: Sequence[Coordinate]) -> dict[str, list[Coordinate]]:
 
 
 def title(quantity: str, unit: str) -> str:
-    """What an axis shows."""
+    """The label of an axis."""
     return f"{SYMBOLS[quantity]} [{unit}]" if unit != NORMED else f"{SYMBOLS[quantity]}, of unit norm"

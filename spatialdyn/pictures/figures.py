@@ -1,6 +1,6 @@
-"""What every plot shares: colours, line styles, a new figure, writing it to a file, its picture in a notebook.
+"""Shared parts of all plots: colours, line styles, a new figure, writing it to a file, its picture in a notebook.
 
-No figure goes through pyplot: nothing global changes, and any thread may draw.
+No figure uses pyplot: no global state changes, and any thread may draw.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-# Chosen one after another, each as far as possible from those before it in OKLab and in lightness, to normal eyes and
-# to those without one of the three cones (Machado, Oliveira and Fernandes, 2009): the first few differ most.
+# Chosen one after another, each as far as possible from the colours before it in OKLab and in lightness, for normal
+# vision and for eyes without one of the three cones (Machado, Oliveira and Fernandes, 2009): the first few differ most.
 COLOURS = (
     "#1f5fa8", "#d95f02", "#002d00", "#00b4dc", "#8c3cf0", "#4b0069",
     "#ffa569", "#784b4b", "#b487a5", "#0000b4", "#6987ff", "#2d7887",
@@ -30,10 +30,10 @@ DASHES: tuple[Any, ...] = (
     (0, (5, 1.5)),
     (0, (6, 1.5, 1.5, 1.5)),
     (0, (8, 1.5, 1.5, 1.5, 1.5, 1.5)),
-)  # tell lines apart without colour
-LIMIT = (0, (1, 2))  # dots, as no line of a motion has
-ROWS = 22  # of a legend
-SMALL = 12  # entries beyond which it is in a smaller print
+)  # distinguish lines without colour
+LIMIT = (0, (1, 2))  # dots, which no line of a motion has
+ROWS = 22  # the most rows of a legend
+SMALL = 12  # entries above which a legend has smaller print
 MARKERS = "osD^vPX*<>hp"
 FAINT = "0.55"  # the grey of limits and fronts
 NOTEBOOK_DPI = 160  # of a picture in a notebook, which is shown at
@@ -43,7 +43,7 @@ ENDINGS = (".png", ".svg", ".pdf", ".jpg", ".jpeg", ".webp", ".eps", ".tif", ".t
 
 
 def colours(count: int) -> list[Any]:
-    """As many colours, none twice: of COLOURS, or for more lines of a ramp from dark to light that all eyes order."""
+    """Different colours: of COLOURS, or for more lines of a ramp from dark to light, ordered for any eyes."""
     if count <= len(COLOURS):
         return list(COLOURS[:count])
     matplotlib = need_matplotlib()
@@ -90,7 +90,7 @@ def svg_of(figure: Figure) -> str:
 
 
 def check_path(path: Any) -> Any:
-    """A name that ends as a picture does, an open file or None. Raises SpatialDynError for anything else."""
+    """A name with the ending of a picture, an open file or None. Raises SpatialDynError for anything else."""
     return None if path is None else check_ending("path", path, ENDINGS)
 
 
@@ -182,7 +182,7 @@ def log_ticks(axis: Any, limits: tuple[float, float] | None = None) -> None:
 
 
 def _power(x: float, _: Any) -> str:
-    """A number as a reader says it: 0.01, 200, 10⁵, 2·10⁵."""
+    """A number in the common form: 0.01, 200, 10⁵, 2·10⁵."""
     if not x > 0.0 or 1e-2 <= x <= 1e4:
         return f"{x:g}" if x > 0.0 else ""
     exponent = int(np.floor(np.log10(x) + 1e-9))
@@ -192,13 +192,13 @@ def _power(x: float, _: Any) -> str:
 
 
 def ink(colour: str) -> str:
-    """A colour as dark as a label needs to be on white."""
+    """A colour darkened enough for a label on white."""
     rgb = need_matplotlib().colors.to_rgb(colour)
     return str(need_matplotlib().colors.to_hex([0.7 * x for x in rgb])) if sum(rgb) > 1.5 else colour
 
 
 def place_labels(axes: Axes, wanted: Sequence[tuple[float, float, str, Any]], size: float = 7.0) -> None:
-    """Write labels at points (x, y, text, colour) where there is room: above, below, right or left; else none.
+    """Write labels at points (x, y, text, colour) if there is room above, below, right or left; else none.
 
     The limits of the axes must be final. Earlier labels go first.
     """

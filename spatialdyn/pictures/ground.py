@@ -13,7 +13,7 @@ from ..constraints.kinds import across
 
 Array = NDArray[np.float64]
 MOST = 30_000  # vertices of a surface, up to which cells are cut into smaller ones
-FINEST = 4  # parts of a cell's side: a bilinear cell is curved
+FINEST = 4  # the most parts of a cell's side, as a bilinear cell is curved
 
 
 class Surface(NamedTuple):

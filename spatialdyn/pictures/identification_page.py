@@ -1,4 +1,4 @@
-"""``Identified.report``: parameters with intervals, residuals, what a recording does not tell, and another motion."""
+"""``Identified.report``: parameters with intervals, residuals, unobserved parameters, and another motion."""
 
 from __future__ import annotations
 

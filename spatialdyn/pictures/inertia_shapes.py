@@ -1,7 +1,7 @@
-"""Inertias as shapes: what a robot is in dynamics, whatever its meshes look like.
+"""Inertias as shapes: the robot of the dynamics, independent of its meshes.
 
-The box of a link has the link's mass spread evenly, its centre and its inertia, so a wrong inertia is a box that is too
-large, too thin or turned. One that no mass distribution has is red.
+A link's box of even density has the link's mass, centre of mass and inertia, so a wrong inertia shows as a box that is
+too large, too thin or turned. A box for an inertia that no mass distribution has is red.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ def box_of(link: Link) -> tuple[Array, Array]:
 
 
 def inertia_boxes(links: Sequence[Link], size: float) -> list[Shape]:
-    """A box for each link with mass, and at its centre of mass a ball whose volume goes by the mass.
+    """A box for each link with mass, and at its centre of mass a ball of a volume proportional to the mass.
 
     size  of the robot [m]
     """
@@ -61,7 +61,7 @@ def inertia_boxes(links: Sequence[Link], size: float) -> list[Shape]:
 
 
 def joint_axes(robot: Robot, size: float) -> list[Shape]:
-    """A rod along the axis of each joint that moves, a ball where it has none; in the frame of its child link."""
+    """A rod along the axis of each moving joint, a ball for joints without axis; in the frame of the child link."""
     made = []
     for joint in robot.joints:
         if joint.kind == "fixed":
@@ -104,7 +104,7 @@ def turned_to(direction: Array) -> Array:
 def reach(robot: Robot) -> float:
     """A size of the robot [m]: the longest way along joints from the root to a link's origin or centre of mass.
 
-    Where all of them are at one point, the largest side of a link's box; 1 where there is none.
+    If all of them are at one point, the largest side of a link's box; 1 without boxes.
     """
     far = {robot.root: 0.0}
     links, children = {link.name: link for link in robot.links}, robot.children

@@ -1,4 +1,4 @@
-"""``EnergyLedger.plot``: where the energy of a motion goes, and what the integrator adds."""
+"""``EnergyLedger.plot``: the works that change the energy of a motion, and the integrator's error."""
 
 from __future__ import annotations
 

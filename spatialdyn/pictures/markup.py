@@ -1,4 +1,4 @@
-"""HTML of tables and lists. Every word that goes in is escaped here."""
+"""HTML of tables and lists. All text is escaped here."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ BORDER = "border-bottom:1px solid #8884;padding:1px 10px 1px 0;vertical-align:to
 
 
 def table(headings: Sequence[str], rows: Iterable[Sequence[str]], numbers: Iterable[int] = (), most: int = 200) -> str:
-    """A table; the columns ``numbers`` are aligned right, rows beyond ``most`` are counted only."""
+    """A table; the columns ``numbers`` are aligned right, rows beyond ``most`` are only counted."""
     right = set(numbers)
     styles = [
         BORDER + ("text-align:right;white-space:pre" if k in right else "text-align:left;white-space:pre-wrap")
@@ -39,7 +39,7 @@ def _row(tag: str, cells: Sequence[str], styles: Sequence[str]) -> str:
 
 
 def facts(pairs: Mapping[str, str]) -> str:
-    """A table of two columns, names and what they are; empty ones are left out."""
+    """A table of two columns, names and values; empty values are left out."""
     lines = [
         _row("td", pair, [BORDER + "text-align:left;color:#777", BORDER + "text-align:left"])
         for pair in pairs.items()
@@ -49,7 +49,7 @@ def facts(pairs: Mapping[str, str]) -> str:
 
 
 def bullets(lines: Iterable[str], most: int = 100) -> str:
-    """A list; lines beyond ``most`` are counted only."""
+    """A list; lines beyond ``most`` are only counted."""
     every = list(lines)
     shown = [*every[:most], *[f"… and {len(every) - most} more"] * (len(every) > most)]
     return "<ul>" + "".join(f"<li>{escape(line)}</li>" for line in shown) + "</ul>" if shown else ""

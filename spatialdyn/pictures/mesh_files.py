@@ -1,6 +1,6 @@
-"""Mesh files: which file a name in a URDF means, and its triangles, with the colours and images of the file.
+"""Mesh files: the file for a name in a URDF, and its triangles, with the colours and images of the file.
 
-trimesh reads the files, pycollada those of COLLADA.
+trimesh reads the files, with pycollada for COLLADA.
 """
 
 from __future__ import annotations
@@ -31,11 +31,11 @@ CREASE = 0.5  # rad: edges sharper than this are drawn sharp
 
 
 class NotDrawnError(Exception):
-    """Says what of the geometry cannot be drawn, and why."""
+    """A part of the geometry cannot be drawn; the message has the reason."""
 
 
 def find_mesh(name: str, home: Path | None, package_dirs: Sequence[Folder] = ()) -> Path | None:
-    """The file that a mesh name of a URDF means, or None.
+    """The file for a mesh name of a URDF, or None.
 
     ``package://PACKAGE/...``, with two or three slashes, and ``model://`` are searched in ``package_dirs``, in the
     folders of ROS_PACKAGE_PATH, AMENT_PREFIX_PATH and CMAKE_PREFIX_PATH, and in the folders above the URDF; a folder
@@ -98,10 +98,10 @@ class NamedMeshes(NamedTuple):
     """The meshes that a URDF names.
 
     names      of the files, each once
-    visual     how many <visual>s are meshes
-    collision  how many <collision>s are
-    missing    the names that mean no file, and why
-    faulty     the names of COLLADA files with references to what is not there, and which
+    visual     number of <visual>s that are meshes
+    collision  number of <collision>s that are meshes
+    missing    the names without a file, with the reason
+    faulty     the names of COLLADA files with dangling references, with these references
     """
 
     names: list[str]
@@ -134,7 +134,7 @@ def named_meshes(source: str, package_dirs: Sequence[Folder] = ()) -> NamedMeshe
 
 
 def lost_references(path: Path) -> Iterator[str]:
-    """What a COLLADA file refers to and is not there: surfaces, images, effects, materials, geometries, in words.
+    """The dangling references of a COLLADA file: surfaces, images, effects, materials, geometries, in words.
 
     Source: COLLADA 1.4.1 specification (2008), <sampler2D>, <surface>, <image>, <instance_*>.
     """
@@ -167,10 +167,10 @@ def lost_references(path: Path) -> Iterator[str]:
 
 
 class MeshFile(NamedTuple):
-    """What a mesh file holds.
+    """The contents of a mesh file.
 
-    parts  (vertices, faces, colour of the file's own, textured mesh) of each
-    fault  what of the file is broken, though the parts are sound; else empty
+    parts  (vertices, faces, the file's own colour, textured mesh) of each part
+    fault  the broken elements of a file whose parts are sound; else empty
     """
 
     parts: list[tuple[Array, NDArray[np.int64], Color | None, Any]]
@@ -215,10 +215,10 @@ def read_mesh(path: str, name: str, changed: int) -> MeshFile:
 
 
 def _loaded(path: str) -> tuple[Any, str]:
-    """trimesh's scene of a file, and what is broken in it; vertices are not merged, which would take most of the time.
+    """trimesh's scene of a file, and its broken elements; vertices are not merged, which would take most of the time.
 
-    trimesh leaves a mesh out, without a word, whose COLLADA material is broken: so the first reading refuses what is
-    broken, and a second one is of the file without the broken materials.
+    trimesh silently leaves out a mesh whose COLLADA material is broken: so the first reading refuses broken elements,
+    and a second one reads the file without the broken materials.
     """
     import trimesh
 
@@ -249,10 +249,11 @@ def glb(mesh: Any, X: Array) -> bytes:
 
 
 def creased(vertices: Array, faces: NDArray[np.int64]) -> tuple[Array, NDArray[np.int64]]:
-    """The mesh with a vertex of its own on each side of an edge sharper than CREASE, so that it is shaded sharp.
+    """The mesh with separate vertices on the two sides of an edge sharper than CREASE, so that its shading is sharp.
 
-    Around a vertex, faces whose normals agree with the first of them within CREASE share one copy, of the others those
-    that agree with the next, and so on. Copies of a vertex that the mesh has already are merged first.
+    Around a vertex, all faces whose normals agree with the first face within CREASE share one copy of the vertex; of
+    the remaining faces, those that agree with the next share another, and so on. Copies of a vertex that the mesh has
+    already are merged first.
     """
     low, high = vertices.min(0), vertices.max(0)
     grid = np.rint((vertices - low) * (STEPS / max(float((high - low).max()), 1e-300))).astype(np.int64)

@@ -1,4 +1,4 @@
-"""What moves in a picture: configurations and their times, and which of them are shown when."""
+"""The motion in a picture: configurations and their times, and the choice of those that are shown."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def motion_of(model: Model, given: Any, dt: Any = None, sample: Any = None) -> M
     """The motion in a Trajectory, a Rollout or an array of configurations.
 
     given   Trajectory; Rollout; or q (N, nq) or (S, N, nq)
-    dt      seconds from one configuration to the next, of an array
+    dt      seconds from one configuration of an array to the next
     sample  index of the one sample to show; None shows the first MOST
 
     Raises  ShapeError, NonFiniteError, SpatialDynError naming the argument.
@@ -67,7 +67,7 @@ def motion_of(model: Model, given: Any, dt: Any = None, sample: Any = None) -> M
 def frames(t: Array, fps: float, speed: float) -> tuple[NDArray[np.intp], Array]:
     """Indices of the configurations to show, and the seconds after the start at which each is shown.
 
-    Of the configurations nothing is interpolated: each frame shows the nearest in time, each one once.
+    Configurations are not interpolated: each frame shows the nearest one in time, and none is shown twice.
     """
     for name, value in (("fps", fps), ("speed", speed)):
         if not 0.0 < as_number(value) < np.inf:

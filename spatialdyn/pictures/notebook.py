@@ -1,4 +1,4 @@
-"""What notebooks show of models and results, as HTML. Names that come from a file are escaped."""
+"""Models and results in notebooks, as HTML. Names that come from a file are escaped."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ SMALL = 3  # freedoms up to which M is shown in symbols
 
 
 def model_html(model: Model) -> str:
-    """Size, tree with masses and limits, and what is odd about the source."""
+    """Size, tree with masses and limits, and oddities of the source."""
     return block(heading(model_line(model)), tree_table(model, LINKS), oddities(model))
 
 
@@ -68,7 +68,7 @@ def _limits(model: Model, joint: str) -> tuple[str, str]:
 
 
 def oddities(model: Model, unfolded: bool = False) -> str:
-    """What is odd about a robot's source and its neutral configuration; or that nothing is."""
+    """The oddities of a robot's source and of its neutral configuration, or a line that there are none."""
     lines = [*(f"neutral is outside the limits: {x}" for x in neutral_outside(model)), *model.robot.notes]
     title = f"{len(lines)} odd thing{'s' if len(lines) > 1 else ''} about the robot"
     return folded(title, bullets(lines), unfolded) if lines else line("nothing is odd about the robot")
@@ -78,12 +78,12 @@ def oddities(model: Model, unfolded: bool = False) -> str:
 
 
 def trajectory_html(run: Trajectory) -> str:
-    """What was simulated, and where its coordinates begin, end and go."""
+    """The simulation, and the first, last and extreme values of its coordinates."""
     return block(heading(f"trajectory of {run.robot}"), facts(trajectory_facts(run)), trajectory_table(run, 24))
 
 
 def trajectory_facts(run: Trajectory) -> dict[str, str]:
-    """What was simulated, in words."""
+    """The simulation in words."""
     if not len(run):
         return {"method": run.method, "samples": "0"}
     change = run.energy - run.energy[0]
@@ -119,7 +119,7 @@ def _range(x: Coordinate) -> str:
 
 
 def rollout_html(found: Rollout) -> str:
-    """How many samples and steps, and quantiles of the last recorded state."""
+    """Numbers of samples and steps, and quantiles of the last recorded state."""
     batch = found.q if found.t.ndim == 0 else found.q[..., -1:, :].reshape(-1, found.q.shape[-1])
     last = np.atleast_2d(batch)
     lost = int((~np.isfinite(found.q)).reshape(len(found.q), -1).any(axis=1).sum()) if found.q.ndim == 3 else 0
@@ -150,21 +150,21 @@ def tradeoff_html(found: Tradeoff) -> str:
 
 
 def options_table(found: Tradeoff, most: int = 80) -> str:
-    """A row per option, as ``str`` has them, in the unit of the plot."""
+    """A row per option, as in ``str``, in the unit of the plot."""
     scale, unit = cost(found)
     rows = [[*row[:5], f"{scale * x.ns:.4g}", row[6]] for row, x in zip(found.rows(), found.options, strict=True)]
     return table(("", "option", "error", "bound", "worst joint", unit, "code"), rows, numbers=(2, 3, 4, 5), most=most)
 
 
 def recommendation_html(found: Recommendation) -> str:
-    """The line to write, why, and the table that it was chosen from."""
+    """The line to write, the reason, and the table from which it was chosen."""
     of = f"{found.tradeoff.task} of {found.tradeoff.model} within {found.tolerance:g}"
     reasons = bullets(found.why.split("; "))
     return block(heading(of), code(found.code), reasons, folded("all options", tradeoff_html(found.tradeoff)))
 
 
 def requirement_html(found: Requirement) -> str:
-    """The table of parts, what it comes to, and the lines to write."""
+    """The table of parts, the conclusion, and the lines to write."""
     rows = table(COLUMNS, found.table(), numbers=(2, 3, 4))
     return block(heading(found.head), rows, line(found.foot), code(found.code))
 
@@ -237,7 +237,7 @@ def _time(x: float | None) -> str:
 
 
 def symbols_html(s: SymbolicManipulator) -> str:
-    """The robot, the symbols and what they mean, and M of a small robot."""
+    """The robot, the symbols and their meanings, and M of a small robot."""
     of = f"{s.model.name} in symbols: {s.model.nv} freedoms"
     rows: list[list[str]] = [
         [str(x), s.meaning.get(x, ""), "" if number is None else f"{float(number):.6g}"]

@@ -1,4 +1,4 @@
-"""Reports: one HTML page of a result that needs no network, with what it takes to compute it again."""
+"""Reports: one HTML page of a result, without links to the network, with the code to compute the result again."""
 
 from __future__ import annotations
 
@@ -128,7 +128,7 @@ def report_diagnosis(found: Diagnosis, path: Any) -> None:
 
 
 def _plots(run: Trajectory) -> list[tuple[str, Figure]]:
-    """Figures with their names, those that say something about this run."""
+    """Figures with their names, only those that have content for this run."""
     wanted = [("positions and velocities", ["q", "v"]), ("energy", ["energy"])]
     if np.nan_to_num(run.tau).any():
         wanted.insert(1, ("torques", ["tau"]))
@@ -151,7 +151,7 @@ def picture(named: tuple[str, Figure]) -> str:
 
 
 def player(run: Trajectory) -> str:
-    """The motion in three dimensions, in a frame of its own; or why it is not here."""
+    """The motion in three dimensions, in a frame of its own, or the reason why it is missing."""
     try:
         import viser  # noqa: F401
 
@@ -186,7 +186,7 @@ def _robot(model: Model | None, without: str) -> list[tuple[str, str]]:
 
 
 def made_by() -> dict[str, str]:
-    """When, by which versions, on which machine."""
+    """The date, the versions and the machine of a result."""
     version = sys.modules[__name__.partition(".")[0]].__version__
     processor, _, width, fma = host_cpu.host()
     return {
@@ -222,7 +222,7 @@ def again_trajectory(run: Trajectory) -> str:
 
 
 def _load(model: Model | None, name: str) -> str:
-    """The lines that load a model, and check that it is the one."""
+    """The lines that load a model, and check that it is the same."""
     lines = ["import spatialdyn as sd", ""]
     if model is None:
         return "\n".join([*lines, f"model = sd.load_urdf({name!r})  # by its name: the file is not known"])

@@ -1,4 +1,4 @@
-"""Panels of a figure over time: how they are laid out, named and scaled."""
+"""Panels of a figure over time: layout, names and scales."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Draw = Callable[["Axes", Sequence[Any]], None]
 WIDTH = 7.5  # inches, of a figure of one column with a legend of
 BARE = 5.8  # inches less
 MOST = 24  # panels of a grid
-PAD = 0.06  # of the height of a panel: what is free above and below
+PAD = 0.06  # of the height of a panel: free space above and below
 LEAST = 1e-9  # of a quantity's scale: smaller differences are no motion
 NEAR = 0.35  # of the height of a panel: limits as near to a motion are in view
 
@@ -31,7 +31,7 @@ NEAR = 0.35  # of the height of a panel: limits as near to a motion are in view
 class Panel(NamedTuple):
     """One pair of axes.
 
-    name       what it shows
+    name       the quantity shown
     draw       function of the axes and a colour for each label
     labels     names of its lines
     over_time  whether x is time
@@ -56,7 +56,7 @@ def names_of(what: Any, known: Sequence[str]) -> list[str]:
 
 
 def stacked(panels: Sequence[Panel], ax: Any) -> tuple[Figure, list[Axes]]:
-    """Axes one below the other, as high as their legends need, or those that were given."""
+    """Axes one below the other, as high as their legends need, or the given ones."""
     given = given_axes(ax, [panel.name for panel in panels])
     if given is not None:
         return given
@@ -82,7 +82,7 @@ def fit_legends(figure: Figure, rows: Sequence[Axes]) -> None:
 
 
 def grid(panels: Sequence[Panel], ax: Any, t: Array) -> Figure:
-    """Panels over the times t in up to three columns, none of them empty; in the axes that were given."""
+    """Panels over the times t in up to three columns, none of them empty; or in the given axes."""
     figure, rows = _cells(panels, ax)
     for axes, panel in zip(rows, panels, strict=True):
         tidy(axes)
@@ -115,7 +115,7 @@ def time_axis(axes: Axes, t: Array, last: bool) -> None:
 
 
 def heading(axes: Axes, text: str) -> None:
-    """A title of one panel of several."""
+    """The title of one of several panels."""
     axes.set_title(plain(text), fontsize="small")
 
 
@@ -154,7 +154,7 @@ def span(y: Array, least: float) -> tuple[float, float]:
 
 
 def padded(y: Array, least: float) -> tuple[float, float]:
-    """``span`` and a margin; 0 to 1 where nothing is finite."""
+    """``span`` with a margin; 0 to 1 if no value is finite."""
     if not np.isfinite(y).any():
         return 0.0, 1.0
     low, high = span(y, least)

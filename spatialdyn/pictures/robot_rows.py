@@ -1,4 +1,4 @@
-"""A robot as rows of words: its tree of links and joints, and what is odd about it."""
+"""A robot as rows of words: its tree of links and joints, and its oddities."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ DEEP = 60  # columns of a tree's branches: without a limit a comb of n links tak
 
 
 def tree_rows(model: Model) -> Iterator[list[str]]:
-    """A row per link; the only child of a link stands right under it, several are set in, the deepest ones no more."""
+    """A row per link; an only child is not indented, several children are, except very deep ones."""
     robot = model.robot
     children, links = robot.children, {link.name: link for link in robot.links}
     places = {joint.name: joint for joint in model.joints[1:]}

@@ -1,4 +1,4 @@
-"""What stands for a robot in a picture: its URDF's geometry, or its inertias where there is none."""
+"""The shapes of a robot in a picture: its URDF's geometry, or its inertias for links without geometry."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ SHAPES = (*KINDS, "inertia")
 
 
 def robot_shapes(model: Model, kind: str, urdf: Any = None, package_dirs: Sequence[Folder] = ()) -> Geometry:
-    """The shapes to draw, and what is missing or faulty, of which it warns; inertias stand for what has no geometry.
+    """The shapes to draw, with warnings of missing and faulty meshes; inertias replace missing geometry.
 
     kind          one of SHAPES
-    urdf          what ``load_urdf`` takes, to read the geometry from; by default the file that the model was read from
+    urdf          source of the geometry, as in ``load_urdf``; by default the file from which the model was read
     package_dirs  folders that hold the packages of ``package://`` names
     """
     robot, links = model.robot, {link.name for link in model.robot.links}

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 BAND = (5.0, 50.0, 95.0)  # percentiles
 ALPHA = 0.2  # of a band
-VEIL = 1.5  # opacities of many bands together: lines are seen through them
+VEIL = 1.5  # total opacity of many bands, so that lines are visible through them
 
 
 def plot_rollout(found: Rollout, what: Any, joints: Any, sample: Any, ax: Any, path: Any) -> Figure:
@@ -77,7 +77,7 @@ def plot_rollout(found: Rollout, what: Any, joints: Any, sample: Any, ax: Any, p
 
 
 def _band(y: Array) -> Array:
-    """Percentiles (3, N) of samples (S, N), those themselves of one or none."""
+    """Percentiles (3, N) of samples (S, N); one or no sample is returned as it is."""
     return np.asarray(np.percentile(y, BAND, axis=0)) if len(y) > 1 else y
 
 
@@ -100,7 +100,7 @@ def _title(found: Rollout, whole: Any) -> str:
 
 
 def _keys(figure: Figure, count: int, sample: Any) -> None:
-    """What lines and bands of any colour are; nothing for a single line."""
+    """The legend of lines and bands, independent of colour; empty for a single line."""
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 

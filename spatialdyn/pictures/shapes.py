@@ -20,7 +20,7 @@ from .mesh_files import Color, Folder, NotDrawnError, creased, find_mesh, glb, m
 
 Array = NDArray[np.float64]
 
-GREY: Color = (0.7, 0.7, 0.72, 1.0)  # where the file says nothing
+GREY: Color = (0.7, 0.7, 0.72, 1.0)  # if the file gives no colour
 KINDS = ("visual", "collision")
 
 
@@ -31,7 +31,7 @@ class Shape(NamedTuple):
     vertices  (n, 3) in the link's frame [m]
     faces     (m, 3) indices of vertices
     color     red, green, blue, opacity, each from 0 to 1
-    textured  the same as GLB, where an image covers it; else empty
+    textured  the same shape as GLB, if an image covers it; else empty
     """
 
     link: str
@@ -42,10 +42,10 @@ class Shape(NamedTuple):
 
 
 class Geometry(NamedTuple):
-    """The shapes of a robot, and what of its geometry is not as its files say: a line each, the name first.
+    """The shapes of a robot, and the problems of its geometry, one line each, the name first.
 
     missing  meshes that cannot be drawn
-    faulty   meshes that are drawn without what is broken in their files, such as materials
+    faulty   meshes that are drawn without broken elements of their files, such as materials
     """
 
     shapes: list[Shape]
@@ -56,7 +56,7 @@ class Geometry(NamedTuple):
 def urdf_shapes(source: Any, kind: str = "visual", package_dirs: Sequence[Folder] = ()) -> Geometry:
     """The geometry in a URDF.
 
-    source        what ``load_urdf`` takes
+    source        as in ``load_urdf``
     kind          "visual" or "collision"
     package_dirs  folders searched for the packages of ``package://`` names, before those of ``find_mesh``
 
@@ -207,7 +207,7 @@ def sphere(radius: float) -> tuple[Array, NDArray[np.int64]]:
 
 
 def _joined(shapes: list[Shape]) -> list[Shape]:
-    """Shapes of one link with those of one colour as one; textured ones apart."""
+    """Shapes of one link, merged by colour; textured shapes stay separate."""
     by_color: dict[Color, list[Shape]] = {}
     for shape in shapes:
         if not shape.textured:

@@ -1,7 +1,7 @@
-"""What viser shows: bodies with shapes, placed by poses; arrows, lines, frames; camera and floor; a page as text.
+"""The content of viser: bodies with shapes, placed by poses; arrows, lines, frames; camera and floor; a page as text.
 
-A Stage knows poses of bodies, no model. Poses are world poses (4, 4) of bodies, index 0 the world. viser's server
-listens on this machine alone unless another host is asked for.
+A Stage has poses of bodies and no model. Poses are world poses (4, 4) of bodies, index 0 the world. viser's server
+listens on this machine only, unless another host is given.
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ HEIGHT = 480  # pixels in a notebook
 FLOOR = (0.55, 0.55, 0.6)
 VIEW = np.array([1.0, -1.25, 0.65])  # the camera's direction from the middle
 FIELD = 0.8  # rad, the camera's vertical field of view
-GHOST: Color = (0.35, 0.5, 0.9, 0.3)  # of a few
-VEIL = 1.5  # opacities of many together: the solid body is seen through them
+GHOST: Color = (0.35, 0.5, 0.9, 0.3)  # pale copies, if there are few
+VEIL = 1.5  # total opacity of many copies, so that the solid body is visible through them
 
 
 class Stage:
@@ -44,13 +44,13 @@ class Stage:
     """
 
     def __init__(self, bodies: Sequence[str], host: str = HOST, port: int = PORT, server: Any = None) -> None:
-        """``bodies``: their names, the world's first; ``server``: one that runs already, in place of a new one."""
+        """``bodies``: their names, the world's first; ``server``: a running server to use in place of a new one."""
         self.server = started(host, port) if server is None else server
         self.own = server is None
         self._at_exit = partial(stop_silently, self.server)
         if self.own:
             atexit.register(self._at_exit)  # before viser's own, which prints
-        self.holds: Any = None  # what lives as long as the server
+        self.holds: Any = None  # an object to keep alive as long as the server
         self.shown = np.tile(np.eye(4), (len(bodies), 1, 1))
         self._nodes: list[str] = []
         self._handles: list[Any] = []
@@ -95,7 +95,7 @@ class Stage:
         return self.server.scene.add_line_segments(f"/{plain(name)}", ends, np.array(color[:3]), thickness=thickness)
 
     def add_mark(self, at: Array, name: str, color: Color, radius: float) -> Any:
-        """Draw a ball and a cross, which sticks out of what hides the ball, at a point (3,); returns viser's handle."""
+        """Draw a ball at a point (3,), with a cross that sticks out of shapes around it; returns viser's handle."""
         arms = 5.0 * radius * np.eye(3)
         self.server.scene.add_line_segments(
             f"/{plain(name)}/cross", np.stack([-arms, arms], axis=1), np.array(color[:3]), thickness=0.15 * radius
@@ -117,7 +117,7 @@ class Stage:
         self._ghosts.append((body, made))
 
     def fresh_name(self, body: int, name: str) -> str:
-        """A name of viser's scene tree on a body that nothing has yet."""
+        """An unused name of viser's scene tree on a body."""
         base = f"{self._nodes[body]}/{plain(name)}"
         scene, k, found = self.server.scene, 1, base
         while scene.get_handle_by_name(found) is not None:
@@ -140,7 +140,7 @@ class Stage:
 
     @contextmanager
     def at_once(self) -> Iterator[None]:
-        """What is done inside reaches browsers in one piece."""
+        """A context whose changes reach browsers at once."""
         with self.server.atomic():
             yield
 
@@ -179,10 +179,10 @@ class Stage:
             self.add_grid("/floor", np.array([middle[0], middle[1], floor]), np.eye(3), radius)
 
     def add_grid(self, name: str, at: Array, R: Array, radius: float, color: Color | None = None) -> Any:
-        """Lay a grid without an end at a point (3,), across the third column of R (3, 3); returns viser's handle.
+        """Lay an infinite grid at a point (3,), normal to the third column of R (3, 3); returns viser's handle.
 
-        radius  of what stands on it [m]
-        color   of the ground between its lines; None leaves it open
+        radius  size of the objects on it [m]
+        color   of the ground between the lines; None draws only lines
         """
         cell = 10.0 ** np.round(np.log10(radius) - 0.6)
         filled = {} if color is None else {"plane_color": color[:3], "plane_opacity": color[3]}
@@ -207,7 +207,7 @@ class Stage:
         webbrowser.open(self.url)
 
     def html(self, times: Sequence[float] | Array = (), poses: Iterator[Any] | None = None) -> str:
-        """One page without links: what is shown, or the motion that ``poses`` steps through.
+        """One page without links: the current picture, or the motion that ``poses`` steps through.
 
         times  seconds at which the poses are shown, the first at 0
         poses  an iterator that moves the scene to the pose of each time when it is advanced
@@ -223,7 +223,7 @@ class Stage:
         return str(record.as_html())
 
     def stop(self) -> None:
-        """End the server, in silence; a given one goes on."""
+        """Stop the server without a message; a server given by the caller keeps running."""
         if self.own:
             atexit.unregister(self._at_exit)
             self._at_exit()
@@ -240,7 +240,7 @@ def viser_module() -> Any:
 
 
 def started(host: str, port: int) -> Any:
-    """A new viser server at a port, or the next that is free, which prints nothing."""
+    """A new viser server at a port, or at the next free one, which prints nothing."""
     viser = viser_module()
     _check_address(host, port)
     with silence():
@@ -250,7 +250,7 @@ def started(host: str, port: int) -> Any:
 
 
 def _check_address(host: Any, port: Any) -> None:
-    """Raise SpatialDynError unless a server can listen there: viser would wait for it for ever."""
+    """Raise SpatialDynError unless a server can listen there; viser would wait forever."""
     if isinstance(port, bool) or not isinstance(port, int) or not 0 <= port < 1 << 16:
         raise SpatialDynError(f"port is {literal(port)}, expected a whole number of 0 to 65535")
     try:
@@ -262,14 +262,14 @@ def _check_address(host: Any, port: Any) -> None:
 
 
 def stop_silently(server: Any) -> None:
-    """End a server; once is enough."""
+    """Stop a server; further calls do nothing."""
     with silence():
         server.stop()
 
 
 @contextmanager
 def silence() -> Iterator[None]:
-    """Keep viser from announcing on rich's console that it starts and stops."""
+    """Prevent viser's messages on rich's console at start and stop."""
     import rich
 
     console = rich.get_console()
@@ -297,7 +297,7 @@ def page_frame(page: str, height: int = HEIGHT) -> str:
 
 
 def warn_of(robot: str, missing: Sequence[str], faulty: Sequence[str] = ()) -> None:
-    """Warn of meshes that are not drawn, and of those drawn without what is broken, with their number and names."""
+    """Warn of meshes that are not drawn, and of meshes drawn in part, with their number and names."""
     if missing:
         many = f"{len(missing)} meshes are" if len(missing) > 1 else "1 mesh is"
         warnings.warn(

@@ -77,7 +77,7 @@ def plot_tradeoff(found: Tradeoff, ax: Any, path: Any) -> Figure:
 
 
 def cost(found: Tradeoff) -> tuple[float, str]:
-    """By what ``ns`` of an option is multiplied where it is shown, and the unit in words."""
+    """The factor of an option's ``ns`` in a plot, and the unit in words."""
     return (1e-6, "ms of computing for a second of motion") if found.task == "simulate" else (1.0, found.unit)
 
 
@@ -96,7 +96,7 @@ def short(number: float | None) -> str:
 
 
 def outermost_first(steps: Sequence[Any], families: int) -> list[Any]:
-    """Labels of the coarsest and finest step of each family (in turn), then those between, while they find room."""
+    """Labels of the coarsest and finest step of each family in turn, then of steps between, as far as there is room."""
     by_colour: dict[Any, list[Any]] = {}
     for x in steps:
         by_colour.setdefault(x[3], []).append(x)

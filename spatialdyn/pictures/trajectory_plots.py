@@ -65,7 +65,7 @@ def plot_trajectory(run: Trajectory, what: Any, joints: Any, ax: Any, path: Any)
 
 
 def _states(run: Trajectory, name: str, joints: Any) -> list[Panel]:
-    """A panel for angles, one for lengths, one for coordinates of unit norm, as far as there are any."""
+    """Panels for angles, for lengths and for coordinates of unit norm, if there are any."""
     values = getattr(run, name)
     columns = chosen(coordinates(run.model, name, values.shape[1]), run.model, joints)
     if not columns:
@@ -119,7 +119,7 @@ def _energy(run: Trajectory, joints: Any) -> list[Panel]:
 
 
 def _phase(run: Trajectory, joints: Any) -> list[Panel]:
-    """The velocity against the position of each joint of one freedom, a dot where it begins."""
+    """The velocity against the position of each joint of one freedom, with a dot at the beginning."""
     if run.model is None:
         raise SpatialDynError("the trajectory was loaded without its model, expected one to draw phases")
     model, found = run.model, []
@@ -177,7 +177,7 @@ def _limits(run: Trajectory, joints: Any) -> list[Panel]:
 
 
 def _touching(run: Trajectory, joints: Any) -> list[Panel]:
-    """Of contact points, which are of no joint."""
+    """The panels of contact points, which belong to no joint."""
     return contact_panels(run)
 
 

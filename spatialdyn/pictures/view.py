@@ -28,7 +28,7 @@ from .stage import HOST, PORT, has_screen
 from .viewer import View
 
 Array = NDArray[np.float64]
-APPROACHES = 8  # towards a slope: on a plane the first arrives
+APPROACHES = 8  # steps towards a slope; on a plane the first step arrives
 
 
 def view(
@@ -47,30 +47,30 @@ def view(
 ) -> View:
     """Show a robot, or a motion of one, in a browser or a notebook: ``view(model)``, ``view(trajectory)``.
 
-    robot         a Model or a Scene; a Trajectory or a Rollout, which know theirs
-    q             (nq,) the pose of a Model, by default neutral within its limits, with closed loops and on the ground
-                  where a Scene has them [rad | m]; or its motion: (N, nq), (S, N, nq) of S samples, a Trajectory or a
+    robot         a Model or a Scene; a Trajectory or a Rollout, which contain theirs
+    q             (nq,) the pose of a Model, by default neutral within its limits, with loops closed and on the ground
+                  if a Scene has these [rad | m]; or its motion: (N, nq), (S, N, nq) of S samples, a Trajectory or a
                   Rollout
-    dt            seconds from one configuration of a motion to the next, where the motion has no times
+    dt            seconds from one configuration of a motion to the next, if the motion has no times
     shapes        "visual" or "collision" geometry of the URDF, or "inertia": a box of even density for each inertia,
-                  red if no body can have it, centres of mass and joint axes. The last is drawn too where there is no
-                  geometry: for robots made by calls or from text, and for links whose meshes are not found
-    urdf          what ``load_urdf`` takes, to read the geometry from; by default the file that the model was read from
+                  red if no body can have it, centres of mass and joint axes. "inertia" also replaces missing geometry:
+                  of robots made by calls or from text, and of links whose meshes are not found
+    urdf          source of the geometry, as in ``load_urdf``; by default the file from which the model was read
     package_dirs  folders that hold the packages of ``package://`` names; searched before ROS_PACKAGE_PATH and the
                   folders above the URDF
     sample        index of the sample to show; None shows the first solid and the next 15 pale
-    floor         its height in the world [m], where no ground of contacts is drawn; None draws none
-    open          whether to open a tab of the browser; None opens one for a Model, not in a notebook, where the scene
-                  shows itself, and not without a screen
-    host, port    where viser listens for the browser, or at the next free port
+    floor         height of the floor in the world [m], if no ground of contacts is drawn; None draws none
+    open          whether to open a tab of the browser; None opens one for a Model, but not in a notebook, where the
+                  scene displays itself, and not without a screen
+    host, port    address at which viser listens for the browser; if the port is in use, the next free one
 
-    What acts is drawn too: the ground of contacts; yellow spheres of their points; violet arrows of impulses if the run
-    has ``record="contacts"``, each the mean since the picture before, red where it is cut; in green the places that
-    constraints hold, with a line to where they are held; constant forces.
-    Returns a View. Its page, at ``scene.url`` whether a tab opens or not, has a slider for each joint, or for the time
-    of a motion, which ``play`` and ``save`` show too.
-    A mesh that is not found or cannot be read is named in ``scene.missing`` and in a warning, one that is drawn without
-    what is broken in its file, such as materials, in ``scene.faulty`` and in a warning.
+    Effects of a Scene are drawn too: the ground of contacts; their points as yellow spheres; impulses as violet arrows
+    if the run has ``record="contacts"``, each the mean since the previous picture, red if it is cut; in green the
+    places that constraints hold together, with a line between them; constant forces.
+    Returns a View. Its page, at ``scene.url`` with or without a tab, has a slider for each joint, or for the time of a
+    motion, which ``play`` and ``save`` show too.
+    ``scene.missing`` and a warning name meshes that are not found or cannot be read; ``scene.faulty`` and a warning
+    name meshes that are drawn without broken elements of their files, such as materials.
     Raises  SpatialDynError without viser, naming what to install, or naming a bad argument; UrdfError for a urdf that
             cannot be read; ShapeError, NonFiniteError for q.
 
@@ -112,7 +112,7 @@ def view(
 
 
 def own_impulses(scene: Scene, run: Any) -> bool:
-    """Whether a run's impulses are those of the points of the scene that is drawn."""
+    """Whether a run's impulses belong to the contact points of the drawn scene."""
     acted = scene_of_run(run)
     return acted is not None and acted.contacts == scene.contacts
 
@@ -123,7 +123,7 @@ def standing(scene: Scene) -> Array:
     if scene.constraints is not None:
         try:
             q = close_loops(model, scene.constraints, q)
-        except ConstraintError:  # no closed pose near the neutral one: lines show what is open
+        except ConstraintError:  # no closed pose near the neutral one: lines show the open loops
             return q
     contacts = scene.contacts
     if contacts is not None and len(contacts) and len(model.joints) > 1 and model.joints[1].kind == "floating":

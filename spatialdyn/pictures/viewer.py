@@ -1,4 +1,4 @@
-"""``View``: what ``sd.view`` returns, a robot and what acts on it in viser, at rest or in motion."""
+"""``View``, the result of ``sd.view``: a robot and the effects on it in viser, at rest or in motion."""
 
 from __future__ import annotations
 
@@ -41,17 +41,17 @@ WAIT = 20.0  # seconds that ``play`` waits for a browser
 
 
 class View:
-    """A picture of a robot and what acts on it, as ``sd.view`` makes it.
+    """A picture of a robot and of the effects on it, made by ``sd.view``.
 
     scene    the Scene
     model    its Model
     q        (nq,) the configuration shown [rad | m]
-    size     of the robot [m], by which arrows and frames are drawn
-    missing  the meshes that are not drawn, a line each: the name in the URDF and why
-    faulty   the meshes that are drawn without what is broken in their files, likewise
-    server   viser's server: ``server.scene`` and ``server.gui`` take anything else that is to be drawn
-    stage    the bodies in it
-    acting   what acts on them
+    size     of the robot [m], the scale of arrows and frames
+    missing  the meshes that are not drawn, a line each: the name in the URDF and the reason
+    faulty   the meshes that are drawn without broken elements of their files, likewise
+    server   viser's server: ``server.scene`` and ``server.gui`` accept further drawings
+    stage    the bodies in the picture
+    acting   the effects on the bodies
     """
 
     def __init__(
@@ -67,7 +67,7 @@ class View:
         host: str,
         port: int,
     ) -> None:
-        """``view`` says what the arguments are."""
+        """The arguments are described in ``view``."""
         model = scene.model
         self.scene, self.model, self.motion, self.size = scene, model, motion, reach(model.robot)
         self._kind, self._urdf, self._package_dirs = shapes, urdf, package_dirs
@@ -130,7 +130,7 @@ class View:
         name    as ``model.frame`` takes it
         length  of the axes [m]; by default an eighth of the robot's size
 
-        Raises  ModelError for a frame that is not there.
+        Raises  ModelError for an unknown frame.
         """
         frame = self.model.frame(name)
         length = 0.125 * self.size if length is None else length
@@ -142,10 +142,10 @@ class View:
 
         name   as ``model.frame`` takes it
         force  (3,) force, or (6,) force and moment about the frame's origin, in the frame [N | N m]
-        scale  length of an arrow [m/N], [m/(N m)]; by default the first force and the first moment of the view are a
-               quarter of the robot's size, and later ones are to the same scales
+        scale  length of an arrow [m/N], [m/(N m)]; by default the arrows of the view's first force and first moment are
+               a quarter of the robot's size, and later ones have the same scales
 
-        Raises  ModelError for a frame that is not there; ShapeError, NonFiniteError for the force.
+        Raises  ModelError for an unknown frame; ShapeError, NonFiniteError for the force.
         """
         frame, f = self.model.frame(name), as_array("force", force)
         if f.shape not in ((3,), (6,)):
@@ -169,7 +169,7 @@ class View:
         name    as ``model.frame`` takes it
         motion  Trajectory, Rollout or q (N, nq), (S, N, nq) [rad | m]: a line for each of its first 16 samples
 
-        Raises  ModelError for a frame that is not there; ShapeError, NonFiniteError for the motion.
+        Raises  ModelError for an unknown frame; ShapeError, NonFiniteError for the motion.
         """
         frame = self.model.frame(name)
         for q in motion_of(self.model, motion, 1.0).q:
@@ -183,7 +183,7 @@ class View:
     def com(self, q: ArrayLike | None = None) -> View:
         """Mark the centre of mass with an orange ball and a cross; returns the view.
 
-        q  (nq,) the configuration it is of [rad | m]; None: of the one shown, and it moves with it
+        q  (nq,) the configuration [rad | m]; None: the configuration shown, and the mark moves with it
         """
         if q is None:
             if self._com is None:
@@ -204,7 +204,7 @@ class View:
             client.camera.position, client.camera.look_at = camera.position, camera.look_at
         return self
 
-    # --- where it is shown ---------------------------------------------------------------------------------
+    # --- where the view is shown ---------------------------------------------------------------------------
 
     @property
     def url(self) -> str:
@@ -212,22 +212,22 @@ class View:
         return self.stage.url
 
     def open_tab(self) -> View:
-        """Open a tab of the browser; returns the view, which lives until ``close`` from now on."""
+        """Open a tab of the browser; returns the view, which then stays alive until ``close``."""
         self.stage.holds = self
         self.stage.open_tab()
         return self
 
     def wait(self) -> None:
-        """Keep the page alive until Ctrl-C, which raises KeyboardInterrupt as ever."""
+        """Keep the page alive until Ctrl-C, which raises KeyboardInterrupt as usual."""
         while True:
             time.sleep(0.2)
 
     def play(self, speed: float = 1.0) -> View:
-        """Show the motion once from its start, in time, and return the view at its end.
+        """Play the motion once from its start, and return the view at its end.
 
         speed  1 for real time, 0.5 for half as fast
 
-        Opens a tab of the browser and waits up to 20 s for it. A notebook shows a player of its own in place of that.
+        Opens a tab of the browser and waits up to 20 s for it. A notebook shows its own player instead.
         Raises  SpatialDynError for a view without motion, or a speed that is not positive.
         """
         motion = self._moving()
@@ -261,7 +261,7 @@ class View:
         """Write a page that needs no network, with a play bar for a motion; returns its path.
 
         path   a name that ends in .html
-        fps    frames a second; a motion recorded more often is thinned, none is interpolated
+        fps    frames per second; a motion recorded more often is thinned, no motion is interpolated
         speed  1 for real time, 0.5 for half as fast
 
         Raises  SpatialDynError for another ending, fps or speed, or if the file cannot be written.
@@ -289,9 +289,9 @@ class View:
         return f"<View of {self.model.name} at {self.url}{what}{lost}>"
 
     def _repr_html_(self) -> str | None:
-        """In a notebook: of a motion a player, which the notebook keeps; of a pose the page with its sliders.
+        """HTML for a notebook: for a motion a player, which the notebook keeps; for a pose the page with its sliders.
 
-        None in the cell in which ``play`` has shown the player already.
+        None in the cell in which ``play`` has already shown the player.
         """
         if self._shown_in is not None and self._shown_in == notebook_cell():
             return None
@@ -360,7 +360,7 @@ class View:
     # --- controls of the page ------------------------------------------------------------------------------
 
     def _add_controls(self) -> Sliders | Player:
-        """Sliders: of the time for a motion, else one for each freedom; and what else can be shown."""
+        """Sliders, of the time for a motion, else one for each freedom; and boxes for the layers."""
         gui = self.server.gui
         controls = (
             Sliders(gui, self.model, self.q, weakly(self.show))
@@ -371,7 +371,7 @@ class View:
         return controls
 
     def _switch(self, layer: str, on: bool) -> None:
-        """Show a layer or hide it; it is drawn when it is first shown."""
+        """Show or hide a layer; it is drawn the first time it is shown."""
         with self._lock, self.stage.at_once():
             if layer == "centre of mass":
                 self.com()

@@ -1,8 +1,8 @@
-"""What an engine knows of recursions by name to run them for models with mimic joints.
+"""The recursions that engines need by name to run any recursion for models with mimic joints.
 
-v of the whole tree is G v with constant G. A recursion that walks the tree runs on the whole one, and its torques are
-reduced: Gᵀ τ, Gᵀ M G. Joints that move together are no tree, so one that solves with M factors M = Gᵀ M G instead: its
-Spec has a ``through_M``. Recursions that are ``composed`` of others call those below.
+The velocity of the whole tree is G v with constant G. A recursion that walks the tree runs on the whole tree, and its
+torques are reduced: Gᵀ τ, Gᵀ M G. The model's own coordinates form no tree, so a recursion that solves with M factors
+Gᵀ M G instead: its Spec has a ``through_M``. Recursions that are ``composed`` of others call those below.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ class Reduction(NamedTuple):
     through_M    names of calls that solve with M
     factor, solve  ``factor(bodies, M)`` and ``solve(bodies, L, x)`` in place, by the parents of the rows
     by_factor    ``(bodies, work, q, v, tau, fext, D, pivots, a, inverse)``, a recursion that factors M itself
-    of_factor    the same of M: ``(M, q, v, tau, fext) -> a, parts of D``, each (samples, ...)
+    of_factor    the same from a given M: ``(M, q, v, tau, fext) -> a, parts of D``, each (samples, ...)
     """
 
     mass_matrix: str

@@ -1,7 +1,7 @@
-"""Types of the arguments of a recursion, for the reader of its signature; to a type checker all are Any.
+"""Types of the arguments of a recursion, for readers of its signature; for a type checker all are Any.
 
-One source runs on NumPy's arrays, under Numba and on rows and arrays of objects, which have no type in common. An
-input that the Spec leaves out is None.
+One source runs on NumPy's arrays, under Numba and on rows and arrays of objects, which have no common type. An input
+that the Spec leaves out is None.
 """
 
 from __future__ import annotations

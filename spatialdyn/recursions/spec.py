@@ -7,9 +7,9 @@ out is None there, and the recursion skips its terms: ``nonlinear_effects`` is t
 A shape names its sizes: "nq", "nv", "njoints", those that a static table adds ("nc"), and sums such as "nv+nc+2".
 Several outputs lie side by side in one array, the Spec's output; the recursion takes its ``parts`` one by one.
 
-A record, a NamedTuple, gathers what belongs together: inputs (the coefficients of friction), outputs, arrays of
-scratch. Where a Spec has one of Arguments or of shapes, the recursion takes one of arrays. A class of scratch lists
-its fields as a WORK does, their shapes as defaults::
+A record, a NamedTuple, gathers related arrays: inputs (the coefficients of friction), outputs, arrays of scratch. For
+a record of Arguments or shapes in the Spec the recursion takes a record of arrays. A class of scratch lists its fields
+as a WORK does, their shapes as defaults::
 
     class StepScratch(NamedTuple):
         L: Matrix = ("nv", "nv")  # M, then its factors
@@ -40,24 +40,24 @@ class Argument:
     """One array of a recursion.
 
     name            as in the public signature
-    shape           of one sample: numbers, and the names of sizes
-    unit            of its entries
+    shape           shape of one sample: numbers, and the names of sizes
+    unit            unit of the entries
     meaning         in words, with its frame
     optional        may be left out (an input that is then None)
     static          one value for all samples, not an array of them: an int (shape ()), an array, or a table
-    table           of a static table, its dtype; the value is a StaticTable
-    sizes           of a static table, the columns of its header that are sizes of arrays
-    unit_norm       the quaternions and (cos, sin) pairs of a configuration have to be of unit norm
-    turned          of a configuration, that the recursion reads it by ``bodies.coordinates`` alone, so that kernels can
-                    hand it beside its cosines and sines
-    moved_by        of a configuration, the name of the call that moves it by a displacement, an element of its tangent
-    per_coordinate  an output indexed by coordinates rather than summed over them: with mimic joints, the independent
-                    entries are taken where another output is contracted with G
+    table           dtype of a static table; the value is then a StaticTable
+    sizes           the columns of a static table's header that are sizes of arrays
+    unit_norm       the quaternions and (cos, sin) pairs of a configuration must be of unit norm
+    turned          the recursion reads a configuration by ``bodies.coordinates`` alone, so kernels may pass it with
+                    the cosines and sines of its angles
+    moved_by        name of the call that moves a configuration by a displacement, an element of its tangent space
+    per_coordinate  an output indexed by coordinates, not summed over them: with mimic joints, its independent entries
+                    are selected; other outputs are contracted with G
     is_force        an input that pairs with velocities, as a torque does: with mimic joints, the followers' entries
-                    are 0 where those of a velocity follow by G
-    start           of a state of the Spec's own, which a run carries from step to step: its entries at the beginning
-                    of a run that is given no others. The part NAME_rate of the output is its rate, which the run
-                    integrates, or the part NAME_after the state at the end of a step; both flat
+                    are 0; the followers' velocities follow by G
+    start           of a state of the Spec's own, which a run carries from step to step: the default of its entries at
+                    the beginning of a run. The output has a part NAME_rate, the rate, which the run integrates, or a
+                    part NAME_after, the state at the end of a step; both flat
     """
 
     name: str
@@ -77,7 +77,7 @@ class Argument:
 
 
 class MassMatrix(Protocol):
-    """M(q) of some samples of a model with mimic joints, and other recursions: what a ``through_M`` needs."""
+    """The argument of a ``through_M``: M(q) of samples of a model with mimic joints, and calls of other recursions."""
 
     @property
     def inverse(self) -> Array:
@@ -87,7 +87,7 @@ class MassMatrix(Protocol):
         """M⁻¹ x (samples, nv)."""
 
     def call(self, name: str, *inputs: Array) -> Array:
-        """The result of the call of that name at these inputs, optional ones last; None for an input left out."""
+        """The result of the named call for these inputs, optional ones last; None for an input left out."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,26 +96,26 @@ class Spec:
 
     pivots      after its output the recursion writes the articulated inertia D (nv) of each row, which the call does
                 not return: the engine reduces it to one flag, whether any row is singular
-    term_shape  shape of the terms that a program sums, where they outnumber its results
-    scratch     what the recursion takes last and writes in place: shapes of arrays, or records of shapes
-    parts       of several outputs, each of them: vectors, or numbers as arrays of one, side by side in ``output``; if
-                they are a record, the recursion takes one
+    term_shape  shape of the terms that a program sums, if they outnumber its results
+    scratch     the last arguments of the recursion, written in place: shapes of arrays, or records of shapes
+    parts       the outputs, if there are several: vectors, or numbers as arrays of one, side by side in ``output``; for
+                a record of parts, the recursion takes a record
     traceable   the recursion branches on no value, so that it can become a program
-    through_M   ``through_M(M, *inputs)``: the output of samples (samples, ...) of a model with mimic joints, by its
-                MassMatrix, because M⁻¹ there is no recursion over the tree; a tuple has the parts along the output's
-                first axis. Every Spec with pivots has one.
-    composed    the recursion is made of others and walks no tree itself: with mimic joints it takes the model's own
-                coordinates, and those others are reduced by G
-    stamped     the recursion closes over nothing but what the package itself has: see ``engines.compiled.stamp``
+    through_M   ``through_M(M, *inputs)``: the output (samples, ...) for a model with mimic joints, by its MassMatrix,
+                because no recursion over the tree gives M⁻¹ there; a tuple has the parts along the output's first axis.
+                Every Spec with pivots has one.
+    composed    the recursion calls others and walks no tree itself: with mimic joints it takes the model's own
+                coordinates, and the recursions that it calls are reduced by G
+    stamped     the recursion uses only code of the package itself: see ``engines.compiled.stamp``
     regroup     the output is unchanged when inertias are regrouped towards the root: it describes no single body
-    lacks       columns of the table whose terms the recursion has not: a model with some is refused
-    residual    of a call that solves, two names: of the call that gives its input back from its output, as rnea gives
-                back aba's tau, or whose product with its output is 1, as crba's with minverse's; and of that with M⁻¹
+    lacks       columns of the table whose terms the recursion does not have: a model with nonzero entries is refused
+    residual    for a call that solves, two names. First the call that recovers the input from the output, as rnea
+                recovers aba's tau, or whose product with the output is 1, as crba's with minverse's; then that of M⁻¹
     large       its table kernel takes half a minute to compile: steps run it as its program, as calls do, and calls
                 that have no program are computed in NumPy
     on_lanes    table kernels run it on SIMD lanes: it chooses by ``select`` and ``anywhere``, never by a comparison
-    mirrored    the output is a symmetric matrix, which the recursion writes in both triangles and does not read
-    source      where the recursion comes from
+    mirrored    the output is a symmetric matrix; the recursion writes both triangles and does not read them
+    source      the publication of the recursion
     """
 
     name: str
@@ -146,22 +146,22 @@ class Spec:
 
     @cached_property  # read a dozen times by each call of a rollout
     def present(self) -> tuple[Argument, ...]:
-        """The inputs that the call has, those of records one by one."""
+        """The inputs that the call takes, records replaced by their entries."""
         return tuple(flat(self.inputs))
 
     @cached_property
     def states(self) -> tuple[Argument, ...]:
-        """The inputs that are states of its own."""
+        """The inputs that are states of the Spec's own."""
         return tuple(x for x in self.present if x.start is not None)
 
     def run(
         self, bodies: Bodies, work: Work, values: Mapping[str, Any], out: Array,
         empty: Callable[[tuple[int, ...]], Array] = np.empty,
     ) -> list[Any]:  # fmt: skip
-        """Run the recursion on one sample, and return what it takes after its outputs: pivots and scratch.
+        """Run the recursion on one sample; returns the arguments after its outputs: pivots and scratch.
 
         values  the inputs by name; optional ones may be missing
-        out     as of the Spec's output, written; a number as an array of one
+        out     the Spec's output, written in place; a number as an array of one
         empty   makes arrays of pivots and scratch from their shapes
         """
         sizes = sizes_of(bodies, [(x, values[x.name]) for x in self.present if x.table is not None])
@@ -187,14 +187,14 @@ class Spec:
 
 @lru_cache(maxsize=256)
 def _unpickled(*values: Any) -> Spec:
-    """One Spec of the same values, so that a process that is sent it again and again records it once."""
+    """The one Spec of these values in this process, so that repeated unpickling records it only once."""
     return Spec(*values)
 
 
 def made_once(most: int | None = None) -> Callable[[Callable[P, Spec]], Callable[P, Spec]]:
-    """A decorator of a function that makes Specs: the same one for the same arguments, of the ``most`` last used.
+    """A decorator that caches a function that makes Specs, keeping the ``most`` last used.
 
-    Such a Spec pickles as the call that made it, so that a process has one of each, whatever it was sent.
+    Such a Spec pickles as the call that made it, so that unpickling makes no second equal Spec in a process.
     """
 
     def wrap(factory: Callable[P, Spec]) -> Callable[P, Spec]:
@@ -216,7 +216,7 @@ def is_record(x: object) -> bool:
 
 
 def flat(entries: Iterable[Any]) -> Iterator[Any]:
-    """The entries that are there, those of records one by one."""
+    """The entries that are not None, records replaced by their entries."""
     for x in entries:
         if is_record(x):
             yield from flat(x)
@@ -231,9 +231,9 @@ def _made(kind: type, values: list[Any]) -> Any:
 def gather(
     entries: Iterable[Any], of: Callable[[Any], Any], record: Callable[[type, list[Any]], Any] = _made
 ) -> list[Any]:
-    """For each entry of a Spec what a recursion takes: ``of`` an argument or a shape, a record of those of a record.
+    """The arguments of a recursion for the entries of a Spec: ``of(entry)``, and for a record a record of these.
 
-    None of an entry that is left out, and of a record of nothing but None.
+    None for an entry that is left out, and for a record of nothing but None.
     """
     found = []
     for x in entries:

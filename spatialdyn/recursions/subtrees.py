@@ -1,6 +1,6 @@
 """Centre of mass of each subtree, its velocity and its acceleration.
 
-The subtree of the world is the robot. A subtree without mass has its centre of mass where its joint is, at rest.
+The subtree of the world is the robot. The centre of mass of a subtree without mass is at its joint's origin, at rest.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ WORK = table_dtype(
 
 @inline
 def _per(m: Scalar, a: Vec) -> Vec:
-    """a / m; zero where m is 0, because a is then 0 as well."""
+    """a / m; zero if m is 0, because a is then 0 too."""
     return scale(1.0 / select(m, m, 1.0), a)
 
 
@@ -43,7 +43,7 @@ def subtree_centers_of_mass(bodies: Bodies, work: Work, q: Config, c: Matrix) ->
 
 @inline
 def _summed(bodies: Bodies, work: Work, out: Matrix) -> None:
-    """Sum h and the mass inward, and write h.f over the mass of each subtree, in its joint's axes."""
+    """Sum h and the mass inward; write h.f over the mass of each subtree, in its joint's axes."""
     for i in range(len(bodies) - 1, 0, -1):
         here, parent = work[i], work[bodies[i].parent]
         h = force_of(here.h)
@@ -76,11 +76,11 @@ def subtree_com_accelerations(bodies: Bodies, work: Work, q: Config, v: Vector, 
 
 
 _SOURCE = "the definition."
-_WHERE = "of what each joint carries, in the axes of its body's frame; row 0: of the robot, in the world's"
+_WHERE = "of each joint's subtree, in the axes of its body's frame; row 0: of the robot, in the world's"
 SPECS = (
     Spec(
         "subtree_centers_of_mass", subtree_centers_of_mass, WORK_MOMENT, (TURNED_Q,),
-        Argument("c", ("njoints", 3), "m", "of what each joint carries, in its body's frame; row 0: in the world"),
+        Argument("c", ("njoints", 3), "m", "of each joint's subtree, in its body's frame; row 0: in the world"),
         "Centres of mass of all subtrees.", _SOURCE,
     ),
     Spec(

@@ -1,4 +1,4 @@
-"""Integrators of the equation of motion, structure-preserving ones among them."""
+"""Integrators of the equation of motion, including structure-preserving methods."""
 
 from .methods.methods import Method, integrators
 from .rollout_result import Rollout

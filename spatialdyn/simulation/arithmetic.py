@@ -1,7 +1,7 @@
-"""What a step is computed with: recorded numbers, which become a program, or floats, by calls.
+"""The arithmetic of a step: recorded numbers, which become a program, or floats, computed by calls.
 
-An effect is written once, for both: it takes the outputs of a Spec by name, of inputs by name. ``Recorded`` runs
-the recursion on recorded numbers; ``Computed`` calls the Spec as public calls are answered. Nothing compiles first.
+The source of an effect serves both: it evaluates a Spec, with inputs and outputs by name. ``Recorded`` runs the
+recursion on recorded numbers; ``Computed`` calls the Spec as a public call does, without compiling first.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ class Arithmetic(Protocol):
     """How effects compute.
 
     recorded  whether numbers are recorded
-    rows      of the table of bodies, as recursions take them on plain objects
-    given     the inputs of the step by name, those of all effects among them
+    rows      rows of the table of bodies, as recursions on plain objects take them
+    given     the inputs of the step by name, including those of all effects
     """
 
     recorded: bool
@@ -38,11 +38,11 @@ class Arithmetic(Protocol):
     given: dict[str, Any]
 
     def evaluate(self, spec: Spec, **more: Any) -> dict[str, Any]:
-        """The outputs of a Spec by name; its inputs are those of the step, and ``more``. None is left out."""
+        """The outputs of a Spec by name; its inputs are those of the step and ``more``, where None means absent."""
 
 
 def _evaluated(spec: Spec, rows: Any, known: Mapping[str, Any]) -> dict[str, Any]:
-    """The outputs of a Spec by name, of plain objects."""
+    """The outputs of a Spec by name, computed on plain objects."""
     sizes = sizes_of(rows, [(x, known[x.name]) for x in spec.present if x.table is not None])
     shape = shape_in(spec.output.shape, sizes)
     out = evaluate(spec, rows, shape, known, np.zeros(len(rows) - 1, object))
@@ -50,12 +50,12 @@ def _evaluated(spec: Spec, rows: Any, known: Mapping[str, Any]) -> dict[str, Any
 
 
 def _names(spec: Spec) -> list[str]:
-    """Of the outputs."""
+    """Names of the outputs."""
     return [x.name for x in spec.parts or (spec.output,)]
 
 
 class Recorded:
-    """Recorded numbers. Where something is wrong in a step, ``wrong`` is not 0: it makes the state infinite."""
+    """Recorded numbers. If a step finds an error, ``wrong`` is not 0 and makes the state infinite."""
 
     recorded = True
 
@@ -68,7 +68,7 @@ class Recorded:
 
 
 class Answer(NamedTuple):
-    """What answers a Spec on one sample, the shape of its output, and where each part of it is."""
+    """The function that computes a Spec on one sample, the shape of its output, and the place of each part in it."""
 
     call: Callable[..., Any]
     shape: tuple[int, ...]
@@ -78,7 +78,7 @@ class Answer(NamedTuple):
 class Computed:
     """Floats of one sample, by calls: a program, interpreted until compiling pays.
 
-    Before a step, ``begin`` says when and with which System it is: failures become its status.
+    ``begin`` sets the System and the time before a step: failures are written to the System's status.
     """
 
     recorded = False
@@ -91,7 +91,7 @@ class Computed:
         self._calls: dict[Any, Answer] = {}
 
     def begin(self, system: System, t: float) -> None:
-        """The System whose status failures are written to, and the time of the step."""
+        """Set the System, to whose status failures are written, and the time of the step."""
         self.system, self.t = system, t
 
     def evaluate(self, spec: Spec, **more: Any) -> dict[str, Any]:
@@ -111,7 +111,7 @@ class Computed:
         return {name: out[at] for name, at in parts.items()}
 
     def _made(self, spec: Spec, static: tuple[Any, ...], there: tuple[bool, ...]) -> Answer:
-        """What answers a Spec with the inputs that are there."""
+        """The Answer for a Spec with the inputs that are given."""
         model = self.model
         sizes = {"nv": model.nv, "nq": model.nq, "njoints": model.njoints}
         for x in static:
@@ -125,7 +125,7 @@ class Computed:
 
 
 def answered(call: Callable[..., Any], out: Any, *inputs: Any) -> int:
-    """Write the result of a call on one sample; returns the status of its error, and OK for NaN of an input's NaN."""
+    """Write the result of a call on one sample; returns the status of its error, OK where an input's NaN gives NaN."""
     try:
         out[...] = call(*inputs)
         return OK
@@ -140,5 +140,5 @@ def answered(call: Callable[..., Any], out: Any, *inputs: Any) -> int:
 
 
 def finite(code: int, out: Any) -> int:
-    """The status of a result that has to be finite."""
+    """The status of a result that must be finite."""
     return NONFINITE if code == OK and not np.isfinite(out).all() else code

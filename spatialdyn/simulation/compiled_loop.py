@@ -18,9 +18,9 @@ def drive(
     advance: Callable[..., None], observe: Callable[..., None], system: System, state: State, first: int, count: int,
     total: int, every: int, dt: float, h: float, at: Any, out_q: Any, out_w: Any, out_tau: Any,
 ) -> None:  # fmt: skip
-    """Steps ``first`` to ``first + count - 1`` of ``total``, step k from k dt by h, until the status is not OK.
+    """Take steps ``first`` to ``first + count - 1`` of ``total``, step k from k dt by h, while the status is OK.
 
-    After every ``every``-th step and after the last the state is written to row at[1] of the outputs, and at[1] is
+    After every ``every``-th step and after the last one, the state is written to row at[1] of the outputs and at[1] is
     incremented; at[0] counts the steps done.
     """
     for k in range(first, first + count):

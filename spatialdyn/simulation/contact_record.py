@@ -1,4 +1,4 @@
-"""What is recorded of contacts."""
+"""The record of contacts in a run."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ Array = NDArray[Any]
 
 
 class ContactRecord(NamedTuple):
-    """Contacts at the recorded times, (N, ...) of a simulation, (B, T, ...) of a rollout.
+    """Contacts at the recorded times: (N, ...) in a simulation, (B, T, ...) in a rollout.
 
     impulse   (..., k, 3)  on each of the k points in the step that ends at the record, in the world's axes [N s]
-    gap       (..., k)     distance of each sphere from the ground, negative in it [m]
+    gap       (..., k)     distance of each sphere from the ground, negative below its surface [m]
     residual  (...)        largest violation of Coulomb's law by the impulses of that step [m/s]
     stop      (..., nv)    impulse of the joint limits in that step, positive at a lower limit [N m s | N s]
     """

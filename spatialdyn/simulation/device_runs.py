@@ -1,6 +1,6 @@
-"""Rollouts on a GPU: one thread takes a sample through all steps, its states in registers.
+"""Rollouts on a GPU: one thread takes a sample through all steps, with its states in registers.
 
-What a rollout checks beforehand it checks on the host, as on the CPU; so are the samples that threads reject run.
+The host checks the arguments as for a rollout on the CPU, and runs the samples that threads reject.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ Array = NDArray[Any]
 
 
 def check_on_device(plan: Plan, q: Array, dtype: np.dtype[Any], contacts: bool) -> None:
-    """Raise SimulationError for what runs on the CPU alone. q are the positions (B, nq) at the beginning."""
+    """Raise SimulationError for a run that only the CPU supports. q are the positions (B, nq) at the beginning."""
     if contacts:
         raise SimulationError('record has "contacts" with device="cuda", expected a number of steps or "last"')
     if plan.method not in EXPLICIT_METHODS:
@@ -63,10 +63,10 @@ def _kernel(
 
 
 class DeviceInputs:
-    """The arrays of a rollout that are on a device: q0, v0, and tau and fext if given."""
+    """The arrays of a rollout on a device: q0, v0, and tau and fext if given."""
 
     def __init__(self, device: Device, dtype: np.dtype[Any], arrays: Mapping[str, Any]) -> None:
-        """Raises ShapeError naming an array that is elsewhere, or of another dtype."""
+        """Raises ShapeError naming an array that is on another device or of another dtype."""
         self.device, self.dtype = device, dtype
         self.arrays = {name: x for name, x in arrays.items() if x is not None}
         self.library, self.number = device_arrays.library_of([*self.arrays], [*self.arrays.values()], device.kind)
@@ -82,7 +82,7 @@ class DeviceInputs:
         return device_arrays.read(name, x, self.device.stream_for_dlpack(self.library.stream))
 
     def on_host(self) -> list[Any]:
-        """q0 and v0 copied, and of tau and fext the shapes alone: zeros without memory; None if not given."""
+        """Copies of q0 and v0; for tau and fext zeros of their shapes, without memory, or None if not given."""
         states = [self.library.to_host(self.arrays[name]) for name in ("q0", "v0")]
         others = [self.views[name].shape if name in self.views else None for name in ("tau", "fext")]
         return [*states, *(None if shape is None else np.broadcast_to(0.0, shape) for shape in others)]
@@ -91,9 +91,9 @@ class DeviceInputs:
         self, plan: Plan, initial: RunStates, now: Sequence[Array], ways: Sequence[tuple[int, ...]],
         steps: tuple[float, int, int], check: bool,
     ) -> list[Any]:  # fmt: skip
-        """The records (samples, records, columns), on the device; as ``driver.run_samples``.
+        """The records (samples, records, columns), on the device; otherwise as ``driver.run_samples``.
 
-        ways  samples or 1 and steps or 1 of tau, and of fext
+        ways  (samples or 1, steps or 1) of tau, and of fext
         """
         dt, total, every = steps
         n, library, dtype = len(now[0]), self.library, self.dtype

@@ -1,4 +1,4 @@
-"""Runs of many samples: side by side by a program on lanes, and those without an answer there as ``simulate`` does."""
+"""Runs of many samples: a program runs them side by side on lanes; samples that it rejects run as in ``simulate``."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ def run_samples(
     plan: Plan, initial: RunStates, states: Sequence[Array], tau: Array | None, records: Sequence[Array],
     steps: tuple[float, int, int], check: bool,
 ) -> None:  # fmt: skip
-    """Run samples from their states q, v and initial ones of effects, and write records (samples, records, columns).
+    """Run samples from their states q, v and the initial states of effects; write records (samples, records, columns).
 
     tau    (samples or 1, steps or 1, nv)  None for zero
-    steps  dt, their number, and how many to a record
-    check  whether a sample that fails is an error; NaN from there on if not
+    steps  dt, the number of steps, and the steps per record
+    check  whether a sample that fails is an error; if not, its records are NaN from there on
 
     Raises SimulationError naming the sample.
     """
@@ -55,8 +55,8 @@ def run_alone(
     plan: Plan, initial: RunStates, start: list[Array], held: Array, rows: Sequence[Array],
     steps: tuple[float, int, int], sample: int, check: bool,
 ) -> str:  # fmt: skip
-    """Run a sample as ``simulate`` does, from its start and torques (steps or 1, nv), and write its records; returns
-    why it fails, "" if it does not. A check leaves out the run of what is not finite.
+    """Run a sample as ``simulate`` does, from its start and torques (steps or 1, nv), and write its records. Returns
+    the reason of a failure, "" without one. With ``check``, a start that is not finite is not run.
     """
     reason = _not_finite(plan, start, held, steps[0]) or _value_not_finite(plan, sample)
     if reason and check:
@@ -65,7 +65,7 @@ def run_alone(
 
 
 def _not_finite(plan: Plan, state: Sequence[Array], held: Array, dt: float) -> str:
-    """What of a sample's start and torques (steps or 1, nv) is not finite; "" if all is."""
+    """Which part of a sample's start and torques (steps or 1, nv) is not finite; "" if all are finite."""
     for name, x in zip(("q0", "v0", *(x.name for x in plan.states)), state, strict=True):
         if not np.isfinite(x).all():
             return f"{name} is {x.tolist()}, expected finite numbers"
@@ -75,10 +75,10 @@ def _not_finite(plan: Plan, state: Sequence[Array], held: Array, dt: float) -> s
 
 
 def _value_not_finite(plan: Plan, b: int) -> str:
-    """Which value of a sample's control law is not finite; "" if all are."""
+    """Which value of a sample's control law is not finite; "" if all are finite."""
     if plan.feedback is None:
         return ""
-    for name, x in plan.feedback.values.items():  # but of a cost, whose sum is named with its time
+    for name, x in plan.feedback.values.items():  # except those of a cost, whose sum is named with its time
         if not (is_of_cost(own_name(name)) or np.isfinite(x[min(b, len(x) - 1)]).all()):
             what = f'{own_name(name)} of spec "{plan.feedback.spec.name}"'
             return f"{what} has numbers that are not finite, expected finite ones"
@@ -89,7 +89,7 @@ def _alone(
     plan: Plan, initial: RunStates, state: list[Array], held: Array, records: Sequence[Array],
     steps: tuple[float, int, int], sample: int,
 ) -> str:  # fmt: skip
-    """Run a sample as ``simulate`` does and write its records, NaN from where it fails; returns why, "" otherwise."""
+    """Run a sample as ``simulate`` does; write its records, NaN after a failure. Returns its reason, "" without one."""
     (dt, total, every), (q, v, *own), lost = steps, state, ""
     if not all(np.isfinite(x).all() for x in state):
         for made in records:

@@ -1,7 +1,7 @@
-"""A run of one sample: the loop of a method with a fixed step, and what acts in it beside torques.
+"""A run of one sample: the loop of a method with a fixed step, with all effects.
 
-It runs in slices: between them it handles Ctrl-C, reports progress, and turns a failure status into an error. Steps run
-by one program on one lane where there is one, three to six times the speed of the table kernel.
+The loop runs in slices: between slices it handles Ctrl-C, reports progress, and turns a failure status into an error.
+If there is a program, it takes the steps on one lane, at three to six times the speed of the table kernel.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from .torques import Torque, with_force
 Array = NDArray[np.float64]
 Slice = Callable[[int, int, float], bool]
 SLICE = 0.05  # [s] between checks for Ctrl-C and progress reports
-PLAIN_ROWS = 8000  # of recursions in plain Python, before a loop is compiled, which takes seconds
+PLAIN_ROWS = 8000  # rows of recursions to run in plain Python before compiling a loop, which takes seconds
 LEAST_PLAIN = 16  # steps
 TOLERANCES = 1e-9, 1e-12  # relative and absolute, of SciPy's methods
 STEPS = 100  # in a program's first slice, whose time sets the length of the next
@@ -46,9 +46,9 @@ def run_sample(
     plan: Plan, recorder: Recorder, start: tuple[Array, Array, Array], torque: Torque,
     report: Report | None, sample: int = 0, tolerances: tuple[float, float] = TOLERANCES,
 ) -> None:  # fmt: skip
-    """Run one sample from (q, v, p) and record it; None for a report that only says what takes long.
+    """Run one sample from (q, v, p) and record it. With ``report`` None, only long waits are reported.
 
-    Raises SimulationError, KeyboardInterrupt with what is recorded.
+    Raises SimulationError, and KeyboardInterrupt with the recorded part.
     """
     if recorder.method.family is None:
         from .methods.adaptive import run_adaptive
@@ -62,7 +62,7 @@ def run_sample(
 
 
 class FixedSteps:
-    """The steps of one sample: its state, its inputs, and what takes a step."""
+    """The steps of one sample: its state, its inputs, and the functions that take a step."""
 
     def __init__(
         self, plan: Plan, recorder: Recorder, start: tuple[Array, Array, Array], torque: Torque, sample: int = 0
@@ -80,7 +80,7 @@ class FixedSteps:
         scratch = np.zeros((len(model.bodies), 6)), np.zeros((family.rows, n * (1 + family.wide)))
         self.state = State(q.copy(), (p if recorder.moves_p else v).copy(), np.zeros(n), np.zeros(model.nq), *scratch)
         asks = held_torque if torque.user is None else user_torque
-        if plan.force is not None and family is EXPLICIT:  # others evaluate forces before they ask for torques
+        if plan.force is not None and family is EXPLICIT:  # other methods evaluate forces before torques
             asks = with_force(asks, plan.force)
         self.bare = System(None, asks, torque.user, *self.data)  # all that a program needs to start and to observe
         self.now = (*self.state, recorder.at, recorder.own)
@@ -88,14 +88,14 @@ class FixedSteps:
 
     @functools.cached_property
     def _by_kernels(self) -> tuple[System, Callable[..., None]]:
-        """A System, and a step, by the kernels of the family, which take seconds to compile."""
+        """A System and a step that use the kernels of the family, which take seconds to compile."""
         step = self.recorder.method.advance
         assert step is not None
         return self.bare._replace(kernels=self.family.kernels(len(self.forces) > 0)), step
 
     @functools.cached_property
     def _by_calls(self) -> tuple[System, Callable[..., None]]:
-        """The same by calls, which compile nothing first."""
+        """A System and a step that use calls, which need no compilation."""
         step = self.recorder.method.advance
         if self.simple:
             assert step is not None
@@ -105,22 +105,22 @@ class FixedSteps:
         return self.bare._replace(kernels=steps.kernels), steps.step
 
     def _plain_steps(self, rejected: bool) -> int:
-        """How many steps are taken by calls: all where no loop may be compiled.
+        """The number of steps to take by calls: all if no loop may be compiled.
 
-        rejected  whether a program rejects some, beyond the range of its sines, or where a motion may diverge
+        rejected  whether a program rejects steps: angles beyond the range of its sines, or a motion that may diverge
         """
         if not (self.simple and (self.torque.compiled or numba_kernels.PLAIN)):
             return self.recorder.steps.total + 1
         each = len(self.recorder.model.bodies) * self.recorder.method.evaluations
-        return max(LEAST_PLAIN, PLAIN_ROWS // each) if rejected else 0  # a number: no bits depend on a clock
+        return max(LEAST_PLAIN, PLAIN_ROWS // each) if rejected else 0  # fixed, so that no bit depends on a clock
 
     def _mark(self) -> None:
-        """Save the state: Ctrl-C may come while a step changes it."""
+        """Save the state, because Ctrl-C may come while a step changes it."""
         for kept, x in zip(self.marked, self.now, strict=True):
             kept[...] = x
 
     def _take(self, first: int, count: int, h: float, plain: bool) -> None:
-        """Take steps of h and record them, by calls or by kernels. Raises SimulationError."""
+        """Take steps of h, by calls or by kernels, and record them. Raises SimulationError."""
         recorder, steps = self.recorder, self.recorder.steps
         times: tuple[Any, ...] = (first, count, steps.total, recorder.every, steps.dt, h, recorder.at, *recorder.rows)
         if not plain and self.torque.compiled:
@@ -146,7 +146,7 @@ class FixedSteps:
             raise SimulationError(failure_message(self.status, recorder.method, recorder.model, h, self.state))
 
     def run(self, report: Report | None) -> None:
-        """All steps, in slices of about SLICE seconds; as ``run_sample``."""
+        """Take all steps, in slices of about SLICE seconds; see ``run_sample``."""
         with ExitStack() as told:
             self._run(report, told)
 
@@ -164,7 +164,7 @@ class FixedSteps:
                 if at_once is not None:
                     count = slice_of(first, max(1, (odd - first) // 2) if odd else count, recorder.every)
                     if not at_once(first, count, h):
-                        odd = first + count  # the program has no answer to one of these steps: bisect for it
+                        odd = first + count  # the program rejects one of these steps: find it by bisection
                         at_once = at_once if count > 1 else None
                         continue
                 else:
@@ -191,7 +191,7 @@ class FixedSteps:
             raise
 
     def _judge(self) -> None:
-        """Raise SimulationError where an effect finds that its law is not met."""
+        """Raise SimulationError if an effect finds that its law is violated."""
         if not self.plan.judged:
             return
         recorder = self.recorder
@@ -205,8 +205,8 @@ class FixedSteps:
 
 
 def program(plan: Plan, recorder: Recorder, torque: Torque, state: State, sample: int = 0) -> Slice | None:
-    """``(first, count, h) -> done``: takes and records these steps of h and advances the state; returns False, with
-    nothing changed, if the program has no answer to one of them. None if not applicable.
+    """``(first, count, h) -> done``, which takes and records these steps of h and advances the state; it returns False,
+    with nothing changed, if the program rejects one of them. None if not applicable.
     """
     kernel = None if numba_kernels.PLAIN or torque.user is not None else plan.single
     if kernel is None:
@@ -251,7 +251,7 @@ def program(plan: Plan, recorder: Recorder, torque: Torque, state: State, sample
 
 
 def slice_of(first: int, count: int, every: int) -> int:
-    """How many of ``count`` steps to take at once: up to the next sample, or a whole number of samples."""
+    """The number of steps, of ``count``, to take at once: up to the next sample, or a whole number of samples."""
     if first % every == 0 and count >= every:
         return count - count % every
     return min(count, every - first % every)

@@ -1,9 +1,9 @@
-"""Steps that run in Python, by calls: those with effects that no program takes, and of methods that solve equations.
+"""Steps that run in Python, by calls: steps with effects that no program takes, and of methods that solve equations.
 
-Explicit methods take ``steps.advance``. Methods in momenta evaluate torques where they evaluate forces; states of a
-control law move in half a step before and half a step after theirs (Strang), each by the midpoint rule, so that both
-together have order 2, but for its clock, which is that of each stage; work is summed by the method's own stages, or by
-the trapezoidal rule.
+Explicit methods take ``steps.advance``. Methods in momenta evaluate torques where they evaluate forces. The states of a
+control law move for half a step before and half a step after the motion (Strang), each by the midpoint rule, so both
+together have order 2; only its clock is that of each stage. Work is summed by the method's own stages, or by the
+trapezoidal rule.
 """
 
 from __future__ import annotations
@@ -37,11 +37,11 @@ from .torques import forces_at
 Array = NDArray[np.float64]
 Step = Callable[[System, float, float, State], None]
 UNDER = {rattle.NAME: rattle.rattle, constrained_variational.NAME: constrained_variational.constrained_variational}
-WEIGHTS = {"implicit_midpoint": GAUSS2.b, "gauss4": GAUSS4.b, "gauss6": GAUSS6.b}  # of stages, the last torques asked
+WEIGHTS = {"implicit_midpoint": GAUSS2.b, "gauss4": GAUSS4.b, "gauss6": GAUSS6.b}  # of the stages' last torques
 
 
 class KernelSteps:
-    """The kernels of a run of one sample, which are calls, and its step.
+    """The kernels of a run of one sample, here calls, and its step.
 
     forces  (njoints, 6) external forces, written before each step; (0, 6) without any
     """
@@ -66,24 +66,24 @@ class KernelSteps:
             self.kernels = self.kernels._replace(field=self._field(self.kernels.field))
 
     def _begin(self, system: System, t: float, h: float) -> dict[str, Any]:
-        """The states carried at the beginning of a step, by name; what is given in it is set."""
+        """The states carried at the beginning of a step, by name; sets the inputs of the step."""
         given = self.plan.given(self.sample, int(self.recorder.at[0]))
         if len(self.forces):
             if self.plan.force is None:
                 self.forces[:] = given[FEXT.name]
-            given[FEXT.name] = self.forces  # of a function: in methods in momenta 0, as it acts by its torque
+            given[FEXT.name] = self.forces  # of a function: 0 in methods in momenta, where it acts by its torque
         self.at.begin(system, t)
         self.at.given.update(given, **{DT.name: h})
         views = self.recorder.states.views(self.recorder.own)
         return dict(zip(self.names, [x.copy() for x in views], strict=True))
 
     def _hold(self, system: System, q: Any, v: Any) -> None:
-        """Add the torques that are held over the step."""
+        """Add to tau the torques that are held over the step."""
         for effect in self.held:
             system.tau[:] = effect.held_torque(self.at, q, v, system.tau)
 
     def _put(self, system: System, t: float, after: Any) -> None:
-        """Write the states after a step. Raises SimulationError for one that is not finite where q and v are."""
+        """Write the states after a step. Raises SimulationError for a state that is not finite while q and v are."""
         for name, x in zip(self.names, self.recorder.states.views(self.recorder.own), strict=True):
             x[...] = after[name]
             if system.status[0] == OK and not np.isfinite(x).all():
@@ -105,7 +105,7 @@ class KernelSteps:
         return [(x.name, torque) for x, torque in made if torque is not None and x is not None]
 
     def _field(self, field: Callable[..., int]) -> Callable[..., int]:
-        """v and ṗ with the torques of effects in it."""
+        """The field of v and ṗ, with the torques of effects added."""
         if all(type(x).torque is Effect.torque for x in self.plan.effects):
             return field
         kernels = self.kernels
@@ -132,7 +132,7 @@ class KernelSteps:
         clocks: list[str] = []
 
         def given(system: System, when: float, q: Any, v: Any) -> Array:
-            """The torque of the arguments."""
+            """The torque from the arguments of the run."""
             system.tau[:] = base
             ask(system, when, q, v)
             tau: Array = system.tau.copy()
@@ -182,7 +182,7 @@ class KernelSteps:
         self._put(system, t, after)
 
     def _after_half(self, law: Any, h: float, state: State, tau: Array, own: dict[str, Any]) -> dict[str, Any]:
-        """The states of a law after half a step of theirs alone, by the midpoint rule."""
+        """The states of a law after half a step in which only they move, by the midpoint rule."""
         assert self.plan.feedback is not None
         q, v, moved = state.q.copy(), state.v.copy(), self.plan.feedback.integrated
 

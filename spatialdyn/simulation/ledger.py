@@ -1,10 +1,10 @@
-"""Where the energy of a motion goes: the work of each kind, carried as states of the run, and the ledger they make.
+"""The energy ledger of a motion: a run carries the work of each kind as a state, and the ledger adds them up.
 
     E⁺ - E = W_torque + W_friction + W_external + W_springs + W_constraints + W_projection + W_contacts + ε
 
-Each work is integrated by the method of the run, from the same values as the motion, so that ε is the method's own
-error and falls with its order. What acts as an impulse λ in a step (solved friction, contact) does the work
-½ λᵀ(u⁻ + u⁺) of the velocities u before and after it.
+The method of the run integrates each work from the same values as the motion, so ε is the method's own error and falls
+with its order. An impulse λ in a step (dry friction, contact) does the work ½ λᵀ(u⁻ + u⁺), with the velocities u before
+and after the step.
 """
 
 from __future__ import annotations
@@ -30,13 +30,13 @@ class EnergyLedger:
     """Energy and work of a motion since its first sample; N samples.
 
     t           (N,)      time [s]
-    change      (N,)      E - E(0), kinetic and potential energy; that of springs is not in it, they do work [J]
+    change      (N,)      E - E(0), kinetic and potential energy, without that of springs, which do work [J]
     work        {kind: (N, k)}  work done on the robot since the first sample [J]: "torque", "friction", "external"
                 and "springs" by freedom, "constraints" by equation, "projection" of all constraints, "contacts" by
-                point and limited joint, and what further effects do; only kinds that acted in the run
+                point and limited joint, and the work of further effects; only kinds that acted in the run
     labels      {kind: k names}
-    error       (N,)      ε = change - all work: what the integrator's steps add [J]
-    robot, method   as of the trajectory
+    error       (N,)      ε = change - all work: the energy that the integrator's steps add [J]
+    robot, method   those of the trajectory
     """
 
     t: Array
@@ -64,7 +64,7 @@ class EnergyLedger:
         ax    two Matplotlib axes to draw into
         path  a file to write
 
-        Raises  SpatialDynError for another kind, another number of axes, a file that cannot be written, or where
+        Raises  SpatialDynError for another kind, another number of axes, a file that cannot be written, or if
                 matplotlib is not installed.
         """
         from ..pictures.ledger_plots import plot_ledger
@@ -82,9 +82,9 @@ def energy_ledger(trajectory: Trajectory) -> EnergyLedger:
                 labels
 
     Ideal constraints that do not depend on time do no work: W_constraints is 0 to the order of the method. With
-    ``stabilization`` it includes the corrections; otherwise the projections after each step are listed apart. Friction
-    takes energy: W_friction of a joint falls, except while bristles give energy back and in a step in which the motion
-    reverses. Contact takes energy too, except where a point comes out of the ground.
+    ``stabilization`` it includes the corrections; otherwise the projections after each step are listed separately.
+    Friction takes energy: W_friction of a joint falls, except while bristles give energy back and in a step in which
+    the motion reverses. Contact takes energy too, except when a point comes out of the ground.
 
     Returns EnergyLedger.
     Raises  SimulationError for a trajectory that recorded no work.
@@ -113,7 +113,7 @@ def energy_ledger(trajectory: Trajectory) -> EnergyLedger:
 
 
 def _labels(kind: str, shape: tuple[str | int, ...], count: int, run: Trajectory) -> tuple[str, ...]:
-    """Names of the columns of a kind, of a state of that shape, by the scene of the run; numbers without one."""
+    """Names of the columns of a kind whose state has this shape, from the scene of the run; numbers without one."""
     names: Sequence[str] = ()
     if shape == works.TORQUE.shape and run.model is not None:
         names = _freedoms(run.model)

@@ -1,8 +1,8 @@
-"""A step of a method in momenta, recorded: its equations are solved by a region of the program, sample by sample.
+"""A recorded step of a method in momenta: a region of the program solves its equations, sample by sample.
 
-Beside q and p a run carries what the method keeps from step to step (``kept``): canonical coordinates and their charts,
-the remainder of the compensated sum, increments from which the next ones are guessed. Where equations are not solved
-the state after the step is NaN: such a sample is left to the kernels, which find what is wrong.
+Beside q and p a run carries the arrays that the method keeps from step to step (``kept``): canonical coordinates and
+their charts, the remainder of the compensated sum, and increments from which the next ones are guessed. If equations
+are not solved, the state after the step is NaN: kernels then run this sample and find the error.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ STAGES = {"implicit_midpoint": 1, "gauss4": 2, "gauss6": 3}
 
 @lru_cache(maxsize=16)
 def kept(method: str) -> tuple[Argument, ...]:
-    """What a method keeps from step to step."""
+    """The arrays that a method keeps from step to step."""
     if integrators[method].family is DISCRETE:
         return (Argument("displacements", (2, "nv"), "rad | m", "of the last two steps"),)
     if method in STAGES:
@@ -71,13 +71,13 @@ def rows_kept(method: str) -> list[slice | None]:
 
 
 def places(method: str, state: State) -> list[Any]:
-    """Where a State has what the method keeps, each as one row: views."""
+    """Views of a State's arrays that the method keeps, each as one row."""
     centres = state.by_row[: len(state.w) + 1]
     return [(centres if at is None else state.work[at]).reshape(-1) for at in rows_kept(method)]
 
 
 def begun(model: Model, method: str, q: Array, p: Array) -> list[Array]:
-    """What the method keeps, of samples that begin in states q (n, nq) and p (n, nv): (n, columns) each."""
+    """The arrays (n, columns) that the method keeps, for samples that begin in states q (n, nq) and p (n, nv)."""
     n, nv = len(q), model.nv
     if integrators[method].family is DISCRETE:
         return [np.zeros((n, 2 * nv))]
@@ -121,7 +121,7 @@ def momenta_specs(method: str, acting: tuple[Effect, ...] = (), forced: bool = T
 
 
 def _end(system: System, t: Any, s: Sweeps, y: Any) -> None:
-    """y is NaN where the iteration has failed."""
+    """Set y to NaN if the iteration has failed."""
     change = s.change[0]
     solved = select(s.left[0], select(change - SETTLED, s.still[0], 1.0), select(LARGEST - change, 1.0, 0.0))
     for i in range(len(y)):

@@ -1,6 +1,6 @@
-"""``Plan``: what a run is made of, from its scene, method and control law, for all that runs it.
+"""``Plan``: the parts of a run, made of its scene, method and control law.
 
-What is known from scene and method alone is kept with the scene: a run that is like an earlier one begins at once.
+The scene keeps what depends on scene and method alone: a run that is like an earlier one begins at once.
 """
 
 from __future__ import annotations
@@ -43,14 +43,14 @@ OBSERVED = {"v": ("momentum", "kinetic_energy", "potential_energy"), "p": ("velo
 
 
 class Way(NamedTuple):
-    """A method of a scene, and whether a step of it may be too long to be stable."""
+    """A method of a scene, and whether its steps may be too long to be stable."""
 
     method: Method
     bounded: bool
 
 
 def way_of(scene: Scene, method: Any) -> Way:
-    """The method of a run, None for that of the scene. Raises SpatialDynError, SimulationError."""
+    """The method of a run, for None the scene's. Raises SpatialDynError, SimulationError."""
     kept = scene._plans.get(method) if method is None or isinstance(method, str) else None
     if kept is None:
         name = check_method(scene, scene.method if method is None else method, integrators)
@@ -63,9 +63,9 @@ def way_of(scene: Scene, method: Any) -> Way:
 class Plan:
     """A run.
 
-    scene    what acts
+    scene    Scene
     method   name of the method
-    effects  what acts in this run, its control law among them
+    effects  the effects of this run, including its control law
     works    whether work is recorded
     force    external forces of a run that are a function of (t, q, v); their effect holds its last value
     """
@@ -78,7 +78,7 @@ class Plan:
 
     @cached_property
     def model(self) -> Model:
-        """Of the scene."""
+        """The model of the scene."""
         return self.scene.model
 
     @cached_property
@@ -88,12 +88,12 @@ class Plan:
 
     @cached_property
     def table(self) -> JointTable:
-        """The joints, as kernels take them."""
+        """The table of joints for kernels."""
         return joint_table(self.model)
 
     @cached_property
     def units(self) -> Array:
-        """Of the model."""
+        """The units of the model."""
         return units(self.model)
 
     @cached_property
@@ -108,7 +108,7 @@ class Plan:
 
     @cached_property
     def contact(self) -> Contact | None:
-        """What acts by impulses."""
+        """The effect that acts by impulses."""
         return find(self.effects, Contact)
 
     @cached_property
@@ -135,12 +135,12 @@ class Plan:
 
     @cached_property
     def tables(self) -> tuple[Any, ...]:
-        """Static inputs of a step, in their order."""
+        """The static inputs of a step, in order."""
         return tuple(x for effect in self.effects for x in effect.tables)
 
     @cached_property
     def values(self) -> dict[str, Array]:
-        """(samples or 1, steps or 1, columns) of the other inputs, in their order, but for dt and tau."""
+        """{name: (samples or 1, steps or 1, columns)} of the other inputs, in order, without dt and tau."""
         return {name: x for effect in self.effects for name, x in effect.values.items()}
 
     @cached_property
@@ -150,12 +150,12 @@ class Plan:
 
     @cached_property
     def bare(self) -> bool:
-        """Whether nothing acts but torques and constant forces, so that a loop may be compiled as it is."""
+        """Whether only torques and constant forces act, so that a loop may be compiled as it is."""
         return self.force is None and not self.works and all(x.work is work.EXTERNAL for x in self.effects)
 
     @cached_property
     def _cores(self) -> dict[str, tuple[int, ...]]:
-        """Shapes of the inputs that are no tables."""
+        """Shapes of the inputs that are not tables."""
         tables = [x for x in self.tables if hasattr(x, "sizes")]
         inputs = (x for effect in self.effects for x in effect.inputs if x.name in self.values)
         return {x.name: core_shape(self.model, x, tables) for x in inputs}
@@ -175,15 +175,15 @@ class Plan:
         return tuple(x for x in self.effects if type(x).failure is not Effect.failure)
 
     def failure(self, states: dict[str, Array], dt: float, t: float) -> str:
-        """What is wrong with the steps until t, by states (flat) after them; "" if nothing is."""
+        """The error in the steps until t, found from the states (flat) after them; "" without one."""
         return next((reason for x in self.judged if (reason := x.failure(states, dt, t))), "")
 
     # --- programs ---------------------------------------------------------------------------------------
 
     @cached_property
     def is_program(self) -> bool:
-        """Whether a step may be a program: without callables, of few equations and points; of a method in momenta, if
-        nothing but torques and forces acts.
+        """Whether a step may be a program: it has no callables and few equations and points; in a method in momenta
+        only torques and forces act.
         """
         if self.method not in EXPLICIT_METHODS:
             return self.integrator.family is not None and self.bare and self.constrained is None
@@ -193,7 +193,7 @@ class Plan:
 
     @cached_property
     def step_values(self) -> list[Array]:
-        """(samples or 1, steps or 1, columns) of the inputs of a program behind dt and tau, in their order."""
+        """(samples or 1, steps or 1, columns) of the inputs of a program after dt and tau, in order."""
         momenta = () if self.method in EXPLICIT_METHODS else (self.units[None, None],)
         return [*self.values.values(), *momenta]
 
@@ -206,13 +206,13 @@ class Plan:
         self, works: tuple[Argument, ...] = (), forced: bool = True, dtype: Any = np.float64, one: bool = True,
         common: tuple[int, ...] = (),
     ) -> Any:  # fmt: skip
-        """The kernel of a step; None for a robot too long for a program. As of ``step_specs`` and ``batch_kernels``."""
+        """The kernel of a step; None if the robot is too long for a program. See ``step_specs``, ``batch_kernels``."""
         parts = self.method, self.structure, works, self.tables, forced, np.dtype(dtype), one, common
         return _kernel(self.model, *parts)
 
     @cached_property
     def observed(self) -> dict[str, Specialized]:
-        """Calls on samples by what is given beside q: as programs, so that bits do not depend on their number."""
+        """Calls on samples of q and v or q and p: programs, so that no bit depends on the number of samples."""
         moves = ("v", "p") if self.integrator.family is not None and self.integrator.family.moves == "p" else ("v",)
         return {given: _specialized(self.model, OBSERVED[given]) for given in moves}
 
@@ -234,7 +234,7 @@ def _kernel(
 def specs_of_step(
     method: str, effects: tuple[Effect, ...], works: tuple[Argument, ...], forced: bool
 ) -> tuple[Spec, ...]:
-    """Specs of the states after a step of any method, see ``step_specs``."""
+    """Specs of the states after a step of any method; see ``step_specs``."""
     if method in EXPLICIT_METHODS:
         return step_specs(method, effects, works, forced)
     return momenta_specs(method, effects, forced)
@@ -249,11 +249,11 @@ def _specialized(model: Model, names: tuple[str, ...]) -> Specialized:
 
 
 class Inputs(NamedTuple):
-    """What a run has beside its scene and states.
+    """The inputs of a run beside its scene and states.
 
-    fext      (samples or 1, steps or 1, njoints, 6) external forces beside those of the scene, None for none
-    force     external forces as a function of (t, q, v), None for none
-    feedback  its control law, None for none
+    fext      (samples or 1, steps or 1, njoints, 6) external forces beside those of the scene; None without any
+    force     external forces as a function of (t, q, v); None without any
+    feedback  the control law; None without one
     """
 
     fext: Any = None
@@ -264,16 +264,16 @@ class Inputs(NamedTuple):
 def plan_of(
     scene: Scene, method: str, start: tuple[Array, Array], dt: float, works: bool, records: bool, inputs: Inputs
 ) -> Plan:
-    """The plan of a run from states q (..., nq), v (..., nv) in fixed steps of dt, 0 for none.
+    """The plan of a run from states q (..., nq), v (..., nv) in fixed steps of dt; 0 if steps are not fixed.
 
     works, records  whether work is recorded, and impulses of contacts
 
-    Raises  for a start that does not meet the constraints, or in the ground
+    Raises  for a start that violates the constraints, or is in the ground
     """
     constrained = None if scene.constraints is None else constrained_of(scene, *start, dt)
     if scene.contacts is not None or scene.limits:
         check_start(scene, start[0])
-    own = all(x is None for x in inputs)  # nothing but what belongs to the scene
+    own = all(x is None for x in inputs)  # nothing acts beyond the scene
     key = method, works, records, None if constrained is None else constrained.rank.tobytes()
     known = scene._plans.get(key) if own else None
     if known is None:
@@ -288,7 +288,7 @@ def plan_of(
 
 
 def forces_of(scene: Scene, fext: Any) -> Any:
-    """Rows (samples or 1, steps or 1, 6 njoints) of forces (..., njoints, 6) of scene and run, None for none."""
+    """Rows (samples or 1, steps or 1, 6 njoints) of the forces (..., njoints, 6) of scene and run; None without any."""
     if fext is None and scene.fext is None:
         return None
     if fext is None:

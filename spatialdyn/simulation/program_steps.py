@@ -1,9 +1,9 @@
-"""Steps by one program, of many samples side by side; ``fixed_steps`` has that of one sample on one lane.
+"""Steps of many samples side by side by one program; ``fixed_steps`` runs one sample on one lane.
 
-Whether there is a program depends on the robot, what acts, the method and the kind of torque, never on the number of
-steps or samples: it runs from the first step on if there is one, with the same bits for one and for many. From the
-first step to which it has no answer (an angle beyond its range, a state that is not finite) the recursions run, a few
-steps in plain Python, then as table kernels.
+Whether there is a program depends on the robot, the effects, the method and the kind of torque, never on the number of
+steps or samples: if there is one, it runs from the first step on, with the same bits for one sample and for many. From
+the first step that it rejects (an angle beyond its range, a state that is not finite) the recursions run: a few steps
+in plain Python, then table kernels.
 """
 
 from __future__ import annotations
@@ -36,8 +36,8 @@ Array = NDArray[Any]
 def on_lanes(
     plan: Plan, states: Sequence[Array], tau: Array | None, records: Sequence[Array], steps: tuple[float, int, int]
 ) -> NDArray[np.intp] | None:
-    """Run samples side by side through all steps, and write records; returns those without an answer. None if not
-    applicable.
+    """Run samples side by side through all steps and write records; returns the samples that the program rejects, or
+    None if not applicable.
 
     The arguments are those of ``driver.run_samples``.
     """
@@ -53,7 +53,7 @@ def on_lanes(
         return None if recorded is None else time_loop.replay(recorded, states, given, records, total, every)
     dtype = records[0].dtype if in_range(model, states[0][0], records[0].dtype) else np.dtype(np.float64)
     common: tuple[int, ...] = ()
-    if plan.feedback is not None:  # gains and paths, of hundreds of numbers, that all samples share
+    if plan.feedback is not None:  # gains and paths of hundreds of numbers, shared by all samples
         others = [k for k, x in enumerate(given) if len(x) == 1]
         common = tuple(len(states) + k for k in others)
         if not all(np.isfinite(given[k]).all() for k in others):
@@ -74,7 +74,7 @@ def on_lanes(
 def _in_momenta(
     plan: Plan, states: Sequence[Array], tau: Array | None, records: Sequence[Array], steps: tuple[float, int, int]
 ) -> NDArray[np.intp] | None:
-    """The same by a method in momenta, in float64: its equations are solved to rounding."""
+    """``on_lanes`` for a method in momenta, in float64: its equations are solved to rounding."""
     (dt, total, every), model = steps, plan.model
     kernel = None if numba_kernels.PLAIN else plan.kernel((), tau is not None, np.float64, False)
     if kernel is None or not records[0].size:
@@ -89,7 +89,7 @@ def _in_momenta(
         left = time_loop.run(kernel, [q, p, *begun(model, plan.method, q, p)], inputs, made, total, every)
         done = np.setdiff1d(np.arange(len(sound)), left)
         made[1][done] = calls["velocity_from_momentum"](model, made[0][done], made[1][done])
-    except SpatialDynError:  # of a sample, which a run of its own names
+    except SpatialDynError:  # of one sample; a run of that sample alone names it
         return None
     with np.errstate(over="ignore"):
         for x, y in zip(records, made, strict=True):

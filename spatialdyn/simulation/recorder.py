@@ -1,4 +1,4 @@
-"""The steps of a simulation, the samples recorded of them, and whether their energy says that it has diverged."""
+"""The steps of a simulation, its recorded samples, and the check of their energy for divergence."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ from .states import RunStates
 from .trajectory import Trajectory
 
 Array = NDArray[np.float64]
-FIT = 1e-9  # relative: a ratio duration / dt this near a whole number is that number
-ROUNDING = 1e-9  # of the largest |V|: the least scale, above rounding
+FIT = 1e-9  # relative: a ratio duration / dt this near a whole number counts as whole
+ROUNDING = 1e-9  # relative to the largest |V|: the smallest scale of energy, above rounding
 EXPLODED = 100.0  # times the scale; explicit Euler gains 32 on a pendulum in 1000 steps of 0.1 s
 FAST = np.pi  # rad, or lengths of the robot, per step: a joint that moves farther has diverged
 
@@ -36,7 +36,7 @@ class Steps:
 
     @classmethod
     def of(cls, duration: float, dt: float) -> Steps:
-        """The steps of a duration. Raises SpatialDynError for one that is negative or not finite, or dt <= 0."""
+        """The steps of a duration. Raises SpatialDynError for dt <= 0, or a duration negative or not finite."""
         for name, x, sense in (("duration", duration, "of 0 or more"), ("dt", dt, "above 0")):
             number = as_number(x)
             if not 0.0 <= number < math.inf or (name == "dt" and number == 0.0):
@@ -66,10 +66,10 @@ class Recorder:
     """The arrays of samples, and the Trajectory made of them.
 
     at     (2,)  steps done, samples written
-    t      times of all samples, those to come included [s]
+    t      times of all samples, including those to come [s]
     rows   arrays of q, of v or p, and of tau
-    plan   what acts
-    states, own, own_rows  the states carried beside q and v, their row now, and their rows of samples
+    plan   Plan of the run
+    states, own, own_rows  the states carried beside q and v, their present row, and their rows of samples
     split  kinetic and potential energy of the samples of the last ``trajectory`` [J]
     """
 
@@ -102,7 +102,7 @@ class Recorder:
         self.at[1] += 1
 
     def end(self, t: float, q: Array, w: Array, tau: Array) -> None:
-        """Write the state in which an interrupted simulation stopped, unless it is the last sample."""
+        """Write the state at which an interrupted simulation stopped, unless it is the last sample."""
         row = int(self.at[1])
         if row < len(self.t) and t > self.t[row - 1]:
             self.t[row] = t
@@ -116,7 +116,7 @@ class Recorder:
         return [q, v, *(self.own_rows[:n, at] for at in self.states.slices)]
 
     def trajectory(self, control: Control | None = None, interrupted: bool = False) -> Trajectory:
-        """The samples so far; computes v from the recorded p, or p from v, and a law's torques, of all at once."""
+        """The samples so far; computes p from v, or v from p, and a law's torques, for all samples at once."""
         n, model = int(self.at[1]), self.model
         q, w, tau = (rows[:n].copy() for rows in self.rows)
         observed = self.plan.observed
@@ -140,7 +140,7 @@ class Recorder:
 
 
 def _of_samples(calls_of: Specialized, *arrays: Array) -> list[Array]:
-    """Calls on all samples; NaN where the result of a finite state is not finite."""
+    """Results of calls on all samples; NaN where the result for a finite state is not finite."""
     n = len(arrays[0])
     made = results_of_rows(calls_of, arrays)
     if made is not None:
@@ -165,7 +165,7 @@ def _alone(model: Model, name: str, q: Array, w: Array) -> Array:
 
 
 def scale_of(T: Array, V: Array) -> Array:
-    """(N,) scale of the energy of an undriven motion up to each sample: the initial T plus the largest change of V [J].
+    """Scale (N,) of the energy of an undriven motion up to each sample: initial T plus the largest change of V [J].
 
     T, V  (N,)  kinetic and potential energy [J]
     """
@@ -175,12 +175,11 @@ def scale_of(T: Array, V: Array) -> Array:
 
 
 def exploded(t: Array, v: Array, T: Array, V: Array, drive: Array, steps: NDArray[np.int64]) -> int | None:
-    """The first sample whose energy has risen by EXPLODED times the sum of its scale and the torques' work; None if
-    none has.
+    """The first sample whose energy has risen by EXPLODED times the sum of its scale and the torques' work, or None.
 
     t, v      times and velocities of the samples
     drive     (nv,)  largest |torque| of each joint
-    steps     (N,)   steps before each sample; the first step is not judged, as explicit Euler moves v in it and not q
+    steps     (N,)   steps before each sample; the first step is not judged, because explicit Euler moves v but not q
     """
     with np.errstate(all="ignore"):
         work = (np.maximum.accumulate(abs(v), axis=0) @ drive) * (t - t[0])

@@ -1,4 +1,4 @@
-"""What ``rollout`` gives: the states of many motions."""
+"""``Rollout``, the result of ``rollout``: the states of many motions."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ class Rollout:
     v         (B, T, nv)  joint velocities [rad/s | m/s], likewise
     t         (T,)        times of the records [s]; () for "last"
     model     the Model
-    states    {name: (B, T, ...)}  states that it carried beside q and v, likewise: "bristles" (nv) of LuGre friction
-              [rad | m], those of a control law
+    states    {name: (B, T, ...)}  states carried beside q and v, likewise: "bristles" (nv) of LuGre friction [rad | m],
+              states of a control law
     contacts  ContactRecord of these states, likewise; None unless asked for
     scene, method   the Scene, and the name of the method
     """
@@ -44,14 +44,14 @@ class Rollout:
 
     @property
     def bristles(self) -> Array | None:
-        """Deflections (B, T, nv) of the bristles of LuGre friction [rad | m]; None without any."""
+        """Deflections (B, T, nv) of the bristles of LuGre friction [rad | m]; None without bristles."""
         return self.states.get("bristles")
 
     @property
     def cost(self) -> Array:
-        """The sums (B,) of a ``Cost`` over the steps, with an axis T of records unless "last".
+        """The sums (B,) of a ``Cost`` over the steps; with an axis T of records unless "last".
 
-        Raises SimulationError of a rollout without one.
+        Raises SimulationError for a rollout without a cost.
         """
         if "cost" not in self.states:
             raise SimulationError("the rollout has no cost, expected the argument cost")
@@ -59,7 +59,7 @@ class Rollout:
 
     @property
     def end(self) -> dict[str, Any]:
-        """The last states as arguments q0, v0 and states of ``rollout``, which goes on from there.
+        """The last states as arguments q0, v0 and states of ``rollout``, to continue the run.
 
         Raises SimulationError for a rollout without steps.
         """
@@ -93,12 +93,12 @@ class Rollout:
 
         what    "q" or "v"
         joints  names of joints, by default all
-        sample  number of a sample to draw beside them
+        sample  number of a sample to draw as well
         ax      Matplotlib axes to draw into, one for each panel
         path    a file to write, by its ending PNG, SVG, PDF, ...
 
         Samples that are not finite are left out, and counted in the title.
-        Raises  SpatialDynError for another name, sample or ending, a rollout that recorded "last" alone, and where
+        Raises  SpatialDynError for another name, sample or ending, a rollout that recorded "last" alone, and if
                 matplotlib is not installed; ModelError for an unknown joint.
         """
         from ..pictures.rollout_plots import plot_rollout

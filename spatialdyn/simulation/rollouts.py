@@ -1,7 +1,7 @@
-"""Many simulations at once: a step of a method of ``explicit`` is traced into a program, which runs on SIMD lanes.
+"""Many simulations at once: a step of a method of ``explicit`` is recorded as a program, which runs on SIMD lanes.
 
-A step is recorded as any recursion is. The loop over the steps is compiled too: it takes one register of samples after
-another through all steps, their states in the first-level cache.
+The loop over the steps is compiled too: it takes one register of samples after another through all steps, with their
+states in the first-level cache.
 """
 
 from __future__ import annotations
@@ -64,42 +64,43 @@ def rollout(
     dt      step [s]
     steps   T; needed if neither tau nor a value of control has an axis T
     method  "semi_implicit_euler", which takes every scene, or another of ``scene.methods``, as in ``simulate``; None
-            for ``scene.method``. Those that adapt their steps, and methods in momenta where more acts than torques
-            and ``fext``, take one sample after another
-    record  1 for the state after every step, k after every k-th, "last" for the last alone (of no steps, the first);
-            left out, 1, or "last" with a cost. "contacts", or (k, "contacts"), records impulses, gaps and residuals
+            for ``scene.method``. Methods with adaptive steps, and methods in momenta if more acts than torques and
+            ``fext``, run one sample after another
+    record  1 for the state after every step, k for every k-th, "last" for the last alone (with no steps, the first);
+            by default 1, or "last" with a cost. "contacts", or (k, "contacts"), records impulses, gaps and residuals
     dtype   float64, or float32: faster, with errors of some 1e-6 a step; numbers below its range, 1e-38, are flushed to
             0, and robots with inertias outside 1e-18 to 1e18 (kg, kg m²) are computed in float64
-    check   whether states that are not finite, and friction or contacts that are not solved, are errors; if not, they
-            are returned. Also whether to warn of a law of the library that is too stiff for dt, as in ``simulate``
+    check   whether states that are not finite, and friction or contacts that are not solved, are errors; if not, such
+            states are returned. Also whether to warn of a law of the library that is too stiff for dt, as ``simulate``
     control  a Control, whose torque is added to tau; its values may have axes of samples and steps
-    states   {name: (B, ...) or (...)}  initial states beside q and v, those of the control law and "bristles"; those
-             left out start as their Spec says
+    states   {name: (B, ...) or (...)}  initial states beside q and v, those of the control law and "bristles"; states
+             left out start with the values in their Spec
     cost     a Cost, summed over the steps: ``run.cost`` (B,). By default only the last state is then recorded; with
-             ``record`` the sums so far are recorded too
+             ``record`` the partial sums are recorded too
     fext     (T, njoints, 6) or (B, T or 1, njoints, 6)  external forces that vary, held over each step, in addition to
              those of the scene; on each joint's body, in the joint's frame [N | N m]
 
-    device   "cuda": q0, v0, tau and fext are arrays of PyTorch, CuPy or JAX on a GPU, of this dtype, and so is what the
-             Rollout holds; one thread runs a sample, with the bits of lanes. For methods and scenes that run on lanes
+    device   "cuda": q0, v0, tau and fext are arrays of PyTorch, CuPy or JAX on a GPU, of this dtype, and so are the
+             arrays of the Rollout; each thread runs a sample, with the bits of lanes. For methods and scenes that run
+             on lanes
 
-    Samples run side by side on SIMD lanes, except in scenes with more than 36 equations of constraints, 12 contact
-    points, or, with dry joints or constraints beside the contacts, 36 impulses (three per point, one per joint): there
-    one sample runs after another. Constraints need float64. Coefficients of friction and contacts are inputs of the
-    program: changing them compiles nothing.
+    Samples run side by side on SIMD lanes. In scenes with more than 36 equations of constraints, 12 contact points, or,
+    with dry joints or constraints beside the contacts, 36 impulses (three per point, one per joint), one sample runs
+    after another. Constraints need float64. Coefficients of friction and contacts are inputs of the program: changing
+    them compiles nothing.
     The first use for a model, method and kind of input compiles a program (0.1 s to a few seconds) and caches it.
 
     Returns a Rollout, which unpacks as (q, v).
     Raises
         ShapeError for shapes that do not match
         SimulationError for an invalid dt, steps, record, dtype or method, and for a state or cost that is not finite,
-            naming the sample and the time; for friction as ``simulate``, and where check finds Coulomb's law violated
-            by more than 0.01 rad/s or m/s, or a contact's, naming sample, time and point; TypeError naming the Spec of
-            a law or cost that cannot be recorded
+            naming the sample and the time; for friction as ``simulate``; with check, if friction or a contact violates
+            Coulomb's law by more than 0.01 rad/s or m/s, naming sample, time and point
+        TypeError naming the Spec of a law or cost that cannot be recorded
         InertiaError naming a joint with zero articulated inertia
         ConfigurationError naming a joint whose quaternion or (cos, sin) is not of norm 1 within 1e-6
-        ConstraintError for a start that does not meet the constraints; SimulationError naming sample, time and
-            constraints where they contradict each other or their rank changes
+        ConstraintError for a start that violates the constraints; SimulationError naming sample, time and constraints
+            if constraints contradict each other or their rank changes
         KeyboardInterrupt at Ctrl-C, checked between slices of samples and steps; no bit depends on the slices
 
     >>> import numpy as np, spatialdyn as sd
@@ -137,7 +138,7 @@ def rollout(
     feedback = None if control is None else Feedback.of(control, model, B, T)
     forces = (
         fext_rows if given is None or fext_rows is None else fext_rows[:1, :1]
-    )  # zeros that stand for what is there
+    )  # zeros in place of the inputs that are given
     plan = plan_of(scene, method, (start[0], start[1]), fixed, False, kept, Inputs(forces, None, feedback))
     initial = plan.unstarted if states is None else run_states(model, plan.states, plan.tables, states, B)
     now = [np.ascontiguousarray(np.broadcast_to(x, (B, x.shape[1]))) for x in (*start, *initial.starts)]
@@ -212,7 +213,7 @@ def _inputs(
     model: Model, q0: ArrayLike, v0: ArrayLike, given: tuple[Any, Any], control: Control | None, steps: int | None,
     rows_of: Callable[..., Array],
 ) -> tuple[list[Array], tuple[int, int], tuple[Array | None, Array | None]]:  # fmt: skip
-    """States at the beginning, samples and steps, and by ``rows_of`` rows of tau and fext. Raises ShapeError."""
+    """States at the beginning; numbers of samples and steps; rows of tau and fext by ``rows_of``. Raises ShapeError."""
     tau, fext = given
     arrays: dict[str, tuple[Array, tuple[int, ...]]] = (
         {} if tau is None else {"tau": (as_array("tau", tau), (model.nv,))}
@@ -253,7 +254,7 @@ def _check_lanes(scene: Scene, number: np.dtype[Any]) -> None:
 
 
 def _steps(steps: int | None, lengths: dict[str, int]) -> int:
-    """T from the argument and from the axes of inputs, by name. Raises ShapeError if they differ."""
+    """T from the argument ``steps`` and the axes of inputs, by name. Raises ShapeError if they differ."""
     if steps is not None and _is_number(steps) and steps >= MOST_STEPS:
         raise SimulationError(f"steps is {literal(steps)}, expected fewer than 2^53")
     if steps is not None and not (_is_number(steps) and math.isfinite(steps) and steps == int(steps) and steps >= 0):
@@ -293,7 +294,7 @@ def _shape_of_rows(name: str, x: Array, core: tuple[int, ...], B: int, T: int) -
 
 
 def _of_contacts(record: Any) -> tuple[bool, Any]:
-    """Whether "contacts" is among what is recorded, and the rest of the argument ``record``."""
+    """Whether ``record`` contains "contacts", and the rest of this argument."""
     asked = [*record] if isinstance(record, (tuple, list)) else [record]
     rest = [x for x in asked if not (isinstance(x, str) and x == "contacts")]
     if not asked or len(rest) > 1:
@@ -305,5 +306,5 @@ def _every(record: Any, steps: int) -> int:
     if isinstance(record, str) and record == "last":
         return max(1, steps)
     if isinstance(record, (int, np.integer)) and not isinstance(record, bool) and record >= 1:
-        return min(int(record), steps + 1)  # more have no sample either
+        return min(int(record), steps + 1)  # a larger one records no further sample
     raise SimulationError(f'record is {literal(record)}, expected a whole number of steps or "last"')

@@ -1,6 +1,6 @@
 """``simulate`` and ``hamilton_simulation``: they check arguments, run the time loop, return a Trajectory.
 
-Ctrl-C and errors carry what has been recorded.
+Ctrl-C and errors carry the samples recorded so far.
 """
 
 from __future__ import annotations
@@ -66,35 +66,36 @@ def simulate(
     """The motion of a robot from (q0, v0) over a duration, in steps of dt (the last one shorter if they do not fit).
 
     scene     Scene: the robot and what acts on it; a Model is a scene on which nothing else acts
-    q0        (nq,)  joint positions [rad | m]; they have to satisfy the constraints, the ground and the limits that act
+    q0        (nq,)  joint positions [rad | m]; they must satisfy the constraints, the ground and the limits that act
     v0        (nv,)  joint velocities [rad/s | m/s]
     duration  [s]
     dt        [s]
-    method    None: ``scene.method``, rk4 where all forces are smooth, semi_implicit_euler where impulses act; the
-              result names it. Or one of ``scene.methods``; ``integrators`` says what each costs and preserves:
+    method    None: ``scene.method``, rk4 if all forces are smooth, semi_implicit_euler if impulses act; the result
+              names it. Or one of ``scene.methods``; ``integrators`` lists their costs and invariants:
               explicit_euler, semi_implicit_euler, velocity_verlet, rk4  in (q, v), explicit, not symplectic
               symplectic_euler, stormer_verlet, implicit_midpoint, gauss4, gauss6, variational  symplectic, implicit;
               under constraints of positions stormer_verlet is RATTLE
               dop853, radau  SciPy's, with steps adapted to rtol and atol; dt is then the spacing of samples
     torque    joint torques [N m | N]: None for zero, (nv,), (steps, nv) each held over its step, a Python function
               ``f(t, q, v) -> tau`` or ``f(t, q, v, tau)`` that writes tau, or an ``@njit`` function of the latter kind,
-              which never leaves compiled code. A function is called where the method needs it, and once more for every
-              recorded sample
+              which compiled loops call directly. A function is called whenever the method needs it, and once more for
+              every recorded sample
     record    k records every k-th step; by default every step of up to 10 000, else at most 10 000 evenly spaced ones.
-              The first and the last state are always recorded. "work", or (k, "work"), records the work of all that
-              acts, states that the method integrates with the motion: ``energy_ledger``. "contacts" records impulses,
-              gaps and residuals, ``trajectory.contacts``
-    progress  True for a bar (needs rich), or a function of the number of steps done and their total
+              The first and the last state are always recorded. "work", or (k, "work"), records the work of all effects,
+              which the method integrates with the motion: ``energy_ledger``. "contacts" records impulses, gaps and
+              residuals, ``trajectory.contacts``
+    progress  True for a progress bar (needs rich), or a function of the number of steps done and their total
     rtol, atol  tolerances of dop853 and radau
     control   a ``Control``: a law whose torque is added to ``torque``, with states of its own. If a law of the library
-              is too stiff for dt, so that errors grow in an explicit step which the motion itself damps, one warning
-              names the joint (PD: where ω h is 2 √(1 + ζ²) - 2 ζ or more, ``largest_step``); also over the period of a
-              law that is held for one
+              is too stiff for dt, so that an explicit step amplifies errors that the motion itself damps, one warning
+              names the joint (PD: if ω h is 2 √(1 + ζ²) - 2 ζ or more, ``largest_step``). A law that is held for a
+              period is checked over this period
     states    {name: array}  states beside q and v at the beginning: of the control law, "bristles" and, if recorded,
-              work. Those left out start as their Spec says; ``Trajectory.end`` has those of a run that is to go on
+              work. States left out start with the values in their Spec; ``Trajectory.end`` has the states to continue a
+              run
     fext      external forces that vary, beside those of the scene: (steps, njoints, 6), each held over its step, or a
-              function ``f(t, q, v) -> (njoints, 6)``, called where the method needs forces; each joint's body in the
-              joint's frame [N | N m]
+              function ``f(t, q, v) -> (njoints, 6)``, called whenever the method needs forces; they act on each joint's
+              body, in the joint's frame [N | N m]
 
     Quaternion, floating, planar and (cos, sin) joints move on their group. Ω is the symplectic form in the canonical
     coordinates (x, π) of charts (``canonical_coordinates``), which are (q, p) where v = q̇. A method in (q, v) that
@@ -102,16 +103,15 @@ def simulate(
     The velocity of a floating base is in its own frame. ``semi_implicit_euler`` turns it with the body after forces and
     impulses are known: a ball that rolls keeps its speed, and momenta of a free body are of order 2; ``explicit_euler``
     turns it to order 1 only. Explicit methods refuse a dt at which springs or smooth friction are unstable. The
-    recorded ``tau`` leaves springs out; with motors it is the commanded one.
+    recorded ``tau`` does not include springs; with motors it is the commanded torque.
     In methods in momenta, states of a law that have rates are integrated for half a step before and half a step after
-    the motion, to order 2, but for a clock, which is that of each stage. Work is integrated as the motion is; in
-    methods in momenta by their stages, or the trapezoidal rule. Explicit methods, and those in momenta where
-    nothing but tau and fext acts, step a robot by one program if neither torque nor fext is a function and the
-    robot is short enough: its freedoms times the evaluations of ``integrators`` at most 128. The program is
-    compiled once per scene and method, which takes longer the more joints and stages there are, and
-    cached on disk. All else runs in the table kernel, or, with effects, and in momenta with a function, in Python.
-    This choice, and so every bit of the result, depends neither on the number of steps nor, except for SciPy's
-    methods, on the number of samples in a ``rollout``.
+    the motion, to order 2; only a clock is that of each stage. Work is integrated as the motion is; in methods in
+    momenta by their stages, or the trapezoidal rule. Explicit methods, and methods in momenta if only tau and fext act,
+    step a robot by one program if neither torque nor fext is a function and the robot is short enough: its freedoms
+    times the evaluations of ``integrators`` are at most 128. The program is compiled once per scene and method, which
+    takes longer with more joints and stages, and cached on disk. Other runs use the table kernel or, with effects, and
+    in momenta with a function, Python. This choice, and so every bit of the result, depends neither on the number of
+    steps nor, except for SciPy's methods, on the number of samples in a ``rollout``.
 
     Returns Trajectory.
     Raises  ShapeError; SpatialDynError for an invalid dt, duration or method, and for an effect given as an argument;
@@ -120,10 +120,10 @@ def simulate(
             that does not converge, and a motion that diverges: its state is not finite or, if neither a torque function
             nor forces act, its energy rises by a hundred times what gravity, the torques and the initial motion account
             for;
-            ConstraintError for a start that does not meet the constraints; SimulationError, with the time and their
-            names, where they contradict each other or their rank changes; SimulationError for a start in the ground or
-            beyond a limit, with its depth, and for a step of contacts that misses Coulomb's law by more than 0.01 m/s,
-            beside dry joints 0.1 m/s;
+            ConstraintError for a start that violates the constraints; SimulationError, with the time and their names,
+            if constraints contradict each other or their rank changes; SimulationError for a start in the ground or
+            beyond a limit, with its depth, and for a step of contacts that violates Coulomb's law by more than
+            0.01 m/s, beside dry joints 0.1 m/s;
             SimulationInterrupt, a KeyboardInterrupt, at Ctrl-C: its ``trajectory`` holds the recorded samples and the
             last state (with tau NaN if the torque function has not been called there).
 
@@ -153,7 +153,7 @@ def simulate(
 
 
 def _momenta_by_name(call: Callable[P, Trajectory]) -> Callable[P, Trajectory]:
-    """``call`` that takes its momenta under their old name ``p0`` too, and refuses a velocity by name."""
+    """Make ``call`` accept momenta under their old name ``p0`` too, and refuse a velocity by name."""
 
     @functools.wraps(call)
     def named(*args: P.args, **kwargs: P.kwargs) -> Trajectory:
@@ -219,7 +219,7 @@ def _vector(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Array:
 
 
 class _Wanted(NamedTuple):
-    """What is recorded: every so many steps, work, contacts."""
+    """The records of a run: every how many steps, whether work, whether contacts."""
 
     every: int | None
     work: bool
@@ -227,7 +227,7 @@ class _Wanted(NamedTuple):
 
     @classmethod
     def of(cls, record: Any) -> _Wanted:
-        """Of the argument ``record``. Raises SpatialDynError."""
+        """The records for the argument ``record``. Raises SpatialDynError."""
         asked = [*record] if isinstance(record, (tuple, list)) else [record]
         words = [x for x in asked if isinstance(x, str)]
         numbers = [x for x in asked if not isinstance(x, str)]
@@ -268,7 +268,7 @@ def _every(record: int | None, total: int) -> int:
 
 
 class _Run(NamedTuple):
-    """A run but for its time and its inputs of time; start is (q, v, p)."""
+    """A run without its time and its inputs over time; start is (q, v, p)."""
 
     scene: Scene
     start: tuple[Array, Array, Array]
@@ -322,13 +322,13 @@ def _run(run: _Run, duration: float, dt: float, torque: Any, fext: Any) -> Traje
         raise
     trajectory = recorder.trajectory(run.control)
     driven = asked.user is not None or run.control is not None or fext is not None or scene.fext is not None
-    if not driven and not any(x.drives for x in scene.effects):  # else the work of what drives it is unknown
+    if not driven and not any(x.drives for x in scene.effects):  # otherwise the work that drives it is unknown
         _judge(trajectory, recorder, asked)
     return trajectory
 
 
 def _judge(trajectory: Trajectory, recorder: Recorder, asked: Torque) -> None:
-    """Raise SimulationError for a motion whose energy rises beyond what its torques and gravity account for."""
+    """Raise SimulationError for a motion whose energy rises by more than its torques and gravity account for."""
     T, V = recorder.split
     at = exploded(trajectory.t, trajectory.v, T, V, abs(asked.held).max(axis=0), recorder.kept)
     if at is None:

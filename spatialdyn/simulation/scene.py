@@ -28,13 +28,13 @@ from .methods.methods import EXPLICIT_METHODS, SCIPY_METHODS, integrators
 Array = NDArray[np.float64]
 P = ParamSpec("P")
 T = TypeVar("T")
-EFFECTS = ("constraints", "contacts", "friction", "limits", "motor", "fext")  # what acts; the others say how
+EFFECTS = ("constraints", "contacts", "friction", "limits", "motor", "fext")  # the other options say how these act
 FIELDS = (
     "model", "constraints", "stabilization", "contacts", "friction", "friction_method", "limits", "motor", "drive",
     "fext",
 )  # fmt: skip
 
-SYMPLECTIC = (rattle.NAME, constrained_variational.NAME)  # those that take constraints
+SYMPLECTIC = (rattle.NAME, constrained_variational.NAME)  # symplectic methods that take constraints
 DEFAULTS = {"stabilization": None, "friction_method": IMPLICIT, "limits": False, "drive": CURRENT, "fext": None}
 
 
@@ -44,8 +44,8 @@ class Scene:
     model            Model
     constraints      Constraints of this model: loops, held points, rolling
     stabilization    T [s]: errors of the constraints decay like exp(-t/T). None: each step ends with a projection onto
-                     them, one Newton step of q, then v, to the nearest in the metric of M. With implicit friction,
-                     contacts or limits v is not projected: that would move joints that stick
+                     the constraints, one Newton step of q, then the nearest v, in the metric of M. With implicit
+                     friction, contacts or limits v is not projected: that would move joints that stick
     contacts         Contacts of this model: points that touch the ground, with Coulomb's exact cone
     friction         friction and damping of the joints: True for that of the URDF, or a ``Friction``. None: no
                      friction, and a run warns if the URDF has some; False: no friction
@@ -54,15 +54,15 @@ class Scene:
                      -F(v) tanh(v/smoothing) - viscous v, by any method; nothing sticks
     limits           whether joints of one coordinate stop at their position limits
     motor, drive     Motor through which the torques of a run act, with implicit friction. "current": a torque is the n
-                     k_t i of a wanted current, within the motor's limits. "voltage": a torque is the n k_t u / R of a
-                     voltage u, which acts in full at rest; in motion the back EMF reduces it
+                     k_t i of a commanded current, within the motor's limits. "voltage": a torque is the n k_t u / R of
+                     a voltage u; it acts in full at rest, and in motion the back EMF reduces it
     fext             (njoints, 6)  constant force on each joint's body, in the joint's frame [N | N m]
 
-    Springs of series-elastic joints (``ModelBuilder.add_series_elastic``) act always. Wherever a Scene is expected, a
+    Springs of series-elastic joints (``ModelBuilder.add_series_elastic``) always act. Wherever a Scene is expected, a
     Model stands for a scene on which nothing else acts.
 
     methods          names of the ``integrators`` that can step it
-    method           the one that a run uses by default: rk4, or semi_implicit_euler where impulses act
+    method           the default method of a run: rk4, or semi_implicit_euler if impulses act
 
     Raises  SimulationError for options that contradict each other; ModelError, ConstraintError and ShapeError for
             options of another robot or out of range
@@ -85,8 +85,8 @@ class Scene:
     motor: Motor | None
     drive: str
     fext: Array | None
-    effects: tuple[Effect, ...]  # of friction, motor and springs: no part of the content, as what follows
-    _plans: dict[Any, Any]  # of its runs: see ``plan``
+    effects: tuple[Effect, ...]  # of friction, motor and springs: not part of the content, like the fields below
+    _plans: dict[Any, Any]  # plans of its runs: see ``plan``
 
     def __init__(
         self,
@@ -126,10 +126,10 @@ class Scene:
 
     @classmethod
     def of(cls, model: Model) -> Scene:
-        """The scene of all that the robot's file declares: damping, friction, position limits, mimic joints.
+        """The scene with everything that the robot's file declares: damping, friction, position limits, mimic joints.
 
         Mimic joints that the model does not move with their leaders (``mimic=False``) become ``CouplerConstraint``.
-        From MJCF (``sd.load``) come also its loops, the contacts of feet with its ground, and its DC motors. Loops and
+        MJCF (``sd.load``) also gives its loops, the contacts of feet with its ground, and its DC motors. Loops and
         contacts on frames that ``Model.reduced`` has fixed to the world are left out.
 
         >>> import spatialdyn as sd
@@ -139,7 +139,7 @@ class Scene:
         """
         from ..sources import declared_scene
 
-        model = model.model if isinstance(model, Scene) else check_model(model)  # itself, not an equal one
+        model = model.model if isinstance(model, Scene) else check_model(model)  # the same object, not an equal one
         return cls(model, **declared_scene.options_of(model))
 
     @classmethod
@@ -170,9 +170,9 @@ class Scene:
         return scene_toml.write(self._given(), DEFAULTS)
 
     def with_(self, **changes: Any) -> Scene:
-        """This scene with other options, by the names of the constructor; None or False takes an effect away.
+        """This scene with other options, by the names of the constructor; None or False removes an effect.
 
-        With an effect go the options that say how it acts. Raises SimulationError for an unknown name.
+        Removing an effect also removes the options that say how it acts. Raises SimulationError for an unknown name.
         """
         unknown = [name for name in changes if name not in FIELDS]
         if unknown:
@@ -188,13 +188,13 @@ class Scene:
 
     @property
     def acts(self) -> tuple[str, ...]:
-        """Names of what acts: some of ``EFFECTS``, and "springs"."""
+        """Names of the effects that act: some of ``EFFECTS``, and "springs"."""
         names = [name for name in EFFECTS if getattr(self, name) is not None and getattr(self, name) is not False]
         return (*names, *(x.name for x in self.effects if x.name == "springs"))
 
     @property
     def unilateral(self) -> Contacts:
-        """What acts in one direction: the contacts, possibly without points, and joint limits if they act."""
+        """The effects that act in one direction: contacts, possibly without points, and joint limits if they act."""
         given = Contacts(self.model, {}) if self.contacts is None else self.contacts
         return given.with_limits() if self.limits else given
 
@@ -214,14 +214,14 @@ class Scene:
         return (*EXPLICIT_METHODS, *(x for x in SYMPLECTIC if not self.unfit(x)), *adaptive)
 
     def unfit(self, method: str) -> str:
-        """What a symplectic method cannot do under the constraints, "" if it can."""
+        """Why a symplectic method cannot take the constraints; "" if it can."""
         if self.constraints is None or method not in SYMPLECTIC:
             return ""
         return rattle.unfit(self.model, self.constraints, self.stabilization, method)
 
     @property
     def method(self) -> str:
-        """The method that a run uses if none is given."""
+        """The default method of a run."""
         return STEPPED if self.solves else "rk4"
 
     def __setattr__(self, name: str, value: Any) -> None:
@@ -261,11 +261,11 @@ def _made(given: Mapping[str, Any]) -> Scene:
 
 
 def scene_of(given: Any) -> Scene:
-    """A scene as it is, or that of a Model on which nothing else acts. Raises ModelError."""
+    """A Scene unchanged, or the scene of a Model on which nothing else acts. Raises ModelError."""
     if isinstance(given, Scene):
         return given
     bare = _bare(check_model(given))
-    return bare if bare.model is given else Scene(given)  # models of the same numbers may be of two files
+    return bare if bare.model is given else Scene(given)  # equal models may come from two files
 
 
 @functools.lru_cache(maxsize=64)
@@ -274,7 +274,7 @@ def _bare(model: Model) -> Scene:
 
 
 def _friction(model: Model, friction: Any) -> Friction | bool | None:
-    """The friction as it is kept: for True that of the URDF."""
+    """The friction that the scene keeps: for True that of the URDF."""
     if friction is None or (isinstance(friction, (bool, np.bool_)) and not friction):
         return None if friction is None else False
     return check_friction(model, friction)
@@ -297,7 +297,7 @@ def _forces(model: Model, fext: ArrayLike) -> Array:
 
 
 def effects_in_scene(call: str) -> Callable[[Callable[P, T]], Callable[P, T]]:
-    """A decorator: an effect given as an argument of the call is an error that shows the line to write."""
+    """A decorator: an effect passed as an argument of the call is an error, which shows the line to write instead."""
 
     def wrap(function: Callable[P, T]) -> Callable[P, T]:
         known = function.__code__.co_varnames[: function.__code__.co_argcount + function.__code__.co_kwonlyargcount]
@@ -317,7 +317,7 @@ def effects_in_scene(call: str) -> Callable[[Callable[P, T]], Callable[P, T]]:
 
 
 def _moved(call: str, names: list[str]) -> str:
-    """That effects belong to the scene, and the line to write."""
+    """The message that effects belong to the scene, with the line to write."""
     if names == ["record_contacts"]:
         return f'record_contacts is given, expected sd.{call}(..., record="contacts")'
     options = ", ".join(f"{name}={name}" for name in names if name != "record_contacts")
@@ -327,7 +327,7 @@ def _moved(call: str, names: list[str]) -> str:
 
 
 def check_method(scene: Scene, method: Any, known: Iterable[str]) -> str:
-    """The method of a run, of those that a call knows. Raises SpatialDynError, SimulationError with those that can."""
+    """The method of a run, one that a call knows. Raises SpatialDynError, SimulationError with the possible methods."""
     if not isinstance(method, str) or method not in known:
         raise SpatialDynError(f"method is {literal(method)}, expected one of {', '.join(known)}")
     fit = scene.methods
@@ -342,7 +342,7 @@ def check_method(scene: Scene, method: Any, known: Iterable[str]) -> str:
 
 
 def warn_of_friction(scene: Scene, call: str) -> None:
-    """Warn of joint damping and friction of the file that do not act, as nothing was asked."""
+    """Warn of joint damping and friction in the file that do not act because the scene has no ``friction`` option."""
     model = scene.model
     if scene.friction is None and (model.damping.any() or model.friction.any()):
         text = f'robot "{model.name}" has joint damping or friction, which {call} ignores unless friction=True'

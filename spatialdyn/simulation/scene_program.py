@@ -27,7 +27,7 @@ def step_request(given: Any, calls: Any, dtype: Any, fixed: Any, derivative: str
 
     calls  ``sd.step``, or ``functools.partial(sd.step, method="rk4")``
 
-    Raises SpatialDynError for other arguments of it, and for constraints in float32; what ``specialize`` raises.
+    Raises SpatialDynError for other arguments of ``step``, and for constraints in float32; otherwise as ``specialize``.
     """
     scene = scene_of(given)
     words, values = (calls.keywords, calls.args) if isinstance(calls, partial) else ({}, ())

@@ -1,4 +1,4 @@
-"""What ``print(scene)`` shows: what acts, the operations that it adds to a step, the states it carries, methods."""
+"""The text of ``print(scene)``: its effects, the operations that they add to a step, the states, the methods."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def operations(scene: Any) -> int | None:
 
 
 def described(scene: Any, defaults: Mapping[str, Any]) -> str:
-    """The text; defaults of the options that are not None where nothing acts."""
+    """The text; ``defaults`` has the values, other than None, of options that do not act."""
     whole, model = operations(scene), scene.model
     rows = [("step of semi_implicit_euler", "-" if whole is None else f"{whole} operations", "")]
     for name in scene.acts:

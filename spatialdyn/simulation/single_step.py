@@ -1,4 +1,4 @@
-"""``step``: one step of a robot, or of a scene, whatever acts in it."""
+"""``step``: one step of a robot or of a scene, with all its effects."""
 
 from __future__ import annotations
 
@@ -52,19 +52,19 @@ def step(
     q       (..., nq)          joint positions [rad | m]
     v       (..., nv)          joint velocities [rad/s | m/s]
     tau     (..., nv)          joint torques [N m | N]
-    dt      (...)              time [s]; of a Model negative goes back in time; of a Scene one positive number
-    method  of a Model explicit_euler: v + a dt and q moved by v dt, order 1, gains energy; semi_implicit_euler: q moved
-            by the new v dt; or rk4, the classical Runge-Kutta method in the coordinates u of q ∘ exp(u), with u̇ from v
-            by the inverse of ``dintegrate``, order 4 for all joints, which must turn less than 2π a step. Of a Scene
-            one of ``scene.methods``, as of ``rollout``
+    dt      (...)              time [s]; for a Model a negative dt goes back in time; for a Scene one positive number
+    method  for a Model explicit_euler: v + a dt and q moved by v dt, order 1, gains energy; semi_implicit_euler: q
+            moved by the new v dt; or rk4, the classical Runge-Kutta method in the coordinates u of q ∘ exp(u), with u̇
+            from v by the inverse of ``dintegrate``, order 4 for all joints, which must turn less than 2π a step. For a
+            Scene one of ``scene.methods``, as in ``rollout``
     fext    (..., njoints, 6)  force on each joint's body, in the joint's frame [N | N m], beside those of the scene;
             zero if left out
-    states  {name: (..., ...)}  states that the scene carries beside q and v, such as "bristles"; those left out start
-            as a run's do
+    states  {name: (..., ...)}  states that the scene carries beside q and v, such as "bristles"; states left out start
+            as in a run
 
-    Returns (q, v), new arrays of the common batch shape; of a scene that carries states (q, v, states).
+    Returns (q, v), new arrays of the common batch shape; for a scene that carries states (q, v, states).
     Raises  SpatialDynError for another method or a dt that is not finite; NonFiniteError if the new state of a finite
-            one is not finite; the errors of aba. Of a Scene those of ``rollout``.
+            state is not finite; the errors of aba. For a Scene the errors of ``rollout``.
 
     >>> import spatialdyn as sd
     >>> model = sd.load_urdf("two_link")

@@ -1,4 +1,4 @@
-"""States that a run carries beside q and v: bristles of friction, a control law's own states, the work of each kind."""
+"""States that a run carries beside q and v: bristles of friction, states of a control law, the work of each kind."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ HIDDEN = ("violation", "contact_residual", "contact_record", "impulses_before") 
 class RunStates:
     """The states of a run.
 
-    arguments  of each, as a step names them, in the order in which they lie side by side
-    shapes     of each
-    starts     (samples or 1, entries) of each, flat
+    arguments  the Argument of each state, named as in a step, in the order of their row
+    shapes     the shape of each
+    starts     (samples or 1, entries) for each, flat
     """
 
     arguments: tuple[Argument, ...] = ()
@@ -42,7 +42,7 @@ class RunStates:
 
     @cached_property
     def slices(self) -> list[slice]:
-        """Where each is in their row."""
+        """The place of each state in their row."""
         ends = np.cumsum([0, *(math.prod(x) for x in self.shapes)]).tolist()
         return [slice(a, b) for a, b in pairwise(ends)]
 
@@ -51,11 +51,11 @@ class RunStates:
         return [row[..., at].reshape(row.shape[:-1] + x) for at, x in zip(self.slices, self.shapes, strict=True)]
 
     def shown(self, row: Array) -> dict[str, Array]:
-        """The states in rows (..., size) by name, but for those that are a run's own affair."""
+        """The states in rows (..., size) by name, without HIDDEN ones."""
         return {name: x for name, x in zip(self.names, self.views(row), strict=True) if name not in HIDDEN}
 
     def named(self, parts: Sequence[Any]) -> dict[str, Any]:
-        """The same of the states one by one, each (..., entries), in the memory of any device."""
+        """As ``shown``, from a list of states (..., entries), in the memory of any device."""
         each = zip(self.names, parts, self.shapes, strict=True)
         return {name: x.reshape((*x.shape[:-1], *shape)) for name, x, shape in each if name not in HIDDEN}
 
@@ -63,12 +63,12 @@ class RunStates:
 def run_states(
     model: Model, arguments: Sequence[Argument], static: Sequence[Any], given: Any, samples: int | None = None
 ) -> RunStates:
-    """The states of a run, from the starts that are given, {name: array} or None, or from those of the arguments.
+    """The states of a run, with the given starts {name: array} or None, or else the starts of the arguments.
 
-    samples  of a rollout, whose starts may have an axis of them
+    samples  number of samples of a rollout; its starts may have this axis
 
-    Raises  SimulationError for two states of one name, and for a start of a state that there is none; ShapeError,
-            NonFiniteError naming a start.
+    Raises  SimulationError for two states of one name, and for a start of an unknown state; ShapeError, NonFiniteError
+            naming a start.
     """
     names = [own_name(x.name) for x in arguments]
     if len(set(names)) < len(names):

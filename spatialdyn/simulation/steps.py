@@ -1,8 +1,8 @@
-"""A step of a run with all that acts in it: one source for recorded numbers and for floats.
+"""A step of a run with all effects: one source for recorded numbers and for floats.
 
-A state with a rate goes through the methods of ``explicit`` beside v: they move w = (v, states) by its derivative, so
-it has the order of the method. Others change at the end of a step. Where an effect finds the velocities after a step
-(contacts, dry friction), the step is that of ``semi_implicit_euler`` with those.
+The methods of ``explicit`` integrate a state with a rate together with v: they move w = (v, states) by its derivative,
+so the state has the order of the method. Other states change at the end of a step. If an effect finds the velocities
+after a step (contacts, dry friction), the step is that of ``semi_implicit_euler`` with these velocities.
 """
 
 from __future__ import annotations
@@ -85,7 +85,7 @@ def advance(
 def free_of(
     acting: tuple[Effect, ...], works: Works, at: Any, kernels: Any, system: System, q: Any, v: Any, a: Any
 ) -> tuple[int, Power]:
-    """Writes the acceleration of all but the control law; returns a status, and powers by name of states of work."""
+    """Write the acceleration of all effects but the control law; returns a status, and powers by states of work."""
     tau = system.tau
     powers = {work.TORQUE.name: tau * v}
     if work.EXTERNAL in works:
@@ -111,7 +111,7 @@ def _sound(system: System, state: State) -> bool:
 
 
 def energy_of(at: Arithmetic, state: State) -> Any:
-    """T + V [J], but for a constant."""
+    """T + V [J], up to a constant."""
     if not at.recorded:
         q, v, model = np.array(state.q), np.array(state.w), at.model  # type: ignore[attr-defined]
         return float(calls["kinetic_energy"](model, q, v) + calls["potential_energy"](model, q))
@@ -124,12 +124,12 @@ def energy_of(at: Arithmetic, state: State) -> Any:
 
 
 class Acting(NamedTuple):
-    """What acts in a step that carries states.
+    """The functions of a step that carries states.
 
-    free        ``(system, q, v, a) -> status, powers``: writes the acceleration of all but the law; powers by name of
-                states of work
-    law         ``(q, v, tau, states) -> tau, made``: the control law, made are the rates or ends of its states; or None
-    held        whether the law's torque is that of the beginning of the step
+    free        ``(system, q, v, a) -> status, powers``: writes the acceleration of all effects but the law; powers by
+                name of states of work
+    law         ``(q, v, tau, states) -> tau, made``: the control law, or None; made has the rates or ends of its states
+    held        whether the law's torque at the beginning of the step is held over it
     integrated  names of the states that have rates
     """
 
@@ -196,7 +196,7 @@ def carry(
 
 
 def times(h: Any, x: Any) -> Any:
-    """h x of an array: a recorded number times an array is none."""
+    """h x for an array x: a recorded number times an array does not give an array."""
     return np.array([h * y for y in x.flat], x.dtype).reshape(x.shape)
 
 
@@ -204,10 +204,10 @@ def carry_solved(
     solve: Callable[[Any], tuple[Any, dict[str, Any], Any]], h: Any, q: Any, v: Any, tau: Any, own: Power,
     acting: Acting,
 ) -> tuple[Any, dict[str, Any]]:  # fmt: skip
-    """A step whose velocities are solved for with friction: v⁺, and the states after it, by name.
+    """A step that solves for velocities and friction together: v⁺, and the states after it, by name.
 
-    solve  ``tau -> v⁺, friction's own states, forces`` that do work, by the names of their states of work: torques, or
-           functions of the way h (v + v⁺)/2 that return the work
+    solve  ``tau -> v⁺, states of friction, forces``; the forces that do work, by the names of their states of work, are
+           torques, or functions of the displacement h (v + v⁺)/2 that return the work
 
     A law acts by its torque at the beginning. An impulse h f that changes v to v⁺ does the work h f (v + v⁺)/2, which
     is exact for a constant mass matrix.
@@ -256,11 +256,11 @@ def _displacement_rate(rows: Any, u: Any, v: Any, out: Any) -> int:
     return OK
 
 
-@lru_cache(maxsize=256)  # laws come and go
+@lru_cache(maxsize=256)  # bounded, because callers may make new laws in a loop
 def step_specs(
     method: str, acting: tuple[Effect, ...] = (), works: Works = (), forced: bool = True
 ) -> tuple[Spec, ...]:
-    """Specs of the positions, the velocities and the states carried after a step, by states, dt, tau and the effects.
+    """Specs of the positions, velocities and carried states after a step, with inputs states, dt, tau and of effects.
 
     forced  whether there is a torque tau
 
@@ -292,10 +292,10 @@ def specs_of(
     label: str, given: Sequence[Argument], states: Sequence[Argument],
     after: Callable[[Any, dict[str, Any]], Sequence[Any]], acting: tuple[Effect, ...], regroup: bool,
 ) -> tuple[Spec, ...]:  # fmt: skip
-    """Specs of the states after a step with these effects, of ``after(rows, inputs by name)``, which gives them all."""
+    """Specs of the states after a step with these effects; ``after(rows, inputs by name)`` computes them all."""
     given = tuple(replace(x, optional=False) for x in given)
     names = [x.name for x in given]
-    last: list[Any] = [None]  # rows, inputs and results: the Specs are recorded one after another, and a loop only once
+    last: list[Any] = [None]  # rows, inputs and results: Specs are recorded one after another, a loop only once
 
     def state_after(k: int) -> Callable[..., None]:
         def recursion(rows: Any, *arrays: Any) -> None:

@@ -1,4 +1,4 @@
-"""Laws that a step or a period is too long for: errors that grow by that alone, found before a run explodes."""
+"""Detects control laws that are too stiff for the step or their period, before a run diverges."""
 
 from __future__ import annotations
 
@@ -26,19 +26,19 @@ from .steps import step_specs
 
 Array = NDArray[Any]
 DELTA = 1e-6  # of central differences of a step, whose errors are some 1e-10
-HALVINGS = 10  # of dt: the errors of a step of a thousandth of it are those of the motion itself
-GROWTH, ROUNDING = 1.1, 1e-6  # beyond what the motion lets errors grow; beyond 1 where they change their sign each step
-PERIOD_GROWTH, PERIOD_HALVINGS = 1.01, 3  # over a period, beyond the same law taken anew in each step
-FLIPS = 1e-6  # relative: an eigenvalue so near the negative axis changes its sign from period to period
-MOST = 8  # sets of numbers that are judged of one kind of law: loops that plan make a new one each time
-MOST_LINES = 300_000  # of the program of a step, in all steps of a period: some tenths of a second
-MOST_STEPS = 100_000  # after which laws of several periods are taken anew together
-WHOLE = 1e-6  # of a step: periods that differ by less from whole steps are those
+HALVINGS = 10  # of dt: errors over a step of about dt/1000 evolve as in the motion itself
+GROWTH, ROUNDING = 1.1, 1e-6  # limits of growth: relative to that of the motion; above 1 if errors alternate in sign
+PERIOD_GROWTH, PERIOD_HALVINGS = 1.01, 3  # over a period, relative to the same law evaluated in each step
+FLIPS = 1e-6  # relative: an eigenvalue this near the negative axis makes errors alternate from period to period
+MOST = 8  # sets of values to judge for one kind of law: planning loops make a new set each time
+MOST_LINES = 300_000  # lines of the step's program times steps of a period: some tenths of a second
+MOST_STEPS = 100_000  # steps until laws of several periods are evaluated together again
+WHOLE = 1e-6  # of a step: a period this near to whole steps counts as whole
 REFERENCES = ("q_ref", "v_ref", "a_ref", "hold", "centre", "way", "times", "coefficients", "scale", "cosines", "sines")
 
 
 def rough(scene: Scene) -> tuple[str, ...]:
-    """What acts in a scene and has no derivative: contacts, limits, motors and Coulomb's friction."""
+    """The effects of a scene that have no derivative: contacts, limits, motors and Coulomb's friction."""
     found = [x for x in scene.acts if x in ("contacts", "limits", "motor")]
     if isinstance(scene.friction, Friction) and scene.friction_method == IMPLICIT:
         coulomb, _, static, _ = scene.friction.law
@@ -47,9 +47,9 @@ def rough(scene: Scene) -> tuple[str, ...]:
 
 
 def steps_of_periods(control: Control, dt: float) -> int:
-    """Steps of dt after which all torques that a law holds for a period are taken anew together; 1 without any.
+    """Steps of dt until all torques that a law holds for a period are evaluated together again; 1 without such torques.
 
-    0 if they are more than MOST_STEPS.
+    0 if there are more than MOST_STEPS.
     """
     whole = 1
     for name, *_ in control.periods:
@@ -69,13 +69,13 @@ def steps_of_periods(control: Control, dt: float) -> int:
 def warn_of_stiff_law(
     plan: Plan, control: Control, start: tuple[Array, Array], tau: Array | None, dt: float, level: int = 4
 ) -> None:
-    """Warn, once for a law, scene and dt, of errors that grow in a step of an explicit method as the motion has none,
-    or over the period of a law that is held for one.
+    """Warn, once for a law, scene and dt, if errors grow over a step of an explicit method, or over the period of a
+    held law, faster than in the motion itself.
 
-    start  q and v of a sample; tau  rows of torques, or None; level  of the caller's call, for the warning
+    start  q and v of a sample; tau  rows of torques, or None; level  stack level of the caller, for the warning
 
-    Judged are smooth laws of this library whose numbers are those of all samples and steps, in scenes of smooth effects
-    without constraints, over periods of as many steps as a check may take.
+    The check covers smooth laws of this library with the same values in all samples and steps, in scenes of smooth
+    effects without constraints, over periods of at most MOST_STEPS steps and MOST_LINES lines.
     """
     if not control.smooth or control.axes(plan.model) or not plan.is_program or plan.scene.constraints is not None:
         return
@@ -92,18 +92,18 @@ def warn_of_stiff_law(
 
 @lru_cache(maxsize=32)
 def _gains(control: Control) -> bytes:
-    """The numbers of a law, its references left out; of one and the same law once."""
+    """The values of a law without its references; computed once for a law."""
     return b"".join(x.tobytes() for name, x in control.values.items() if not name.startswith(REFERENCES))
 
 
 @lru_cache(maxsize=256)
 def _judged(kind: Hashable) -> set[bytes]:
-    """Numbers that have been judged of laws of a kind."""
+    """The sets of values that have been judged for laws of a kind."""
     return set()
 
 
 def _text(plan: Plan, control: Control, start: tuple[Array, Array], tau: Array | None, dt: float) -> str:
-    """What a law is too stiff for, where and by how much; "" if all is well."""
+    """The warning: for what a law is too stiff, where and by how much; "" if it is not."""
     made = recorded(
         step_specs(plan.method, plan.structure, (), tau is not None), plan.model, plan.tables, np.dtype(float)
     )
@@ -144,7 +144,7 @@ def _text(plan: Plan, control: Control, start: tuple[Array, Array], tau: Array |
 
 
 class _Modes(NamedTuple):
-    """Of each scale of time: the map of errors A, its largest eigenvalue with its vector, and its size."""
+    """For each time scale: the map A of errors, its largest eigenvalue with its vector, and the magnitude."""
 
     A: Array
     value: Array
@@ -160,7 +160,7 @@ def _said(law: _Judged, modes: _Modes, own: float, told: str, cure: str) -> str:
 
 
 class _Judged(NamedTuple):
-    """A law in a plan, by the program of its step; periods are the names of those inputs."""
+    """A law in a plan, judged by the program of its step; ``periods`` names the inputs that are periods."""
 
     plan: Plan
     program: Program
@@ -169,14 +169,14 @@ class _Judged(NamedTuple):
     periods: tuple[str, ...]
 
     def modes(self, times: Array, periods: Array | None, steps: int = 1) -> _Modes | None:
-        """Of steps of these times (k,), with these periods (k,), or those of the law in proportion to the first time;
-        None for states that are not finite.
+        """The modes of steps of these times (k,), with these periods (k,), or the law's periods in proportion to the
+        first time; None for states that are not finite.
         """
         model, n, plan = self.plan.model, self.plan.model.nv, self.plan
         law = () if plan.feedback is None else plan.feedback.states
         more = plan.unstarted.starts
         moved = [k for k, x in enumerate(plan.states) if x not in law and x.name not in HIDDEN]
-        # bristles; what a law has of its own is its clock, a cost, or taken anew
+        # bristles; other states of a law are its clock, a cost, or evaluated anew
         sizes = [more[k].shape[1] for k in moved]
         total = 2 * n + sum(sizes)
         ways = np.tile(DELTA * np.concatenate([np.eye(total), -np.eye(total)]), (len(times), 1))
@@ -207,8 +207,8 @@ class _Judged(NamedTuple):
 
 def joint_of_mode(model: Model, A: Array, value: complex, vector: Array) -> str:
     """The joint that takes most part in a mode of a step A (2 nv + ..., 2 nv + ...): by |left x right eigenvector|,
-    freedom by freedom, which finds the one whose gain makes it, where the right one alone finds the one that it shakes
-    most. States behind q and v belong to no joint.
+    freedom by freedom. This finds the joint whose gain causes the mode; the right eigenvector alone would find the
+    joint that moves most. States after q and v belong to no joint.
     """
     values, vectors = np.linalg.eig(A.T)
     left = vectors[:, int(abs(values - value).argmin())]

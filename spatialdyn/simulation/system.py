@@ -1,9 +1,9 @@
-"""What every integration method works on: System, a robot under torques, and State.
+"""The arguments of every integration method: System, a robot under torques, and State.
 
-A method is a function ``advance(system, t, h, state)`` that takes the state from t to t + h. It is written once: the
-compiled loop and the Python loop, for a torque that is a Python function, call the same source with other members in
-the System. A failure in a step is not raised but kept as a status, so that both loops handle it
-alike: the first failure stays, and the loop stops after that step.
+A method is a function ``advance(system, t, h, state)`` that takes the state from t to t + h. The compiled loop and the
+Python loop (for a torque that is a Python function) call the same source with other members in the System. A failure in
+a step is not raised but kept as a status, so that both loops handle it in the same way: the first failure stays, and
+the loop stops after that step.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ class System(NamedTuple):
     torque   ``torque(system, t, q, v)`` writes tau, and the status TORQUE if it is not finite
     user     the user's function that ``torque`` calls, None for torques held over a step
     table    the model's ``joint_table``, as kernels take it
-    held     (rows, nv) torques of the steps; the last row is held on
+    held     (rows, nv) torques of the steps; the last row also holds for all later steps
     fext     (njoints, 6), or (0, 6) without external forces
     unit     (2 nv,) weights that make freedoms, and momenta, comparable: ``units``
     zero     (nv,) zeros
@@ -60,7 +60,7 @@ class State(NamedTuple):
     v        (nv,) velocity, written by the family's ``observe``
     stage    (nq,) scratch
     by_row   (rows + 1, 6) scratch per body: the centre of its chart, or its displacement
-    work     (rows, nv or 2 nv) scratch, and what a method keeps from step to step
+    work     (rows, nv or 2 nv) scratch, and numbers that a method keeps from step to step
     """
 
     q: Any
@@ -79,7 +79,7 @@ class JointTable(NamedTuple):
 
 
 def joint_table(model: Model) -> JointTable:
-    """Of a model without mimic joints, its whole table. Kernels read it as long as it is kept."""
+    """The JointTable of a model; without mimic joints its whole table. Keep it as long as kernels read it."""
     own = independent(model.bodies)
     return JointTable(own, own.ctypes.data)
 
@@ -88,8 +88,8 @@ def joint_table(model: Model) -> JointTable:
 def units(model: Model) -> NDArray[np.float64]:
     """(2 nv,) weights: 1 for rotations, 1 / length of the robot for translations; the reciprocals for momenta.
 
-    With them one tolerance on changes serves all freedoms in any unit of length. The length is a power of two, so that
-    nothing is rounded: that of the longest offset, centre of mass or radius of gyration.
+    With these weights one tolerance on changes serves all freedoms in any unit of length. The length is that of the
+    longest offset, centre of mass or radius of gyration, as a power of two, so that weighting rounds nothing.
     """
     bodies = model.bodies
     inertia, at = bodies["inertia"][1:], bodies["X"]["p"][1:]
@@ -107,7 +107,7 @@ def units(model: Model) -> NDArray[np.float64]:
 
 @inline
 def set_status(system: System, code: int, t: float, size: float = 0.0) -> None:
-    """Write the status unless an earlier failure is there."""
+    """Write the status unless it holds an earlier failure."""
     if code != OK and system.status[0] == OK:
         system.status[0] = code
         system.status[1] = t

@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 class Torque:
     """Torques of a simulation.
 
-    held      (rows, nv) torques of the steps, the last row held on; one row of zeros beside a function
+    held      (rows, nv) torques of the steps, the last row for all later steps too; one row of zeros with a function
     user      None, or ``user(t, q, v, tau)``, which writes tau
     compiled  whether the loop runs compiled
     """
@@ -33,7 +33,7 @@ class Torque:
     compiled: bool
 
     def unasked(self, step: int) -> Array:
-        """The held torque (nv,) at the beginning of a step; NaN if a function gives it."""
+        """The held torque (nv,) at the beginning of a step; NaN if the torque is a function."""
         held = self.held[min(step, len(self.held) - 1)]
         return np.array(held) if self.user is None else np.full(len(held), np.nan)
 
@@ -48,9 +48,9 @@ class Torque:
 
 
 def torque_of(torque: Any, nv: int, steps: Steps) -> Torque:
-    """The Torque of an argument of ``simulate``.
+    """The Torque for an argument of ``simulate``.
 
-    Raises ShapeError for an array of another shape, SimulationError, with the time, for one that is not finite.
+    Raises ShapeError for an array of another shape, SimulationError, with the time, for a torque that is not finite.
     """
     if not callable(torque):
         rows = as_array("torque", torque)
@@ -72,7 +72,7 @@ def torque_of(torque: Any, nv: int, steps: Steps) -> Torque:
 
 
 def _writing(function: Callable[..., Any], nv: int) -> Callable[[float, Array, Array, Array], None]:
-    """``f(t, q, v) -> tau`` or ``f(t, q, v, tau)`` as the latter; f gets copies of q and v, which it may keep."""
+    """``f(t, q, v) -> tau`` or ``f(t, q, v, tau)`` in the second form; f gets copies of q and v, which it may keep."""
     writes = not _takes(function, 3)
     if isinstance(function, type) or (writes and not _takes(function, 4)):
         raise SimulationError(
@@ -96,7 +96,7 @@ def _writing(function: Callable[..., Any], nv: int) -> Callable[[float, Array, A
 
 
 def _takes(function: Callable[..., Any], count: int) -> bool:
-    """Whether a function takes that many arguments; 3 if its signature is unknown."""
+    """Whether a function takes this many arguments; one without a known signature is taken to have 3."""
     try:
         inspect.signature(function).bind(*range(count))
     except TypeError:
@@ -107,13 +107,13 @@ def _takes(function: Callable[..., Any], count: int) -> bool:
 
 
 def check_force(force: Callable[..., Any]) -> None:
-    """Raise SimulationError for a function of external forces that takes no (t, q, v)."""
+    """Raise SimulationError for a function of external forces that does not take (t, q, v)."""
     if isinstance(force, type) or not _takes(force, 3):
         raise SimulationError(f"fext is {literal(force)}, expected a function f(t, q, v) -> (njoints, 6)")
 
 
 def with_force(asks: Callable[..., None], force: Callable[[float, Array, Array], Any]) -> Callable[..., None]:
-    """A torque of a System beside which external forces are written to it, of a function of (t, q, v)."""
+    """A torque function of a System that also writes the System's external forces, given by a function of (t, q, v)."""
 
     def ask(system: Any, t: float, q: Any, v: Any) -> None:
         asks(system, t, q, v)
@@ -123,7 +123,7 @@ def with_force(asks: Callable[..., None], force: Callable[[float, Array, Array],
 
 
 def forces_at(force: Callable[[float, Array, Array], Any], t: float, q: Any, v: Any, shape: tuple[int, ...]) -> Array:
-    """External forces of a function at a time. Raises SimulationError, ShapeError with the time."""
+    """The external forces that a function returns at a time. Raises SimulationError, ShapeError with the time."""
     forces: Array = as_array("fext", force(t, np.array(q), np.array(v)))
     if forces.shape != shape:
         raise ShapeError(f"fext has shape {forces.shape} at t = {t:.9g} s, expected {shape}")

@@ -25,11 +25,11 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 ARRAY_FILES = (".npz",)
 ARRAYS = ("t", "q", "v", "p", "tau", "energy")
-AXES = (1, 2, 2, 2, 2, 1)  # of each
+AXES = (1, 2, 2, 2, 2, 1)  # number of axes of each
 WORDS = {"method": str, "dt": float, "robot": str, "interrupted": bool}
-STATE, CONTACT = "state ", "contact "  # before the names of states in a file, and of what was recorded of contacts
+STATE, CONTACT = "state ", "contact "  # prefixes, in a file, of states and of records of contacts
 SPRINGS = "spring_energy"
-SCENE = "scene"  # the key of its model and its TOML text
+SCENE = "scene"  # entry of a file: the key of the scene's model and its TOML text
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -48,9 +48,9 @@ class Trajectory:
     interrupted  whether Ctrl-C ended the simulation
     model        the Model; None after ``load`` without one
     states       {name: (N, ...)}  states that the run carried beside q and v: "bristles" (N, nv) of LuGre friction
-                 [rad | m], those of a control law, and work [J] if it was recorded
+                 [rad | m], states of a control law, and work [J] if it was recorded
     contacts     ContactRecord of these times, None unless asked for
-    spring_energy  (N,)    the energy in those springs [J]; None without springs
+    spring_energy  (N,)    the energy in springs of series-elastic joints [J]; None without springs
     scene        the Scene that was simulated; None after ``load`` without a model
     """
 
@@ -72,12 +72,12 @@ class Trajectory:
 
     @property
     def bristles(self) -> Array | None:
-        """Deflections (N, nv) of the bristles of LuGre friction [rad | m]; None without any."""
+        """Deflections (N, nv) of the bristles of LuGre friction [rad | m]; None without bristles."""
         return self.states.get("bristles")
 
     @property
     def end(self) -> dict[str, Any]:
-        """The last state as arguments q0, v0 and states of ``simulate``, which goes on from there."""
+        """The last state as arguments q0, v0 and states of ``simulate``, to continue the run."""
         return {"q0": self.q[-1], "v0": self.v[-1], "states": {name: x[-1] for name, x in self.states.items()}}
 
     def __len__(self) -> int:
@@ -115,7 +115,7 @@ class Trajectory:
         try:
             with nullcontext(path) if hasattr(path, "write") else open(path, "wb") as file:
                 np.savez_compressed(file, allow_pickle=False, **parts)
-        except (OSError, ValueError) as error:  # the latter of a name that is none
+        except (OSError, ValueError) as error:  # ValueError for an invalid name
             raise SpatialDynError(f"{literal(path)} cannot be written: {error}") from error
 
     @classmethod
@@ -123,10 +123,10 @@ class Trajectory:
     def load(cls, path: str | PathLike[str], model: Model | None = None) -> Trajectory:
         """The Trajectory in a file written by ``save``.
 
-        model  the robot, which is not in the file: with it the trajectory has its ``model`` and ``scene``
+        model  the robot, which is not in the file: if given, the trajectory has its ``model`` and ``scene``
 
-        Raises SpatialDynError if the file cannot be read, is damaged or holds something else; ModelError for a model
-        that is not that of the run.
+        Raises SpatialDynError if the file cannot be read, is damaged or holds something else; ModelError for another
+        model than that of the run.
         """
         name = _file_name(path)
         if model is not None:
@@ -142,7 +142,7 @@ class Trajectory:
             made = replace(made, states=states, contacts=contacts, spring_energy=springs)
             key, text = _scene_of(parts.pop(SCENE, None))
             _check_parts(made, parts)
-        except Exception as error:  # of damaged bytes zipfile, zlib and NumPy raise much that they do not document
+        except Exception as error:  # for damaged bytes zipfile, zlib and NumPy raise undocumented errors
             why = f"it has no part {error}" if isinstance(error, KeyError) else error or type(error).__name__
             raise SpatialDynError(f"{literal(path)} holds no trajectory: {why}") from error
         if model is None:
@@ -173,17 +173,17 @@ class Trajectory:
         self, what: str | Sequence[str] = ("q", "v", "energy"), *, joints: str | Sequence[str] | None = None,
         ax: Any = None, path: Any = None,
     ) -> Any:  # fmt: skip
-        """A Matplotlib Figure with panels over time for each name in ``what``, angles apart from lengths.
+        """A Matplotlib Figure with panels over time for each name in ``what``; angles and lengths in separate panels.
 
-        what    one or several of "q", "v", "tau", "p", with limits dotted where they are near; "energy": T, V, their
-                sum, and its change on a log axis; "phase": v against q of each joint of one freedom; "limits": q, v and
-                tau as fractions of their limits, the outside shaded; "contacts": of each point the gap, the force along
-                the ground's normal, the share of its friction cone that is used, and the force in the cone
+        what    one or several of "q", "v", "tau", "p", with dotted limits if they are near; "energy": T, V, their sum,
+                and its change on a log axis; "phase": v against q of each joint of one freedom; "limits": q, v and tau
+                as fractions of their limits, the outside shaded; "contacts": for each point the gap, the force along
+                the ground's normal, the used share of its friction cone, and the force in the cone
         joints  names of joints, by default all
         ax      Matplotlib axes to draw into, one for each panel
         path    a file to write, by its ending PNG, SVG, PDF, ...
 
-        Raises  SpatialDynError for another name, number of axes or ending, a file that cannot be written, or where
+        Raises  SpatialDynError for another name, number of axes or ending, a file that cannot be written, or if
                 matplotlib is not installed; ModelError for an unknown joint.
         """
         from ..pictures.trajectory_plots import plot_trajectory
@@ -196,8 +196,8 @@ class Trajectory:
 
         path  a name that ends in .html, or an open file
 
-        The player needs viser, ``pip install viser pycollada``; without it the page says so.
-        Raises  SpatialDynError for another ending, if the file cannot be written, or where matplotlib is not installed.
+        The player needs viser, ``pip install viser pycollada``; without viser the page says so.
+        Raises  SpatialDynError for another ending, if the file cannot be written, or if matplotlib is not installed.
         """
         from ..pictures.page import report_trajectory
 
@@ -210,14 +210,14 @@ class Trajectory:
 
 
 def _file_name(path: Any) -> str | PathLike[str]:
-    """The name of a file. Raises SpatialDynError; a number would be an open file of the process."""
+    """The name of a file. Raises SpatialDynError, also for a number, which ``open`` takes for a file descriptor."""
     if not isinstance(path, (str, PathLike)):
         raise SpatialDynError(f"path is {literal(path)}, expected the name of a file")
     return path
 
 
 def _read(path: str | PathLike[str]) -> dict[str, Array]:
-    """The arrays of an npz file, each checked by its checksum, to which ``np.load`` does not read on."""
+    """The arrays of an npz file, each verified by its checksum, which ``np.load`` may not reach."""
     import zipfile
 
     with open(path, "rb") as file, zipfile.ZipFile(file) as archive:
@@ -235,7 +235,7 @@ def _scene_of(part: Array | None) -> tuple[str | None, str]:
 
 
 def _check_parts(run: Trajectory, unknown: Mapping[str, Array]) -> None:
-    """Raise ValueError naming a part of a file that no trajectory has, or not in that form."""
+    """Raise ValueError naming a part of a file that no trajectory has, or that has another form."""
     for name in unknown:
         raise ValueError(f"{literal(name)} is no part of one")
     for name, kind in WORDS.items():

@@ -1,4 +1,4 @@
-"""What a robot's file declares beside bodies and joints: options of a ``Scene`` by name, of parts that still move."""
+"""The declarations of a robot's file beside bodies and joints, as options of a ``Scene``, for parts that can move."""
 
 from __future__ import annotations
 

@@ -45,20 +45,20 @@ def load(
 
     source   path, text (str or bytes), open file; name of a robot in ``urdf/``, example-robot-data or
              robot_descriptions ("panda_mj_description"); ``mujoco.MjModel``, ``mujoco.MjSpec``, ``yourdfpy.URDF``
-    gravity  (3,) [m/s²]; that of an MJCF file, else (0, 0, -9.81), if left out
-    xacro    {argument: value} of a xacro file, perhaps empty
-    root, continuous, mimic, inertia, snap  as in ``load_urdf``; snap is of URDF alone
+    gravity  (3,) [m/s²]; if left out, that of an MJCF file, else (0, 0, -9.81)
+    xacro    {argument: value} of a xacro file, may be empty
+    root, continuous, mimic, inertia, snap  as in ``load_urdf``; snap for URDF only
 
-    The outermost element says what a file is: ``<robot>`` goes to ``load_urdf``, ``<mujoco>`` to MuJoCo (pip install
-    mujoco), whose compiled model ``from_mjmodel`` reads. A file is xacro by its suffix, or because ``xacro`` is given:
-    the package xacrodoc expands it, and evaluates the Python expressions in it. Compiled MuJoCo models (.mjb) are read
-    too. SDF is refused, with what reads it.
+    The outermost element determines the reader: ``<robot>`` goes to ``load_urdf``, ``<mujoco>`` to MuJoCo (pip install
+    mujoco), whose compiled model ``from_mjmodel`` reads. A file is xacro if it has that suffix, or if ``xacro`` is
+    given: the package xacrodoc expands it, and evaluates the Python expressions in it. Compiled MuJoCo models (.mjb)
+    are read too. SDF is refused; the error names a package that reads it.
 
-    Names of robot_descriptions are looked for last. At its first use such a name makes that package clone a repository,
-    which a UserWarning says.
+    Names of robot_descriptions are looked up last. At the first use of such a name that package clones a repository,
+    and a UserWarning says so.
 
-    What else the file declares acts in the scene ``sd.Scene.of(model)``: damping, friction, limits; from MJCF also
-    loops, contacts of feet with its ground and DC motors. ``model.notes`` lists what has no counterpart.
+    Further declarations of the file act in the scene ``sd.Scene.of(model)``: damping, friction, limits; from MJCF also
+    loops, contacts of feet with its ground and DC motors. ``model.notes`` lists the declarations without a counterpart.
 
     Raises  UrdfError; SpatialDynError for a source that is no robot, another format, MJCF that MuJoCo refuses, a
             missing package; otherwise as ``load_urdf``

@@ -1,8 +1,8 @@
 """From an ``MjModel``, MuJoCo's compiled MJCF, to a Model: ``from_mjmodel``.
 
-MuJoCo reads and compiles the file, so defaults, includes, meshes and inertias are as it has them; the compiled bodies
-and joints become a ``Robot``. Source: MuJoCo's documentation, Computation, kinematics of ``mj_kinematics``, and the
-fields of mjModel; every number is held against MuJoCo in the tests.
+MuJoCo reads and compiles the file, so it resolves defaults, includes, meshes and inertias; the compiled bodies and
+joints become a ``Robot``. Source: MuJoCo's documentation, Computation, kinematics of ``mj_kinematics``, and the
+fields of mjModel; the tests compare every number with MuJoCo.
 """
 
 from __future__ import annotations
@@ -41,20 +41,20 @@ def from_mjmodel(
     Source: MuJoCo's documentation, Computation, and the fields of mjModel.
 
     mjmodel     ``mujoco.MjModel``, or ``mujoco.MjSpec``, which is compiled
-    root        "fixed": the world is the root link; "floating": the whole of it floats
+    root        "fixed": the world is the root link; "floating": the whole model floats
     gravity     (3,) [m/s²]; the file's own if left out
     continuous  as in ``load_urdf``; hinges without a range are revolute, of one coordinate
     mimic       True: joints that an equality couples to others have no coordinates
     inertia     policy on inertias that are not physical, as in ``load_urdf``
 
-    Hinges and slides have the numbers of qpos, their ``ref`` included; a quaternion is x y z w here, and a free joint's
-    velocity in its own frame: ``to_mujoco`` and ``from_mujoco`` convert states. Links, on frames of the same name, are
-    bodies and sites; what has no name is called as Pinocchio calls it (``BODY_free``, ``BODYJoint_0``, ``BODY_fixed``).
-    Armatures are those of joints and, times gear², of actuators.
+    Hinges and slides have the numbers of qpos, including their ``ref``; a quaternion is x y z w here, and a free
+    joint's velocity is in its own frame: ``to_mujoco`` and ``from_mujoco`` convert states. Links, on frames of the same
+    name, are bodies and sites; unnamed ones are named as in Pinocchio (``BODY_free``, ``BODYJoint_0``, ``BODY_fixed``).
+    Armatures are those of joints plus gear² times those of actuators.
 
-    Damping, frictionloss and ranges are the joints'; ``Scene.of(model)`` has them act, and equalities, contacts of feet
-    with a ground and DC motors of the file. ``read_transmissions(model)`` has the gears of actuators on joints.
-    ``model.notes`` lists what has no counterpart.
+    Joints keep their damping, frictionloss and ranges; in ``Scene.of(model)`` these act, and so do the file's
+    equalities, contacts of feet with a ground and DC motors. ``read_transmissions(model)`` returns the gears of
+    actuators on joints. ``model.notes`` lists the parts of the file without a counterpart.
 
     Raises  SpatialDynError for another value, or without the package mujoco; ModelError, InertiaError
 
@@ -106,10 +106,10 @@ def mjmodel_gravity(m: Any) -> tuple[float, ...]:
 
 @dataclass
 class Tree:
-    """Links and joints of an MjModel as they are made, and the names that are taken.
+    """Links and joints of an MjModel under construction, and the names in use.
 
     link_of   name of the link on the frame of each body
-    joint_of, site_of  names of its joints, and of the links on its sites, by their numbers
+    joint_of, site_of  names of the joints, and of the links on the sites, by their numbers
     """
 
     links: list[Link] = field(default_factory=list)
@@ -122,7 +122,7 @@ class Tree:
     notes: list[str] = field(default_factory=list)
 
     def fresh(self, name: str, taken: set[str]) -> str:
-        """The name, with underscores appended until it is free, which is taken then."""
+        """The name, with underscores appended until it is unused; it counts as used from now on."""
         made = name.translate(XML_NAMES)
         while made in taken:
             made += "_"
@@ -152,7 +152,7 @@ def flat(X: Array) -> tuple[float, ...]:
 
 
 def tree_of(m: Any) -> Tree:
-    """Links and joints of the bodies and sites of an MjModel; a body's sites come before what hangs on it."""
+    """Links and joints of the bodies and sites of an MjModel; a body's sites come before its child bodies."""
     mujoco = need_mujoco()
     tree = Tree()
     tree.links.append(Link(WORLD))
@@ -172,7 +172,7 @@ def tree_of(m: Any) -> Tree:
 
 
 def robot_of(m: Any) -> Robot:
-    """The robot of an MjModel, with what its file declares and notes on what has no counterpart."""
+    """The robot of an MjModel, with the declarations of its file and notes on parts without a counterpart."""
     tree = tree_of(m)
     text = declared(m, tree)
     name = model_name(m) or "robot"
@@ -186,7 +186,7 @@ def model_name(m: Any) -> str:
 
 
 def _add_body(m: Any, tree: Tree, body: int, followers: dict[int, tuple[int, float, float]]) -> None:
-    """Add a body: a link for each of its joints, the last on the body's frame or with a fixed link that is."""
+    """Add a body: a link for each of its joints; the last one, or a link fixed to it, has the body's frame."""
     mujoco = need_mujoco()
     given = name_of(m, mujoco.mjtObj.mjOBJ_BODY, body)
     link = given.translate(XML_NAMES) if given and given != WORLD else tree.fresh(f"body{body}", tree.link_names)
@@ -230,7 +230,7 @@ def _joint_name(m: Any, tree: Tree, j: int, link: str, count: int) -> str:
 
 
 def inertia_of(m: Any, body: int) -> tuple[float, Array, Array] | None:
-    """(mass, com, inertia (3, 3) about it) in the body's frame; None for nothing."""
+    """(mass, com, inertia (3, 3) about the com) in the body's frame; None for a body without mass and inertia."""
     if not m.body_mass[body] and not m.body_inertia[body].any():
         return None
     R = turned(m.body_iquat[body])
@@ -265,7 +265,7 @@ def _values(
 
 
 def _leader(m: Any, j: int) -> str:
-    """The name of a joint that others follow, which perhaps is not made yet: named, or as it will be called."""
+    """The name of a joint that others follow, its own or the one that it will get, as it may not exist yet."""
     given = name_of(m, need_mujoco().mjtObj.mjOBJ_JOINT, j)
     return given.translate(XML_NAMES)
 
@@ -309,7 +309,7 @@ def _most_of(m: Any, a: int) -> float | None:
 
 
 def reflected(m: Any) -> Array:
-    """What actuators on joints of one freedom add to the diagonal of M (nv,): gear² times their armature."""
+    """Terms of actuators on joints of one freedom in the diagonal of M (nv,): gear² times their armature."""
     made = np.zeros(m.nv)
     own = getattr(m, "actuator_armature", None)  # since MuJoCo 3.6
     if own is not None:

@@ -1,4 +1,4 @@
-"""What an MjModel declares beside bodies and joints: loops, gears, motors, feet; and notes on what has no counterpart.
+"""Declarations of an MjModel beside bodies and joints: loops, gears, motors, feet; notes on those without counterpart.
 
 The result is JSON: options of a ``Scene`` in the form of ``Scene.from_toml``, and transmissions.
 """
@@ -18,12 +18,12 @@ from .mjmodel_values import FREE, KINDS, active_couplers, couplers, floats_of, n
 Array = NDArray[np.float64]
 Tree = Any  # of ``mjmodel``, which imports this module
 SOFT = "solref and solimp of equalities and contacts, which make them soft, are left out: here they are rigid"
-SHAPES = {2: 0, 3: 1, 6: 2}  # mjtGeom of a sphere, a capsule, a box: which of a body's shapes come first
-MOST = 6  # names that a note lists
+SHAPES = {2: 0, 3: 1, 6: 2}  # mjtGeom of a sphere, a capsule, a box -> rank, the lowest is preferred
+MOST = 6  # the most names that a note lists
 
 
 def declared(m: Any, tree: Tree) -> str:
-    """The text of ``Robot.declared``; notes are added to the tree, and frames of the feet."""
+    """The text of ``Robot.declared``; notes and frames of the feet are added to the tree."""
     scene: dict[str, Any] = {}
     loops = [*_loops(m, tree), *_other_couplers(m, tree)]
     if loops:
@@ -50,7 +50,7 @@ def declared(m: Any, tree: Tree) -> str:
 
 
 def _loops(m: Any, tree: Tree) -> Iterator[dict[str, Any]]:
-    """Entries of the active equalities connect and weld; a note for each other one."""
+    """Entries of the active equalities connect and weld; a note for each other equality."""
     import mujoco
 
     line = {e for e, *_ in couplers(m)}
@@ -74,7 +74,7 @@ def _loops(m: Any, tree: Tree) -> Iterator[dict[str, Any]]:
 
 
 def equality_ends(m: Any, e: int, kind: str) -> tuple[tuple[int, int], list[Any]]:
-    """The two bodies of a connect or weld, and the poses (4, 4) in them that it holds together."""
+    """The two bodies of a connect or weld, and the poses (4, 4) in them that coincide."""
     import mujoco
 
     first, second, data = int(m.eq_obj1id[e]), int(m.eq_obj2id[e]), np.asarray(m.eq_data[e])
@@ -106,7 +106,7 @@ def _held(m: Any, tree: Tree, e: int, kind: str) -> dict[str, Any]:
 
 
 def _other_couplers(m: Any, tree: Tree) -> Iterator[dict[str, Any]]:
-    """Entries of the couplers that make no mimic joint: of a joint that follows two, in a circle, without a name."""
+    """Entries of couplers that make no mimic joint: a joint that follows two, a cycle, a joint without a name."""
     made = {(j, leader, ratio, offset) for j, leader, ratio, offset in active_couplers(m)}
     for _, j, leader, ratio, offset in couplers(m):
         if (j, leader, ratio, offset) not in made:
@@ -133,7 +133,7 @@ def _joint_of(m: Any, a: int) -> int | None:
 
 
 def _gears(m: Any, tree: Tree) -> Iterator[dict[str, Any]]:
-    """Transmissions of actuators on joints, the first of each joint; notes on the other ones and on their laws."""
+    """Transmissions of actuators on joints, the first of each joint; notes on further actuators and on their laws."""
     import mujoco
 
     driven: set[int] = set()
@@ -158,7 +158,7 @@ def _gears(m: Any, tree: Tree) -> Iterator[dict[str, Any]]:
 
 
 def _law(m: Any, a: int) -> str:
-    """What an actuator's torque depends on beside its control, which has no counterpart; empty for a plain motor."""
+    """A note on an actuator's law that has no counterpart; empty for a motor whose torque is its control."""
     import mujoco
 
     gain, bias, p, b = (
@@ -181,7 +181,7 @@ def _law(m: Any, a: int) -> str:
 
 
 def _motor(m: Any, tree: Tree) -> dict[str, Any]:
-    """Values of a Motor if DC motors drive every joint of one freedom; a note where they drive some."""
+    """Values of a Motor if DC motors drive every joint of one freedom; a note if they drive only some."""
     import mujoco
 
     kind = getattr(mujoco.mjtGain, "mjGAIN_DCMOTOR", None)
@@ -212,10 +212,10 @@ def _motor(m: Any, tree: Tree) -> dict[str, Any]:
 
 
 def _feet(m: Any, tree: Tree) -> dict[str, Any]:
-    """Contacts of the last bodies of robots that float with a plane of the world; a note where the file has no plane.
+    """Contacts of a floating robot's last bodies with a plane of the world; a note if the file has no plane.
 
-    A sphere is its own contact, a capsule has one at each end, a box the four corners that are lowest at qpos0. Of a
-    body with several kinds the first of these counts: a ball foot, not the shank above it.
+    A sphere is one contact, a capsule has one at each end, a box one at each of its four lowest corners at qpos0. For a
+    body with several kinds only the first of these is used: a ball foot, not the shank above it.
     """
     import mujoco
 
@@ -268,14 +268,14 @@ def _feet(m: Any, tree: Tree) -> dict[str, Any]:
 
 
 def _last_bodies(m: Any) -> set[int]:
-    """The bodies that hang on a free joint and carry no joint, alone or by what is fixed to them."""
+    """The bodies behind a free joint that carry no further joint, neither directly nor by bodies fixed to them."""
     carriers = {int(m.body_weldid[m.body_parentid[b]]) for b in range(1, m.nbody) if m.body_jntnum[b]}
     roots = {b for b in range(1, m.nbody) if m.body_jntnum[b] and int(m.jnt_type[m.body_jntadr[b]]) == FREE}
     return {b for b in range(1, m.nbody) if int(m.body_rootid[b]) in roots and int(m.body_weldid[b]) not in carriers}
 
 
 def _meets(m: Any, g: int, ground: int | None) -> bool:
-    """Whether a geom collides with the ground by its bits, or with anything where there is none."""
+    """Whether the bits of a geom let it collide with the ground, or, without a ground, with any geom."""
     kind, with_ = int(m.geom_contype[g]), int(m.geom_conaffinity[g])
     if ground is None:
         return bool(kind or with_)
@@ -283,7 +283,7 @@ def _meets(m: Any, g: int, ground: int | None) -> bool:
 
 
 def _spheres(m: Any, g: int, up: Array) -> Iterator[tuple[Array, float]]:
-    """(centre in the body's frame, radius) of the spheres that stand for a geom; ``up`` is in the body's frame."""
+    """(centre in the body's frame, radius) of the spheres that replace a geom; ``up`` is in the body's frame."""
     import mujoco
 
     kind, size = mujoco.mjtGeom(int(m.geom_type[g])), floats_of(m.geom_size[g])
@@ -304,7 +304,7 @@ def _spheres(m: Any, g: int, up: Array) -> Iterator[tuple[Array, float]]:
 
 
 def _left_out(m: Any, tree: Tree) -> Iterator[str]:
-    """Notes on the rest of the file."""
+    """Notes on all other parts of the file."""
     import mujoco
 
     def joints(values: Any) -> str:

@@ -64,7 +64,7 @@ def couplers(m: Any) -> Iterator[tuple[int, int, int, float, float]]:
 
 
 def active_couplers(m: Any) -> list[tuple[int, int, float, float]]:
-    """(joint, leader, ratio, offset) of those that make mimic joints: named leaders, each follower once, no circle."""
+    """(joint, leader, ratio, offset) of couplings that make mimic joints: named leaders, one per follower, no cycle."""
     import mujoco
 
     found: dict[int, tuple[int, float, float]] = {}

@@ -23,7 +23,7 @@ GROUNDS = {"plane": Plane, "heightfield": Heightfield}
 
 
 def write(given: Mapping[str, Any], defaults: Mapping[str, Any]) -> str:
-    """The text of a scene's options, those that are defaults left out."""
+    """The text of a scene's options, without those at their defaults."""
     lines: list[str] = []
     for name in PLAIN:
         value = given[name]
@@ -55,8 +55,8 @@ def write(given: Mapping[str, Any], defaults: Mapping[str, Any]) -> str:
 
 
 def read(model: Model, text: str) -> dict[str, Any]:
-    """The options of a scene of this model. Raises SpatialDynError before Python 3.11, which reads no TOML;
-    SimulationError for what is no such text, naming the key; otherwise what its parts raise.
+    """The options of a scene of this model. Raises SpatialDynError before Python 3.11, which cannot read TOML;
+    SimulationError for any other text, naming the key; otherwise the errors of its parts.
     """
     try:
         import tomllib

@@ -24,7 +24,7 @@ from .to_urdf import NO_TEXT, numbers
 Array = NDArray[np.float64]
 TYPES = {"revolute": "hinge", "continuous": "hinge", "prismatic": "slide", "spherical": "ball", "floating": "free"}
 WORLD = "world"
-LEAST = 1e-15  # mjMINVAL, below which MuJoCo takes a mass or moment for none
+LEAST = 1e-15  # mjMINVAL, below which MuJoCo treats a mass or moment as zero
 
 
 class Placed(NamedTuple):
@@ -40,17 +40,18 @@ def to_mjcf(model: Model) -> str:
     model  Model, of a fixed or a floating root
 
     MuJoCo compiles it to the same M, bias and forward dynamics, to rounding, with qpos and qvel in the order of q and
-    v: ``to_mujoco`` converts states. Damping, friction, ranges and efforts (``actuatorfrcrange``) are the joints',
-    armatures too; a link without mass between two joints becomes a second joint of the next body. There are no shapes,
-    so nothing touches, and no actuators. Velocity limits, which MJCF has not, are left out with a UserWarning.
+    v: ``to_mujoco`` converts states. Joints have damping, friction, ranges, efforts (``actuatorfrcrange``) and
+    armatures; a link without mass between two joints becomes a second joint of the next body. There are no shapes, so
+    no contacts, and no actuators. MJCF has no velocity limits: they are left out with a UserWarning.
 
-    Links that are fixed together keep their own inertias, or, where MuJoCo would refuse one (a point mass, or a moving
-    link without mass), the moving link has the sum. What is no inertia even so, such as a point mass that moves, MuJoCo
-    refuses by name when it compiles the text.
+    Links that are fixed together keep their own inertias; if MuJoCo would refuse one of them (a point mass, or a moving
+    link without mass), the moving link gets the sum. If the sum is no valid inertia, such as a point mass that moves,
+    MuJoCo refuses it by name when it compiles the text.
 
-    Raises  SpatialDynError naming the joint for what MJCF cannot hold: planar and helical joints, rotors, motors that
-            joints share, springs, a floating joint elsewhere than in the world at the identity, an armature on one, or
-            that differs between freedoms; and for names that no XML holds, or a link "world" that is not the root
+    Raises  SpatialDynError naming the joint for parts that MJCF lacks: planar and helical joints, rotors, motors that
+            joints share, springs, a floating joint that is not in the world at the identity, an armature on a floating
+            joint, or one that differs between freedoms; and for names that XML cannot hold, or a link "world" that is
+            not the root
 
     >>> import spatialdyn as sd
     >>> print(to_mjcf(sd.load_urdf("two_link")).splitlines()[0])
@@ -135,14 +136,14 @@ def _refuse(joint: RobotJoint, root: str) -> None:
 
 
 def _goes_on(link: Link, joints: list[Placed], children: list[RobotJoint]) -> RobotJoint | None:
-    """The only joint behind a link without inertia, which makes one body of both; None for another link."""
+    """The only joint behind a link without inertia, so that both become one body; None for another link."""
     bare = not _has_inertia(link)
     plain = len(children) == 1 and children[0].kind not in ("fixed", "floating")
     return children[0] if bare and plain and joints[0].joint.kind != "floating" else None
 
 
 def _solid(robot: Robot) -> dict[str, Link]:
-    """The links by name, those of a rigid body summed up in its moving link where MuJoCo would refuse one of them."""
+    """The links by name; a rigid body is summed up in its moving link if MuJoCo would refuse one of its links."""
     links, children, made = {x.name: x for x in robot.links}, robot.children, {}
     for moving in [robot.root, *(j.child for j in robot.joints if j.kind != "fixed")]:
         body = [(moving, np.eye(4))]
@@ -163,7 +164,7 @@ def _has_inertia(link: Link) -> bool:
 
 
 def _accepted(link: Link) -> bool:
-    """Whether MuJoCo takes an inertia: a mass, positive moments, none above the sum of the others."""
+    """Whether MuJoCo accepts an inertia: a mass, positive moments, none above the sum of the others."""
     a, b, c = np.linalg.eigvalsh(np.reshape(link.inertia, (3, 3))).tolist()
     return link.mass > LEAST and a > LEAST and a + b >= c
 
@@ -211,7 +212,7 @@ def _equality(joint: RobotJoint) -> str:
 
 
 def _quaternion(X: Array) -> Array:
-    """w x y z of the rotation of a pose: the largest of the four by its square, the others by it."""
+    """w x y z of the rotation of a pose: the largest of the four from its square, the others from products with it."""
     R = X[:3, :3]
     squares = np.array([1 + np.trace(R), *(1 + 2 * R[k, k] - np.trace(R) for k in range(3))])
     k = int(np.argmax(squares))

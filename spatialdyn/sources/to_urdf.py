@@ -1,4 +1,4 @@
-"""``to_urdf``: a model's robot as URDF, so that it is read again with the same numbers."""
+"""``to_urdf``: a model's robot as URDF that is read back with the same numbers."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ from ..waiting import watch
 
 Array = NDArray[np.float64]
 KINDS = ("fixed", "revolute", "continuous", "prismatic", "floating", "planar")
-NO_TEXT = re.compile("[\\x00-\\x08\\x0b\\x0c\\x0e-\\x1f\\ud800-\\udfff\\ufffe\\uffff]")  # what XML cannot hold
+NO_TEXT = re.compile("[\\x00-\\x08\\x0b\\x0c\\x0e-\\x1f\\ud800-\\udfff\\ufffe\\uffff]")  # not in XML
 STEPS = (0, 1, -1, 2, -2)  # neighbours of an angle, in units of its last place
 UNWRITTEN = (1.0, 0.0, 0.0)  # the axis of a joint without <axis>
 RIGHT = 0.5 * math.pi
-LOCKED = 1e-8  # rad: a pitch this near a right angle makes one rotation of roll and yaw
-ROUNDED = 1e-13  # rad: what is left of an angle's digits after a rotation and back, with some to spare
-TINY = 1e-14  # what a pitch of rounding moves in a rotation
+LOCKED = 1e-8  # rad: for a pitch this near a right angle, only the sum or difference of roll and yaw matters
+ROUNDED = 1e-13  # rad: bound on the error of an angle after conversion to a rotation and back
+TINY = 1e-14  # change of a rotation's entries by a pitch of rounding size
 
 
 def to_urdf(model: Model) -> str:
@@ -35,15 +35,15 @@ def to_urdf(model: Model) -> str:
 
     model  Model
 
-    ``load_urdf`` of the text gives an equal robot: numbers have all of their digits, and the angles of a placement are
-    those whose rotation has its bits, if there are such, as of every robot that came from a URDF; else its bits but for
-    rounding. Options of the loading call (a floating root, gravity, ``continuous``, ``mimic``) are no part of a URDF;
-    shapes and meshes, which a model does not keep, are left out.
+    ``load_urdf`` of the text gives an equal robot. Numbers have all of their digits. Placements are equal to the bit if
+    some angles give that rotation, as for every robot that was read from a URDF; else they are equal to rounding.
+    Options of the loading call (a floating root, gravity, ``continuous``, ``mimic``) are no part of a URDF; shapes and
+    meshes are left out, since a model does not keep them.
 
-    Joints of a URDF come in byte order of their names: a UserWarning says so if the model has another order.
+    ``load_urdf`` orders joints by the bytes of their names: a UserWarning says so if the model has another order.
 
-    Raises  SpatialDynError naming the joint for what URDF cannot hold: spherical and helical joints, armatures,
-            rotors, motors that joints share, springs; and for a name that no XML holds
+    Raises  SpatialDynError naming the joint for parts that URDF lacks: spherical and helical joints, armatures,
+            rotors, motors that joints share, springs; and for a name that XML cannot hold
 
     >>> import spatialdyn as sd
     >>> model = sd.load_urdf("two_link").with_(payload={"tip": (0.5, (0, 0, 0), np.zeros((3, 3)))})
@@ -127,15 +127,15 @@ def _joint(joint: RobotJoint) -> Iterator[str]:
 
 
 def numbers(x: object) -> str:
-    """Numbers with all of their digits, so that they are read to the same bits."""
+    """Numbers with all of their digits, so that they are read back to the bit."""
     return " ".join(repr(float(y) + 0.0) for y in np.ravel(np.asarray(x, float)))
 
 
 def angles_of(R: Array) -> tuple[float, ...]:
-    """Roll, pitch, yaw whose rotation has the bits of R, with few digits if there are such; else the nearest.
+    """Roll, pitch, yaw whose rotation equals R to the bit, with few digits if possible; else the nearest angles.
 
-    Files write angles beyond half a turn, pitches beyond a quarter, both angles where roll and yaw are one rotation,
-    and pitches of 1e-16: a rotation has the bits of all of them.
+    Tried are also angles beyond half a turn, pitches beyond a quarter, both angles where roll and yaw turn about the
+    same axis, and pitches of 1e-16, since files contain all of these.
     """
     near = rpy_of(R)
     wanted = R + 0.0
@@ -150,7 +150,7 @@ def angles_of(R: Array) -> tuple[float, ...]:
 
 
 def _neighbours(x: float) -> list[float]:
-    """An angle and those a few units of its last place away; a zero alone."""
+    """An angle and its neighbours within a few units of its last place; only itself if it is zero."""
     return [x + k * math.ulp(x) for k in STEPS] if x else [0.0]
 
 

@@ -1,6 +1,6 @@
 """Studies: a function of a scene run on any number of random samples, in chunks that any executor takes.
 
-``study`` makes one and runs it; ``chunks`` is what a worker does with one chunk; ``folder`` holds the files that it
-leaves, and the manifest that keeps runs apart; ``pools`` serves what is no executor; ``reductions`` are
-what is kept of arrays too large to keep.
+``study`` makes and runs a study; ``chunks`` is a worker's computation of one chunk; ``folder`` has its files and the
+manifest that identifies the study; ``pools`` adapts pools that are not executors; ``reductions`` summarize arrays that
+are too large to keep.
 """

@@ -1,4 +1,4 @@
-"""What a worker does with one chunk: draw, compute, reduce, write; by the job and the chunk's number alone."""
+"""A worker's computation of one chunk, which depends only on the job and the chunk's number."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ Function = Callable[[Any, np.random.Generator, int], Mapping[str, Any]]
 
 @dataclass(frozen=True)
 class Job:
-    """All that the chunks of a study share; pickles."""
+    """The data that all chunks of a study share; can be pickled."""
 
     function: Function
     scene: Any
@@ -46,15 +46,15 @@ class Job:
     threads: int | None = None
 
     def length(self, i: int) -> int:
-        """Samples of a chunk."""
+        """Number of samples of chunk i."""
         return min(self.chunk, self.samples - i * self.chunk)
 
 
 class Outcome(NamedTuple):
-    """What became of a chunk.
+    """The outcome of a chunk.
 
-    failure  what its function raised, with chunk and seed; "" if it is done
-    seconds  in the worker, without writing
+    failure  the error that its function raised, with chunk and seed; "" if it is done
+    seconds  time in the worker, without writing
     """
 
     chunk: int
@@ -63,12 +63,12 @@ class Outcome(NamedTuple):
 
 
 def host_of() -> dict[str, Any]:
-    """What else than the job a chunk's bits depend on: versions, and whether the processor fuses multiply and add."""
+    """What a chunk's bits depend on beside the job: versions, and whether the processor fuses multiply and add."""
     return {"sources": STAMP, "numpy": np.__version__, "llvmlite": version("llvmlite"), "fma": host_cpu.host()[3]}
 
 
 def run_chunk(job: Job, i: int) -> Outcome:
-    """Compute a chunk and write its part; what its function raises is written instead."""
+    """Compute a chunk and write its part, or the error that its function raises."""
     folder, began = Folder(job.folder), time.perf_counter()
     if job.threads is not None:
         set_num_threads(job.threads)
@@ -91,7 +91,7 @@ def run_chunk(job: Job, i: int) -> Outcome:
 
 
 def _checked(found: Any, n: int) -> dict[str, Array]:
-    """What the function returned, as arrays. Raises StudyError."""
+    """The results of the function as arrays. Raises StudyError."""
     if not isinstance(found, Mapping) or not found:
         raise StudyError(f"the function returned {type(found).__name__}, expected a dict of arrays (n, ...)")
     arrays = {str(name): np.asarray(x) for name, x in found.items()}
@@ -107,17 +107,17 @@ def _checked(found: Any, n: int) -> dict[str, Array]:
 
 
 def digest_of_scene(scene: Any) -> str:
-    """Of the content of a Scene or Model, the same in every process."""
+    """Digest of the content of a Scene or Model, the same in every process."""
     if not isinstance(scene, Scene):
         return str(scene.key)
     return hashlib.sha256(f"{scene.model.key} {scene.to_toml()}".encode()).hexdigest()
 
 
 def digest_of_function(function: Any) -> str:
-    """Digest of a function's source, and of what it refers to: its defaults, its closure, arguments of
+    """Digest of a function's source, and of the values that it refers to: its defaults, its closure, arguments of
     ``functools.partial``, the functions and plain values of its module that it names.
 
-    Raises StudyError for a function that holds what cannot be pickled.
+    Raises StudyError for a function with values that cannot be pickled.
     """
     held: list[Any] = []
     while isinstance(function, partial):
@@ -139,7 +139,7 @@ def digest_of_function(function: Any) -> str:
 
 
 def _read(thing: Any, held: list[Any], sources: list[bytes], known: dict[int, Any]) -> None:
-    """Add what a function holds, its source, and those of the functions of its module that it names."""
+    """Add a function's values and source, and those of the functions of its module that it names."""
     if id(thing) in known:
         return
     known[id(thing)] = thing
@@ -162,13 +162,13 @@ def _read(thing: Any, held: list[Any], sources: list[bytes], known: dict[int, An
 
 
 def _names(code: CodeType) -> list[str]:
-    """The names that a function reads, and those of the functions in it."""
+    """The names that a function and its inner functions read."""
     inner = (_names(x) for x in code.co_consts if isinstance(x, CodeType))
     return sorted({*code.co_names, *(name for names in inner for name in names)})
 
 
 def _plain(value: Any) -> bytes | None:
-    """A number, a text, an array or a sequence of such as bytes that are the same in every process; else None."""
+    """A number, text, array or sequence of these as bytes that are the same in every process; None for other values."""
     if isinstance(value, (np.ndarray, np.generic)):
         head = f"{value.dtype.str}{value.shape}".encode()
         return None if value.dtype.hasobject else head + value.tobytes()
@@ -180,7 +180,7 @@ def _plain(value: Any) -> bytes | None:
 
 
 def _source(thing: Any) -> bytes:
-    """Its text; the code if there is no text."""
+    """The source text; the code if there is no text."""
     try:
         return inspect.getsource(thing).encode()
     except (OSError, TypeError):
@@ -189,13 +189,13 @@ def _source(thing: Any) -> bytes:
 
 
 def _content(code: CodeType) -> bytes:
-    """What a function does that has no text: its code, and that of the functions in it."""
+    """The content of a function without source text: its code, and that of its inner functions."""
     constants = [_content(x) if isinstance(x, CodeType) else repr(x).encode() for x in code.co_consts]
     return b"\0".join([code.co_code, repr(code.co_names).encode(), *constants])
 
 
 def manifest_of(job: Job) -> dict[str, Any]:
-    """What must agree for parts to be of one study."""
+    """The values that must agree for parts to belong to one study."""
     made: dict[str, Any] = {
         "function": getattr(job.function, "__qualname__", type(job.function).__name__),
         "source": digest_of_function(job.function), "scene": digest_of_scene(job.scene), "samples": job.samples,

@@ -1,7 +1,8 @@
-"""The files of a study: a manifest, and of each chunk its kept arrays and, last, the states of its reductions.
+"""The files of a study: a manifest, and for each chunk its kept arrays and, last, the states of its reductions.
 
-Each is written under another name and put in place by ``os.replace``, so a file is whole or is not there, also if a
-process is killed; what one leaves ends in ".part" and may be removed. A chunk is done if its ``part`` is there.
+Each file is written under a temporary name and renamed by ``os.replace``, so it is complete or absent, even if a
+process is killed; files that a killed process leaves end in ".part" and may be removed. A chunk is done if its ``part``
+exists.
 """
 
 from __future__ import annotations
@@ -20,18 +21,18 @@ from ..errors import StudyError
 
 Array = NDArray[Any]
 MANIFEST = "manifest.json"
-UNFINISHED = ".part"  # of files that a process wrote until it was killed
+UNFINISHED = ".part"  # ending of files that a process is writing
 
 
 class Folder:
-    """The files of a study in a folder, which is made when something is written."""
+    """The files of a study in a folder, which is created at the first write."""
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
-        """At a path; nothing is read or written."""
+        """A folder at a path; nothing is read or written yet."""
         self.path = Path(path).absolute()
 
     def manifest(self) -> dict[str, Any] | None:
-        """What was written about the study; None if nothing was. Raises StudyError for what is no manifest."""
+        """The manifest of the study; None without one. Raises StudyError for an invalid manifest."""
         try:
             text = (self.path / MANIFEST).read_text(encoding="utf-8")
         except FileNotFoundError:
@@ -49,7 +50,7 @@ class Folder:
         return found
 
     def begin(self, manifest: Mapping[str, Any]) -> None:
-        """Write the manifest, if it is not there. Raises StudyError."""
+        """Write the manifest unless it exists. Raises StudyError."""
         try:
             self.path.mkdir(parents=True, exist_ok=True)
             if not (self.path / MANIFEST).exists():
@@ -58,15 +59,15 @@ class Folder:
             raise StudyError(f"{self.path} cannot be written: {error}") from error
 
     def done(self) -> set[int]:
-        """The chunks that are there."""
+        """The chunks that are done."""
         return self._numbers("part-", ".npz")
 
     def failed(self) -> dict[int, str]:
-        """What the chunks raised that are not there."""
+        """The errors of chunks that are not done."""
         missing = self._numbers("failed-", ".txt") - self.done()
         made = {}
         for i in sorted(missing):
-            with suppress(FileNotFoundError):  # done by now, by another driver
+            with suppress(FileNotFoundError):  # another driver has done it meanwhile
                 made[i] = self._name("failed", i, ".txt").read_text(encoding="utf-8")
         return made
 
@@ -82,7 +83,7 @@ class Folder:
         self._name("failed", chunk, ".txt").unlink(missing_ok=True)
 
     def write_failure(self, chunk: int, text: str) -> None:
-        """What a chunk raised."""
+        """Write the error of a chunk."""
         self._put(self._name("failed", chunk, ".txt").name, text.encode("utf-8", "replace"))
 
     def states(self, chunk: int) -> dict[str, dict[str, Array]]:
@@ -127,7 +128,7 @@ class Folder:
 
 
 class _Replaced:
-    """A file that takes its name when it is whole."""
+    """A file that gets its name when it is complete."""
 
     def __init__(self, place: Path) -> None:
         self._place, self._part = place, place.with_name(os.urandom(8).hex() + UNFINISHED)
@@ -145,17 +146,17 @@ class _Replaced:
 
 
 class Stored:
-    """A kept output of all samples: an array on disk, of which what is asked for is read.
+    """A kept output of all samples: an array on disk, of which only the indexed parts are read.
 
-    ``x[3]``, ``x[10:20, 2]``, ``x[indices]``, ``np.asarray(x)``; ``for part in x.parts()`` goes through the chunks,
-    memory-mapped. ``dask.array.from_array(x, chunks=x.chunks)`` takes it as it is.
+    ``x[3]``, ``x[10:20, 2]``, ``x[indices]``, ``np.asarray(x)``; ``for part in x.parts()`` iterates over the chunks,
+    memory-mapped. ``dask.array.from_array(x, chunks=x.chunks)`` accepts it.
 
-    shape, dtype, ndim  those of the whole
+    shape, dtype, ndim  those of the whole array
     chunks              lengths of its blocks along each axis
     """
 
     def __init__(self, folder: Folder, name: str, lengths: tuple[int, ...]) -> None:
-        """Of a folder whose chunks are all there."""
+        """An output in a folder whose chunks are all done."""
         first = folder.array(name, 0)
         self._folder, self._name = folder, name
         self._ends = np.cumsum(lengths)

@@ -1,9 +1,9 @@
-"""What is kept of samples too many to keep: states of chunks that merge to that of the whole.
+"""Reductions of samples that are too many to keep: states of chunks that merge to the state of the whole study.
 
 A reduction is any object with three methods, whose state is a dict of arrays:
 
-    of(arrays, first)  of the arrays that a chunk's function returned; ``first`` is the number of its first sample
-    merge(a, b)        of two states, the samples of a before those of b
+    of(arrays, first)  the state of the arrays that a chunk's function returned; ``first`` numbers its first sample
+    merge(a, b)        the state of two states, with the samples of a before those of b
     finish(state)      the result
 
 States are merged in the order of chunks, so a result does not depend on which chunk was done first. Source: moments by
@@ -30,7 +30,7 @@ MOST = 2**62  # samples
 
 
 class Reduction(Protocol):
-    """What ``reduce`` of a study takes."""
+    """The protocol of the argument ``reduce`` of a study."""
 
     def of(self, arrays: Mapping[str, Array], first: int) -> State:
         """The state of a chunk."""
@@ -117,8 +117,8 @@ class Quantiles:
     """Quantiles of an output of any shape, to a relative error, in memory that does not grow with the samples.
 
     output  name of an array (n, ...) that the study's function returns
-    at      quantiles wanted, each in [0, 1]: the least sample that so large a part of the samples does not exceed
-    bits    of the mantissa that tell samples apart: the error is 2^-(bits+1) of the value, .05 % by default
+    at      quantiles, each in [0, 1]: the least sample that this part of the samples does not exceed
+    bits    bits of the mantissa that distinguish samples: the error is 2^-(bits+1) of the value, .05 % by default
 
     Samples are counted by sign, exponent and first bits of the mantissa, so counts of chunks add in any order. The
     result is (len(at), ...). Raises StudyError for values that are not finite.
@@ -149,7 +149,7 @@ class Quantiles:
         flat = np.ascontiguousarray(x.reshape(len(x), -1))
         size = flat.view(np.int64) & np.int64(2**63 - 1)
         code = np.where(flat < 0.0, -1, 1) * (size >> (MANTISSA - self.bits))
-        found = [np.unique(x, return_counts=True) for x in code.T]  # half a sort of both keys at once
+        found = [np.unique(x, return_counts=True) for x in code.T]  # half the time of a sort by both keys
         column = np.repeat(np.arange(len(found)), [len(codes) for codes, _ in found])
         codes, counts = (np.concatenate([np.empty(0, np.int64), *(x[k] for x in found)]) for k in (0, 1))
         return {"column": column, "code": codes, "shape": np.array(x.shape[1:], int), "count": counts}
@@ -162,7 +162,7 @@ class Quantiles:
 
     @staticmethod
     def _counted(column: Array, code: Array, count: Array, shape: Array) -> State:
-        """Codes of columns in order, each once."""
+        """The state with the codes of each column in order, without repetition."""
         order = np.lexsort((code, column))
         column, code, count = column[order], code[order], count[order]
         new = np.ones(len(code), np.bool_)
@@ -196,8 +196,8 @@ class Extremes(NamedTuple):
     """The samples with the largest, or smallest, values of an output: the worst first; k of them.
 
     value   (k,)
-    sample  (k,)  numbers of the samples in the study: sample // chunk is the chunk that draws it again
-    beside  by name, (k, ...) each: what else the function returned of them
+    sample  (k,)  numbers of the samples in the study: sample // chunk is the chunk that draws the sample again
+    beside  by name, (k, ...) each: other outputs of the function for these samples
     """
 
     value: Array
@@ -207,15 +207,15 @@ class Extremes(NamedTuple):
 
 @dataclass(frozen=True)
 class Worst:
-    """The samples with the largest values of an output (n,), and what else is known of them.
+    """The samples with the largest values of an output (n,), with other outputs of these samples.
 
     output   name of an array (n,) that the study's function returns
     count    how many samples are kept
-    beside   names of other arrays (n, ...), whose rows of these samples are kept: their inputs
-    least    whether those with the smallest values are wanted
+    beside   names of other arrays (n, ...), such as inputs, whose rows are kept for these samples
+    least    whether to keep the samples with the smallest values instead
 
     The result is an ``Extremes``; of equal values the earlier sample comes first. Raises StudyError for values that are
-    not finite, and for an output that is no number a sample.
+    not finite, and for an output that is not one number per sample.
 
     >>> import numpy as np
     >>> import spatialdyn as sd
@@ -262,13 +262,13 @@ class Worst:
 
 @dataclass(frozen=True)
 class TallQR:
-    """R of the QR factors of all rows of an output: least squares of data that fit in no memory.
+    """R of the QR factors of all rows of an output: least squares of data that do not fit in memory.
 
-    output  name of an array (n, c), or (n, m, c) of m rows a sample, that the study's function returns
+    output  name of an array (n, c), or (n, m, c) for m rows per sample, that the study's function returns
 
     R (c, c) is upper triangular, its diagonal is not negative, and RᵀR is the sum of the rows' squares; with the
-    right-hand side as the last column, R[:-1, :-1] x = R[:-1, -1] is the least-squares solution and |R[-1, -1]| what is
-    left. Raises StudyError for values that are not finite.
+    right-hand side as the last column, R[:-1, :-1] x = R[:-1, -1] gives the least-squares solution and |R[-1, -1]| is
+    the norm of the residual. Raises StudyError for values that are not finite.
 
     >>> import numpy as np
     >>> import spatialdyn as sd
@@ -311,7 +311,7 @@ def _triangle(rows: Array) -> Array:
 
 
 def names_of(what: str, given: Any) -> tuple[str, ...]:
-    """Names of outputs, or one, as a tuple. Raises StudyError."""
+    """Names of outputs, or one name, as a tuple. Raises StudyError."""
     names = (given,) if isinstance(given, str) else given
     if not isinstance(names, (tuple, list)) or not all(isinstance(x, str) and x for x in names):
         raise StudyError(f"{what} is {literal(given)}, expected names of outputs")
@@ -324,7 +324,7 @@ def is_whole(x: Any, least: int) -> bool:
 
 
 def _check(names: tuple[str, ...], *states: Any) -> None:
-    """Raise StudyError unless they are states, which have arrays of these names."""
+    """Raise StudyError unless all are states: dicts with arrays of these names."""
     for x in states:
         if not isinstance(x, dict) or not all(isinstance(x.get(name), (np.ndarray, np.generic)) for name in names):
             raise StudyError(f"a state is {literal(x)}, expected what of() or merge() returned")
@@ -354,7 +354,7 @@ def numbers(arrays: Mapping[str, Array], name: str, first: int) -> Array:
 
 
 def reductions_of(reduce: Any) -> dict[str, Reduction]:
-    """What ``reduce`` of a study gives: by label. Raises StudyError."""
+    """The reductions of the argument ``reduce`` by label. Raises StudyError."""
     if reduce is None:
         return {}
     given = reduce if isinstance(reduce, Mapping) else {getattr(reduce, "output", "result"): reduce}
@@ -368,7 +368,7 @@ def reductions_of(reduce: Any) -> dict[str, Reduction]:
 
 
 def merged(reduction: Reduction, states: Sequence[State]) -> State:
-    """States of chunks in order."""
+    """The merged state of chunks, in order."""
     whole = states[0]
     for state in states[1:]:
         whole = reduction.merge(whole, state)

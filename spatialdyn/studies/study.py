@@ -1,4 +1,4 @@
-"""A study: a function of a scene on many random samples, run in chunks, here or on any executor, resumed at will."""
+"""A study: a function of a scene on many random samples, run in chunks, here or on any executor, resumable any time."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from .chunks import Function, Job, Outcome, host_of, manifest_of, path_of, run_c
 from .folder import Folder, Stored
 from .reductions import is_whole, merged, names_of, reductions_of
 
-AHEAD = 4096  # chunks that an executor is given before they are done: twice as many as a cluster has workers
-TRIES = 3  # of a chunk whose worker is lost
+AHEAD = 4096  # chunks submitted to an executor at a time: twice the workers of a large cluster
+TRIES = 3  # attempts at a chunk whose worker is lost
 SOURCE = "source (of the function, with the values that it holds and names)"
 RESERVED = ("part", "failed", "manifest")  # names of other files
 
@@ -37,20 +37,20 @@ def study(
 ) -> Study:
     """A function of a scene on many random samples, in chunks: nothing runs before ``run``.
 
-    fn       ``fn(scene, rng, n)``: a dict of arrays (n, ...), of n samples drawn from a numpy Generator
-    scene    Scene or Model, handed to it
-    samples  how many in all
-    chunk    samples of a call of fn; half a second of work or more makes the rest cost little
+    fn       ``fn(scene, rng, n)``: returns a dict of arrays (n, ...), for n samples drawn from a numpy Generator
+    scene    Scene or Model, the first argument of fn
+    samples  number of all samples
+    chunk    samples per call of fn; with half a second of work or more the overhead is small
     seed     chunk i draws from ``numpy.random.SeedSequence(seed, spawn_key=(i,))``
-    folder   where parts are written; workers of other machines must see it by the same path
-    keep     names of outputs that are written whole: ``study["q"]``
-    reduce   what is kept of the others: ``{label: sd.Moments("tau"), ...}``, or one reduction; see ``sd.Moments``,
+    folder   where parts are written; workers on other machines must see it under the same path
+    keep     names of outputs that are stored completely: ``study["q"]``
+    reduce   summaries of outputs: ``{label: sd.Moments("tau"), ...}``, or one reduction; see ``sd.Moments``,
              ``sd.Quantiles``, ``sd.Worst``, ``sd.TallQR``
 
-    A folder that holds parts of the same study is taken up where it ended. Results are the same bits on any executor
-    and in any number of sittings, on processors that fuse multiplications and additions alike.
+    If the folder holds parts of the same study, the study resumes. Results are the same bits on any executor and in any
+    number of runs, on processors that fuse multiplications and additions alike.
 
-    Raises  StudyError for bad arguments, and for a folder of another study, naming what differs; ModelError
+    Raises  StudyError for bad arguments, and for a folder of another study, naming the differences; ModelError
 
     >>> import tempfile
     >>> import spatialdyn as sd
@@ -65,12 +65,12 @@ def study(
 
 
 class Study:
-    """What ``study`` makes: see there.
+    """The result of ``study``; see there.
 
-    folder   its path
-    done     the chunks that are there, a tuple of numbers
-    missing  those that are not
-    failed   what those raised that failed: {chunk: text with chunk, seed and traceback}
+    folder   path of its folder
+    done     numbers of the chunks that are done, a tuple
+    missing  numbers of the other chunks
+    failed   errors of the chunks that failed: {chunk: text with chunk, seed and traceback}
     """
 
     def __init__(
@@ -102,7 +102,7 @@ class Study:
         self._check()
 
     def _check(self) -> None:
-        """Raise StudyError if the folder is of another study."""
+        """Raise StudyError if the folder belongs to another study."""
         found = self._folder.manifest()
         if found is None:
             return
@@ -119,7 +119,7 @@ class Study:
 
     @property
     def folder(self) -> str:
-        """Its path."""
+        """Path of its folder."""
         return self._job.folder
 
     @property
@@ -128,24 +128,24 @@ class Study:
 
     @property
     def done(self) -> tuple[int, ...]:
-        """The chunks that are there."""
+        """The chunks that are done."""
         return tuple(sorted(i for i in self._folder.done() if i < self._count))
 
     @property
     def missing(self) -> tuple[int, ...]:
-        """The chunks that are not there."""
+        """The chunks that are not done."""
         done = set(self._folder.done())
         return tuple(i for i in range(self._count) if i not in done)
 
     @property
     def failed(self) -> dict[int, str]:
-        """What chunks raised that are not there, by number: the error with its chunk and seed, and where it was."""
+        """Errors of chunks that are not done, by number: the error with its chunk, seed and traceback."""
         return self._folder.failed()
 
     def warm(self, executor: Any = None, *, threads: int | None = None) -> Study:
-        """Run one chunk that is missing, and wait: what it compiles is kept on disk for the workers that follow.
+        """Run one missing chunk and wait: the kernels that it compiles are cached on disk for later workers.
 
-        executor, threads  as of ``run``
+        executor, threads  as in ``run``
 
         Returns itself. Raises StudyError.
         """
@@ -153,20 +153,20 @@ class Study:
         return self
 
     def run(self, executor: Any = None, *, progress: Progress = False, threads: int | None = None) -> Study:
-        """Run the chunks that are missing, those that failed too.
+        """Run the chunks that are missing, including those that failed.
 
-        executor  where: any ``concurrent.futures.Executor``, such as ``client.get_executor()`` of Dask or the Client
-                  itself, ``mpi4py.futures.MPIPoolExecutor()``, loky's; a ``ray.util.multiprocessing.Pool``; None here,
-                  one chunk after another, each on all threads, which on one machine is fastest. A
+        executor  any ``concurrent.futures.Executor``, such as ``client.get_executor()`` of Dask or the Client itself,
+                  ``mpi4py.futures.MPIPoolExecutor()``, loky's; a ``ray.util.multiprocessing.Pool``; None runs one chunk
+                  after another in this process, each on all threads, which is fastest on one machine. A
                   ``ProcessPoolExecutor`` should have the context "spawn" (``multiprocessing.get_context``): a forked
-                  process may wait for a lock of a thread that it has not
-        progress  True for a bar, or a function of the chunks that are done and their number
-        threads   of each worker's batches; None leaves it to them
+                  process may wait for a lock whose thread does not exist in it
+        progress  True for a progress bar, or a function of the number of chunks that are done and of all chunks
+        threads   threads for each worker's batches; None leaves the choice to the worker
 
-        What a chunk raises is kept (``failed``) and the others go on; a chunk whose worker is lost is given to another,
-        twice. Ctrl-C ends the run; what is done stays. Returns itself.
+        Errors of a chunk are kept (``failed``) and other chunks continue; a chunk whose worker is lost is submitted
+        again, twice. Ctrl-C ends the run; finished chunks stay. Returns itself.
 
-        Raises  StudyError if chunks are lost again and again, or the executor takes no more; SpatialDynError
+        Raises  StudyError if chunks are lost repeatedly, or the executor accepts no more; SpatialDynError
         """
         check_progress(progress)
         self._run(self.missing, executor, progress, threads)
@@ -191,7 +191,7 @@ class Study:
             )
         self._check()
         self._folder.begin(self._manifest)
-        self._check()  # another may have begun there by now
+        self._check()  # another study may have begun there meanwhile
         job = replace(self._job, threads=threads)
         with reporting(progress, "studying") as report:
             steps = Steps(report, self._count)
@@ -203,17 +203,17 @@ class Study:
     def result(self, partial: bool = False) -> dict[str, Any]:
         """The results of the reductions, by label.
 
-        partial  whether that of the chunks that are there is wanted; otherwise all have to be
+        partial  True for the results of the chunks that are done; otherwise all must be done
 
-        Raises  StudyError for chunks that are missing, with what the first of them raised
+        Raises  StudyError for missing chunks, with the error of the first of them
         """
         states = self._states(as_flag("partial", partial))
         return {label: x.finish(states[label]) for label, x in self._job.reductions.items()}
 
     def digest(self) -> str:
-        """SHA-256 of all that was reduced and kept: two runs with one digest have the same results to the bit.
+        """SHA-256 of all reductions and kept outputs: two runs with the same digest have the same results to the bit.
 
-        Reads what is kept, chunk by chunk.
+        Reads the kept outputs, chunk by chunk.
         """
         found = hashlib.sha256()
         for label, state in sorted(self._states(False).items()):
@@ -234,7 +234,7 @@ class Study:
         return Stored(self._folder, name, tuple(self._job.length(i) for i in range(self._count)))
 
     def _all(self) -> None:
-        """Raise StudyError unless all chunks are there."""
+        """Raise StudyError unless all chunks are done."""
         missing = self.missing
         if missing:
             failed = self.failed
@@ -242,7 +242,7 @@ class Study:
             raise StudyError(f"{len(missing)} of {self._count} chunks are missing, expected run() before{why}")
 
     def _states(self, partial: bool) -> dict[str, dict[str, Any]]:
-        """The merged states of the reductions, chunk after chunk: no two in memory but the sum and the next."""
+        """The merged states of the reductions, chunk after chunk: only the sum and the next are in memory."""
         if not partial:
             self._all()
         whole: dict[str, dict[str, Any]] = {}
@@ -272,7 +272,7 @@ def _spread(job: Job, chunks: tuple[int, ...], executor: Any) -> Iterator[Outcom
 
     lost: Counter[int] = Counter()
     waiting, pending = list(reversed(chunks)), dict[Future[Outcome], int]()
-    ended: SimpleQueue[Future[Outcome]] = SimpleQueue()  # to wait for one of thousands costs as little as for one
+    ended: SimpleQueue[Future[Outcome]] = SimpleQueue()  # waiting for any of thousands is as cheap as for one
     try:
         while waiting or pending:
             while waiting and len(pending) < AHEAD and ended.empty():

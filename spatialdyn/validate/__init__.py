@@ -1,8 +1,8 @@
 """Comparison with Pinocchio: every public call, entry by entry, on random states of one robot.
 
-The table ``CALLS`` has a line per call: its inputs and Pinocchio's function. Where Pinocchio gives no finite result (a
+The table ``CALLS`` has a line per call: its inputs and Pinocchio's function. If Pinocchio gives no finite result (a
 joint with zero articulated inertia, a robot without moving mass) or computes something else (planar joints, whose axis
-it ignores), an identity is checked instead, and the row says so.
+it ignores), an identity is checked instead, and the row's note says so.
 
 Functions import Pinocchio when called: ``pip install pin`` installs it.
 """

@@ -22,10 +22,10 @@ REFERENCES = ("local", "world", "local_world_aligned")
 class Call:
     """A public call and its counterpart in Pinocchio.
 
-    label   of its row: the name of the call, and a variant in brackets
-    inputs  fields of States that both take, in order
-    peer    name of Pinocchio's function of (model, data, *inputs); or, composed of several, a function of (pin, model,
-            data, *inputs), which is not timed; empty if there is neither
+    label   label of the row: the name of the call, and a variant in brackets
+    inputs  fields of States that both libraries take, in order
+    peer    name of Pinocchio's function of (model, data, *inputs); or a function of (pin, model, data, *inputs) that
+            combines several, which is not timed; empty if there is neither
     result  function that reads the result from Pinocchio's data; None if ``peer`` returns it
     frame   Pinocchio's function of (model, data, frame, reference) to call after ``peer``, for calls of a frame;
             without a peer, any name
@@ -50,8 +50,8 @@ class Call:
     def references(self) -> tuple[str, ...]:
         """The references compared; none for a placement and for calls without a frame.
 
-        Derivatives leave out local_world_aligned: Pinocchio's are there those of a point at rest, not of the velocity
-        that its getFrameVelocity returns.
+        Derivatives leave out local_world_aligned: there Pinocchio differentiates the velocity of a point at rest, not
+        the velocity that its getFrameVelocity returns.
         """
         asked = REFERENCES[:2] if self.name.endswith("_derivatives") else REFERENCES
         return asked if any(x.name == "reference" for x in SPECS[self.name].present) else ()

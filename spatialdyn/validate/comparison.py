@@ -1,12 +1,12 @@
 """The comparison of one robot: every public call, entry by entry, on random states.
 
 An error is max |x - x_pin| / max(1, max |x_pin|) of one result, the largest over all samples, frames and references.
-Forward dynamics and the inverse of M are judged by their residual: the result, put into Pinocchio's RNEA or times its
-M, must give the torque or 1; their values are compared where M is well conditioned. No float64 result x has a residual
-below the rounding of its entries, about eps |M| |x|: a residual above BOUND may be up to four times that, and the row
-says so (icub's M has a condition number of 4e10: the exact acceleration, rounded, misses tau by 3e-8). Derivatives of
-forward dynamics are those at an acceleration, which is rounded too: what their torques change by where it is refined
-counts as rounding.
+Forward dynamics and the inverse of M are judged by their residual: Pinocchio's RNEA of the result must give the torque,
+Pinocchio's M times the result must give 1. Their values are compared only if M is well conditioned. No float64 result x
+has a residual below the rounding of its entries, about eps |M| |x|: a residual above BOUND may be up to four times
+that, and the row's note says so (icub's M has a condition number of 4e10: the exact acceleration, rounded, misses tau
+by 3e-8). Derivatives of forward dynamics are taken at an acceleration, which is rounded too: the change of their
+torques when it is refined counts as rounding.
 """
 
 from __future__ import annotations
@@ -66,14 +66,14 @@ def compare_with_pinocchio(
 ) -> Comparison:
     """Compare every public call with Pinocchio's on random states.
 
-    source      path, URDF text or the name of a robot, as ``load_urdf`` takes them; or a Model, compared as it is with
-                a Pinocchio model built joint by joint
-    root        "fixed" (default) or "floating"; of a Model its own
+    source      path, URDF text or the name of a robot, as in ``load_urdf``; or a Model, compared as it is with a
+                Pinocchio model built joint by joint
+    root        "fixed" (default) or "floating"; a Model has its own
     samples     number of random states, at least 1
-    seed        of their generator
-    timing      also times single calls of both from Python: medians of interleaved rounds
+    seed        seed of the random states
+    timing      True: also time single calls of both from Python, medians of interleaved rounds
     continuous  as in ``load_urdf``, by default "cos_sin"; "angle" agrees with Pinocchio only on robots without
-                continuous joints. Of a Model its own
+                continuous joints. A Model has its own
     progress    True for a bar (needs rich), or a function of the number of calls compared and their total
     calls       names of the calls to compare, e.g. ("rnea", "crba"); all if left out
 
@@ -106,7 +106,7 @@ def compare_with_pinocchio(
 
 
 def _asked(names: Collection[str] | None) -> Sequence[Call]:
-    """The rows of the table of calls that these names ask for."""
+    """The rows of the table of calls with these names."""
     if names is None:
         return CALLS
     if isinstance(names, str):
@@ -248,7 +248,7 @@ def _residual(call: Call, peer: Peer, states: States, ours: Array) -> tuple[floa
 
 
 def _values(call: Call, peer: Peer, states: States, ours: Array, theirs: Array) -> Row:
-    """The row of values, in the states in which M is well conditioned and Pinocchio's own residual is small."""
+    """The row that compares values, in states in which M is well conditioned and Pinocchio's own residual is small."""
     label = f"{call.name} (fext, values)" if "fext" in call.inputs else f"{call.name} (values)"
     M = peer.mass_matrices(states)
     sound = np.array([m.size == 0 or float(np.linalg.cond(m)) <= WELL_CONDITIONED for m in unit_diagonal(M)])

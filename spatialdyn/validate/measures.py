@@ -36,7 +36,7 @@ def rounding(M: Array, x: Array, right: Array) -> float:
 
 
 def raised(rounded: float) -> float:
-    """The bound on a residual with that rounding of the exact result."""
+    """The bound on a residual, given the residual of the rounded exact result."""
     return max(BOUND, 4.0 * rounded)
 
 

@@ -12,7 +12,7 @@ from .measures import sort_key
 class Row:
     """The comparison of one call.
 
-    call      its name, and a variant in brackets
+    call      name of the call, and a variant in brackets
     error     scaled error, nan or infinite if a result is not finite or a call raised; None if nothing was compared
     bound     largest allowed error
     ok        whether the error is at most that
@@ -79,6 +79,6 @@ class Comparison:
 
 
 def judged(label: str, error: float, bound: float, note: str = "", times: tuple[float, float] | None = None) -> Row:
-    """A row whose error says whether it is ok."""
+    """A row that is ok if its error is within its bound."""
     ours, theirs = times or (None, None)
     return Row(label, error, bound, bool(error <= bound), note, ours, theirs)

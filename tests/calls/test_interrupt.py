@@ -20,7 +20,7 @@ import spatialdyn as sd
 from spatialdyn.compat import pinocchio as pin
 from spatialdyn.compat.pinocchio.algorithms import parallel
 from spatialdyn.constraints import contact
-from spatialdyn.engines import extended, threads
+from spatialdyn.engines import extended, run, threads
 from spatialdyn.engines.compiled import numba_kernels
 from spatialdyn.engines.numbers.samples import Evaluation
 from spatialdyn.engines.programs.run import batch_kernels, time_loop
@@ -273,6 +273,7 @@ def test_ctrl_c_leaves_what_the_table_kernel_has_done(
     arm: sd.Model, thread_count: int, given: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     n = 60
+    monkeypatch.setattr(run, "MANY_ALONE", 1)  # also where its kernel is not compiled yet
     q, v, tau = states(arm, n)
     wanted, out = sd.aba_square_root(arm, q, v, tau), np.zeros((n, 2))
     monkeypatch.setattr(threads, "FIRST_SLICE", 90)
@@ -296,7 +297,7 @@ def test_ctrl_c_leaves_what_was_done_of_samples_that_a_program_has_left(
     call = special if through == "specialize" else lambda *x, out: sd.aba(arm, *x, out=out)
     wanted, out, right = sd.aba(arm, q, v, tau), np.zeros((2000, 2)), threads.slices
 
-    def stopped(n: int, rows: int, results: int) -> Iterator[tuple[int, int]]:
+    def stopped(n: int, rows: int, results: int, least: int = 1) -> Iterator[tuple[int, int]]:
         for k, cut in enumerate(right(n, 1 << 9, 1 << 9)):
             if k == 2:
                 signal.raise_signal(signal.SIGINT)

@@ -1,4 +1,4 @@
-"""Examples in the docstrings of control, and of what scenes and requirements are called with."""
+"""Examples in the docstrings of control, of what scenes and requirements are called with, and of steps."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ MODULES = (
     "control.monitors", "control.motions", "control.observers", "control.paths", "laws.control", "accuracy.requires",
     "operational.hierarchy", "operational.space", "operational.tasks", "operational.whole_body",
     "identification.base", "identification.excitation", "identification.identify", "identification.recording",
+    "constraints.contact_dynamics", "linearization.step_derivatives",
 )  # fmt: skip
 
 

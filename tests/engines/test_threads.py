@@ -185,3 +185,12 @@ def test_worker_processes_are_single(way: str, tmp_path: Path) -> None:
         [sys.executable, "-W", "ignore", str(script), way], capture_output=True, text=True, check=True, env=ours
     )
     assert done.stdout.split() == ["8", "1"]
+
+
+def test_compiled_code_gets_any_number_of_threads() -> None:
+    pool = ThreadPool()
+    pool.ask(3)
+    word = pool.most
+    assert word[0] == 3
+    pool.ask(10**5000)
+    assert 3 < word[0] <= threads.MOST_THREADS

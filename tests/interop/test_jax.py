@@ -170,6 +170,28 @@ def test_samples_that_lanes_reject_are_those_of_the_native_call(case: Case) -> N
     assert np.isnan(by).any(1).tolist() == [False, False, True]
 
 
+def test_at_exit_python_waits_for_samples_that_it_recomputes(case: Case) -> None:
+    """JAX, which waits then too, would hold the lock that they need."""
+    f, (q, v, tau) = jax.jit(sd.specialize(case.model, sd.aba).to_jax()), (x[0] for x in case.given)
+    given = np.stack([q + 1e6] * 2000), v, tau
+    f(*given).block_until_ready()
+    found = f(*given)
+    bridge.finish()
+    assert found.is_ready()
+
+
+@pytest.mark.slow(quick="test_at_exit_python_waits_for_samples_that_it_recomputes")
+def test_a_process_ends_while_samples_are_recomputed() -> None:
+    text = """
+import jax, numpy as np, spatialdyn as sd
+f = jax.jit(sd.specialize(sd.load_urdf("ur5"), sd.aba).to_jax())
+q = np.full((30_000, 6), 2.0**24)
+f(q, q, q).block_until_ready()
+x = f(q, q, q)
+"""
+    subprocess.run([sys.executable, "-c", text], check=True, timeout=120)
+
+
 def test_long_batches_are_shared_with_xlas_threads(case: Case) -> None:
     k = sd.specialize(case.model, sd.aba)
     f, rng = k.to_jax(), np.random.default_rng(3)
@@ -248,6 +270,8 @@ def test_what_it_has_not_is_refused(case: Case) -> None:
         f(q, v[:2], tau)
     with pytest.raises(sd.ShapeError, match=re.escape("batch shapes do not broadcast: q (2,), v (), tau (3,)")):
         f(np.stack([q] * 2), v, np.stack([tau] * 3))
+    with pytest.raises(sd.SpatialDynError, match="tau is complex128, expected real numbers"):
+        f(q, v, tau + 0j)
     with pytest.raises(TypeError, match=re.escape("1 inputs were given, expected 3: (q, v, tau)")):
         f(q)
     with pytest.raises(sd.SpatialDynError, match="expected results alone to differentiate"):

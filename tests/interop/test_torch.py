@@ -174,7 +174,8 @@ def test_the_operator_tells_shapes_without_a_program(case: Case) -> None:
             call(q, v[:2], a)
 
 
-@pytest.mark.slow(quick="test_the_operator_tells_shapes_without_a_program")  # torch's compiler alone takes seconds
+# torch's compiler alone takes seconds
+@pytest.mark.slow(quick="test_the_operator_tells_shapes_without_a_program")
 @pytest.mark.filterwarnings("ignore:.*should not be instantiated:DeprecationWarning")  # by that compiler
 def test_compiled_and_exported_graphs_hold_it_as_one_node(case: Case) -> None:
     f, given = sd.specialize(case.model, sd.aba).to_torch(), tensors(case.given)

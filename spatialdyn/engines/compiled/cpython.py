@@ -460,7 +460,7 @@ class TableEntry(_OfWords):
 
 
 class Entry:
-    """What runs a call on a model, three words that builtins read: address of an entry, its context, and the address
+    """The code of a call on a model: three words that builtins read, address of an entry, its context, and the address
     of how many calls it answers.
 
     program  a TieredProgram; None for the table kernel
@@ -483,7 +483,7 @@ class Entry:
         self._words[:] = words
 
     def renew(self) -> bool:
-        """Take faster code if there is some by now; whether there is."""
+        """Switch to faster code if it exists by now; returns whether it does."""
         before = self._words.tolist()
         if self.program is None or layout.words_at(before[2], 1)[0] == 0:
             self._take()

@@ -21,7 +21,7 @@ def function_from_text(name: str, lines: list[str], scope: dict[str, Any], label
 
 
 def _registered(label: str, text: list[str]) -> str:
-    """A file name under which ``linecache`` has that text; without a time of change it is not looked up on disk."""
+    """A file name under which ``linecache`` keeps the text; without a modification time it is not read from disk."""
     cache: dict[str, Any] = linecache.cache
     for k in itertools.count(1):
         file = f"<spatialdyn {label}>" if k == 1 else f"<spatialdyn {label} {k}>"

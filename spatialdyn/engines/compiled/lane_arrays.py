@@ -107,7 +107,7 @@ aligned: Any = intrinsic(_aligned)
 
 
 class Lower(types.Type):
-    """A matrix of lanes that is written in both triangles alike: what goes above the diagonal is not kept."""
+    """A symmetric matrix of lanes, written in both triangles; entries above the diagonal are not stored."""
 
     mutable = True
 

@@ -1,4 +1,4 @@
-"""Which calls run on lanes, how many samples at a time, and the names of their kernels' texts."""
+"""The calls that run on lanes, the number of samples per vector, and the names in their kernels' texts."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def fits(spec: Spec) -> bool:
 
 
 def width() -> int:
-    """How many samples a vector of this processor holds."""
+    """The number of samples in a vector of this processor."""
     return 8 if target().has("avx512f") else 4 if target().has("avx2") else 2
 
 

@@ -27,7 +27,7 @@ from .stamp import covers
 
 
 def settings() -> tuple[Any, ...]:
-    """What compiled code depends on beside its sources: versions, and Numba's settings of optimization and checks."""
+    """Dependencies of compiled code beside its sources: versions, and Numba's settings of optimization and checks."""
     names = ("OPT", "LOOP_VECTORIZE", "SLP_VECTORIZE", "BOUNDSCHECK", "DEBUGINFO_DEFAULT", "LLVM_REFPRUNE_FLAGS")
     chosen = [str(setting(name, "")) for name in names]
     return numba.__version__, llvmlite.__version__, np.__version__, sys.version, *chosen
@@ -83,7 +83,7 @@ class NumbaCache(_Cache):
         self._enabled = False
 
     def flush(self) -> None:
-        """Nothing: no file is ever stale."""
+        """Do nothing: no file is ever stale."""
 
 
 class InlinedCache:
@@ -102,12 +102,12 @@ class InlinedCache:
         return hashlib.sha256(f"{self._stamp} {target} {name}".encode()).hexdigest()
 
     def read(self, digest: str) -> Any:
-        """What was written under a name, or None."""
+        """The object written under a name, or None."""
         payload = disk_cache.read(digest, disk_cache.INLINED)
         return payload and pickle.loads(payload)
 
     def write(self, digest: str, content: Any) -> None:
-        """Keep something picklable."""
+        """Write a picklable object under a name."""
         disk_cache.write(digest, pickle.dumps(content), disk_cache.INLINED)
 
 

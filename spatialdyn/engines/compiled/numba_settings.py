@@ -1,4 +1,4 @@
-"""What is asked of Numba without importing it, which takes time: its settings, and whether it made a function."""
+"""Numba's settings, and whether Numba made a function, without importing Numba, which takes time."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""cos and sin of all coordinates of a configuration at once, for kernels: SIMD code, which the C library's are not.
+"""cos and sin of all coordinates of a configuration at once, for kernels: SIMD code, unlike the C library's functions.
 
 The polynomials of the programs' lanes (``polynomials``). Larger angles, and processors without fused multiply-add,
 take the C library's.

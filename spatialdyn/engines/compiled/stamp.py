@@ -1,4 +1,4 @@
-"""The stamp of the sources that compiled code is made of: no code is read from the disk under another.
+"""The stamp of the sources of compiled code: code with another stamp is not read from disk.
 
 Kept code is named by a Spec's name and the stamp where these tell what it computes; else by its content, or not kept.
 """
@@ -41,5 +41,5 @@ def covers(source: Any) -> bool:
 
 
 def names(spec: Spec) -> bool:
-    """Whether the name of a Spec and the stamp tell what its recursion computes."""
+    """Whether the name of a Spec and the stamp determine the code of its recursion."""
     return spec.stamped and covers(spec.recursion)

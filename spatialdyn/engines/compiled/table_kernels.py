@@ -1,4 +1,4 @@
-"""Kernels over the table of bodies that are no public calls."""
+"""Kernels over the table of bodies for functions other than public calls."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The processor that code is made for: this one, or a lesser one that Numba's settings name."""
+"""The processor for which code is compiled: this one, or an older one named by Numba's settings."""
 
 from __future__ import annotations
 

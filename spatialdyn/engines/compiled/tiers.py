@@ -1,4 +1,4 @@
-"""Functions that plain Python runs until compiling them pays: both ways have the same bits.
+"""Functions that run in plain Python until compiling them pays, with results equal to the bit.
 
 Numba takes a second or more to compile a function, and a new process with an empty cache calls dozens. So the source
 runs in plain Python first. It is compiled once the time spent there reaches what compiling is expected to cost, or
@@ -36,7 +36,7 @@ SHIFT, (LARGE, SMALL, LEAST) = MAGIC["double"], HALF_PI["double", True]
 
 
 class Twin(NamedTuple):
-    """What a name of the source is in plain Python, and a function that makes what it is in compiled code."""
+    """The value of a name in plain Python, and a function that makes its value in compiled code."""
 
     plain: Any
     compiled: Callable[[], Any]
@@ -85,7 +85,7 @@ class Tier:
         return self._looked
 
     def compile_now(self) -> None:
-        """Compile it, whether that pays or not."""
+        """Compile it now."""
         self._looked, self._spent = True, self.compile_seconds
         self.code()
 

@@ -1,13 +1,13 @@
 """Motion under a table of constraints: M a = τ - bias + Jᵀ λ and J a + γ = 0, rows that depend on others dropped.
 
 With M = LᵀD L as sparse as the tree, Y = J L⁻¹ takes one sweep towards the root for each row of J, and the inverse
-inertia that the constraints feel is G = Y D⁻¹ Yᵀ (Delassus' matrix). The pivot of a row in G is what is left of it once
-the rows before are taken out. It is compared with the trace of G over the constraint's own equations, which no choice
-of axes or units changes: one equation of a planar loop may be nothing but rounding.
+inertia of the constraints is G = Y D⁻¹ Yᵀ (Delassus' matrix). The pivot of a row in G is its part that is independent
+of the rows before. It is compared with the trace of G over the constraint's own equations, which depends on no choice
+of axes or units: one equation of a planar loop may be nothing but rounding.
 
-Where a row may depend on others, and a pivot is not clear of 0, rows are to be chosen first (``independent_rows``), and
-given: the residual is then at least UNSURE. In a motion they are chosen at the beginning of a step and kept through its
-stages, which leave the constraints by the error of the step, so that no pivot is rounding there.
+If a row may depend on others and a pivot is not clearly above 0, the residual is at least UNSURE: the caller then has
+to choose rows first (``independent_rows``) and pass them. A motion chooses them at the beginning of a step and keeps
+them through its stages. The stages violate the constraints by the error of the step, so no pivot is rounding there.
 """
 
 from __future__ import annotations
@@ -46,9 +46,9 @@ class ConstraintScratch(NamedTuple):
     L: Matrix = ("nv", "nv")  # M, then its factors, of ``factor_tree``
     Y: Matrix = ("nc", "nv")  # J, then J L⁻¹
     G: Matrix = ("nc", "nc")  # Y D⁻¹ Yᵀ, then its factors; the lower triangle
-    gamma: Vector = ("nc",)  # γ, then what is left of the equations
-    error: Vector = ("nc",)  # φ, with a rate
-    size: Vector = ("nc",)  # what a pivot is compared with
+    gamma: Vector = ("nc",)  # γ, then the residuals of the equations
+    error: Vector = ("nc",)  # φ, if there is a rate
+    size: Vector = ("nc",)  # the number that a pivot is compared with
     kept: Vector = ("nc",)  # 1 of an equation that is independent, else 0
 
 
@@ -58,16 +58,16 @@ class RowScratch(NamedTuple):
     L: Matrix = ("nv", "nv")  # as of ``ConstraintScratch``
     Y: Matrix = ("nc", "nv")
     G: Matrix = ("nc", "nc")
-    size: Vector = ("nc",)  # what a pivot is compared with, then its inverse
-    column: Vector = ("nc",)  # of the pivot
+    size: Vector = ("nc",)  # the number that a pivot is compared with, then its inverse
+    column: Vector = ("nc",)  # column of the pivot
     best: Vector = ("nc",)  # 1 of the row of the pivot, else 0
 
 
-DEPENDENT = 16.0  # times eps and the number of terms in a pivot: what rounding leaves of a dependent row
-CLEAR = 1e-4  # relative pivot above which a row in its given order is far from those before it
-TINY = 1e-7  # relative pivot below which a row may depend on others, its pivot left by another that is not clear
-UNSURE = 2.0  # added to a residual, itself at most 1, where a row may depend on others and a pivot is not clear
-RISEN = 1e-6  # relative pivot of a row left out that is no error of a step: 1e-3 rad from a branch point
+DEPENDENT = 16.0  # times eps and the number of terms in a pivot: the pivot that rounding leaves of a dependent row
+CLEAR = 1e-4  # relative pivot above which a row is clearly independent of the rows before it
+TINY = 1e-7  # relative pivot below which a row may depend on others, if another pivot is not above CLEAR
+UNSURE = 2.0  # added to a residual, itself at most 1, if a row may depend on others and a pivot is not above CLEAR
+RISEN = 1e-6  # relative pivot of a dropped row that is more than a step's error: 1e-3 rad from a branch point
 
 
 @inline
@@ -77,8 +77,8 @@ def constrained_motion(
 ) -> None:  # fmt: skip
     """a (nv) and λ = force (nc) under J a + γ = 0; with a rate 1/T, J a + γ + 2 J v / T + φ / T² = 0.
 
-    residual (1)  of the rows that dropped out, relative: 0 if they agree with the others
-    rank (1)      how many rows are independent
+    residual (1)  relative residual of the dropped rows: 0 if they agree with the others
+    rank (1)      number of independent rows
     fext, rate and chosen, of ``independent_rows``, may be None
     """
     n = len(bodies) - 1
@@ -115,7 +115,7 @@ def constraint_response(
     bodies: Bodies, work: Work, q: Config, rhs: Vector, constraints: Record, chosen: Vector, change: Vector,
     force: Vector, residual: Vector, rank: Vector, pivots: Vector, s: ConstraintScratch,
 ) -> None:  # fmt: skip
-    """The least change x of velocities (nv), in kinetic energy, with J x = rhs (nc), and its impulse: M x = Jᵀ force.
+    """The change x of velocities (nv) with J x = rhs (nc) of least kinetic energy, and its impulse: M x = Jᵀ force.
 
     chosen, residual (1) and rank (1) as of ``constrained_motion``.
     """
@@ -136,9 +136,9 @@ def independent_rows(
     bodies: Bodies, work: Work, q: Config, constraints: Record, known: Number, chosen: Vector, rank: Vector,
     pivots: Vector, s: RowScratch,
 ) -> None:  # fmt: skip
-    """Equations to keep, chosen (nc) of 1 and 0, by elimination with the largest pivot; rank (1), how many.
+    """The equations to keep, chosen (nc) of 1 and 0, by elimination with the largest pivot; rank (1), their number.
 
-    With a known rank at most so many are kept, and the rank is larger where one that is left out is above RISEN.
+    With a known rank at most that many are kept; the rank returned is larger if a dropped pivot is above RISEN.
     """
     n, m = len(bodies) - 1, len(chosen)
     crba(bodies, work, q, s.L)
@@ -193,12 +193,12 @@ def respond(
 ) -> None:  # fmt: skip
     """Solve M x = r + Jᵀ λ, J x + γ = 0 for x, in place of r, and λ = force.
 
-    For a dropped row, what the solution leaves of J x + γ is measured in the norm of G, as are the accelerations
-    x₀ = M⁻¹ r and M⁻¹ Jᵀ λ: residual² is its share of the sum of squares, between 0 and 1 in any units. To it UNSURE is
-    added where rows should be chosen.
+    The remaining J x + γ of dropped rows is measured in the norm of G, as are the accelerations x₀ = M⁻¹ r and
+    M⁻¹ Jᵀ λ: residual² is its share of the sum of squares, between 0 and 1 in any units. UNSURE is added to the
+    residual if the caller should choose rows.
 
     chosen  (nc) 1 for the rows that are kept, 0 for those that are dropped; None: all but those of pivots near 0
-    s       with the factors of M in L, J in Y and γ in gamma, which is written: what is left of dropped rows
+    s       with the factors of M in L, J in Y and γ in gamma; the residuals of dropped rows are written to gamma
     """
     L, Y, G, gamma, size, kept = s.L, s.Y, s.G, s.gamma, s.size, s.kept
     n, m = len(bodies) - 1, len(gamma)
@@ -263,7 +263,7 @@ def respond(
 
 @inline
 def share(constraints: Record, x: Vector) -> None:
-    """The sum of x over each constraint's equations, in place of each of them."""
+    """Replace each entry of x by the sum of x over the equations of its constraint."""
     for m in range(1, len(constraints)):
         c = constraints[m]
         if c.kind != TERM:
@@ -277,12 +277,12 @@ def share(constraints: Record, x: Vector) -> None:
 FORCE = Argument("force", ("nc",), "N | N m", "of each equation, on frame a, in b's axes")
 IMPULSE = Argument("impulse", ("nc",), "N s | N m s", "of each equation, on frame a, in b's axes")
 RESIDUAL = Argument("residual", (), "1", "of equations that depend on others: 0 if they agree with them")
-RANK = Argument("rank", (), "1", "how many equations are independent")
+RANK = Argument("rank", (), "1", "number of independent equations")
 CHANGE = Argument("change", ("nv",), "rad/s | m/s", "change of the joint velocities")
 RHS = Argument("rhs", ("nc",), "m/s | rad/s", "wanted change of J v")
 RATE = Argument("rate", (), "1/s", "1/T of the stabilization", optional=True)
 CHOSEN = Argument("chosen", ("nc",), "1", "1 for equations to keep, of independent_rows", optional=True)
-KNOWN = Argument("rank", (), "1", "how many equations are independent, if it is known", optional=True)
+KNOWN = Argument("rank", (), "1", "number of independent equations, if it is known", optional=True)
 _SOURCE = "after Featherstone, RBDA (2008), section 8.1, with M factored as sparse as the tree."
 MOTION = Spec(
     "constrained_motion", constrained_motion, WORK, (Q, V, TAU, FEXT_OPTIONAL, CONSTRAINTS_ARGUMENT, RATE, CHOSEN),
@@ -301,7 +301,7 @@ RESPONSE = Spec(
 ROWS = Spec(
     "independent_rows", independent_rows, WORK, (Q, CONSTRAINTS_ARGUMENT, KNOWN),
     Argument("result", ("nc+1",), "", "chosen, rank"),
-    "Equations to keep, by elimination with the largest pivot, and how many are independent.", _SOURCE,
+    "Equations to keep, by elimination with the largest pivot, and the number of independent ones.", _SOURCE,
     pivots=True, regroup=True, scratch=(RowScratch(),),
     parts=(replace(CHOSEN, optional=False), RANK),
 )  # fmt: skip

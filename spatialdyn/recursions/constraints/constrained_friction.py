@@ -1,7 +1,7 @@
 """A step of the velocities under LuGre friction and a table of constraints.
 
-Bristles share the load of a closed loop among its joints, which Coulomb's law leaves open: each joint's torque is a
-function of its own deflection, linear in v⁺, so the step is ``constrained_motion`` with another M and τ.
+Bristles determine how the joints of a closed loop share its load, which Coulomb's law does not: each joint's torque is
+a function of its own deflection, linear in v⁺, so the step is ``constrained_motion`` with another M and τ.
 """
 
 from __future__ import annotations
@@ -35,8 +35,8 @@ def held_bristle_step(
     law: BristleLaw, constraints: Record, rate: Number, chosen: Vector, after: HeldBristles, pivots: Vector,
     s: ConstraintScratch,
 ) -> None:  # fmt: skip
-    """Velocities and bristles after a step, and the constraints' forces, as ``bristle_step`` and ``constrained_motion``
-    have them.
+    """Velocities and bristles after a step, as in ``bristle_step``, and the constraints' forces, as in
+    ``constrained_motion``.
     """
     n, ahead, bristles = len(bodies) - 1, after.ahead, after.bristles
     crba(bodies, work, q, s.L)

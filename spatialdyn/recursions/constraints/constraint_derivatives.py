@@ -1,14 +1,14 @@
-"""Derivatives of J a + J̇ v and of Jᵀ λ of a table of constraints, by configuration and velocity.
+"""Derivatives of J a + J̇ v and of Jᵀ λ of a table of constraints, with respect to configuration and velocity.
 
 Seen from frame b, the joints from b to a are a chain, whose row k moves all beyond it by T_k = ±S_k; of a joint's two
-bodies one is near, on b's side, and one far. With V and A of bodies seen from b, spatial, about the point where a's
-origin is, and T v the joint's sum over its rows,
+bodies one is near, on b's side, and one far. With V and A the spatial velocity and acceleration of bodies seen from b,
+about a's origin, and T v the joint's sum over its rows,
 
     V_far = V_near + T v,    A_far = A_near + T a + V_near × T v
 
 A displacement of joint k and the motion commute if T_k turns with the body λ that the joint stands on, which is near
-on a's side and far on b's: T changes by V_λ × T, and that by A_λ × T + V_λ × (V_λ × T). By these a's pose R, r in b and
-its rates u = ṙ, w, u̇, ẇ change by
+on a's side and far on b's: the rate of T is V_λ × T, and its second rate A_λ × T + V_λ × (V_λ × T). By these a's pose
+R, r in b and its rates u = ṙ, w, u̇, ẇ change by
 
     δR = z × R    δr = s    δw = ż + z × w    δu = ṡ + z × u    δẇ = z̈ + ż × w + z × ẇ    δu̇ = s̈ + 2 ż × u + z × u̇
 
@@ -74,7 +74,7 @@ class At(NamedTuple):
 
 
 class Change(NamedTuple):
-    """What these change by; of R its turn."""
+    """Changes of the fields of ``At``; the change of R as a rotation vector."""
 
     turn: Vec
     r: Vec
@@ -292,7 +292,7 @@ def _write_column(
 
 @inline
 def _acceleration_change(c: Record, s: Seen, x: At, d: Change, k: int) -> Scalar:
-    """What equation k of φ̈ changes by."""
+    """The change of equation k of φ̈."""
     D, R = mat3_of(c.D), x.R
     if c.kind == POINT:
         return dot(line(D, k), d.du)
@@ -321,7 +321,7 @@ def _acceleration_change(c: Record, s: Seen, x: At, d: Change, k: int) -> Scalar
 
 @inline
 def _velocity_change(c: Record, s: Seen, x: At, d: Change, k: int) -> Scalar:
-    """What equation k of φ̇ changes by."""
+    """The change of equation k of φ̇."""
     D = mat3_of(c.D)
     if c.kind == POINT:
         return dot(line(D, k), d.u)
@@ -340,7 +340,7 @@ def _velocity_change(c: Record, s: Seen, x: At, d: Change, k: int) -> Scalar:
 
 @inline
 def _load_change(c: Record, s: Seen, x: At, d: Change, force: Vector) -> Force:
-    """What the wrench of all equations changes by, at the origin of a and in b's axes."""
+    """The change of the wrench of all equations, at the origin of a and in b's axes."""
     if c.kind == ORIENT:
         f = _forces(c, force)
         turned = scale(0.5, unrotate(x.R, cross(d.turn, f)))
@@ -371,13 +371,13 @@ def _half(R: Mat3) -> Vec:
 
 @inline
 def _half_minus_change(R: Mat3, half: Vec, turn: Vec, y: Vec) -> Vec:
-    """E of ``half_minus`` changed by a turn of R, times y."""
+    """The change of E of ``half_minus`` under a turn of R, times y."""
     return sub(scale(-dot(turn, half), y), scale(0.5, cross(turn, rotate(R, y))))
 
 
 @inline
 def _bend_to_ground(c: Record, s: Seen, y: Vec, z: Vec) -> Vec:
-    """The second derivative of ``to_ground`` by the axis, along y and z."""
+    """The second derivative of ``to_ground`` with respect to the axis, along y and z."""
     u, n = rotate(s.A, line(mat3_of(c.D), 0)), line(mat3_of(c.D), 1)
     along, by_y, by_z = dot(n, u), dot(n, y), dot(n, z)
     square = 1.0 - along * along

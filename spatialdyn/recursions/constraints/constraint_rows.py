@@ -1,9 +1,9 @@
 """J(q), φ(q) and the drift J̇ v of a table of constraints (``bodies.constraint_table``).
 
-A constraint on how frame a sits in frame b is a wrench F for each of its equations, at the origin of a and turning with
-b, and J v is F paired with the velocity of a relative to b: F·S for the rows that carry a alone, -F·S for those that
-carry b alone. What carries both drops out exactly, also far from the world's origin. With r from the origin of b to
-that of a, u the velocity of a's origin seen from b, and w = ω_a - ω_b,
+A constraint on the pose of frame a in frame b has a wrench F for each of its equations, at the origin of a and turning
+with b, and J v is F paired with the velocity of a relative to b: F·S for the rows that carry only a, -F·S for the rows
+that carry only b. Rows that carry both drop out exactly, also far from the world's origin. With r from the origin of b
+to that of a, u the velocity of a's origin seen from b, and w = ω_a - ω_b,
 
     u = ṙ - ω_b × r,    u̇ = r̈ - α_b × r - ω_b × (ω_b × r) - 2 ω_b × u,    ẇ = α_a - α_b - ω_b × ω_a
 
@@ -60,7 +60,7 @@ class Seen(NamedTuple):
 
 
 class Rates(NamedTuple):
-    """Rates of ``Seen``, as the module has them: u, u̇, w, ẇ and ω_a, in world axes."""
+    """Rates of ``Seen``, as the module's docstring defines them: u, u̇, w, ẇ and ω_a, in world axes."""
 
     u: Vec
     du: Vec
@@ -86,7 +86,7 @@ def turn_rows(bodies: Bodies, work: Work) -> None:
 
 @inline
 def carry_axes(bodies: Bodies, work: Work) -> None:
-    """As ``turn_rows``, in the axes of which R of row 0 has the world's as its columns."""
+    """As ``turn_rows``, in the axes given by R of row 0, whose columns are the world's axes."""
     for i in range(1, len(bodies)):
         R, X = mat3_of(work[bodies[i].parent].R), pose_of(work[i].X)
         put_mat3(work[i].R, matmul(R, X.R))
@@ -105,7 +105,7 @@ def place_bias(bodies: Bodies, work: Work, v: Vector) -> None:
 
 @inline
 def seen(bodies: Bodies, work: Work, c: Record) -> Seen:
-    """Frame a seen from frame b, by the rows that do not carry both."""
+    """Frame a seen from frame b, using only the rows that do not carry both."""
     Xa, Xb = pose_of(c.Xa), pose_of(c.Xb)
     Ra, Rb = mat3_of(work[c.row_a].R), mat3_of(work[c.row_b].R)
     r = sub(rotate(Ra, Xa.p), rotate(Rb, Xb.p))
@@ -144,7 +144,7 @@ def half_minus(R: Mat3) -> Mat3:
 
 @inline
 def to_ground(c: Record, s: Seen) -> Vec:
-    """From the centre of a wheel, or of a sphere, to its point on the ground: the lowest of its rim."""
+    """From the centre of a wheel, or of a sphere, to its point on the ground: the lowest point of its rim."""
     u, n = rotate(s.A, line(mat3_of(c.D), 0)), line(mat3_of(c.D), 1)
     along = dot(n, u)
     return scale(-c.value / sqrt(1.0 - along * along), sub(n, scale(along, u)))
@@ -152,7 +152,7 @@ def to_ground(c: Record, s: Seen) -> Vec:
 
 @inline
 def slope_to_ground(c: Record, s: Seen, du: Vec) -> Vec:
-    """Rate of ``to_ground`` for a wheel's axis that changes at du: the lowest point moves in it."""
+    """Rate of ``to_ground`` if the wheel's axis changes at du: the lowest point then moves along the rim."""
     u, n = rotate(s.A, line(mat3_of(c.D), 0)), line(mat3_of(c.D), 1)
     along, rate = dot(n, u), dot(n, du)
     square = 1.0 - along * along
@@ -213,7 +213,7 @@ def write_jacobian(bodies: Bodies, work: Work, constraints: Record, J: Matrix) -
 
 @inline
 def pair(F: Force, bodies: Bodies, work: Work, i: int, arm: Vec) -> Scalar:
-    """F·S of row i, arm from its origin to where F acts."""
+    """F·S of row i; arm leads from its origin to the point where F acts."""
     S, R = motion_of(bodies[i].S), mat3_of(work[i].R)
     w = rotate(R, S.w)
     return dot(F.n, w) + dot(F.f, add(rotate(R, S.v), cross(w, arm)))
@@ -246,7 +246,7 @@ def write_error(bodies: Bodies, work: Work, constraints: Record, q: Config, phi:
 
 @inline
 def point_acceleration(here: Record, X: Record) -> Vec:
-    """Of the origin of a frame at pose X in a body, in the body's axes, less gravity."""
+    """Acceleration of the origin of a frame at pose X in a body, in the body's axes, less gravity."""
     U = acceleration_matrix(vec_of(here.w), vec_of(here.dw))
     return add(vec_of(here.dv), rotate(U, vec_of(X.p)))
 
@@ -307,7 +307,7 @@ def write_drift(bodies: Bodies, work: Work, constraints: Record, v: Vector, gamm
 
 @inline
 def turning(R: Mat3, w: Vec, dw: Vec) -> Vec:
-    """E ẇ + Ė w, E of ``half_minus``: with Ṙ = w~ R, tr Ṙ is -2 w·φ, φ the vector of (R - Rᵀ) / 2."""
+    """E ẇ + Ė w with E of ``half_minus``: from Ṙ = w~ R follows tr Ṙ = -2 w·φ, φ the vector of (R - Rᵀ) / 2."""
     half = Vec(0.5 * (R.zy - R.yz), 0.5 * (R.xz - R.zx), 0.5 * (R.yx - R.xy))
     rate = add(scale(-dot(w, half), w), scale(-0.5, cross(w, rotate(R, w))))
     return add(rotate(half_minus(R), dw), rate)
@@ -345,10 +345,10 @@ JACOBIAN = Spec(
 ERROR = Spec(
     "constraint_error", constraint_error, WORK, (Q, CONSTRAINTS_ARGUMENT),
     Argument("phi", ("nc",), "m | rad", "0 where a constraint is met, and for equations of velocities"),
-    "How far constraints are from being met, φ(q).", _SOURCE,
+    "Errors φ(q) of constraints, 0 where they are met.", _SOURCE,
 )  # fmt: skip
 DRIFT = Spec(
     "constraint_drift", constraint_drift, WORK, (Q, V, CONSTRAINTS_ARGUMENT),
     Argument("gamma", ("nc",), "m/s² | rad/s²", "J̇ v: J a + gamma is φ̈"),
-    "J̇ v of constraints, what φ accelerates by at zero joint acceleration.", _SOURCE,
+    "J̇ v of constraints, the φ̈ at zero joint acceleration.", _SOURCE,
 )  # fmt: skip

@@ -2,9 +2,9 @@
 
 A row that is a combination of the rows before leaves a pivot of 0, up to rounding. Its pivot is dropped: its unknown is
 0, and the solution of the other rows solves it too if the right side is consistent. In their given order this is sound
-where every pivot is either far from 0 or rounding: one that is small but kept may leave another row out in its place,
-and that row is met badly. ``choose_rows`` then says which rows to keep, the largest of those that remain each time.
-What is kept is positive definite, and no order harms its factor.
+if every pivot is either far from 0 or rounding: a small pivot that is kept may cause a later row to be dropped, which
+is then met badly. ``choose_rows`` therefore chooses the rows to keep, at each step the one with the largest pivot. The
+kept part is positive definite, so its factor is accurate in any order.
 """
 
 from __future__ import annotations
@@ -39,9 +39,9 @@ def factor_dropping(G: Matrix, size: Vector, tolerance: Scalar, kept: Vector) ->
 def choose_rows(
     G: Matrix, size: Vector, tolerance: Scalar, most: Scalar, kept: Vector, column: Vector, best: Vector
 ) -> tuple[Scalar, Scalar]:
-    """Elimination by the largest pivot, relative to its size: kept (m) is 1 for its rows, at most ``most`` of them.
+    """Elimination by the largest pivot relative to its size: kept (m) is 1 for the chosen rows, at most ``most``.
 
-    Returns how many pivots are above the tolerance, and the largest relative pivot of the rows that are left.
+    Returns the number of pivots above the tolerance, and the largest relative pivot of the remaining rows.
 
     G     its lower triangle; written
     size  (m) above 0, or 0 for a row of zeros; written
@@ -58,7 +58,7 @@ def choose_rows(
             left = (1.0 - kept[k]) * (G[k, k] * size[k])
             largest = select(left - largest, left, largest)
         taken = exceeds(largest, tolerance) * exceeds(most, p + 0.5)
-        others = taken  # best is 1 for the first row of the largest pivot, 0 for others, if it is taken
+        others = taken  # best is 1 for the first row with the largest pivot, if taken, and 0 for all others
         pivot = 1.0 - taken
         for k in range(m):
             best[k] = others * (1.0 - exceeds(largest, (1.0 - kept[k]) * (G[k, k] * size[k])))
@@ -103,5 +103,5 @@ def solve_backward(G: Matrix, y: Vector, x: Vector) -> None:
 
 @inline
 def quotient(x: Scalar, y: Scalar) -> Scalar:
-    """x / y of numbers of 0 or more, x if y is 0."""
+    """x / y for x, y >= 0; x if y is 0."""
     return x * (1.0 / (y + (1.0 - exceeds(y, 0.0))))

@@ -1,8 +1,8 @@
 """Motion under constraints, M x = r + Jᵀ λ and J x + γ = -μ λ, with M = LᵀD L as sparse as the tree.
 
-Y = J L⁻¹, one sweep towards the root for each row of J, and S = Y D⁻¹ Yᵀ + μ 1 = C Cᵀ, a row and a column for each
-constraint. A pivot of C is the part of its row that is no combination of the rows before: its size relative to the
-row's own, which no unit changes, tells whether the constraint is independent.
+Y = J L⁻¹ takes one sweep towards the root for each row of J, and S = Y D⁻¹ Yᵀ + μ 1 = C Cᵀ has a row and a column for
+each constraint. A pivot of C is the part of its row that is no combination of the rows before: its size relative to
+the row, the same in all units, shows whether the constraint is independent.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from ...algebra.scalars import EPS, Scalar, inline, sqrt
 from ..signatures import Array, Bodies, Matrix, Vector
 from ..tree.ltdl import factor_tree, solve_inward, solve_outward
 
-DEPENDENT = 16.0  # times eps and the number of terms in a pivot: what rounding leaves of a dependent row
+DEPENDENT = 16.0  # times eps and the number of terms in a pivot: the pivot that rounding leaves of a dependent row
 
 
 @inline
@@ -28,9 +28,9 @@ def constrained(
     x: Vector,
     force: Vector,
 ) -> int:
-    """Solve for x (nv) and λ = force (m); returns how many constraints are independent, -1 if M is singular.
+    """Solve for x (nv) and λ = force (m); returns the number of independent constraints, -1 if M is singular.
 
-    M (nv, nv), J (m, nv), r (nv), gamma (m), mu a number; written too: L (nv, nv) with D on its diagonal, Y (m, nv),
+    M (nv, nv), J (m, nv), r (nv), gamma (m), mu a number; also written: L (nv, nv) with D on its diagonal, Y (m, nv),
     C (m, m) in the lower triangle
     """
     n, m = len(bodies) - 1, len(J)
@@ -95,7 +95,7 @@ def bordered_inverse(
 
 @inline
 def factored(bodies: Bodies, M: Matrix, L: Matrix) -> int:
-    """M = LᵀD L to L, D on its diagonal; returns -1 if a pivot is within rounding of 0, relative to M, else 0."""
+    """Write the factors of M = LᵀD L to L, D on its diagonal; returns -1 if a pivot is rounding of M, else 0."""
     n = len(bodies) - 1
     for i in range(n):
         for j in range(n):
@@ -109,7 +109,7 @@ def factored(bodies: Bodies, M: Matrix, L: Matrix) -> int:
 
 @inline
 def _factor_constraints(bodies: Bodies, J: Matrix, mu: Scalar, L: Matrix, Y: Matrix, C: Matrix) -> int:
-    """Write Y and C; returns the number of independent rows, the others leave a column of zeros in C."""
+    """Write Y and C; returns the number of independent rows. A dependent row has a column of zeros in C."""
     n, m = len(bodies) - 1, len(J)
     independent = 0
     for k in range(m):

@@ -1,18 +1,19 @@
 """A step of the velocities under contact with Coulomb friction, and with joints that stop at their limits.
 
-Impulses λ act at the end of a step h, so that velocities of touching points jump and nothing has to be resolved in
-time. With u = J v⁺ of the points, G = J M⁻¹ Jᵀ and b = J (v + h M⁻¹ (τ - bias)),
+Impulses λ act at the end of a step h, so that velocities of touching points jump and no contact needs shorter steps.
+With u = J v⁺ of the points, G = J M⁻¹ Jᵀ and b = J (v + h M⁻¹ (τ - bias)),
 
     u = b + G λ,    0 ≤ λ_n ⊥ u_n + c ≥ 0,    |λ_t| ≤ μ λ_n,    u_t against λ_t where |λ_t| = μ λ_n, else 0
 
-is Signorini's and Coulomb's law, the cone neither a pyramid nor smoothed. An open gap g has c = g/h: a point that does
-not reach the ground within the step gets no impulse, and none passes through. A point in the ground comes out by a
-share of its depth a step. A joint between limits is a row of its own, with an impulse that keeps q + h v⁺ within them.
+is Signorini's and Coulomb's law, with the exact cone, neither a pyramid nor smoothed. An open gap g has c = g/h: a
+point that does not reach the ground within the step gets no impulse, and no point passes through it. A point in the
+ground rises by a share of its depth in each step. A joint with limits has a row of its own, whose impulse keeps
+q + h v⁺ within them.
 
-One point alone is solved as one problem in its three unknowns (``coulomb_cone``): normal and friction impulses in turn
-diverge where μ |G_nt| > G_nn, as they do for legs. Either it leaves, or it sticks, or it slides. All points and joints
-are solved together from these to a tolerance, in sweeps and by Newton's method (``impulses``), from λ = 0: a step
-depends on nothing but its state. Points that bounce do so by Poisson's law.
+One point alone is solved in its three unknowns together (``coulomb_cone``), since solving normal and friction impulses
+by turns diverges if μ |G_nt| > G_nn, as for legs. The point leaves, sticks or slides. All points and joints are solved
+together from these local solutions to a tolerance, in sweeps and by Newton's method (``impulses``), from λ = 0: a step
+depends on its state alone. Points bounce by Poisson's law.
 
 Source: after Le Lidec, Jallet, Montaut, Laptev, Schmid, Carpentier, Contact models in robotics: a comparative analysis
 (arXiv 2304.06372), for the law; the step and its solution are our own.
@@ -74,16 +75,16 @@ def contact_step(
     bodies: Bodies, work: Work, q: Config, v: Vector, tau: Vector, dt: Number, contact: Contact, out: ContactResult,
     pivots: Vector, s: Impulses,
 ) -> None:  # fmt: skip
-    """Velocities after a step, impulses, gaps before it, and what the impulses leave of the law.
+    """Velocities after a step, impulses, gaps before it, and residuals of the contact law.
 
-    With M = LᵀD L, Y = J L⁻¹ and w = L (v⁺ - v), u = J v + Y w, and a change of λ changes w by D⁻¹ Yᵀ of it: G as a
-    whole is not needed, only its blocks of single points.
+    With M = LᵀD L, Y = J L⁻¹ and w = L (v⁺ - v), u = J v + Y w, and a change δλ changes w by D⁻¹ Yᵀ δλ: only the blocks
+    of G for single points are needed.
 
-    out.after     (nv), written: v⁺, of floating and planar joints in the axes at the beginning, see ``turn``
+    out.after     (nv), written: v⁺; for floating and planar joints in the axes at the beginning, see ``turn``
     out.impulse   (3 np), written: on each point, in the world's axes
     out.gap       (np), written: distance of each sphere from the ground before the step, negative in it
     out.stop      (nl), written: impulse on each joint, positive from its lower limit
-    out.residual  (np + nl), written: by how much each point and joint misses its law [m/s | rad/s]
+    out.residual  (np + nl), written: the violation of each point's and joint's law [m/s | rad/s]
     out.energy    (np + nl), written: work of each impulse, ½ λᵀ (u⁻ + u⁺) of the velocities before and after it [J]
     """
     contacts, n, after, L = contact.contacts, len(bodies) - 1, out.after, s.L

@@ -1,4 +1,4 @@
-"""The points and joints that impulses act on: gaps, rows of J, and the terms of their law.
+"""The points and joints on which impulses act: gaps, rows of J, and the terms of their laws.
 
 Rows 3 p to 3 p + 2 of J are those of point p, its normal first, then two along the ground; row 3 np + l is that of
 joint l, with limits. With M = LᵀD L, Y = J L⁻¹, Z = Y D⁻¹ and w = L (v⁺ - v): G = J M⁻¹ Jᵀ = Y Zᵀ, and u = J v + Y w.
@@ -31,7 +31,7 @@ WORK = table_dtype(
 
 
 class Contact(NamedTuple):
-    """What may touch, and how."""
+    """Points and joints that may touch, the ground and the coefficients of contact."""
 
     contacts: Record  # the table of points and joints
     heights: Record  # of the ground; None: a plane
@@ -40,18 +40,19 @@ class Contact(NamedTuple):
     start: Vector = None  # (rows) λ to begin with; None: 0
 
 
-RISE = 0.2  # of its depth that a point in the ground comes out in a step
-SLOWEST = 1e-2  # [s] and no faster than in this time: by 0.2 of a depth in ever shorter steps it would be thrown
-BOUNCING = 1e-2  # [m/s] speed of approach from which a point bounces: slower ones come to rest, but for those
-PRESSED = 10.0  # faster than so many times what forces add in the step
-REST = 1e-5  # [m/s] and no slower than that
+RISE = 0.2  # share of its depth by which a point in the ground rises in a step
+SLOWEST = 1e-2  # [s] shortest time of that rise: in ever shorter steps the point would be thrown out
+BOUNCING = 1e-2  # [m/s] speed of approach from which a point bounces; a slower point comes to rest, unless its speed
+PRESSED = 10.0  # is above PRESSED times the velocity that forces add in the step
+REST = 1e-5  # [m/s] and above REST
 
 
 @inline
 def write_gaps(bodies: Bodies, work: Work, contacts: Record, heights: Record, gap: Vector, T: Array) -> None:
-    """gap (np), from R and o of every row; over heights T too.
+    """gap (np), from R and o of every row; over heights T is written too.
 
-    Heights are those that a sphere's centre has when it touches the ground: their slope is that where it touches.
+    The heights are those of a sphere's centre when it touches the ground, so their slope is the ground's at the point
+    of contact.
     """
     for p in range(contacts[0].np):
         c = contacts[1 + p]
@@ -72,7 +73,7 @@ def write_gaps(bodies: Bodies, work: Work, contacts: Record, heights: Record, ga
 
 @inline
 def slope_axes(along: Scalar, across: Scalar, T: Matrix) -> None:
-    """T (3, 3), rows in the axes (z, x, y): the normal of a slope, the direction up along x, that across both."""
+    """T (3, 3), rows in the axes (z, x, y): the normal of a slope, its direction along x, the direction across both."""
     steep = 1.0 + along * along
     a, n = 1.0 / sqrt(steep), 1.0 / sqrt(steep + across * across)
     T[0, 0], T[0, 1], T[0, 2] = n, -along * n, -across * n
@@ -122,21 +123,21 @@ def write_rows(bodies: Bodies, work: Work, contacts: Record, heights: Record, T:
 
 @inline
 def rising(depth: Scalar, dt: Number) -> Scalar:
-    """The velocity by which a point in the ground, or a joint beyond a limit, comes out; ``depth`` is negative."""
+    """The velocity at which a point in the ground, or a joint beyond a limit, returns; ``depth`` is negative."""
     within = (1.0 / RISE) * dt
     return depth / select(within - SLOWEST, within, SLOWEST)
 
 
 @inline
 def target(gap: Scalar, before: Scalar, free: Scalar, dt: Number, restitution: Number) -> tuple[Scalar, Scalar]:
-    """c of a point's normal, and its restitution if it bounces, else 0: u_n + c is 0 where the point just reaches the
-    ground, or rises out of it, or comes to rest before it bounces.
+    """c of a point's normal, and its restitution if it bounces, else 0. u_n + c is 0 for a point that just reaches the
+    ground, rises out of it, or comes to rest before it bounces.
 
-    It bounces if it would reach the ground within the step, fast enough, or is about to leave it as fast and is thrown
-    down by the hit of another: no forces do that to it, as they do to a point at rest. Fast is relative to what forces
-    add to it in the step, so that all points of a body that nothing presses bounce.
+    A point bounces if it would reach the ground within the step fast enough, or if it leaves the ground as fast and
+    another point's impact throws it down; forces alone throw down only a point at rest. Fast is relative to the
+    velocity that forces add in the step, so that all points of a body without load bounce.
 
-    before, free  velocities of its normal before the step, and after it without impulses
+    before, free  velocities along the normal before the step, and after it without impulses
     """
     pressed = PRESSED * (before - free)
     fast = select(pressed - REST, select(pressed - BOUNCING, BOUNCING, pressed), REST)
@@ -176,7 +177,7 @@ def work_of_row(Y: Matrix, before: Vector, w: Vector, k: int, impulse: Scalar) -
 def write_point(
     contacts: Record, heights: Record, mu: Number, B: Matrix, w: Vector, p: int, out: Record, s: Record
 ) -> None:  # fmt: skip
-    """What a step makes of a point, with its own block B of G: impulse in the world's axes, residual, energy.
+    """Write the results of a step for a point, B its own block of G: impulse in the world's axes, residual, energy.
 
     out, s  results and scratch of a step
     """
@@ -194,7 +195,7 @@ def write_point(
 
 @inline
 def push(Z: Matrix, k: int, change: Scalar, w: Vector) -> None:
-    """w += D⁻¹ Yᵀ of a change of λ_k."""
+    """Add to w the effect D⁻¹ Y_kᵀ of a change of λ_k."""
     for i in range(len(w)):
         w[i] = w[i] + Z[k, i] * change
 
@@ -211,7 +212,7 @@ def times(B: Matrix, f: Vec) -> Vec:
 
 @inline
 def allowed(c: Record, q: Config, dt: Number) -> tuple[Scalar, Scalar]:
-    """The least and the largest velocity with which a joint does not pass its limits within the step."""
+    """The least and the largest velocity at which a joint stays within its limits in the step."""
     above, below = q[c.q_index] - c.lower, c.upper - q[c.q_index]
     return -select(above, above / dt, rising(above, dt)), select(below, below / dt, rising(below, dt))
 
@@ -244,5 +245,5 @@ RESTITUTION = Argument("restitution", ("np",), "1", "of each point, from 0 to 1"
 IMPULSE = Argument("impulse", ("np+np+np",), "N s", "on each point, in the world's axes")
 GAP = Argument("gap", ("np",), "m", "distance from the ground before the step, negative in it")
 STOP = Argument("stop", ("nl",), "N m s | N s", "on each joint with limits, positive from the lower one")
-RESIDUAL = Argument("residual", ("np+nl",), "m/s | rad/s", "by how much each point and joint misses its law")
+RESIDUAL = Argument("residual", ("np+nl",), "m/s | rad/s", "violation of each point's and joint's law")
 ENERGY = Argument("energy", ("np+nl",), "J", "work of the impulses of each point and joint")

@@ -5,9 +5,9 @@ m = -r_n and a = r_t + B_tn m / B_nn. A point that is pushed into the ground, m 
 
     λ_t = -(S + κ)⁻¹ a,    λ_n = (m - B_nt λ_t) / B_nn,
 
-which leaves u_n = 0 and u_t = -κ λ_t. With κ = 0 it sticks, if λ is in the cone. Else q(κ) = μ λ_n / |λ_t| is below 1
-at κ = 0 and grows without end, so that it slides with the root of q = 1, where λ_n > 0 too. Where several impulses meet
-the law, sticking is among them, and is chosen.
+which gives u_n = 0 and u_t = -κ λ_t. With κ = 0 the point sticks, if λ is in the cone. Else q(κ) = μ λ_n / |λ_t| is
+below 1 at κ = 0 and grows without bound, so the point slides with the root of q = 1, where λ_n > 0 too. If several
+impulses satisfy the law, sticking is one of them, and is chosen.
 
 Source: the law as in ``contact``; the root is a derivation of our own.
 """
@@ -23,16 +23,16 @@ from ..constraints.constrained import DEPENDENT
 from ..constraints.dense import factor_dropping, quotient, solve_backward, solve_forward
 from ..signatures import Matrix, Number, Vector
 
-STOPPED = 1e-18  # of a point's velocity, squared: what rounding leaves of it
-ROOT_STEPS = 12  # most of Newton's steps on q; nearly all slides need half of them
-ROOT = 1e-6  # of |q - 1| before the last of these steps, each of which squares it
-FAR = 1e30  # a bound of κ above all
-BEGIN = 1e-3  # of S's trace, the least κ to begin with
-REGULAR = 1e-9  # of a block's trace, added where a direction may be without a response
+STOPPED = 1e-18  # share of a point's squared velocity that rounding leaves when it stops
+ROOT_STEPS = 12  # the most Newton steps on q; nearly all sliding points need half of them
+ROOT = 1e-6  # |q - 1| before the last of these steps, each of which squares it
+FAR = 1e30  # above any κ
+BEGIN = 1e-3  # least κ to begin with, as a share of S's trace
+REGULAR = 1e-9  # share of a block's trace, added if a direction may have no response
 
 
 class Slide(NamedTuple):
-    """What a sliding impulse depends on."""
+    """The numbers that determine a sliding impulse."""
 
     s11: Scalar  # S
     s12: Scalar
@@ -54,7 +54,7 @@ def magnitude(x: Scalar) -> Scalar:
 
 @inline
 def factor_block(x: Matrix, total: Scalar, n: int, C: Matrix) -> None:
-    """C (5, 3), in rows 0 to 2 the factors of the block in x; directions in which the point cannot move drop out.
+    """Write to rows 0 to 2 of C (5, 3) the factors of the block x; directions in which the point cannot move drop out.
 
     total  trace of the block
     """
@@ -67,14 +67,14 @@ def factor_block(x: Matrix, total: Scalar, n: int, C: Matrix) -> None:
 
 @inline
 def largest_eigenvalue(B: Matrix) -> Scalar:
-    """Of the block of B across the normal."""
+    """The largest eigenvalue of the block of B across the normal."""
     half = 0.5 * (B[1, 1] - B[2, 2])
     return 0.5 * (B[1, 1] + B[2, 2]) + sqrt(half * half + B[1, 2] * B[1, 2])
 
 
 @inline
 def slide_of(B: Matrix, each: Scalar, r: Vec, mu: Number) -> Slide:
-    """S, a and what else a sliding impulse depends on."""
+    """The Slide of a point."""
     n1, n2, m = B[0, 1] * each, B[0, 2] * each, -r.x
     return Slide(
         B[1, 1] - B[0, 1] * n1, B[1, 2] - B[0, 1] * n2, B[2, 2] - B[0, 2] * n2, r.y + m * n1, r.z + m * n2, m, n1, n2,
@@ -93,9 +93,9 @@ def across(s: Slide, kappa: Scalar, a1: Scalar, a2: Scalar) -> tuple[Scalar, Sca
 
 @inline
 def find_root(s: Slide, slides: Scalar, root: Vector) -> None:
-    """root (4), written: in 1 the κ of a point that slides, by Newton's steps on q between bounds.
+    """Write the κ of a sliding point to root[1], root (4), by Newton's steps on q between bounds.
 
-    slides  above 0 if it does
+    slides  above 0 if the point slides
     """
     square = s.a1 * s.a1 + s.a2 * s.a2
     safe = select(square, square, 1.0)
@@ -131,8 +131,8 @@ def find_root(s: Slide, slides: Scalar, root: Vector) -> None:
 
 @inline
 def disc_impulse(B: Matrix, r: Vec, mu: Number, least: Scalar, root: Vector, disc: Vector) -> None:
-    """disc (5), written: u_n, λ_t, κ and whether it slides of a point whose λ_n is its least, with friction within μ
-    times that. Of a least of 0 that is a point without an impulse.
+    """Write u_n, λ_t, κ and whether it slides to disc (5), for a point whose λ_n is its least, with friction within μ
+    times that. A least of 0 is a point without an impulse.
     """
     disc[0], disc[1], disc[2], disc[3], disc[4] = r.x, 0.0, 0.0, 0.0, 0.0
     for _ in when(least, disc):
@@ -153,15 +153,15 @@ def disc_impulse(B: Matrix, r: Vec, mu: Number, least: Scalar, root: Vector, dis
 def point_impulse(
     B: Matrix, C: Matrix, r: Vec, mu: Number, least: Scalar, root: Vector, disc: Vector, held: bool
 ) -> tuple[Vec, Scalar, Scalar]:
-    """λ of one point under the velocity r that it has without an impulse of its own: it leaves, sticks or slides; 1 if
-    it sticks, else 0; and 1 if it slides. If neither, λ_n is its least.
+    """λ of one point whose velocity is r without an impulse of its own; 1 if it sticks, else 0; 1 if it slides, else 0.
+    A point that does neither leaves the ground: its λ_n is its least.
 
     B, C   its block of G, and the factors, of which rows 3 and 4 are scratch
     least  least λ_n, complementary to u_n: 0 but in the second phase of a hit
     root   (4), written: of ``find_root``
     disc   (5), written: of ``disc_impulse``
-    held   whether constraints may leave a point fewer directions than its velocity has: it then sticks only if the
-           impulse of the others stops it in those too
+    held   whether constraints may prevent motion of the point in some directions: it then sticks only if the other
+           points' impulses stop it in those too
     """
     disc_impulse(B, r, mu, least, root, disc)
     C[3, 0], C[3, 1], C[3, 2] = -r.x, -r.y, -r.z
@@ -197,10 +197,10 @@ def point_slope(
     B: Matrix, C: Matrix, r: Vec, mu: Number, least: Scalar, solved: Vec, sticks: Scalar, slides: Scalar, root: Vector,
     disc: Vector, T: Matrix,
 ) -> None:  # fmt: skip
-    """T (3, 3), written: the derivative of ``point_impulse`` by r, on the side of its state.
+    """Write to T (3, 3) the derivative of ``point_impulse`` by r, on the side of the point's state.
 
-    Of a sliding point with d = λ_t / |λ_t| and w = d + μ B_tn / B_nn, from w·dλ_t = -μ dr_n / B_nn; of one at its
-    least, whose λ_n is constant, from d·dλ_t = 0 where friction is at its most.
+    For a sliding point with d = λ_t / |λ_t| and w = d + μ B_tn / B_nn, from w·dλ_t = -μ dr_n / B_nn; for a point at its
+    least λ_n, which is constant, from d·dλ_t = 0 if friction is at its limit.
 
     root, disc  of ``point_impulse``
     """
@@ -227,7 +227,7 @@ def point_slope(
         solve_backward(C[:3], C[3], C[4])
         da1 = -s.n1 if j == 0 else 1.0 if j == 1 else 0.0
         da2 = -s.n2 if j == 0 else 1.0 if j == 2 else 0.0
-        if j == 0:  # of one at its least a changes with r_t alone, and λ_n is constant
+        if j == 0:  # at its least λ_n, which is constant, a changes with r_t alone
             da1, da2 = select(at_least, 0.0, da1), select(at_least, 0.0, da2)
         pressed = mu * s.each if j == 0 else 0.0
         dk = (pressed - (v1 * da1 + v2 * da2)) * share
@@ -243,7 +243,7 @@ def point_slope(
 
 @inline
 def point_residual(B: Matrix, u: Vec, mu: Number, f: Vec, least: Scalar) -> Scalar:
-    """How far λ is from the projection onto the law of what it would be, in units of velocity: 0 if it is met.
+    """The violation of the law by λ, in units of velocity: its distance from its projection, 0 if the law is met.
 
     u      velocity after the step, along the normal with its target
     least  least λ_n, complementary to u_n

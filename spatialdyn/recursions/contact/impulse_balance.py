@@ -1,12 +1,12 @@
-"""What a step by impulses has to satisfy, as functions of its state and its solution: for derivatives of steps.
+"""The equations of a step by impulses, as functions of its state and its solution: for derivatives of steps.
 
 With x the velocities after the step, in the axes at its beginning, and impulses λ of points and joints and μ of
 constraints, ``impulse_step`` and ``contact_step`` leave
 
     M (x - v - d) + h (bias + b (x - d) - τ) - Jᵀ λ - Cᵀ μ = 0,    C (x - d) + h Ċ v = 0,
 
-with d of floating and planar joints, as ``add_begun`` has it. u = J x, with a point's target c in its
-normal, and what the laws compare it with are outputs too: gaps, levels of dry friction and the range of joints' limits.
+with d of floating and planar joints, see ``add_begun``. Other outputs are u = J x, with a point's target c added along
+its normal, and the terms of the laws for u: gaps, levels of dry friction and the ranges of joints' limits.
 
 Source: see ``recursions.contact.impulse_step``.
 """
@@ -92,7 +92,7 @@ def impulse_balance(
     contact: Contact, law: Law, constraints: Record, rate: Number, given: Given, out: Balance,
     s: BalanceScratch, h: HeldBalanceScratch,
 ) -> None:  # fmt: skip
-    """What is left of the equations of a step.
+    """The residuals of the equations of a step.
 
     x  (nv)  velocities after the step, in the axes at its beginning
     fext, law, constraints, rate  may be None; then h and given.reaction are None too without constraints
@@ -145,7 +145,7 @@ def impulse_balance(
 
 @inline
 def write_axes(contacts: Record, heights: Record, T: Matrix, p: int, axes: Vector) -> None:
-    """axes (9 np): in the world those of a point's rows, its normal first."""
+    """axes (9 np): the axes of each point's rows in the world, its normal first."""
     R = mat3_of(contacts[0].axes)
     for i in range(3):
         e = Vec(1.0 if i == 0 else 0.0, 1.0 if i == 1 else 0.0, 1.0 if i == 2 else 0.0)

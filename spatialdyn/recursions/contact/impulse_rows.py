@@ -1,8 +1,8 @@
-"""The rows of a step's impulses: what they answer to, the law of each point and joint, and sweeps over them in turn.
+"""The rows of a step's impulses: their responses, the law of each point and joint, and sweeps over them.
 
-Rows and their meaning are those of ``contact_rows``; with w0 = w without impulses, w = w0 + Zᵀ λ and u = b + Y w.
+The rows are those of ``contact_rows``; with w0 the w without impulses, w = w0 + Zᵀ λ and u = b + Y w.
 
-In a sweep (Gauss-Seidel) each point and joint in turn gets the impulse that solves its own law under the others'.
+In a sweep (Gauss-Seidel) each point and joint in turn gets the impulse that solves its own law for the other impulses.
 
 Source: the law as in ``contact``.
 """
@@ -37,11 +37,11 @@ from .coulomb_cone import factor_block, largest_eigenvalue, magnitude, off_the_l
 
 ROWS = "np+np+np+nl+nd"
 RES, LEAST, ROUND, EPSILON, COUNT, PHASE, CAREFUL, GRIP, JAMS, SHARE, STOPS = range(11)  # of ``state``
-HEAVY = 1e-4  # times a row's response and the largest inertia, from which on its proximal term shrinks with them
+HEAVY = 1e-4  # times a row's response and the largest inertia: above 1, the row's proximal term shrinks
 
 
 class Impulses(NamedTuple):
-    """Scratch of rows, their impulses and what solves for them."""
+    """Scratch of rows, their impulses and the solver."""
 
     L: Matrix = ("nv", "nv")  # M, then its factors, D on the diagonal
     M: Matrix = ("nv", "nv")  # both triangles
@@ -52,33 +52,33 @@ class Impulses(NamedTuple):
     before: Vector = (ROWS,)  # velocities at the beginning
     force: Vector = (ROWS,)  # λ
     total: Vector = (ROWS,)  # of all phases
-    best: Vector = (ROWS,)  # that of the least residual
+    best: Vector = (ROWS,)  # λ of the least residual
     f: Vector = (ROWS,)  # of Newton's step
-    first: Vector = (ROWS,)  # of the phases before, beside which λ is that of the last; else 0
+    first: Vector = (ROWS,)  # sum of the phases before, while λ is of the last phase; else 0
     own: Vector = (ROWS,)  # a row's own response; of joints
-    each: Vector = ("nl+nd",)  # its inverse, 0 of one that nothing moves
-    least: Vector = ("nl",)  # velocities with which a joint does not pass its limits within the step
+    each: Vector = ("nl+nd",)  # inverse of own, 0 for a joint that no impulse moves
+    least: Vector = ("nl",)  # least velocities at which joints stay within their limits in the step
     most: Vector = ("nl",)
     wide: Vector = ("np",)  # the largest response of a point across its normal, and its inverse
     narrow: Vector = ("np",)
     size: Vector = (ROWS,)  # the same without constraints; also of points
-    slopes: Array = ("np", 3, 3)  # of each point the axes of its ground, as ``slope_axes`` has them
-    B: Array = ("np", 3, 3)  # of each point its own block of G
+    slopes: Array = ("np", 3, 3)  # the axes of the ground at each point, see ``slope_axes``
+    B: Array = ("np", 3, 3)  # each point's own block of G
     factors: Array = ("np", 5, 3)  # of B, and scratch of solving
     C: Array = ("np", 3, 3)  # of Newton's step
     bounces: Vector = ("np",)  # e of a point that bounces, else 0
     lower: Vector = ("np",)  # the least λ_n: e λ_c in the phase after λ_c, else 0
-    next: Vector = ("np",)  # that of the phase that follows
-    load: Vector = ("np",)  # what of λ_c only holds the point against the forces of the step
-    firm: Vector = ("np+nl+nd",)  # of ε: large of points and joints that are light beside what they carry
+    next: Vector = ("np",)  # the least λ_n of the next phase
+    load: Vector = ("np",)  # the part of λ_c that only holds the point against the forces of the step
+    firm: Vector = ("np+nl+nd",)  # divides ε: large for points and joints that are light beside their load
     level: Vector = ("nl+nd",)  # h F(v) of each joint
     rests: Vector = ("nl+nd",)  # 1 of a joint at rest after the step, else 0
     held: Vector = ("nl+nd",)  # 1 of a joint that Newton's step takes to stick or stop
-    goal: Vector = ("nl+nd",)  # its velocity then, else its impulse
+    goal: Vector = ("nl+nd",)  # velocity of a held joint, impulse of another
     off: Vector = ("nl+nd",)  # residuals of joints
     free: Vector = ("nv",)  # w without impulses
     x: Vector = ("nv",)  # change of v
-    begun: Vector = ("nv",)  # what the step adds to v beside forces, of ``add_begun``
+    begun: Vector = ("nv",)  # change of v in the step not due to forces, of ``add_begun``
     K: Matrix = ("nv", "nv")
     T: Matrix = (3, 3)  # derivative of a point's impulse
     N: Matrix = (3, 3)
@@ -127,7 +127,7 @@ def keep_inertia(s: Impulses) -> None:
 def open_laws(
     q: Config, dt: Number, contact: Contact, gap: Vector, w: Vector, s: Impulses
 ) -> None:  # fmt: skip
-    """Blocks of G, their factors, targets in b, and what else stays in all sweeps; w0 is kept in ``free``."""
+    """Write the data that stay the same in all sweeps: blocks of G, their factors, targets in b; w0 in ``free``."""
     n, points, heaviest = len(w), contact.contacts[0].np, 0.0
     for i in range(n):
         s.free[i] = w[i]
@@ -157,10 +157,10 @@ def open_laws(
 
 @inline
 def stiffness(ratio: Scalar) -> Scalar:
-    """By how much ε of a row is smaller, by its response times the largest inertia.
+    """The factor by which ε of a row is smaller, from the row's response times the largest inertia.
 
-    ε is relative to a row's own response. Under a trunk that is 1e5 times as heavy as a leg a joint that holds it would
-    else give way by far more than the weight, at every step.
+    ε is relative to a row's own response. Without this factor, a joint that holds a trunk 1e5 times as heavy as a leg
+    would yield in every step by far more than the weight.
     """
     heavy = HEAVY * ratio
     return select(heavy - 1.0, heavy, 1.0)
@@ -202,7 +202,7 @@ def sweep_points(contact: Contact, held: bool, w: Vector, s: Impulses) -> None:
 
 @inline
 def set_point(p: int, solved: Vec, now: Vec, w: Vector, s: Impulses) -> None:
-    """A point's impulse in place of the present one, and w with it."""
+    """Replace a point's impulse, and update w."""
     k = 3 * p
     s.force[k], s.force[k + 1], s.force[k + 2] = solved.x, solved.y, solved.z
     push(s.Z, k, solved.x - now.x, w)
@@ -212,7 +212,7 @@ def set_point(p: int, solved: Vec, now: Vec, w: Vector, s: Impulses) -> None:
 
 @inline
 def set_joint(k: int, j: int, w: Vector, s: Impulses) -> None:
-    """A joint's impulse by its law, and w with it."""
+    """Replace a joint's impulse by the solution of its law, and update w."""
     was = s.force[k]
     free = velocity(s.Y, s.b, w, k) - s.own[k] * (s.first[k] + was)
     wanted, _, _ = joint_law(j, free, s.own[k] * s.level[j], s)
@@ -222,14 +222,14 @@ def set_joint(k: int, j: int, w: Vector, s: Impulses) -> None:
 
 @inline
 def residual(contact: Contact, w: Vector, s: Impulses) -> Scalar:
-    """The largest of all rows; those of joints are written in ``off``."""
+    """The largest residual of all rows; those of joints are written to ``off``."""
     of_points, of_joints = residual_of_points(contact, w, s), residual_of_joints(contact, w, s)
     return select(of_joints - of_points, of_joints, of_points)
 
 
 @inline
 def residual_of_points(contact: Contact, w: Vector, s: Impulses) -> Scalar:
-    """The largest of points."""
+    """The largest residual of points."""
     worst, points = 0.0, contact.contacts[0].np
     for p in range(points):
         u = velocity_of_point(s.Y, s.b, w, p)
@@ -255,16 +255,17 @@ def residual_of_joints(contact: Contact, w: Vector, s: Impulses) -> Scalar:
 
 @inline
 def inverse(x: Scalar, size: Scalar, n: int) -> Scalar:
-    """1 / x of a row's own response, 0 of one that nothing moves."""
+    """1 / x of a row's own response x, 0 for a row that no impulse moves."""
     moves = x - (DEPENDENT * n) * EPS * size
     return select(moves, 1.0 / select(moves, x, 1.0), 0.0)
 
 
 @inline
 def joint_law(j: int, free: Scalar, level: Scalar, s: Impulses) -> tuple[Scalar, Scalar, Scalar]:
-    """Velocity of a joint that has ``free`` without an impulse; 1 if it rests, else 0; 1 if it is held there, else 0.
+    """Velocity of a joint by its law; 1 if it rests, else 0; 1 if friction or a limit holds it, else 0.
 
-    level  by how much its dry friction changes its velocity
+    free   its velocity without an impulse
+    level  the most by which dry friction changes its velocity
     """
     moved = select(free - level, free - level, select(-free - level, free + level, 0.0))
     sticks = select(level - magnitude(free), 1.0, 0.0)  # 0 of NaN

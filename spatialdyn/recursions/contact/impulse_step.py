@@ -1,15 +1,15 @@
 """A step of the velocities under all that acts by impulses: contact, joint limits, dry friction, constraints.
 
-As ``contact`` has it, with three more laws at the end of a step h. A joint that rubs dry has an impulse s of its own,
+The law of ``contact``, with three more laws at the end of a step h. A joint with dry friction has an impulse s,
 
     s ∈ -h F(v) Sgn v⁺,
 
 so that it sticks or moves as in ``friction``, up to its limits; bristles and damping are part of M and of the torques,
-as there. Constraints hold at velocities, J v⁺ + h J̇ v = 0, or with a rate 1/T as in ``constrained``: their rows are
-taken out of M⁻¹ before all else, so that no sweep leaves any of them open.
+as there. Constraints hold for velocities, J v⁺ + h J̇ v = 0, or with a rate 1/T as in ``constrained``: their rows are
+eliminated from M⁻¹ first, so that sweeps cannot violate them.
 
-Points, joints and their impulses are solved for together (``impulses``). Beside dry joints, whose internal forces are
-not in the state, λ of the step before is where it begins; contacts alone begin from 0.
+The impulses of points and joints are solved for together (``impulses``). With dry joints, whose internal forces are not
+part of the state, the solution begins from λ of the step before; contacts alone begin from 0.
 
 Source: the law as in ``contact``; its solution is a derivation of our own.
 """
@@ -59,8 +59,8 @@ from .coulomb_cone import magnitude
 from .impulse_rows import ROWS, Impulses, joint_law, keep_inertia, open_laws, residual, sweep, write_responses
 from .impulses import SWEEPS, SWEEPS_AGAIN, SWEEPS_DRY, solve_impulses
 
-# of what dry friction changes a velocity by: a load that exceeds it by less leaves a joint at rest, as sweeps leave the
-# shares of stiff legs open by as much
+# Share of the velocity change of dry friction: a load that exceeds the friction by less leaves a joint at rest, because
+# sweeps determine the shares of stiff legs no better.
 SLOW = 1e-4
 
 
@@ -81,7 +81,7 @@ class ImpulseResult(NamedTuple):
 
 
 class Held(NamedTuple):
-    """What is held, and how."""
+    """The constraints of a step, and their treatment."""
 
     constraints: Record  # the table
     rate: Number  # 1/T of the stabilization; None: steps end with a projection
@@ -92,14 +92,14 @@ class HeldScratch(NamedTuple):
     """Scratch of constraints in a step."""
 
     N: Matrix = ("nc", "nv")  # J, then J L⁻¹
-    G: Matrix = ("nc", "nc")  # what constraints feel, then its factors; the lower triangle
-    gamma: Vector = ("nc",)  # h γ, then what is left of the equations
-    scale: Vector = ("nc",)  # what a pivot is compared with; then changes of impulses
+    G: Matrix = ("nc", "nc")  # inverse inertia of the constraints, then its factors; the lower triangle
+    gamma: Vector = ("nc",)  # h γ, then the residuals of the equations
+    scale: Vector = ("nc",)  # the number that a pivot is compared with; then changes of impulses
     kept: Vector = ("nc",)  # 1 of an equation that is independent, else 0
     stiffness: Vector = ("nc",)  # response of an equation alone
     P: Matrix = (ROWS, "nc")  # reactions to unit impulses
-    J: Matrix = ("nc", "nv")  # J; after the sweeps that of where the step ends
-    ways: Matrix = (2, "nv")  # velocities at the end, and the displacement that closes
+    J: Matrix = ("nc", "nv")  # J; after the sweeps J at the end of the step
+    ways: Matrix = (2, "nv")  # velocities at the end, and the displacement that closes the constraints
     turned: Matrix = (2, "nv")  # displacement of the step, and zeros
     ends: Matrix = (2, "nq")  # configurations
 
@@ -109,17 +109,17 @@ def impulse_step(
     bodies: Bodies, work: Work, q: Config, v: Vector, z: Vector, tau: Vector, fext: Matrix, dt: Number,
     contact: Contact, law: BristleLaw, held: Held, out: ImpulseResult, pivots: Vector, s: Impulses, h: HeldScratch,
 ) -> None:  # fmt: skip
-    """Velocities after a step, impulses, gaps before it, what impulses leave of the laws, friction, reactions.
+    """Velocities after a step, impulses, gaps before it, residuals of the laws, friction, reactions.
 
-    z      of bristles, as ``bristle_step``; None: dry friction
+    z      deflection of bristles, as in ``bristle_step``; None: dry friction
     law    of dry friction if z is None; it may be None: no friction
     fext   may be None; held and h are None without constraints
     out.after, impulse, gap, stop, energy  written, as of ``contact_step``: v⁺ in the axes at the beginning
-    out.residual  (np + nl + nd), written: by how much each point and joint misses its law [m/s | rad/s]
+    out.residual  (np + nl + nd), written: the violation of each point's and joint's law [m/s | rad/s]
     out.friction  (nv), written: dry friction torque [N m | N], 0 with bristles
-    out.bristles  (nv), written: after the step, if there are some
+    out.bristles  (nv), written: deflections after the step, if there are bristles
     out.reaction  (nc), written: impulse of each equation
-    out.start     (rows), written: λ, if the step begins with some
+    out.start     (rows), written: λ, if steps begin from the λ before
     out.missed    (2), written if there are constraints: residual and rank, as of ``constrained_motion``
     """
     contacts, n, after = contact.contacts, len(bodies) - 1, out.after
@@ -159,14 +159,14 @@ def impulse_step(
 
 @inline
 def begin(start: Vector, force: Vector) -> None:
-    """Write λ to begin with; start may be None, for 0."""
+    """Write the λ from which the solution begins; start may be None, for 0."""
     for k in range(len(force)):
         force[k] = 0.0 if start is None else start[k]
 
 
 @inline
 def keep(start: Vector, total: Vector, after: Vector) -> None:
-    """Write λ for the step that follows, if steps begin with some."""
+    """Write λ for the next step, if steps begin from the λ before."""
     if start is not None:
         for k in range(len(total)):
             after[k] = total[k]
@@ -207,7 +207,7 @@ def move_freely(
 
 @inline
 def rub(v: Vector, z: Vector, dt: Number, contact: Contact, law: BristleLaw, s: Impulses) -> None:
-    """How much dry friction changes velocities, at most."""
+    """Write the most by which dry friction changes velocities."""
     contacts = contact.contacts
     points = contacts[0].np
     for j in range(len(s.level)):
@@ -221,10 +221,10 @@ def hold(
     bodies: Bodies, work: Work, q: Config, v: Vector, dt: Number, held: Held, out: ImpulseResult, s: Impulses,
     h: HeldScratch,
 ) -> None:  # fmt: skip
-    """Take constraints out: of w, and of Z = D⁻¹ Yᵀ, by which w changes with impulses; rows that depend are dropped, in
-    their order or those that are not chosen.
+    """Eliminate the constraints from w, and from Z = D⁻¹ Yᵀ, the change of w with impulses. Dependent rows are dropped:
+    in the given order, or those that are not chosen.
 
-    As ``constrained.respond``, whose meaning residual and rank have; w, Z, reaction, missed and P are written.
+    residual and rank are as in ``constrained.respond``; w, Z, reaction, missed and P are written.
     """
     n, m, w, L, N, G, gamma = len(bodies) - 1, len(h.gamma), out.after, s.L, h.N, h.G, h.gamma
     constraints, rate, chosen, force = held.constraints, held.rate, held.chosen, out.reaction
@@ -287,7 +287,7 @@ def hold(
 
 @inline
 def take_out(s: Impulses, h: HeldScratch) -> None:
-    """Take constraints out of Z; reactions to unit impulses, in P, are written, gamma is scratch."""
+    """Eliminate the constraints from Z, and write the reactions to unit impulses to P; gamma is scratch."""
     n, m, N, gamma = len(s.x), len(h.gamma), h.N, h.gamma
     for l in range(len(s.Z)):
         for k in range(m):
@@ -308,10 +308,10 @@ def meet(
     bodies: Bodies, work: Work, q: Config, v: Vector, dt: Number, constraints: Record, out: ImpulseResult,
     s: Impulses, h: HeldScratch,
 ) -> None:  # fmt: skip
-    """Let v⁺ meet J v⁺ = 0 where the step ends, with q projected, and not only J v⁺ + h J̇ v = 0 where it begins.
+    """Make v⁺ satisfy J v⁺ = 0 at the end of the step, with q projected, not only J v⁺ + h J̇ v = 0 at its beginning.
 
-    The two differ by the order of h² in smooth motion and of h in an impact; what is left here is one order less. The
-    last sweeps follow, in which points and dry joints answer to the change. w, in ``after``, and reaction are written.
+    The two differ by O(h²) in smooth motion and by O(h) in an impact; the remaining error is one order smaller. The
+    last sweeps follow and adapt points and dry joints to the change. w, in ``after``, and reaction are written.
     """
     n, m, w, gamma, way, back = len(bodies) - 1, len(h.gamma), out.after, h.gamma, h.ways[0], h.ways[1]
     for i in range(n):
@@ -341,7 +341,7 @@ def meet(
 
 @inline
 def push_back(L: Matrix, h: HeldScratch, w: Vector) -> None:
-    """Take gamma (nc) out of the constraints' velocities, in w, by impulses, written in scale."""
+    """Subtract gamma (nc) from the constraints' velocities in w, by impulses, which are written to scale."""
     for k in range(len(h.gamma)):
         h.gamma[k] = -h.gamma[k]
     solve_forward(h.G, h.gamma)
@@ -356,7 +356,7 @@ def push_back(L: Matrix, h: HeldScratch, w: Vector) -> None:
 
 @inline
 def settle(contact: Contact, w: Vector, s: Impulses) -> None:
-    """Sweeps that answer to what ``meet`` changes."""
+    """Sweeps that adapt points and joints to the changes by ``meet``."""
     s.left[0] = residual(contact, w, s) - contact.contacts[0].tolerance
     for _ in repeat(SWEEPS_AGAIN, s.left, s.force, w):
         if settled(s.left[0]):
@@ -367,7 +367,7 @@ def settle(contact: Contact, w: Vector, s: Impulses) -> None:
 
 @inline
 def write_laws(dt: Number, contact: Contact, out: ImpulseResult, s: Impulses) -> None:
-    """What a step makes of points and joints: impulses, stops, dry friction, residuals, energy, which joints rest."""
+    """Write the results of points and joints: impulses, stops, dry friction, residuals, energy, which joints rest."""
     contacts, w, force, Y, level = contact.contacts, out.after, s.total, s.Y, s.level
     points = contacts[0].np
     for p in range(points):

@@ -1,17 +1,18 @@
-"""The impulses of a step: what solves the laws of points in contact, of limits and of dry joints together.
+"""The impulses of a step, which satisfy the laws of points in contact, of limits and of dry joints together.
 
-First sweeps (``impulse_rows``): feet that stand on rigid legs need 3 or 4. Where joints rub dry, or more points touch
-than can be told apart, sweeps alone may take thousands. Newton's steps (``newton_step``) then solve for all rows at
-once, with a proximal term ε that vanishes as the residual falls. Steps are all taken, and the best λ kept; where 12 of
-them do not end, sweeps from there and 12 more follow. Such rounds differ, for their cycles do: in every second one, a
-step that throws λ far is taken back and ε grown, where rigid points press against each other in vain; and in the third
-and fourth of four, points grip the ground at first, where a leg that slides would jam (Painlevé) and has to stick.
+First come sweeps (``impulse_rows``): feet on rigid legs need 3 or 4. With dry joints, or contacts whose forces are
+not unique, sweeps alone may take thousands. Newton's steps (``newton_step``) then solve for all rows at once,
+with a proximal term ε that vanishes as the residual falls. All steps are taken, and the best λ is kept; if 12 steps do
+not converge, sweeps from there and 12 more steps follow. The rounds differ, because their cycles do. In every second
+round, a step that makes λ far too large is undone and ε grown, for rigid points that press against each other. In the
+third and fourth of four rounds, points first have much more friction, for legs that would jam when sliding (Painlevé)
+and must stick.
 
-Points that bounce do so in a second phase (Poisson): the first brings them to rest, with impulses λ_c, and the second
-adds Λ_n of at least e λ_c, complementary to u_n, with friction of its own within μ Λ_n. What Λ_n is above that brings
-another point to rest that the first threw down, and is given back in a phase that follows, until no more is. Work is
-lost in each hit then, but for e = 1 without friction; Newton's law, u_n = -e u_n of before, gains some with friction.
-What of λ_c only answers to forces is not given back.
+Points bounce in a second phase (Poisson). The first phase brings them to rest, with impulses λ_c; the second adds Λ_n
+of at least e λ_c, complementary to u_n, with friction of its own within μ Λ_n. The part of Λ_n above e λ_c brings a
+point to rest that another point's rebound threw down; a further phase returns that part, until none is left. Each
+impact then loses work, except with e = 1 and no friction; Newton's law, u_n⁺ = -e u_n⁻, may gain work with friction.
+The part of λ_c that only balances forces is not returned.
 
 Source: Pfeiffer, Glocker, Multibody dynamics with unilateral contacts (1996), for Poisson's law; the law as in
 ``contact``; its solution is a derivation of our own.
@@ -45,23 +46,23 @@ from .impulse_rows import (
 )
 from .newton_step import newton_step
 
-SWEEPS, SWEEPS_DRY, SWEEPS_AGAIN = 5, 2, 8  # before Newton's steps: at first, at first beside dry joints, and later
-PROX = (1e-3, 1e-2, 1e-4)  # ε at first, of each round; the last of all further ones
-PROX_LEAST = 1e-7  # by rounding
-PROX_MOST, REGROWN = 1e-1, 100.0  # ε that a step taken back leaves, at most, and by how much it grows it
-THROWN = 30.0  # times the least residual, from which a step is taken back
-PHASES = 8  # of hits, of which one point needs two
-GRIPS, GRIPPED = 1e3, 4  # times μ, in so many steps of a round
-FAR = 1e30  # a residual above all
+SWEEPS, SWEEPS_DRY, SWEEPS_AGAIN = 5, 2, 8  # before Newton's steps: at first, at first with dry joints, and later
+PROX = (1e-3, 1e-2, 1e-4)  # first ε of each round; the last is for all further rounds
+PROX_LEAST = 1e-7  # least ε, because of rounding
+PROX_MOST, REGROWN = 1e-1, 100.0  # largest ε after an undone step, and the factor by which it grows
+THROWN = 30.0  # times the least residual: a step with a larger residual is undone
+PHASES = 8  # the most phases of an impact; one point needs two
+GRIPS, GRIPPED = 1e3, 4  # factor of μ in the first steps of a round, and the number of these steps
+FAR = 1e30  # above any residual
 
 
 @inline
 def solve_impulses(
     contact: Contact, held: Record, first: int, rubs: bool, w: Vector, s: Impulses
 ) -> None:  # fmt: skip
-    """λ, from that in ``force``, and w with it.
+    """Solve for λ from its value in ``force``, and update w.
 
-    held   scratch of constraints, whose rows N and responses Newton's steps take as stiff; None without
+    held   scratch of constraints, whose rows N Newton's steps treat as stiff; None without constraints
     first  sweeps before Newton's steps
     rubs   whether joints rub dry
     """
@@ -77,7 +78,7 @@ def solve_impulses(
             break
         solve_phase(contact, held, first, rubs, w, s)
         s.phase[0] = 0.0
-        for p in range(len(s.lower)):  # points of one hit that differ in e share its least after the first
+        for p in range(len(s.lower)):  # after the first phase, points of one impact share their least e
             least = select(s.bounces[p] - state[SHARE], state[SHARE], s.bounces[p])
             state[SHARE] = select(state[PHASE], state[SHARE], select(s.force[3 * p], least, state[SHARE]))
         for p in range(len(s.lower)):
@@ -100,7 +101,7 @@ def solve_impulses(
 def solve_phase(
     contact: Contact, held: Record, first: int, rubs: bool, w: Vector, s: Impulses
 ) -> None:  # fmt: skip
-    """λ of one phase."""
+    """Solve for λ of one phase."""
     head, rows = contact.contacts[0], len(s.force)
     state, tolerance = s.state, head.tolerance
     for k in range(rows):

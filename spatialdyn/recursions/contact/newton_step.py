@@ -5,8 +5,8 @@ It solves λ = T(u - B λ) for all rows, T the local solutions, with a proximal 
     (1 + ε) δ_p = T - λ_p + T' (δu_p - B_p δ_p)    ⇒    δ_p = f_p - C_p δu_p,
 
 so that (M + Σ J_pᵀ C_p J_p) δv = Σ J_pᵀ f_p, which has the zeros of the tree: a dry joint is one entry on the diagonal,
-C = 1 / (ε G_jj) if it sticks or stops, with ε of its row (``stiffness``). After 4 steps, of the joints only those
-change their state that miss their law most, which ends cycles.
+C = 1 / (ε G_jj) if it sticks or stops, with ε of its row (``stiffness``). After 4 steps, only the joints that violate
+their law most change their state, which ends cycles.
 
 Source: a derivation of our own, semi-smooth as by Alart and Curnier (1991).
 """
@@ -21,15 +21,15 @@ from .coulomb_cone import magnitude, point_impulse, point_slope
 from .impulse_rows import COUNT, EPSILON, GRIP, Impulses, joint_law, respond
 
 BOLD = 4  # steps in which all joints may change their state
-MISSES_MOST = 0.99  # of the largest residual of a joint, from which it may change its state later
-STIFF = 1e7  # of a constraint's response: how stiff these steps see it
+MISSES_MOST = 0.99  # share of the largest residual of all joints, above which a joint may change its state later
+STIFF = 1e7  # stiffness of constraints in these steps, relative to their response
 
 
 @inline
 def newton_step(
     contact: Contact, held: Record, w: Vector, s: Impulses
 ) -> None:  # fmt: skip
-    """A step on all impulses at once, and w with them."""
+    """A step on all impulses at once; w is updated."""
     n, points, prox = len(w), contact.contacts[0].np, s.state[EPSILON]
     for i in range(n):
         s.x[i] = 0.0
@@ -145,7 +145,7 @@ def invert(N: Matrix) -> None:
 
 @inline
 def solve_K(K: Matrix, x: Vector) -> None:
-    """X = K⁻¹ x in place, from the tips inward: K has the zeros of the tree, and is overwritten."""
+    """x = K⁻¹ x in place, from the tips inward: K has the zeros of the tree, and is overwritten."""
     n = len(x)
     for k in range(n - 1, -1, -1):
         each = 1.0 / K[k, k]

@@ -1,18 +1,18 @@
-"""Adaptive laws: torques by estimated inertial parameters, which learn from the error of tracking.
+"""Adaptive laws: torques from estimated inertial parameters, which are updated by the tracking error.
 
-With v_r = v_d + Λ e, a_r = a_d + Λ ė and s = v - v_r, the torque is M̂ a_r + Ĉ v_r + ĝ - K s by estimates π̂, and what a
-body's parameters did to s in the last step is y = Yᵀ s, Y the regressor of that torque. No regressor is formed: Y is
-linear in the axes S, so y takes the velocity that s gives a body in place of each of them.
+With v_r = v_d + Λ e, a_r = a_d + Λ ė and s = v - v_r, the torque is M̂ a_r + Ĉ v_r + ĝ - K s with estimates π̂, and the
+update follows y = Yᵀ s, Y the regressor of that torque. No regressor is formed: Y is linear in the axes S, so y uses
+the velocity of a body due to s in place of the axes.
 
 Euclidean (Slotine and Li, 1987)     π̂⁺ = π̂ - h Γ y
 natural (Lee, Kwon, Park, 2018)      P̂⁺ = G exp(-h/γ Gᵀ L G) Gᵀ,  P̂ = G Gᵀ
 
-P = [Σ h; hᵀ m], of Σ = ½ tr(Ī) 1 - Ī, is the pseudo-inertia, and tr(L P) = y·π. A body's inertia is physical exactly if
-P is positive definite; a factor G keeps it so whatever the step. The state is the distance from the first estimate, so
-that it begins at 0: of π̂, or of G. exp(A) has A scaled to a norm of 1 at most, an eighth of its half in a Taylor
-series, squared twice.
+P = [Σ h; hᵀ m], with Σ = ½ tr(Ī) 1 - Ī, is the pseudo-inertia, and tr(L P) = y·π. A body's inertia is physical exactly
+if P is positive definite, which a factor G ensures for any step. The state is the difference from the first estimate of
+π̂ or G, so that it begins at 0. For exp(A), A is scaled to a norm of at most 1, and exp(A/8) is a Taylor series,
+squared twice to exp(A/2).
 
-Friction F̂_c tanh(v/ε) + b̂ v is learnt by Γ_f as π̂ is, and stays 0 or above.
+Friction F̂_c tanh(v/ε) + b̂ v is learnt with Γ_f as π̂ is, and stays >= 0.
 
 Sources: Slotine and Li, On the adaptive control of robot manipulators (1987); Lee, Kwon and Park, A natural adaptive
 control law for robot manipulators (2018); the discrete step, which needs no Cholesky factors, is a derivation of ours.
@@ -51,15 +51,15 @@ WORK = table_dtype(
     w=Motion,
     a=Motion,
     f=Force,
-    s=Motion,  # the velocity of the body by s; outward
-    g=Vec,  # gravity, turned round, in the axes of the row; outward
+    s=Motion,  # velocity of the body due to s; outward
+    g=Vec,  # gravity with opposite sign, in the axes of the row; outward
 )
 TERMS = 8  # of the series of exp
 TABLE = ("njoints", 10)
 
 
 class Aim(NamedTuple):
-    """What is followed, and how."""
+    """The reference motion and the gains of a law."""
 
     rates: Array
     gain: Array
@@ -69,7 +69,7 @@ class Aim(NamedTuple):
 
 
 class Euclidean(NamedTuple):
-    """What the Euclidean law learns by, tables (njoints, 10) but for the last."""
+    """Parameters of the Euclidean law: tables (njoints, 10), except the last."""
 
     first: Array
     step: Array
@@ -79,7 +79,7 @@ class Euclidean(NamedTuple):
 
 
 class Natural(NamedTuple):
-    """What the natural law learns by: factors (njoints, 4, 4), and 1/γ (njoints)."""
+    """Parameters of the natural law: factors (njoints, 4, 4), and 1/γ (njoints)."""
 
     first: Array
     step: Vector
@@ -87,7 +87,7 @@ class Natural(NamedTuple):
 
 
 class Wear(NamedTuple):
-    """What friction is learnt by: tables (2, nv) but for the first."""
+    """Parameters of learning friction: tables (2, nv), except the first."""
 
     smoothing: Vector
     friction: Matrix
@@ -186,7 +186,7 @@ def add_friction(v: Vector, wear: Wear, worn: Array, tau: Vector) -> None:
 
 @inline
 def learn_friction(v: Vector, s: Vector, wear: Wear, worn: Array, dt: Scalar, after: Vector) -> None:
-    """F̂_c and b̂, less the first estimate, after a step: not below 0 in all."""
+    """F̂_c and b̂, less the first estimates, after a step; the estimates stay >= 0."""
     n, first, step = len(v), wear.friction, wear.friction_step
     for i in range(n):
         sign = smooth_sign(v[i], wear.smoothing[i])
@@ -204,7 +204,7 @@ def euclidean(
     bodies: Bodies, work: Work, q: Config, v: Vector, dt: Scalar, aim: Aim, by: Euclidean, learnt: Array, tau: Vector,
     after: Vector, x: Scratch,
 ) -> None:  # fmt: skip
-    """τ by π̂ = first + learnt, and what is learnt at the end of the step."""
+    """τ from π̂ = first + learnt, and ``learnt`` at the end of the step."""
     act_euclidean(bodies, work, q, v, aim, by, learnt, tau, x)
     move_euclidean(dt, by, after, x)
 
@@ -224,7 +224,7 @@ def act_euclidean(
 
 @inline
 def move_euclidean(dt: Scalar, by: Euclidean, after: Vector, x: Scratch) -> None:
-    """What is learnt at the end of the step, by y."""
+    """``learnt`` at the end of the step, from y."""
     pi = x.pi
     for j in range(len(pi)):
         for k in range(10):
@@ -251,7 +251,7 @@ def natural(
     bodies: Bodies, work: Work, q: Config, v: Vector, dt: Scalar, aim: Aim, by: Natural, learnt: Array, tau: Vector,
     after: Vector, x: Scratch, own: NaturalScratch,
 ) -> None:  # fmt: skip
-    """τ by P̂ = G Gᵀ with G = first + learnt (njoints, 4, 4), and what is learnt at the end of the step."""
+    """τ from P̂ = G Gᵀ with G = first + learnt (njoints, 4, 4), and ``learnt`` at the end of the step."""
     act_natural(bodies, work, q, v, aim, by, learnt, tau, x, own)
     move_natural(dt, by, after, x, own)
 
@@ -275,7 +275,7 @@ def act_natural(
 
 @inline
 def move_natural(dt: Scalar, by: Natural, after: Vector, x: Scratch, own: NaturalScratch) -> None:
-    """What is learnt at the end of the step, by y."""
+    """``learnt`` at the end of the step, from y."""
     G, E = own.G, own.E
     for j in range(len(G)):
         conjugate(G[j], x.y[j], -(dt * by.step[j]), own.A, own.T)
@@ -315,7 +315,7 @@ def rows_product(G: Matrix, i: int, j: int) -> Scalar:
 
 @inline
 def conjugate(G: Matrix, y: Vector, scale: Scalar, A: Matrix, T: Matrix) -> None:
-    """A = scale Gᵀ L G with tr(L P) = y·π, not larger than 1 in the norm of its entries."""
+    """A = scale Gᵀ L G with tr(L P) = y·π, scaled down to a Frobenius norm of at most 1."""
     T[0, 0], T[1, 1], T[2, 2], T[3, 3] = y[6] + y[9], y[9] + y[4], y[4] + y[6], y[0]
     T[0, 1], T[0, 2], T[1, 2] = -0.5 * y[5], -0.5 * y[7], -0.5 * y[8]
     T[0, 3], T[1, 3], T[2, 3] = 0.5 * y[1], 0.5 * y[2], 0.5 * y[3]

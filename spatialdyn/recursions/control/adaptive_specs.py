@@ -77,7 +77,7 @@ def adaptive_spec(
         Argument("rates", MATRIX if matrix_rates else DIAGONAL, "1/s", "Λ"),
         Argument("gain", MATRIX if matrix_gain else DIAGONAL, "N m s/rad | N s/m", "K"), Q_REF, V_REF, A_REF,
     )  # fmt: skip
-    learnt = Argument("learnt", shape, first.unit, "what the estimate is more than the first", start=0.0)
+    learnt = Argument("learnt", shape, first.unit, "the estimate less the first estimate", start=0.0)
     end = Argument("learnt_after", shape, learnt.unit, learnt.meaning)
     name = ("natural_adaptation" if natural_law else "slotine_li") + "_composite" * predicts
     shapes = "".join("M" if x else "d" for x in (matrix_rates, matrix_gain)) + "f" * friction

@@ -1,11 +1,11 @@
-"""Composite adaptive laws: they learn from the error of prediction as well as from that of tracking.
+"""Composite adaptive laws, which learn from the prediction error as well as from the tracking error.
 
-y = Yᵀ s + c Wᵀ e with e = W π̂ - what acted. Of p = Y_p π and N = g - Cᵀ v = Y_N π, ṗ = τ - N, filtered so that no
-acceleration is needed: with φ = ω h/(1 + ω h) and T⁺ = T + φ (τ - T),
+y = Yᵀ s + c Wᵀ e with the prediction error e = W π̂ - W π. From p = Y_p π, N = g - Cᵀ v = Y_N π and ṗ = τ - N, filtered
+so that no acceleration is needed: with φ = ω h/(1 + ω h) and T⁺ = T + φ (τ - T),
 
     W = φ/h Y_p + F,   F⁺ = F + φ (Y_N - φ/h Y_p - F),   W π = T   if p⁺ = p + h (τ - N),
 
-from F = -φ/h Y_p and T = 0 at the beginning; armatures, which are known, go with T.
+from F = -φ/h Y_p and T = 0 at the beginning; the terms of armatures, which are known, are part of T.
 
 Source: after Slotine and Li, Composite adaptive control of robot manipulators (1989); the discrete filters, which
 balance a step exactly, are a derivation of ours.
@@ -40,7 +40,7 @@ from .adaptive_laws import (
 
 
 class Prediction(NamedTuple):
-    """What composite laws learn by: c and ω, in arrays of one."""
+    """Parameters of composite laws: c and ω, in arrays of one."""
 
     weight: Vector
     bandwidth: Vector
@@ -55,7 +55,7 @@ class Filters(NamedTuple):
 
 
 class Ends(NamedTuple):
-    """The outputs of composite laws: τ, what is learnt, and the filters, of the end of a step."""
+    """The outputs of composite laws: τ, and ``learnt`` and the filters at the end of a step."""
 
     tau: Vector
     after: Vector
@@ -80,7 +80,7 @@ def predict(
     bodies: Bodies, work: Work, v: Vector, dt: Scalar, deadzone: Vector, by: Prediction, old: Filters, out: Ends,
     x: Scratch, W: Array,
 ) -> None:  # fmt: skip
-    """y += c Wᵀ e, and the filters at the end of the step; the scratch is that of ``torques``, tau without friction."""
+    """y += c Wᵀ e, and the filters at the end of the step; scratch as ``torques`` leaves it, tau without friction."""
     rise = by.bandwidth[0] / (1.0 + dt * by.bandwidth[0])  # φ/h
     share, begun, width = dt * rise, old.begun[0], 10 * len(x.pi)
     for k in range(len(out.F)):

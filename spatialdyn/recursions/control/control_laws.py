@@ -1,4 +1,4 @@
-"""Control laws: joint torques that follow a reference (q_d, v_d, a_d), e = q_d ⊖ q the displacement that is left.
+"""Control laws: joint torques that follow a reference (q_d, v_d, a_d), with e = q_d ⊖ q the remaining displacement.
 
 PD                τ = Kp e + Kd (v_d - v)
 gravity           τ = g(q)
@@ -8,9 +8,9 @@ computed torque   τ = M (a_d + Kp e + Kd (v_d - v)) + C v + g
 passivity-based   τ = M a_r + C(q, v) v_r + g - K s,   v_r = v_d + Λ e,  a_r = a_d + Λ (v_d - v),  s = v - v_r
 state feedback    τ = τ₀ - K (q ⊖ q_d, v - v_d)
 
-Each is one Newton-Euler recursion at most, of what its line needs: M, C and g are never formed. Gains are vectors, for
-a diagonal, or matrices. e is a twist in each joint's own body's frame, v_d is taken as one there: the errors'
-equations above are exact where coordinates are numbers, and to first order in e on groups.
+Each law needs at most one Newton-Euler recursion: M, C and g are never formed. Gains are vectors, for a diagonal, or
+matrices. e and v_d are twists in each joint's own body frame: the equations above are exact for joints whose
+coordinates are numbers, and hold to first order in e on groups.
 
 Sources: Paden and Panja, Globally asymptotically stable PD+ controller (1988); Slotine and Li, On the adaptive control
 of robot manipulators (1987), without adaptation; Spong, Hutchinson, Vidyasagar, Robot Modeling and Control (2006).
@@ -35,7 +35,7 @@ MATRIX, DIAGONAL = ("nv", "nv"), ("nv",)
 
 @inline
 def product(K: Array, x: Vector, i: int) -> Scalar:
-    """Entry i of K x, K a matrix or the diagonal of one."""
+    """Entry i of K x, with K a matrix or its diagonal."""
     if K.ndim == 1:
         return K[i] * x[i]
     s = 0.0
@@ -92,7 +92,7 @@ def cosine_shaping(
     bodies: Bodies, work: Work, q: Config, v: Vector, kp: Vector, kd: Array, q_ref: Config, tau: Vector, e: Vector,
     de: Vector,
 ) -> None:  # fmt: skip
-    """τ = g(q) + kp sin e - Kd v, of V_d = Σ kp (1 - cos e)."""
+    """τ = g(q) + kp sin e - Kd v, from V_d = Σ kp (1 - cos e)."""
     gravity(bodies, work, q, tau)
     errors(bodies, q, v, q_ref, None, e, de)
     for i in range(len(v)):
@@ -166,7 +166,7 @@ def state_feedback(
 
 @made_once()
 def law_spec(name: str, position: bool = False, velocity: bool = False) -> Spec:
-    """The Spec of a law; whether its first and its second gain are matrices."""
+    """The Spec of a law; ``position`` and ``velocity``: whether the first and the second gain are matrices."""
     unit = "N m/rad | N/m", "N m s/rad | N s/m"
     if name == "computed_torque":
         unit = "1/s²", "1/s"

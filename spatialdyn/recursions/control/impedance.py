@@ -1,10 +1,10 @@
-"""Cartesian impedance: a frame is held by a spring and a damper, along the axes of the world.
+"""Cartesian impedance: a spring and a damper along the axes of the world hold a frame.
 
 fixed    τ = g(q) + Jᵀ (K e - D ẋ)
 moving   τ = M a_r + C v_r + g + Jᵀ (K e + D (ẋ_d - ẋ)),  v_r = J̄ ẋ_d,  a_r = J̄ (a_d - J̇ v_r),  J̄ = M⁻¹Jᵀ (J M⁻¹Jᵀ)⁻¹
 
-and in both a damping of joints, -b v, for what the frame does not feel. e is the displacement that is left and the
-rotation vector. As J̄ᵀ (M a_r + C v_r + g) is Λ a_d + C_x ẋ_d + p, with dΛ/dt = C_x + C_xᵀ,
+and in both a damping of joints, -b v, for motions that do not move the frame. e holds the remaining displacement and
+rotation vector. Since J̄ᵀ (M a_r + C v_r + g) is Λ a_d + C_x ẋ_d + p, with dΛ/dt = C_x + C_xᵀ,
 V = ½ (ẋ - ẋ_d)ᵀΛ(ẋ - ẋ_d) + ½ eᵀK e falls where J has full rank and no other force acts.
 
 Source: Hogan, Impedance control (1985); Ott, Cartesian impedance control of redundant and flexible-joint robots (2008).
@@ -47,7 +47,7 @@ WORK_MOVING = table_dtype(
 
 
 class Spring(NamedTuple):
-    """What holds the frame: K and D (6, 6), linear first, in the axes of the world, and b (nv)."""
+    """Spring and dampers: K and D (6, 6), linear first, in the axes of the world, and b (nv)."""
 
     stiffness: Matrix
     damping: Matrix

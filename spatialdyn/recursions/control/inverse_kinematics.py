@@ -1,8 +1,8 @@
 """A step of inverse kinematics: damped Gauss-Newton on the joints' group, within limits.
 
-δ = Jᵀ (J Jᵀ + λ 1)⁻¹ e with λ = ½ e·e: far from a solution the step is short and along the gradient, near it Newton's,
-and J may lose rank. A joint at a limit that would leave it is held. Source: Sugihara, Solvability-unconcerned inverse
-kinematics by the Levenberg-Marquardt method (2011), with Chan and Lawrence's λ (1988).
+δ = Jᵀ (J Jᵀ + λ 1)⁻¹ e with λ = ½ e·e: far from a solution the step is short and along the gradient, near a solution it
+is Newton's, and J may lose rank. A joint at a limit that would pass it is held. Source: Sugihara, Solvability-
+unconcerned inverse kinematics by the Levenberg-Marquardt method (2011), with Chan and Lawrence's λ (1988).
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ from ...bodies.kinds import R1
 from ..coordinates.configuration import integrate
 from ..signatures import Bodies, Config, Matrix, Vector
 
-AT_LIMIT = 1e-12  # rad, m: as near a joint is at its limit
-LEAST = 1e-14  # of λ, so that it is never 0
+AT_LIMIT = 1e-12  # [rad | m] distance within which a joint is at its limit
+LEAST = 1e-14  # the least λ, so that it is never 0
 TINY = 1e-36
 
 
@@ -30,7 +30,7 @@ def turn_between(A: Mat3, B: Mat3) -> Vec:
 
 @inline
 def put_error(pose: Matrix, target: Matrix, at: int, turns: bool, e: Vector) -> tuple[Scalar, Scalar]:
-    """Write the way from a pose to its target to e[at:], in the world: a translation, and a rotation if it turns.
+    """Write the displacement from a pose to its target to e[at:], in the world: translation, and rotation if ``turns``.
 
     Returns the squares of the distance and of the angle.
     """
@@ -49,7 +49,7 @@ def damped_step(
     bodies: Bodies, q: Config, lower: Config, upper: Config, J: Matrix, e: Vector, G: Matrix, y: Vector, step: Vector,
     out: Config,
 ) -> None:  # fmt: skip
-    """out = q ∘ exp(δ) within the limits, which are infinite where there are none.
+    """out = q ∘ exp(δ) within the limits; missing limits are infinite.
 
     J     (m, nv), whose columns of joints held at a limit are overwritten by 0
     e     (m)
@@ -96,7 +96,7 @@ def damped_step(
 
 @inline
 def solve_definite(G: Matrix, y: Vector) -> None:
-    """y = G⁻¹ y in place, of a positive definite G, of which the lower triangle is read and overwritten: L D Lᵀ."""
+    """y = G⁻¹ y in place by L D Lᵀ, for a positive definite G; its lower triangle is read and overwritten."""
     m = len(y)
     for c in range(m):
         for r in range(c + 1, m):

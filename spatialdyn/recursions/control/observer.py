@@ -1,8 +1,8 @@
-"""The momentum observer: the torque of what is not modelled, from positions, velocities and motor torques alone.
+"""The momentum observer: unmodelled torques, from positions, velocities and motor torques alone.
 
-r = K (p - p₀ - ∫ (β + r) dt) with p = M v and β = τ + Cᵀ v - g, the rate that p has without it, so ṙ = K (τ_ext - r):
-the torque of contacts, filtered, without accelerations and without M⁻¹. Discretized by the trapezoidal rule, implicit
-in r, with z = p₀ + ∫ (β + r) dt:
+r = K (p - p₀ - ∫ (β + r) dt) with p = M v and β = τ + Cᵀ v - g, the rate of p without external torques. So
+ṙ = K (τ_ext - r): r is the filtered torque of contacts, without accelerations and without M⁻¹. Discretized by the
+trapezoidal rule, implicit in r, with z = p₀ + ∫ (β + r) dt:
 
     s = z + ½h (β + β⁺),    r⁺ = K (p⁺ - s - ½h r) / (1 + ½h K),    z⁺ = s + ½h (r + r⁺).
 
@@ -25,7 +25,7 @@ def momentum_observer_step(
     bodies: Bodies, work: Work, q: Config, v: Vector, tau: Vector, gain: Vector, dt: Scalar, memory: Vector,
     after: Vector, p: Vector, rate: Vector,
 ) -> None:  # fmt: skip
-    """The memory after a step of h at whose end q, v and tau are.
+    """The memory after a step h that ends at q, v and tau.
 
     memory, after  (3 nv)  z, β and r, one after the other
     p, rate        (nv) scratch: p⁺ and β⁺

@@ -1,8 +1,8 @@
-"""Motions to follow as functions of a clock: q = q_c ∘ exp(u(t)) with u piecewise polynomials or a Fourier series.
+"""Motions to follow as functions of a clock: q = q_c ∘ exp(u(t)), with u piecewise polynomial or a Fourier series.
 
-q_c, the centre, is a configuration and u a displacement, so a path crosses joints of any kind. Its velocity is that of
-the body, v = J(u) u̇ with J the right Jacobian of exp, and a = J (ü - ∂(J⁻¹ v)/∂u u̇) the rate of v, which follows from
-u̇ = J⁻¹(u) v. Where u keeps its direction, as between two configurations, both are u̇ and ü. After ours.
+q_c, the centre, is a configuration and u a displacement, so a path works for joints of any kind. The velocity is that
+of the body, v = J(u) u̇ with J the right Jacobian of exp, and a = J (ü - ∂(J⁻¹ v)/∂u u̇) is the rate of v, from
+u̇ = J⁻¹(u) v. If u keeps its direction, as between two configurations, v is u̇ and a is ü. A derivation of our own.
 
 Sources: Biagiotti and Melchiorri, Trajectory Planning for Automatic Machines and Robots (2008), for the polynomials;
 Swevers et al., Optimal robot excitation and identification (1997), for the series.
@@ -46,7 +46,7 @@ def timed_path(
     bodies: Bodies, clock: Vector, centre: Config, way: Vector, times: Vector, scale: Matrix, q: Config, v: Vector,
     a: Vector, rows: Matrix,
 ) -> None:  # fmt: skip
-    """u = s(t) way, with s of piecewise polynomials of ``scale`` (segments, powers): one direction for all joints."""
+    """u = s(t) way, with s the piecewise polynomial of ``scale`` (segments, powers): u keeps one direction."""
     t, s, live = in_segment(clock[0], times)
     x, dx, ddx = polynomial(scale, times, t, s)
     dx, ddx = live * dx, live * ddx
@@ -57,7 +57,7 @@ def timed_path(
 
 @inline
 def in_segment(t: Scalar, times: Vector) -> tuple[Scalar, Scalar, Scalar]:
-    """t within the times, the time since its segment began, and 1, or 0 where t was before or after them."""
+    """t clipped to the times, the time since its segment began, and 1 if t was within the times, else 0."""
     last = len(times) - 1
     over, under = t - times[last], times[0] - t
     live = select(over, 0.0, select(under, 0.0, 1.0))
@@ -133,7 +133,7 @@ def minus(m: Motion) -> Motion:
 
 @made_once()
 def polynomial_spec(segments: int, order: int) -> Spec:
-    """The Spec of a path of so many segments, each of so many coefficients."""
+    """The Spec of a path with this number of segments and of coefficients in each segment."""
     return Spec(
         f"polynomial_path_{segments}_{order}", polynomial_path, None,
         (
@@ -147,7 +147,7 @@ def polynomial_spec(segments: int, order: int) -> Spec:
 
 @made_once()
 def timed_spec(segments: int, order: int) -> Spec:
-    """The Spec of a path in one direction of so many segments, each of so many coefficients."""
+    """The Spec of a path in one direction, with this number of segments and of coefficients in each segment."""
     return Spec(
         f"timed_path_{segments}_{order}", timed_path, None,
         (
@@ -162,7 +162,7 @@ def timed_spec(segments: int, order: int) -> Spec:
 
 @made_once()
 def fourier_spec(harmonics: int) -> Spec:
-    """The Spec of a path of so many harmonics."""
+    """The Spec of a path with this number of harmonics."""
     of_velocity = (harmonics, "nv"), "rad/s | m/s"
     return Spec(
         f"fourier_path_{harmonics}", fourier_path, None,

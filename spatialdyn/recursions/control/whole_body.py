@@ -3,18 +3,18 @@
 With n freedoms and three force components on each contact point, along the ground's normal and across it,
 
     rows      equation or limit                                                 of
-    n         ± limit - s h  bounds  s (M a - Jᵀ f)                             bodies: 0 of those without a motor
+    n         ± limit - s h  bounds  s (M a - Jᵀ f)                             bodies: 0 for those without a motor
     ns        B J_c a = -B (J̇_c v + D J_c v), over the brake                    feet that stand
     4 np      ± f_t - μ/√2 f_n <= 0                                             pyramids within the cones
 
-and the bounds of x are position and velocity limits, below, and pushes of the ground between 0 and the largest. Forces
-are in shares of the weight. A foot of one point is still where its sphere touches; of several, the points themselves.
+and the bounds of x are position and velocity limits, see below, and normal forces between 0 and the largest. Forces are
+in shares of the weight. A foot of one point keeps its point of contact at rest; a foot of several points, the points.
 
 At a step h, a takes v to v + h a and q to q + h v + ½ h² a. Below the upper limit b with brakes ā,
 
     v + h a <= v_max,    h v + ½ h² a <= b - q,    (v + h a)² <= 2 ā (b - q - h v - ½ h² a)  or  v + h a <= 0,
 
-and a >= -ā is always allowed: a joint that is beyond what ā stops is braked by ā, and asked for no more.
+and a >= -ā is always allowed: a joint that ā cannot stop before its limit is braked by ā, not harder.
 Source: for the program, after Del Prete, Mansard, Ramos, Stasse and Nori, Implementing torque control with high-ratio
 gear boxes and without joint-torque sensors (2016); for limits, after Del Prete, Joint position and velocity bounds in
 discrete-time acceleration/torque control of robot manipulators (2018).
@@ -63,9 +63,9 @@ FAR = 1e30  # a bound that does not hold
 class Settings(NamedTuple):
     """Numbers of the program.
 
-    bounds   (5, nv) of each freedom: coordinates between which it stays, its largest speed, what its row of torques is
-             multiplied by, and the limit of that row
-    numbers  (7,) weight of the robot, brake, D, h, largest push over the weight, and what is small of P: of a, of f
+    bounds   (5, nv) of each freedom: its lower and upper coordinate, its largest speed, the factor s of its row of
+             torques, and the limit of that row
+    numbers  (7,) weight of the robot, brake, D, h, largest normal force over the weight, small weights in P of a and f
     """
 
     bounds: Matrix
@@ -73,12 +73,12 @@ class Settings(NamedTuple):
 
 
 class Goals(NamedTuple):
-    """What tasks want, a* = a_d + Kp e - Kd ẋ, with a_d of which velocities to follow are a part.
+    """Goals of the tasks, a* = a_d + Kp e - Kd ẋ, where a_d includes the terms of velocities to follow.
 
-    rows     (4, nt) of rows of frames and the centre of mass: weight, Kp, Kd, a_d
-    targets  (nf + 1, 4, 4) poses for frames; of the first the place for the centre of mass
-    joints   (4, nv) the same four of joints
-    rest     (nq) where joints rest
+    rows     (4, nt) for rows of frames and the centre of mass: weight, Kp, Kd, a_d
+    targets  (nf + 1, 4, 4) poses for frames; the first holds the place for the centre of mass
+    joints   (4, nv) the same four numbers for joints
+    rest     (nq) rest configuration of the joints
     """
 
     rows: Matrix
@@ -194,7 +194,7 @@ def write_frames(
 def point_drift(
     bodies: Bodies, work: Work, q: Config, v: Vector, ground: Ground, p: int, axis: int, s: Scratch
 ) -> Scalar:  # fmt: skip
-    """The acceleration of where a point's sphere touches, at zero joint acceleration, along an axis of the ground."""
+    """The acceleration of a sphere's point of contact, at zero joint acceleration, along an axis of the ground."""
     c = ground.contacts[1 + p]
     write_pose(s.P, Pose(identity(), Vec(c.p.x, c.p.y, c.p.z)))
     X, seen, total = frame_motion(bodies, work, q, v, None, c.row, s.P)
@@ -247,7 +247,7 @@ def write_standing(
 def write_com(
     bodies: Bodies, work: Work, q: Config, v: Vector, tasks: Record, goals: Goals, s: Scratch
 ) -> None:  # fmt: skip
-    """The same of the centre of mass, as frame 0, where a task has it."""
+    """The same for the centre of mass, as frame 0, if a task uses it."""
     asked = 0
     for r in range(tasks[0].nt):
         if tasks[1 + tasks[0].nf + tasks[0].ns + r].frame == 0:

@@ -1,10 +1,10 @@
 """The configuration space: moving along it, differences in it, and the derivatives of both.
 
 A configuration q moves by a velocity v held for unit time, q ∘ exp(v): each joint's twist in its own body's frame,
-as v itself is. Coordinates that are numbers add; quaternions and (cos, sin) pairs multiply on the right and come
-back on the unit sphere, q/|q| to rounding, so no drift builds up. A joint of one freedom is a group too: its
-displacement is w.z of a twist, so that every kind shares ``twist``, ``_move`` and ``_between``. A planar joint's twist
-is in its own x, y and normal.
+as v itself is. Coordinates that are numbers add; quaternions and (cos, sin) pairs multiply on the right and are
+normalized, q/|q| to rounding, so they do not drift. A joint of one freedom is a group too: its displacement is w.z of a
+twist, so that every kind shares ``twist``, ``_move`` and ``_between``. A planar joint's twist is in its own x, y and
+normal.
 
 Where the table takes coordinates of ANY_NORM, those off the unit sphere move as ``configuration_off_norm`` says.
 
@@ -55,7 +55,7 @@ def neutral(bodies: Bodies, out: Config) -> None:
 
 @inline
 def normalize(bodies: Bodies, q: Config, out: Config) -> None:
-    """q with its quaternions and (cos, sin) pairs scaled to unit norm, whatever their size; null ones stay null.
+    """q with its quaternions and (cos, sin) pairs scaled to unit norm; zero ones stay zero.
 
     q    (nq)  [rad | m]
     out  (nq)  written
@@ -76,8 +76,8 @@ def normalize(bodies: Bodies, q: Config, out: Config) -> None:
 def integrate(bodies: Bodies, q: Config, v: Vector, out: Config) -> None:
     """out = q ∘ exp(v).
 
-    Of the two quaternions ±a of the result a floating joint gets the one nearer to q's, a spherical joint the one
-    that its motion leads to continuously (so does Pinocchio).
+    Of the two quaternions ±a of the result, a floating joint gets the one nearer to q's, a spherical joint the one
+    that its motion reaches continuously (as in Pinocchio).
 
     q    (nq)  [rad | m]
     v    (nv)  velocity times duration [rad | m], twists in the body's frame
@@ -92,7 +92,7 @@ def integrate(bodies: Bodies, q: Config, v: Vector, out: Config) -> None:
 def difference(bodies: Bodies, q0: Config, q1: Config, out: Vector) -> None:
     """The v with q0 ∘ exp(v) = q1: the shortest, with angles in [-π, π], but q1 - q0 for the angle of a revolute joint.
 
-    The angle of a planar joint counts modulo 2π: no twist turns by a whole number of turns and travels as well.
+    The angle of a planar joint counts modulo 2π: no twist both makes whole turns and travels.
 
     q0, q1  (nq)  [rad | m]
     out     (nv)  written [rad | m], twists in the body's frame
@@ -107,7 +107,7 @@ def interpolate(bodies: Bodies, q0: Config, q1: Config, t: Scalar, out: Config) 
     """q0 ∘ exp(t v) with v the difference from q0 to q1: at t = 0 it is q0, at t = 1 q1 (a quaternion up to its sign).
 
     q0, q1  (nq)  [rad | m]
-    t             any number; beyond [0, 1] the motion goes on
+    t             any number; beyond [0, 1] the motion continues
     out     (nq)  written
     """
     for i in range(1, len(bodies)):
@@ -122,7 +122,7 @@ def interpolate(bodies: Bodies, q0: Config, q1: Config, t: Scalar, out: Config) 
 def dintegrate(bodies: Bodies, q: Config, v: Vector, out: Array) -> None:
     """Derivatives of q ∘ exp(v) by q, out[0], and by v, out[1], all as twists in the body's frame.
 
-    q    (nq)          [rad | m], without effect: the derivatives are the same at every q
+    q    (nq)          [rad | m], not used: the derivatives are the same at every q
     v    (nv)          velocity times duration [rad | m]
     out  (2, nv, nv)   written
     """
@@ -358,7 +358,7 @@ SPECS = (
     Spec(
         "difference", difference, None, (_Q0, _Q1),
         Argument("v", ("nv",), "rad | m", "the displacement", per_coordinate=True),
-        "Displacement v that takes q0 to q1: integrate(q0, v) is q1, by the shorter way round.", _LIE,
+        "Displacement v from q0 to q1: integrate(q0, v) is q1; rotations take the shorter way.", _LIE,
     ),
     Spec(
         "interpolate", interpolate, None, (_Q0, _Q1, _T), _MOVED,

@@ -1,10 +1,10 @@
-"""Quaternions and (cos, sin) pairs off their unit norm, as Pinocchio 4.1 moves them: its formulas, not the group's.
+"""Quaternions and (cos, sin) pairs off their unit norm, moved by the formulas of Pinocchio 4.1, not the group's.
 
-Where the table takes coordinates of ANY_NORM, ``configuration`` calls these. A product is scaled by (3 - |q|²)/2, which
-is 1/|q| to first order, and a logarithm grows with |q|. At unit norm to rounding each is the group's own formula. Where
-Pinocchio returns NaN these return a number.
+If the table accepts coordinates of ANY_NORM, ``configuration`` calls these. A product is scaled by (3 - |q|²)/2, which
+is 1/|q| to first order, and a logarithm grows with |q|. At unit norm to rounding each is the group's own formula. If
+Pinocchio returns NaN, these return a number.
 
-Source: what Pinocchio 4.1 returns; tests/compat/test_strictness.py compares the two.
+Source: the results of Pinocchio 4.1; tests/compat/test_strictness.py compares the two.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ def _on(square: Scalar) -> Scalar:
 
 @inline
 def quat_norm(a: Quat) -> Scalar:
-    """|a|; 1 where it is that to rounding."""
+    """|a|; exactly 1 if |a| is 1 to rounding."""
     n = a.x * a.x + a.y * a.y + a.z * a.z + a.w * a.w
     return select(_on(n), 1.0, sqrt(n))
 
 
 @inline
 def free_travel(w: Vec, n: Scalar, p: Vec) -> Vec:
-    """``log_travel`` for a quaternion of norm n and rotation vector w: with n w in place of w and n² u of u."""
+    """``log_travel`` for a quaternion of norm n and rotation vector w: with n w in place of w, n² u in place of u."""
     t = dot(w, w)
     u, beta = log_factors(t)
     turns = t - 1.5e-8  # Pinocchio's series for θ < 1.2e-4 ignores the norm

@@ -1,16 +1,16 @@
 """Rates of coordinates and of displacements, and the displacement of a step in which a joint turns.
 
-A step of a floating or planar joint is taken in the axes that its body has at the beginning: velocities there change by
-forces alone, and turn with the body afterwards. Of a body that is free, with nothing behind it, both its momenta are
-then kept to the order of h³ a step: its inertia and its centre of mass turn within the step too.
+A step of a floating or planar joint is taken in the axes of its body at the beginning: there velocities change by
+forces alone, and turn with the body afterwards. A free body, with no joint behind it, then keeps both its momenta to
+O(h³) per step: its inertia and its centre of mass turn within the step too.
 
 With L = I ω about the centre of mass c, ω changes by Δ = -h I⁻¹ (ω × L) in an explicit step. In the axes of the
-beginning the momenta stay as they are to h³ where beside that
+beginning the momenta are constant to h³ if, in addition to Δ,
 
     δω = I⁻¹ (½ h² ω × (ω × L) - h Δ × L)
     δv = -h (Δ × (ω × c) + ω × (Δ × c)) - ½ h² ω × (ω × (ω × c)) - δω × c
 
-of the origin. Both are cubic forms of ω: a derivation of our own.
+are added to ω and to the velocity v of the origin. Both are cubic forms of ω: a derivation of our own.
 """
 
 from __future__ import annotations
@@ -136,7 +136,7 @@ def turn_by(bodies: Bodies, v: Vector, x: Vector, dt: Vector, out: Turned) -> No
 
 @inline
 def add_begun(bodies: Bodies, h: Scalar, v: Vector, d: Vector) -> None:
-    """d (nv) = what a step h adds to velocities v of the beginning, beside forces, in the axes of the beginning."""
+    """d (nv) = the change of velocities v over a step h that is not due to forces, in the axes of the beginning."""
     for i in range(1, len(bodies)):
         b, r = bodies[i], i - 1
         if b.kind in SE3 or b.kind in SE2:
@@ -148,7 +148,7 @@ def add_begun(bodies: Bodies, h: Scalar, v: Vector, d: Vector) -> None:
 
 @inline
 def begun(bodies: Bodies, i: int, h: Scalar, m: Motion) -> Motion:
-    """That of a floating or planar joint with twist m, its first row i: h ω × v, and what keeps momenta if free."""
+    """``add_begun`` for a floating or planar joint of twist m, first row i: h ω × v, and for a free body ``kept``."""
     turned = scale(h, cross(m.w, m.v))
     if not is_free(bodies, i):
         return Motion(Vec(0.0, 0.0, 0.0), turned)
@@ -158,7 +158,7 @@ def begun(bodies: Bodies, i: int, h: Scalar, m: Motion) -> Motion:
 
 @inline
 def is_free(bodies: Bodies, i: int) -> bool:
-    """Whether the joint of first row i carries a body that nothing else is joined to."""
+    """Whether the joint of first row i carries a body that no other joint connects."""
     last = i + NV[bodies[i].kind] - 1
     for j in range(last + 1, len(bodies)):
         if bodies[j].parent == last:
@@ -192,7 +192,7 @@ def about_centre(I: Inertia, c: Vec, w: Vec) -> Vec:
 
 @inline
 def about_centre_inverse(I: Inertia, c: Vec, n: Vec) -> Vec:
-    """ω of I ω = n about the centre of mass; 0 of a point mass."""
+    """ω from I ω = n about the centre of mass; 0 for a point mass."""
     S, h = I.I, I.h
     xx, yy, zz = S.xx - (h.y * c.y + h.z * c.z), S.yy - (h.x * c.x + h.z * c.z), S.zz - (h.x * c.x + h.y * c.y)
     xy, xz, yz = S.xy + h.x * c.y, S.xz + h.x * c.z, S.yz + h.y * c.z
@@ -220,7 +220,7 @@ DISPLACEMENT_RATE = Spec(
     "displacement_rate", displacement_rate, None,
     (Argument("u", ("nv",), "rad | m", "displacement"), V),
     Argument("result", ("nv+1",), "", "rate of the displacement, largest square of a turn"),
-    "Rate of the displacement u of q ∘ exp(u), and how far joints turn.",
+    "Rate of the displacement u of q ∘ exp(u), and the largest turn of a joint.",
     "see ``recursions.coordinates.coordinate_rates``", composed=True,
     parts=Displaced(
         Argument("rate", ("nv",), "rad/s | m/s", "of the displacement"),

@@ -1,20 +1,19 @@
-"""Derivatives of inverse and forward dynamics by configuration, velocity, and acceleration or torque.
+"""Derivatives of inverse and forward dynamics with respect to configuration, velocity, and acceleration or torque.
 
-By the configuration means along ``integrate(q, e_k)``: a joint's own motion after it has moved to q.
+Derivatives with respect to the configuration are along ``integrate(q, e_k)``, a joint's own motion from q.
 
-If row i moves by δ, its subtree moves as one rigid body, with the forces in it. Seen from the subtree, all before i has
-moved: every body's velocity changes by Ṡ° = v_λ × S, its acceleration by S̈° - v × Ṡ° with S̈° = a_λ × S + v_λ × Ṡ°;
-v_λ and a_λ are those of the body that i's joint stands on. With I, 2B and f of the subtree of the deeper row j
-(``coriolis_factor``: 2B w = v ×* I w + w ×* I v - I (v × w)), and i above it,
+If row i moves by δ, its subtree moves as one rigid body, with its forces. Seen from the subtree, all bodies before i
+have moved: every body's velocity changes by Ṡ° = v_λ × S, its acceleration by S̈° - v × Ṡ° with
+S̈° = a_λ × S + v_λ × Ṡ°; v_λ and a_λ belong to the body that i's joint stands on. With I, 2B and f of the subtree of the
+deeper row j (``coriolis_factor``: 2B w = v ×* I w + w ×* I v - I (v × w)), and i above it,
 
     ∂τ_i/∂q_j = S_i·(I S̈°_j + 2B Ṡ°_j + S_j ×* f)    ∂τ_j/∂q_i = S_j·(I S̈°_i + 2B Ṡ°_i)
     ∂τ_i/∂v_j = S_i·(I D_j + 2B S_j)                 ∂τ_j/∂v_i = S_j·(I D_i + 2B S_i),    D = Ṡ° + v × S
 
-of which all but the term of f hold between the rows of one joint too. A rotor of row j adds its couple n J e and the
-couple's rate to the forces of S_j, the latter to Bᵀ S_j as well, and its own to f and 2B of the body that carries it
-(``rotors``). All is in the root-aligned axes of ``coriolis``,
-each row about its own origin. Source: Singh, Russell, Wensing, Efficient analytical derivatives of rigid-body dynamics
-using spatial vector algebra (2022).
+Between the rows of one joint these hold without the term of f. A rotor of row j adds its couple n J e and the couple's
+rate to the forces of S_j, the rate also to Bᵀ S_j, and terms to f and 2B of the body that carries it (``rotors``). All
+is in the root-aligned axes of ``coriolis``, each row about its own origin. Source: Singh, Russell, Wensing, Efficient
+analytical derivatives of rigid-body dynamics using spatial vector algebra (2022).
 """
 
 from __future__ import annotations
@@ -226,7 +225,7 @@ def add_rotor(bodies: Bodies, work: Work, j: int, v: Vector, a: Vector) -> None:
 
 @inline
 def static_torque_derivatives(bodies: Bodies, work: Work, q: Config, fext: Matrix, D: Array) -> None:
-    """The same at rest, where Ṡ° = 0 and S̈° = -g × S has a linear part alone; fext may be None, for zero."""
+    """The same at rest, where Ṡ° = 0 and S̈° = -g × S has only a linear part; fext may be None, for zero."""
     n = len(bodies) - 1
     D[:] = 0.0
     to_root_aligned_axes(bodies, work, q)
@@ -243,7 +242,7 @@ def static_torque_derivatives(bodies: Bodies, work: Work, q: Config, fext: Matri
     for j in range(n, 0, -1):
         here, parent = work[j], work[bodies[j].parent]
         S, I, f, g = motion_of(here.S), inertia_of(here.I), force_of(here.f), vec_of(here.g)
-        f_S = momentum(I, S).f  # the linear part, the same about every origin, is all that S̈° pairs with
+        f_S = momentum(I, S).f  # only the linear part, the same about every origin, pairs with S̈°
         F_dq = momentum(I, Motion(zero(), cross(S.w, g)))
         D[j - 1, j - 1] = power(S, F_dq)
         i = j
@@ -265,8 +264,7 @@ def static_torque_derivatives(bodies: Bodies, work: Work, q: Config, fext: Matri
 
 @inline
 def _negative_product(A: Matrix, B: Matrix, out: Matrix) -> None:
-    """out = -A B, rows of B added by four: the loops over a row become SIMD code, which is faster than one row at a
-    time."""
+    """out = -A B, adding four rows of B at a time: loops over a row become SIMD code, faster than row by row."""
     n = len(A)
     for i in range(n):
         row = out[i]
@@ -311,10 +309,10 @@ def aba_derivatives_by_factor(
     bodies: Bodies, work: Work, q: Config, v: Vector, tau: Vector, fext: Matrix, D: Array, pivots: Vector, a: Vector,
     inverse: Matrix,
 ) -> None:  # fmt: skip
-    """``aba_derivatives`` by M = LᵀD L, for programs: of 7 joints 4218 operations instead of 5355, as accurate.
+    """``aba_derivatives`` by M = LᵀD L, for programs: for 7 joints 4218 operations instead of 5355, as accurate.
 
-    The derivatives at no acceleration have M, and leave the bias in the forces of the subtrees. What does not depend on
-    the acceleration is one line of the program; a kernel would compute it twice.
+    The derivatives at zero acceleration include M, and leave the bias in the forces of the subtrees. In a program the
+    terms that do not depend on the acceleration are computed once; a kernel would compute them twice.
     """
     n = len(bodies) - 1
     for i in range(n):
@@ -354,7 +352,7 @@ def aba_derivatives_by_factor(
 
 @inline
 def _times_inverse(inverse: Matrix, D: Array) -> None:
-    """∂τ by q, v and a become ∂a by q, v and τ."""
+    """Turn derivatives of τ by q, v, a into derivatives of a by q, v, τ."""
     n = len(inverse)
     for k in range(2):
         by = D[2]  # as scratch: M is not needed
@@ -394,8 +392,8 @@ SPECS = (
             f"∂a/∂q {_ALONG}, ∂a/∂v and ∂a/∂tau = M⁻¹",
         ),
         "Derivatives of the forward dynamics a = aba(q, v, tau): ``da_dq, da_dv, Minv = aba_derivatives(...)``.\n\n"
-        "    Their program grows with nv³: above nv = 25 batches run sample by sample, unless ``specialize`` records\n"
-        "    one, which is faster and takes long to compile.",
+        "    Their program grows with nv³: above nv = 25 batches run sample by sample. A program that ``specialize``\n"
+        "    makes for such a robot is faster, but takes long to compile.",
         _SOURCE, pivots=True, regroup=True, term_shape=("nv",) * 3, scratch=(("nv",), ("nv", "nv")),
         through_M=aba_derivatives_through_M,
     ),

@@ -1,9 +1,9 @@
-"""Derivatives of how frames move and of the robot's momentum, by configuration, velocity and acceleration.
+"""Derivatives of frame motions and of the robot's momentum with respect to configuration, velocity and acceleration.
 
-By the configuration means along ``integrate(q, e_k)``. Seen from a frame, a joint that carries it and moves by S has
-moved all before it the other way: v_λ and a_λ, of the body that the joint stands on, change by v_λ × S and a_λ × S, and
-what lies between the joint and the frame changes by them alone. This is a derivation of our own, as are the columns
-of ``derivatives`` about the centre of mass.
+Derivatives with respect to the configuration are along ``integrate(q, e_k)``. Seen from a frame, a joint that carries
+it and moves by S moves all bodies before the joint the opposite way: v_λ and a_λ, of the body that the joint stands on,
+change by v_λ × S and a_λ × S, and motions between the joint and the frame change by these alone. This is a derivation
+of our own, as are the columns of ``derivatives`` about the centre of mass.
 """
 
 from __future__ import annotations
@@ -93,7 +93,7 @@ def _walk(bodies: Bodies, work: Work, q: Config, v: Vector, row: int, placement:
 
 @inline
 def _change_in_reference(X: Pose, S: Motion, m: Motion, dm: Motion, reference: int) -> Motion:
-    """The change in the reference of a motion m of the frame, when the frame moves by S and m, in it, by dm."""
+    """The change in the reference of a motion m of the frame, if the frame moves by S, and m in the frame by dm."""
     if reference == LOCAL:
         return dm
     if reference == WORLD:

@@ -1,13 +1,13 @@
-"""Derivatives of a step of the explicit methods by the state before it and the torques, and of the equation of motion.
+"""Derivatives of explicit steps with respect to the state before and the torques, and of the equation of motion.
 
-A step takes (q, v) to (q⁺, v⁺) under a torque held over it. With δq the displacement of a joint in its own body's frame
+A step takes (q, v) to (q⁺, v⁺) under a constant torque. With δq the displacement of a joint in its own body's frame
 and δ = (δq, δv, δτ), each quantity of the step has a matrix of 3 nv columns, its derivative by δ. By ``dintegrate``
-q ∘ exp(u) has P δq + R δu, by ``aba_derivatives`` the acceleration has D_q δq + D_v δv + M⁻¹ δτ, and in the method of
-Runge and Kutta, on u̇ = T(u) w, the rate has ∂(T(u) w)/∂u δu + T(u) δw. The rest is the chain rule, stage by stage.
+q ∘ exp(u) changes by P δq + R δu, by ``aba_derivatives`` the acceleration by D_q δq + D_v δv + M⁻¹ δτ, and in the
+Runge-Kutta method, on u̇ = T(u) w, the rate by ∂(T(u) w)/∂u δu + T(u) δw. The rest is the chain rule, stage by stage.
 
-The result has 2 nv rows, those of δq⁺ and of δv⁺. Of robots with joints of several freedoms it has one more, whose
-first entry is the square of the largest angle by which one of them turns in the step or a part of it: at 2π exp is
-singular, and a step of more than π has no use.
+The result has 2 nv rows, for δq⁺ and δv⁺. For robots with joints of several freedoms it has one more row, whose first
+entry is the square of the largest angle by which such a joint turns in the step or a part of it: at 2π exp is singular,
+and a step of more than π is useless.
 
 Derived here from the steps as ``simulation.methods.explicit`` has them, after Munthe-Kaas, High order Runge-Kutta
 methods on manifolds (1999), for the derivative of exp in closed form.
@@ -81,7 +81,7 @@ def explicit_euler_derivatives(
     bodies: Bodies, work: Work, q: Config, v: Vector, tau: Vector, fext: Matrix, dt: Vector, law: SmoothLaw,
     out: Matrix, pivots: Vector, s: DerivativeScratch,
 ) -> None:  # fmt: skip
-    """q⁺ = q ∘ exp(h v), v⁺ = v + h a: Runge and Kutta's method of one stage."""
+    """q⁺ = q ∘ exp(h v), v⁺ = v + h a: a Runge-Kutta method of one stage."""
     _runge_kutta((0.0,), (1.0,), bodies, work, q, v, tau, fext, dt, law, out, pivots, s)
 
 
@@ -99,7 +99,7 @@ def _runge_kutta(
     nodes: tuple[float, ...], weights: tuple[float, ...], bodies: Bodies, work: Work, q: Config, v: Vector, tau: Vector,
     fext: Matrix, dt: Vector, law: SmoothLaw, out: Matrix, pivots: Vector, s: DerivativeScratch,
 ) -> None:  # fmt: skip
-    """A method each of whose stages starts from the one before it alone; fext may be None, for zero."""
+    """A Runge-Kutta method in which each stage depends only on the stage before; fext may be None, for zero."""
     n, stage, u, w, a, rate, moved = len(bodies) - 1, s.stage, s.u, s.w, s.a, s.rate, s.moved
     by_step, by_rate, U, W, Ku, Ka, by_q = s.by_step, s.by_rate, s.U, s.W, s.Ku, s.Ka, s.by_q
     for x in (a, rate, moved):
@@ -151,10 +151,11 @@ def semi_implicit_euler_derivatives(
     bodies: Bodies, work: Work, q: Config, v: Vector, tau: Vector, fext: Matrix, dt: Vector, law: SmoothLaw,
     out: Matrix, pivots: Vector, s: DerivativeScratch,
 ) -> None:  # fmt: skip
-    """v⁺ = v + h a, q⁺ = q ∘ exp(h v⁺), in joints that turn and travel as ``simulation.methods.explicit.turn`` has it.
+    """v⁺ = v + h a, q⁺ = q ∘ exp(h v⁺); joints that turn and travel follow ``simulation.methods.explicit.turn``.
 
-    There x = v + h (a + ω × v) is the linear velocity in the axes of the beginning, q⁺ = q ∘ exp(h x) ∘ exp(h ω⁺), and
-    Rᵀ x the velocity after the step, R the rotation by h ω⁺; with what keeps the momenta of free bodies, in both.
+    For these x = v + h (a + ω × v) is the linear velocity in the axes of the beginning, q⁺ = q ∘ exp(h x) ∘ exp(h ω⁺),
+    and Rᵀ x the velocity after the step, R the rotation by h ω⁺; the terms that keep the momenta of free bodies are
+    added to both.
     """
     n, h, u, w, a, D, by_step, U = len(bodies) - 1, dt[0], s.u, s.w, s.a, s.D, s.by_step, s.U
     acceleration_derivatives(bodies, work, q, v, tau, fext, law, D, pivots, a, s.inverse, s.rubbed)
@@ -318,7 +319,7 @@ def acceleration_derivatives(
     bodies: Bodies, work: Work, q: Config, v: Vector, tau: Vector, fext: Matrix, law: SmoothLaw, D: Array,
     pivots: Vector, a: Vector, inverse: Matrix, rubbed: Matrix,
 ) -> None:  # fmt: skip
-    """``aba_derivatives`` with smooth friction, compiled once for all steps: most of a kernel's compilation.
+    """``aba_derivatives`` with smooth friction, compiled once for all steps, as it is most of a kernel's compilation.
 
     law     may be None, for no friction
     rubbed  (2, nv)  scratch: torques with friction, slopes of friction by v

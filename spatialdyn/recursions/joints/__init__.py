@@ -1,1 +1,1 @@
-"""What acts in joints: friction, motors, springs."""
+"""Torques in joints: friction, motors, springs."""

@@ -5,8 +5,9 @@ Freedom by freedom, τ = -F(v) sgn v - b v, where F falls from the static level 
 
     F(v) = F_c + (F_s - F_c) exp(-(v/v_s)²)
 
-At rest the dry part is whatever keeps the joint at rest, up to F_s: no function of v. ``friction_step`` therefore finds
-v⁺ and the friction torques f together, from the equation of motion over a step h and Coulomb's law at its end,
+At rest the dry part is the torque that keeps the joint at rest, up to F_s: no function of v. ``friction_step``
+therefore finds v⁺ and the friction torques f together, from the equation of motion over a step h and Coulomb's law at
+its end,
 
     (M + h b) (v⁺ - v)/h = τ - bias - b v + f,     f ∈ -F(v) Sgn v⁺,
 
@@ -31,10 +32,10 @@ from ..tree.crba import crba
 from ..tree.ltdl import factor_tree, solve_tree
 from ..tree.rnea import rnea
 
-# Sweeps that choose which joints stick. The first ones correct every joint, the others those alone that violate
+# Sweeps that choose which joints stick. The first BOLD sweeps correct every joint, the others only joints that violate
 # Coulomb's law by at least half of the largest violation, which ends cycles (``tests/recursions/test_coulomb.py``).
 SWEEPS, BOLD = 10, 6
-AT_ONCE = 1e-30  # [rad/s | m/s] a Stribeck velocity below that of any motion, in the range of float32
+AT_ONCE = 1e-30  # [rad/s | m/s] a Stribeck velocity below any velocity of a motion, in the range of float32
 
 WORK = table_dtype(
     X=Pose,  # of crba, then of rnea
@@ -45,16 +46,16 @@ WORK = table_dtype(
     f=Force,
     need=float,  # τ - b v - bias, which M + h b accelerates
     level=float,  # F(v): the largest dry friction torque
-    stuck=float,  # 1 if the joint is taken to stick, at rest at the end of the step, else 0
-    push=float,  # dry friction of a joint that moves, against its motion: F(v) or -F(v); 0 of one that sticks
-    sticks=float,  # as stuck, of the next sweep; and its push if it moves
+    stuck=float,  # 1 if the joint is assumed to stick, at rest at the end of the step, else 0
+    push=float,  # dry friction of a moving joint, against its motion: F(v) or -F(v); 0 for a sticking joint
+    sticks=float,  # stuck for the next sweep, and its push if it moves
     against=float,
-    s=float,  # need - push, less what the rows behind take of it; inward
-    g=float,  # 1 / D of the partial factorization, 0 of a stuck row; inward
+    s=float,  # need - push, less the terms of the rows behind; inward
+    g=float,  # 1 / D of the partial factorization, 0 for a stuck row; inward
     y=float,  # g s, or the acceleration of a stuck row; inward
     x=float,  # acceleration (v⁺ - v) / h; outward
     friction=float,  # dry friction torque, with its sign; outward
-    weight=float,  # 1 / (M⁻¹)_ii, the inertia that an impulse on this joint alone feels
+    weight=float,  # 1 / (M⁻¹)_ii, the effective inertia for an impulse on this joint alone
     z=float,  # an entry of a row of L⁻¹
 )
 
@@ -69,7 +70,7 @@ class Law(NamedTuple):
 
 
 class BristleLaw(NamedTuple):
-    """Those of LuGre friction."""
+    """Coefficients of LuGre friction."""
 
     coulomb: Vector
     viscous: Vector
@@ -80,7 +81,7 @@ class BristleLaw(NamedTuple):
 
 
 class SmoothLaw(NamedTuple):
-    """Coefficients (nv) of smooth friction, whose sign changes over a velocity."""
+    """Coefficients (nv) of smooth friction, whose sign changes gradually with velocity."""
 
     coulomb: Vector
     viscous: Vector
@@ -137,7 +138,7 @@ def friction_torque(bodies: Bodies, v: Vector, law: Record, smoothing: Vector, f
 
 @inline
 def smooth_friction_slope(bodies: Bodies, v: Vector, law: Record, smoothing: Vector, slope: Vector) -> None:
-    """Derivatives of the smooth torque by v: -(F' t + F (1 - t²)/ε + b) of t = tanh(v/ε)."""
+    """Derivatives of the smooth torque by v: -(F' t + F (1 - t²)/ε + b) with t = tanh(v/ε)."""
     for i in range(len(bodies) - 1):
         t = smooth_sign(v[i], smoothing[i])
         falls = above_dry(v, law, i) * (-2.0 * (v[i] / law.stribeck[i])) / law.stribeck[i]
@@ -161,11 +162,11 @@ def friction_step(
 ) -> None:  # fmt: skip
     """Velocities after a step, by a primal-dual active set: guess which joints stick, solve, correct the guess.
 
-    f - (w/h) v⁺ is within ±F for a joint that sticks, and beyond, against v⁺, for one that moves. With the weight
-    w = 1/(M⁻¹)_ii the guess settles in a few sweeps; with M_ii or D it may cycle.
+    f - (w/h) v⁺ is within ±F for a joint that sticks, and beyond it, against v⁺, for a joint that moves. With the
+    weight w = 1/(M⁻¹)_ii the guess settles in a few sweeps; with M_ii or D it may cycle.
 
-    after  (3, nv), written: v⁺; by how much Coulomb's law is violated [rad/s | m/s], 0 once the guess has settled; the
-           dry friction torque [N m | N]
+    after  (3, nv), written: v⁺; the violation of Coulomb's law [rad/s | m/s], 0 once the guess has settled; the dry
+           friction torque [N m | N]
     """
     n, M, R = len(bodies) - 1, s.M, s.R
     crba(bodies, work, q, M)
@@ -189,7 +190,7 @@ def friction_step(
             here = work[i]
             after[0, i - 1] = select(here.stuck, 0.0, v[i - 1] + dt * here.x)
             beyond = here.friction - here.weight * after[0, i - 1] / dt
-            here.sticks = select(here.level - magnitude(beyond), 1.0, 0.0)  # 0 of NaN, which reaches v⁺ then
+            here.sticks = select(here.level - magnitude(beyond), 1.0, 0.0)  # 0 for NaN, so that NaN reaches v⁺
             here.against = select(beyond, -here.level, here.level)
             allowed = select(here.sticks, beyond, -here.against)
             after[1, i - 1] = magnitude(here.friction - allowed) * dt / here.weight
@@ -213,10 +214,10 @@ def friction_step(
 
 @inline
 def solve_partly_stuck(bodies: Bodies, work: Work, v: Vector, dt: Number, M: Matrix, R: Matrix) -> None:
-    """Accelerations x and dry friction torques of a robot of which the stuck joints come to rest in dt.
+    """Accelerations x and dry friction torques of a robot whose stuck joints come to rest in dt.
 
-    LᵀD L of M as in ``ltdl``, in which a stuck row is not eliminated: its acceleration -v/dt is known, and what it
-    lacks of its own equation is the friction torque.
+    LᵀD L of M as in ``ltdl``, but a stuck row is not eliminated: its acceleration -v/dt is known, and the residual of
+    its equation is the friction torque.
     """
     for i in range(1, len(bodies)):
         work[i].s = work[i].need - work[i].push
@@ -250,7 +251,7 @@ def solve_partly_stuck(bodies: Bodies, work: Work, v: Vector, dt: Number, M: Mat
 
 @inline
 def weigh(bodies: Bodies, work: Work, R: Matrix) -> None:
-    """The weights 1 / (M⁻¹)_ii from M⁻¹ = L⁻¹ D⁻¹ L⁻ᵀ, a row of L⁻¹ at a time: it reaches from row i to the root."""
+    """The weights 1 / (M⁻¹)_ii from M⁻¹ = L⁻¹ D⁻¹ L⁻ᵀ, one row of L⁻¹ at a time: row i reaches from i to the root."""
     for i in range(1, len(bodies)):
         work[i].z = 1.0
         total = work[i].g
@@ -274,7 +275,7 @@ def bristle_step(
 ) -> None:  # fmt: skip
     """Velocities and bristles after a step of LuGre friction, ż = v - σ0 |v|/F(v) z and f = -(σ0 z + σ1 ż + b v).
 
-    The rate |v|/F is that of the beginning, all else that of the end: linear in v⁺, and stable at any step.
+    |v|/F is taken at the beginning of the step, all else at the end: linear in v⁺, and stable at any step.
 
     z      (nv,)  deflection of the bristles [rad | m]
     after  (2, nv), written: v⁺ and z⁺
@@ -297,7 +298,7 @@ def bristle_step(
 def add_bristles(
     v: Vector, z: Vector, tau: Vector, dt: Number, law: BristleLaw, M: Matrix, r: Vector, kept: Vector
 ) -> None:  # fmt: skip
-    """M x = r of a step with bristles, from M and the bias in r; kept (nv), what is left of z + h v⁺, written."""
+    """Add bristles to M x = r of a step, from M and the bias in r; kept (nv) is written: the share of z + h v⁺ kept."""
     for i in range(len(v)):
         level = dry_level(v, law, i)
         total = level + dt * law.stiffness[i] * magnitude(v[i])

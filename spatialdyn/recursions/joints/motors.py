@@ -1,11 +1,11 @@
-"""Geared electric motors: the limits of their torque at a velocity, and what they give over a step.
+"""Geared electric motors: the limits of their torque at a velocity, and their torque over a step.
 
-A gear of efficiency η passes η t of a motor torque t that drives, and t / η of one that brakes:
+A gear of efficiency η passes η t of a motor torque t that drives, and t / η of a torque t that brakes:
 
     gain t - w  and  gain t + w  for t > 0,    gain = (1 + η²) / 2η,    w = |t| (1 - η²) / 2η.
 
-That is dry friction of level w beside a torque gain t, for any efficiency, and ``friction.friction_step`` solves it: at
-rest a geared joint passes whatever is between the two, and may stick under load. A derivation of our own.
+This is dry friction of level w beside a torque gain t, for any efficiency, and ``friction.friction_step`` solves it: at
+rest a geared joint passes any torque between the two, and may stick under load. A derivation of our own.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ def motor_limits(
 ) -> None:  # fmt: skip
     """Least and largest torque (2, nv) at the joints: ±stall - damping v within ±most, through the gear, within ±limit.
 
-    At either end of the supply's voltage the current is (±V - k_e n v) / R. The gear passes the part η of the power
-    that the motor gives, and to the motor η of the power that it takes.
+    At the two ends of the supply's voltage the current is (±V - k_e n v) / R. The gear passes to the joint the share η
+    of the power from the motor, and to the motor the share η of the power from the joint.
     """
     for i in range(len(bodies) - 1):
         for row in range(2):
@@ -46,8 +46,8 @@ def driven(
 ) -> tuple[Number, Number, Number]:  # fmt: skip
     """(push, slope, level) of a motor over a step: a torque push - slope v⁺ at the joint and a level of dry friction.
 
-    voltage  whether ``tau`` is that of a voltage at rest, n k_t u / R, from which the motor's own voltage then takes
-             emf v; else it is the torque of a current, n k_t i, which the supply's voltage gives or not
+    voltage  True: ``tau`` is the torque of a voltage u at rest, n k_t u / R, which the back-EMF lowers by emf v.
+             False: ``tau`` is the torque of a current, n k_t i, limited by the supply's voltage
     """
     if voltage:
         held, slope = within(tau[i], stall[i]), emf[i]
@@ -70,9 +70,9 @@ def driven(
 
 
 STALL = Argument("stall", ("nv",), "N m | N", "torque n k_t V / R of the motor at rest, before losses of the gear")
-DAMPING = Argument("damping", ("nv",), "N m s/rad | N s/m", "n² k_t k_e / R, by which its voltage at speed lowers it")
+DAMPING = Argument("damping", ("nv",), "N m s/rad | N s/m", "n² k_t k_e / R, by which back-EMF lowers the torque")
 MOST = Argument("most", ("nv",), "N m | N", "torque n k_t i of the largest current, before losses of the gear")
-EFFICIENCY = Argument("efficiency", ("nv",), "1", "part of the power that the gear passes")
+EFFICIENCY = Argument("efficiency", ("nv",), "1", "share of the power that the gear passes")
 LIMIT = Argument("limit", ("nv",), "N m | N", "largest torque at the joint, of the gear")
 
 SUPPLY = Argument("supply", ("nv",), STALL.unit, "as stall, of motors whose commands are voltages")

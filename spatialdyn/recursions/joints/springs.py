@@ -4,7 +4,7 @@ The row of the rotor, at θ, has the row of its joint, at q, in the column ``spr
 
     τ = k (θ/n - q) + d (θ̇/n - q̇)  on the joint,    -τ/n  on the rotor.
 
-Source: after Spong, Modeling and control of elastic joint robots (1987); the rotor is a body here, so its momentum on a
+Source: after Spong, Modeling and control of elastic joint robots (1987); here the rotor is a body, so its momentum on a
 moving link is exact.
 """
 

@@ -1,12 +1,13 @@
 """Regressors without accelerations, for adaptation and identification: of M a_r + C v_r + g, of p = M v and of Cᵀ v.
 
-All are sums of T·(I y), the momentum of a body that moves with y along a motion T; ``along(T, y)`` are its coefficients
-of the body's ten parameters (``tree.regressor``). With v and w the velocities of a body by v and by v_r, and ẇ the rate
-of w less gravity, the force that ``coriolis.modified_rnea`` sums is I ẇ + B(I, v) w, of the Coriolis factor
+All are sums of T·(I y), the momentum along a motion T of a body that moves with y; ``along(T, y)`` gives its
+coefficients of the body's ten parameters (``tree.regressor``). With v and w the velocities of a body due to the joint
+velocities v and v_r, and ẇ the rate of w less gravity, the force that ``coriolis.modified_rnea`` sums is
+I ẇ + B(I, v) w, with the Coriolis factor
 
     S·B(I, v) w = -½ S·I (v × w) - ½ (v × S)·I w - ½ (w × S)·I v,
 
-S the axis of a row that carries the body, brought to it. Momenta obey ṗ = Cᵀ v + τ - g with the Cᵀ v of
+S the axis of a row that carries the body, moved to the body. Momenta obey ṗ = Cᵀ v + τ - g, where Cᵀ v sums
 (v_i × S_i)·I v, v_i the velocity of the row: p₂ - p₁ = ∫ (Cᵀ v + τ - g) dt has all parameters and no acceleration.
 """
 
@@ -51,7 +52,7 @@ WORK_VELOCITY = table_dtype(
 
 @inline
 def along(T: Motion, y: Motion) -> Inertia:
-    """Coefficients in T·(I y) of (m, h, Ī)."""
+    """Coefficients of (m, h, Ī) in T·(I y)."""
     return Inertia(dot(T.v, y.v), add(cross(T.v, y.w), cross(y.v, T.w)), pairing(T.w, y.w))
 
 
@@ -147,8 +148,8 @@ SPECS = (
             "Y", ("nv", "njoints", 10), "N m | N per kg, kg m, kg m²",
             f"torque per inertial parameter of each joint's body ({_TEN})",
         ),
-        "Regressor Y of modified_rnea, M a_r + C v_r + g = Σ Y π + armature a_r: of adaptive controllers; rotors have "
-        "terms of their own.", _LI,
+        "Regressor Y of modified_rnea for adaptive controllers: M a_r + C v_r + g = Σ Y π + armature a_r; rotors add "
+        "further terms.", _LI,
     ),
     Spec(
         "momentum_regressor", momentum_regressor, WORK_VELOCITY, (TURNED_Q, V),
@@ -156,7 +157,7 @@ SPECS = (
             "Y", ("nv", "njoints", 10), "kg m²/s | kg m/s per kg, kg m, kg m²",
             f"joint momentum per inertial parameter of each joint's body ({_TEN})",
         ),
-        "Regressor of joint momenta: p = M v is Σ Y π + armature v; rotors have terms of their own.", "the definition.",
+        "Regressor of joint momenta: p = M v is Σ Y π + armature v; rotors add further terms.", "the definition.",
     ),
     Spec(
         "coriolis_transpose_regressor", coriolis_transpose_regressor, WORK_VELOCITY, (TURNED_Q, V),
@@ -165,7 +166,7 @@ SPECS = (
             f"torque per inertial parameter of each joint's body ({_TEN})",
         ),
         "Regressor of Cᵀ v = Σ Y π: with momentum_regressor, p₂ - p₁ = ∫ (Cᵀ v + tau - g) dt identifies a robot "
-        "without accelerations; rotors have terms of their own.",
+        "without accelerations; rotors add further terms.",
         "after Echeandia and Wensing, Coriolis matrix and Christoffel symbols (2021).",
     ),
 )  # fmt: skip

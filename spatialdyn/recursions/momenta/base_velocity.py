@@ -1,7 +1,7 @@
 """The velocity of a floating base from the motion of the joints and the momentum of the whole robot.
 
-M_bb v_b + M_bj q̇_j = h, the first six rows of p = M v, as a recursion: the composite inertia of the robot is M_bb, and
-the momentum of the joints' motion with the base at rest is M_bj q̇_j. After RBDA (2008), tables 6.2 and 5.1.
+The first six rows of p = M v are M_bb v_b + M_bj q̇_j = h: M_bb is the composite inertia of the robot, and M_bj q̇_j the
+momentum of the joints' motion with the base at rest. After RBDA (2008), tables 6.2 and 5.1.
 """
 
 from __future__ import annotations
@@ -92,5 +92,5 @@ BASE_VELOCITY = Spec(
     "base_velocity", base_velocity, WORK,
     (Q, V, Argument("momentum", (6,), "kg m/s | kg m²/s", "linear; angular about the centre of mass, in the world")),
     Argument("v_base", (6,), "m/s | rad/s", "velocity of the base in its own frame, linear first"),
-    "Velocity of a floating base at a momentum of the whole robot.", "after Featherstone, RBDA (2008), table 6.2.",
+    "Velocity of a floating base for a given momentum of the robot.", "after Featherstone, RBDA (2008), table 6.2.",
 )  # fmt: skip

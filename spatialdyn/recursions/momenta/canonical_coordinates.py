@@ -1,10 +1,10 @@
 """Canonical coordinates (x, π) of a robot whose velocities v are not q̇.
 
-The momenta p = M v belong to the velocities v, and where these are twists in a body's frame (spherical, floating and
-planar joints) the symplectic form Ω in (q, p) is not the standard one: with θ the forms dual to the v it is
+The momenta p = M v belong to the velocities v, and if these are twists in a body's frame (spherical, floating and
+planar joints) the symplectic form Ω in (q, p) is not the standard one: with θ the forms dual to v it is
 Ω = Σ θ_i ∧ dp_i - p_i dθ_i, which pairs X_i with X_j to p_m c^m_ij, and {p_i, p_j} = -c^m_ij p_m with c the structure
-constants of the joint's group, [X_i, X_j] = c^m_ij X_m. A method that is symplectic in linear coordinates is so for a
-robot only in coordinates with Ω = Σ dx_i ∧ dπ_i. Per joint
+constants of the joint's group, [X_i, X_j] = c^m_ij X_m. A method that is symplectic in linear coordinates is symplectic
+for a robot only in coordinates with Ω = Σ dx_i ∧ dπ_i. Per joint
 
 one freedom  x = q, or the angle of a (cos, sin) pair         π = p
 rotation     R = centre exp(x),  ω = B(x) ẋ                    π = Bᵀ p,  π̇ = Bᵀ ṗ + Ḃᵀ p
@@ -13,9 +13,9 @@ planar       the position in the plane's fixed axes and the angle; likewise
 
 with B the right Jacobian of the exponential. ṗ = Cᵀ v + τ - g is the true rate of p; the rest is the chain rule.
 
-The map from (q, p) to (x, π) must not depend on the state continuously: a new chart at every step, centred where the
-step begins, breaks symplecticity. A centre is one of the 24 Hurwitz quaternions, the nearest of which is within 90° of
-any rotation; a chart keeps its centre until the rotation is more than FAR from it.
+The map from (q, p) to (x, π) must not depend on the state continuously: a new chart at every step, centred at the
+beginning of the step, would not be symplectic. A centre is therefore one of the 24 Hurwitz quaternions, one of which is
+within 90° of any rotation; a chart keeps its centre until the rotation is more than FAR from it.
 
 A row of ``z`` holds x (nv), then π (nv). Derived here from the definitions.
 """
@@ -142,7 +142,7 @@ def chart_rate(bodies: Bodies, centres: Matrix, z: Vector, p: Vector, v: Vector,
 
 @inline
 def recenter(bodies: Bodies, centres: Matrix, z: Vector, p: Vector) -> Scalar:
-    """Change to the nearest centre each rotation that is FAR from its own; returns 1 if any was, else 0. p is scratch.
+    """Move each rotation that is FAR from its centre to the nearest one; returns 1 if any moved, else 0. p is scratch.
 
     z, centres  written in place
     """
@@ -189,10 +189,10 @@ def _rotation_rate(z: Vector, p: Vector, v: Vector, dp: Vector, r: int, dz: Vect
 
 @inline
 def nearest(a: Quat) -> Quat:
-    """The Hurwitz unit nearest to a unit quaternion: ±1, ±i, ±j, ±k or (±1 ±i ±j ±k)/2; any of several equally near."""
+    """The Hurwitz unit nearest to a unit quaternion: ±1, ±i, ±j, ±k or (±1 ±i ±j ±k)/2; if several, any of them."""
     x, y, z, w = select(-a.x, -a.x, a.x), select(-a.y, -a.y, a.y), select(-a.z, -a.z, a.z), select(-a.w, -a.w, a.w)
     most = larger(larger(x, y), larger(z, w))
-    half = 0.5 * (x + y + z + w) - most  # above 0: one of the last kind
+    half = 0.5 * (x + y + z + w) - most  # above 0: (±1 ±i ±j ±k)/2 is nearest
     is_x = select(most - x, 0.0, 1.0)
     is_y = select(most - y, 0.0, 1.0 - is_x)
     is_z = select(most - z, 0.0, 1.0 - is_x - is_y)
@@ -202,7 +202,7 @@ def nearest(a: Quat) -> Quat:
 
 @inline
 def _part(half: Scalar, alone: Scalar, like: Scalar) -> Scalar:
-    """An entry: ±1/2 where ``half`` is above 0, else ±1 where ``alone`` is, else 0; with the sign of ``like``."""
+    """An entry: ±1/2 if half > 0, else ±1 if alone > 0, else 0, with the sign of ``like``."""
     size = select(half, 0.5, alone)
     return select(-like, -size, size)
 

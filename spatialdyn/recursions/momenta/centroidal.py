@@ -1,8 +1,8 @@
 """The robot as a whole: centre of mass, centroidal momentum and the maps from joint velocities to them.
 
-All but the sums over the whole robot is seen from the world: poses and velocities are composed outward, inertias and
-momenta summed inward at the world's origin. Source: Orin, Goswami, Lee, Centroidal dynamics of a humanoid robot
-(2013), for the definitions; the sweeps are a derivation of our own.
+All quantities are in world axes, about the world's origin: poses and velocities are composed outward, inertias and
+momenta are summed inward. Source: Orin, Goswami, Lee, Centroidal dynamics of a humanoid robot (2013), for the
+definitions; the sweeps are a derivation of our own.
 """
 
 from __future__ import annotations
@@ -159,8 +159,8 @@ def center_of_mass_velocity(bodies: Bodies, work: Work, q: Config, v: Vector, ou
 
 @inline
 def center_of_mass_velocity_derivatives(bodies: Bodies, work: Work, q: Config, v: Vector, D: Array) -> None:
-    """By q: subtree i and its momentum rotate about S, and seen from it the velocity of the body it stands on changes
-    by v_λ × S. By v: the Jacobian.
+    """By q: subtree i and its momentum rotate about S, and seen from the subtree the velocity of its parent body
+    changes by v_λ × S. By v: the Jacobian.
     """
     momentum_outward(bodies, work, q, v, None)
     _inward(bodies, work, v)
@@ -208,7 +208,7 @@ def centroidal_momentum(bodies: Bodies, work: Work, q: Config, v: Vector, h: Vec
 
 @inline
 def centroidal_momentum_rate(bodies: Bodies, work: Work, q: Config, v: Vector, a: Vector, dh: Vector) -> None:
-    """The net force Σ (I a + v ×* I v), its moment taken about the centre of mass, whose own motion adds nothing."""
+    """The net force Σ (I a + v ×* I v), with its moment about the centre of mass; the motion of that adds no term."""
     mass_moment(bodies, work, q)
     put_motion(work[0].v, zero_motion())
     put_motion(work[0].a, zero_motion())
@@ -283,7 +283,7 @@ _ABOUT = "linear first, world axes, about the centre of mass"
 SPECS = (
     Spec(
         "center_of_mass", center_of_mass, WORK_MOMENT, (TURNED_Q,),
-        Argument("c", (3,), "m", "centre of mass of what moves, in the world"),
+        Argument("c", (3,), "m", "centre of mass of the moving bodies, in the world"),
         "Centre of mass of the moving bodies.", "the definition.",
     ),
     Spec(

@@ -1,14 +1,14 @@
 """The Christoffel symbols Γ_ijk of M(q), C_ij = Σ_k Γ_ijk v_k, and the tensor ∂M_ij/∂q_k.
 
-Coordinates have 2 Γ_ijk = ∂_k M_ij + ∂_j M_ik - ∂_i M_jk. The velocities of spherical, floating and planar joints
+For coordinates, 2 Γ_ijk = ∂_k M_ij + ∂_j M_ik - ∂_i M_jk. The velocities of spherical, floating and planar joints
 are no rates of coordinates: they belong to vector fields X_k with brackets [X_j, X_k] = Σ c^m_jk X_m, for which
 Koszul's formula adds c^m_kj M_mi - c^m_ki M_mj - c^m_ji M_mk, and Γ_ijk - Γ_ikj = c^m_kj M_mi is not zero.
 
 With I the inertia of the subtree of the deepest of the three rows, e the deeper of the rows j and k and o the other,
-Γ_ijk = S_i·B(I, S_e) S_o; between rows of one joint e is j. a·B(I, v) b is antisymmetric in a and v,
-so for t below c below a two numbers, S_a·B_t S_c and S_c·B_t S_a with B_t = B(I, S_t), serve all six orders. Source:
-after Echeandia and Wensing, Numerical methods to compute the Coriolis matrix and Christoffel symbols for rigid-body
-systems (2021), section on Christoffel symbols; the form is our own.
+Γ_ijk = S_i·B(I, S_e) S_o; for rows of one joint e is j. a·B(I, v) b is antisymmetric in a and v, so for t below c below
+a, two numbers, S_a·B_t S_c and S_c·B_t S_a with B_t = B(I, S_t), give all six orders. Source: after Echeandia and
+Wensing, Numerical methods to compute the Coriolis matrix and Christoffel symbols for rigid-body systems (2021), section
+on Christoffel symbols; the form is our own.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ def _first(bodies: Bodies, i: int) -> int:
 
 @inline
 def christoffel_symbols(bodies: Bodies, work: Work, q: Config, G: Array) -> None:
-    """For every row t and each row c of its joint and above: B at t's origin, moved from joint to joint to the root."""
+    """For every row t: B at t's origin, moved from joint to joint to the root, paired with each row c on the way."""
     n = len(bodies) - 1
     G[:] = 0.0
     to_root_aligned_axes(bodies, work, q)
@@ -73,7 +73,7 @@ def christoffel_symbols(bodies: Bodies, work: Work, q: Config, G: Array) -> None
 def _of_rotor(bodies: Bodies, work: Work, t: int, G: Array) -> None:
     """Add the symbols of the rotor of row t, whose n J e·S_j is M_tj for the rows j that carry it.
 
-    With half = ½ n J e·(S_j × S_k) of two such rows, M_tj changes by 2 half along k if k is below j's joint, else not.
+    With half = ½ n J e·(S_j × S_k) for two such rows, M_tj changes by 2 half along k if k is below j's joint, else not.
     """
     p = bodies[t].parent
     e = rotate(pose_of(work[p].X).R, vec_of(bodies[t].rotor))

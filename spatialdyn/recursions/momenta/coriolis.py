@@ -1,12 +1,12 @@
-"""The Coriolis matrix C(q, q̇) that the Levi-Civita connection of M gives, Ṁ, Cᵀq̇ and M a + C(q, q̇) b + g.
+"""The Coriolis matrix C(q, q̇) of the Levi-Civita connection of M, Ṁ, Cᵀq̇ and M a + C(q, q̇) b + g.
 
 Of the many matrices with the right C q̇ this is the one of the Christoffel symbols: C_ij = Σ_k Γ_ijk v_k, so that
-Ṁ = C + Cᵀ and Ṁ - 2C is skew-symmetric. It is so for quaternion joints as well, with the symbols of their
-quasi-velocities (Koszul's formula; see ``christoffel``). All of it follows from M(q) alone: armatures, being
-constant, have no part in it; rotors that turn on moving bodies do (``rotors``).
+Ṁ = C + Cᵀ and Ṁ - 2C is skew-symmetric. This holds for quaternion joints too, with the symbols of their
+quasi-velocities (Koszul's formula; see ``christoffel``). C follows from M(q) alone: armatures are constant and add
+nothing; rotors that turn on moving bodies do (``rotors``).
 
-All is in root-aligned axes: those of the first body of each branch from the world, each row about its own origin. M, C
-and Γ do not depend on that body's pose, which never enters; each row is rotated once, and sums towards the root only
+All is in root-aligned axes, the axes of the first body of each branch from the world, each row about its own origin. M,
+C and Γ do not depend on that body's pose, so it is not used; each row is rotated once, and sums towards the root only
 move to another origin. Roundoff is that of body coordinates, because no lever arm is longer than a link. Source:
 Echeandia and Wensing, Numerical methods to compute the Coriolis matrix and Christoffel symbols for rigid-body systems
 (2021), with the factor B in twelve numbers (``algebra.coriolis_factor``).
@@ -101,7 +101,7 @@ WORK_MODIFIED = table_dtype(
 def to_root_aligned_axes(bodies: Bodies, work: Work, q: Config) -> None:
     """S and I of every row in root-aligned axes, about its own origin.
 
-    X.R are the row's axes there, X.p leads from the parent's origin to its own; of a branch's first body X is 1.
+    X.R holds the row's axes there, X.p leads from the parent's origin to its own; X of a branch's first body is 1.
     """
     for i in range(1, len(bodies)):
         b, here, parent = bodies[i], work[i], work[bodies[i].parent]
@@ -132,8 +132,8 @@ def _velocities(bodies: Bodies, work: Work, v: Vector) -> None:
 def coriolis_matrix(bodies: Bodies, work: Work, q: Config, v: Vector, C: Matrix) -> None:
     """Column and row of each subtree: C_ij = S_i·(I Ṡ_j + B S_j), C_ji = Ṡ_i·I S_j + S_i·Bᵀ S_j, for i above j.
 
-    I and B are those of the subtree of j; Bᵀ S is a couple, the same about every origin. The rotor of j adds to
-    C_ij and C_ji half of its couple's rate, and to B of the body that carries it, so that C stays that of Γ.
+    I and B belong to the subtree of j; Bᵀ S is a couple, the same about every origin. The rotor of j adds half of its
+    couple's rate to C_ij and C_ji, and a term to B of the body that carries it, so that C remains the C of Γ.
     """
     n = len(bodies) - 1
     C[:] = 0.0
@@ -217,10 +217,10 @@ def coriolis_transpose_times_velocity(bodies: Bodies, work: Work, q: Config, v: 
 
 @inline_or_by_rows
 def modified_rnea(bodies: Bodies, work: Work, q: Config, v: Vector, v_r: Vector, a_r: Vector, tau: Vector) -> None:
-    """The Newton-Euler recursion with two velocities: v of the bodies, and w, that of v_r, whose rate belongs to a_r.
+    """The Newton-Euler recursion with two velocities of bodies: v, and w due to v_r, whose rate ẇ has a_r.
 
-    Per body ẇ = S a_r + v × S v_r along the tree, and f = I ẇ + B(I, v) w. It is no case of ``rnea``: there v = w,
-    and products of ω with itself save a fifth of the work.
+    Per body ẇ = S a_r + v × S v_r along the tree, and f = I ẇ + B(I, v) w. ``rnea`` is separate: there v = w, and
+    products of ω with itself save a fifth of the work.
     """
     modified_sweeps(bodies, work, q, v, v_r, a_r, None, tau)
 
@@ -229,7 +229,7 @@ def modified_rnea(bodies: Bodies, work: Work, q: Config, v: Vector, v_r: Vector,
 def modified_sweeps(
     bodies: Bodies, work: Work, q: Config, v: Vector, v_r: Vector, a_r: Vector, pi: Array, tau: Vector
 ) -> None:
-    """The same of bodies with other inertial parameters pi (njoints, 10), row 0 zero; None for the table's."""
+    """``modified_rnea`` with other inertial parameters pi (njoints, 10), row 0 zero; None for the table's."""
     n = len(bodies) - 1
     put_motion(work[0].v, zero_motion())
     put_motion(work[0].w, zero_motion())

@@ -1,4 +1,4 @@
-"""Momenta of discrete mechanics, in O(n) on the joints' group: those at the two ends of a step.
+"""Momenta of discrete mechanics at the two ends of a step, in O(n) on the joints' group.
 
 In a step each body moves from its pose T_i to T_i exp(h V_i). The discrete Lagrangian, h times the kinetic energy
 Σ ½ V_i·I_i V_i less the mean of the potential energy at both ends, has the momenta
@@ -6,9 +6,9 @@ In a step each body moves from its pose T_i to T_i exp(h V_i). The discrete Lagr
     μ⁻_i = (dexp⁻¹ at +h V_i)ᵀ I_i V_i    at the beginning, in the body's frame there
     μ⁺_i = (dexp⁻¹ at -h V_i)ᵀ I_i V_i    at the end, in the body's frame there
 
-which the inward sweep of the RNEA, Jᵀ, takes to the joints. Armatures add armature ξ to both, ξ the displacement of the
-joints. Displacements of bodies are stored as (quaternion, translation): both keep their relative accuracy however small
-the step, so the rounding error of a momentum is 1e-16 of it, not 1e-16 / h.
+which the inward sweep of the RNEA, Jᵀ, projects on the joints. Armatures add armature ξ to both, ξ the displacement of
+the joints. Displacements of bodies are stored as (quaternion, translation): both keep their relative accuracy for any
+small step, so the relative rounding error of a momentum is 1e-16, not 1e-16 / h.
 
 Source: Lee, Liu, Park, Srinivasa, A linear-time variational integrator for multibody systems (2016); the form in (q, p)
 and on joints of several freedoms is derived here.
@@ -102,7 +102,7 @@ def _add_spin(bodies: Bodies, work: Work, i: int, moved: Matrix, xi: Vector, sid
 
 @inline
 def _add_along(bodies: Bodies, moved: Matrix, out: Vector) -> None:
-    """out += n J e·w of the rotors, w the turn of the body that carries it: the discrete energy has n J ξ e·w."""
+    """out += n J e·w of the rotors, w the turn of the carrying body: the discrete energy has the term n J ξ e·w."""
     for i in range(1, len(bodies)):
         if bodies[i].geared:
             out[i - 1] += dot(vec_of(bodies[i].rotor), _twist(moved[bodies[i].parent]).w)
@@ -120,10 +120,10 @@ def _sum_inward(bodies: Bodies, work: Work, out: Vector) -> None:
 
 @inline
 def _add_rotors(bodies: Bodies, xi: Vector, out: Vector) -> None:
-    """out += armature ξ, and what motors of two joints add: the same at both ends of a step, on every joint.
+    """out += armature ξ, and the terms of motors shared by two joints: the same at both ends of a step, on every joint.
 
-    As in M a + C v, where an armature multiplies the acceleration only. On a joint that turns its own axes a Lagrangian
-    ½ armature v² would have the momentum's rate ω × p beside it, by the dual of dexp⁻¹.
+    This matches M a + C v, where an armature multiplies the acceleration only. For a joint that turns its own axes, a
+    Lagrangian ½ armature v² would also give the momentum's rate the term ω × p, by the dual of dexp⁻¹.
     """
     for i in range(1, len(bodies)):
         out[i - 1] += bodies[i].armature * xi[i - 1] + of_other(bodies, i, xi)
@@ -178,7 +178,7 @@ def momenta_at_both_ends(
     bodies: Bodies, work: Work, q: Config, xi: Vector, tau: Vector, fext: Array, dt: Vector, out: Matrix, q1: Config,
     moved: Matrix, force: Vector, still: Vector,
 ) -> None:  # fmt: skip
-    """p⁻ and p⁺ of a step of ``variational``, whose torque is held over it."""
+    """p⁻ and p⁺ of a step of ``variational``, under a torque that is constant over the step."""
     h = dt[0]
     still[:] = 0.0
     sum_before(bodies, work, q, xi, moved, out[0])

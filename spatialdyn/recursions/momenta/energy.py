@@ -59,7 +59,7 @@ def mass_moment(bodies: Bodies, work: Work, q: Config) -> None:
 
 @inline
 def potential_energy(bodies: Bodies, work: Work, q: Config, V: Vector) -> None:
-    """V = -Σ m g·c, with g the acceleration of gravity: a higher body has more."""
+    """V = -Σ m g·c, with g the acceleration of gravity."""
     mass_moment(bodies, work, q)
     V[0] = -dot(vec_of(bodies[0].gravity), vec_of(work[0].h))
 

@@ -1,8 +1,8 @@
 """Hamilton's form: the momenta p = M(q) v, the energy H(q, p), and the rates of q and p, each in O(n).
 
-p_i is the momentum conjugate to the joint velocity v_i, the momentum of the subtree of row i along S_i. Where v
-are the rates of coordinates it is the canonical momentum and ṗ = -∂H/∂q + τ; the v of a quaternion joint are twists
-in its body's frame, and there the same sweep gives ṗ with the gyroscopic term of a rotating frame.
+p_i is the momentum conjugate to the joint velocity v_i, the momentum of the subtree of row i along S_i. If v are rates
+of coordinates, p is the canonical momentum and ṗ = -∂H/∂q + τ. The v of a quaternion joint are twists in its body's
+frame; there the same sweep gives ṗ with the gyroscopic term of a rotating frame.
 """
 
 from __future__ import annotations

@@ -73,7 +73,7 @@ WORK_INVERSE = table_dtype(
     IA=Articulated,  # as in WORK
     U=Force,  # as in WORK
     d=float,  # as in WORK
-    F=Force,  # force that a unit torque of this row leaves on the row reached; inward, column by column
+    F=Force,  # force that a unit torque of this row exerts on the row reached; inward, column by column
     P=Motion,  # acceleration that the unit torque causes; outward, column by column
 )
 
@@ -173,14 +173,14 @@ def aba_outward(bodies: Bodies, work: Work, v: Vector, gravity: Vec, a: Vector) 
 
 @inline
 def minverse(bodies: Bodies, work: Work, q: Config, Minv: Matrix, pivots: Vector) -> None:
-    """M⁻¹ column by column through one articulated sweep."""
+    """M⁻¹ column by column, after one articulated sweep."""
     articulate(bodies, work, q, pivots)
     inverse_columns(bodies, work, Minv)
 
 
 @inline
 def articulate(bodies: Bodies, work: Work, q: Config, pivots: Vector) -> None:
-    """The articulated sweep alone: X, U and d = 1/D of each row, of whatever torques and forces."""
+    """The articulated sweep alone: X, U and d = 1/D of each row, which do not depend on torques and forces."""
     n = len(bodies) - 1
     for i in range(1, n + 1):
         place_joint(bodies, i, q, work[i].X)
@@ -208,8 +208,8 @@ def articulate(bodies: Bodies, work: Work, q: Config, pivots: Vector) -> None:
 def inverse_columns(bodies: Bodies, work: Work, Minv: Matrix) -> None:
     """M⁻¹ from the X, U and d = 1/D of an articulated sweep.
 
-    Inward, F_j is the force that a unit torque at row j leaves on the row it has reached; outward, P the
-    acceleration it causes. Only rows i <= j are computed, the rest is symmetry.
+    Inward, F is the force that a unit torque at row j exerts on the row reached; outward, P is the acceleration that
+    it causes. Only rows i <= j are computed, the rest follows by symmetry.
     """
     n = len(bodies) - 1
     put_motion(work[0].P, zero_motion())

@@ -1,8 +1,8 @@
-"""What motors add to the sweeps of ``aba``: rotors on the body before their joint, and differentials.
+"""The terms of motors in the sweeps of ``aba``: rotors on the body before their joint, and differentials.
 
-Rows that share motors are i and the row behind it, its partner k, which is eliminated first. With m the coupling, q̈_k
-has the term -m/D_k q̈_i. Its force -m/D_k U_k is felt with q̈_i, and in the equation of row i the rest of q̈_k brings back
-the same: twice in D. Rotors are those of ``rotors``.
+Two rows that share motors are row i and the row behind it, its partner k, which is eliminated first. With the coupling
+m, q̈_k has the term -m/D_k q̈_i. It adds the force -m/D_k U_k to U_i, and the rest of q̈_k adds the same to the equation
+of row i, so that D_i has the term twice. ``rotors`` describes the rotors.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ from .rotors import add_couple, in_row_axes
 def through_differential(
     bodies: Bodies, work: Work, i: int, v: Vector, U: Force, D: Scalar, u: Scalar
 ) -> tuple[Force, Scalar, Scalar]:
-    """U, D and u of row i, with what the row behind it adds that shares motors with it; v may be None."""
+    """U, D and u of row i, with the terms of the row behind it that shares motors with it; v may be None."""
     U, D = couple_to_partner(bodies, work, i, U, D)
     return U, D, push_of_partner(bodies, work, i, v, u)
 
 
 @inline
 def couple_to_partner(bodies: Bodies, work: Work, i: int, U: Force, D: Scalar) -> tuple[Force, Scalar]:
-    """U and D of row i, with what its partner makes of them."""
+    """U and D of row i, with the terms of its partner."""
     k = bodies[i].partner
     partner, m = work[k], bodies[k].coupling
     W = force_to_parent(pose_of(partner.X), scale_force(-m * partner.d, force_of(partner.U)))
@@ -36,7 +36,7 @@ def couple_to_partner(bodies: Bodies, work: Work, i: int, U: Force, D: Scalar) -
 
 @inline
 def push_of_partner(bodies: Bodies, work: Work, i: int, v: Vector, u: Scalar) -> Scalar:
-    """u of row i, less the torque that goes into its partner's own acceleration; v may be None."""
+    """u of row i, less the torque that accelerates its partner; v may be None."""
     k = bodies[i].partner
     partner = work[k]
     own = partner.u
@@ -47,14 +47,14 @@ def push_of_partner(bodies: Bodies, work: Work, i: int, v: Vector, u: Scalar) ->
 
 @inline
 def behind_differential(b: Record, here: Record, a: Vector, qdd: Scalar) -> Scalar:
-    """q̈ of a row, less what the acceleration of the row before it takes through the motors that they share."""
+    """q̈ of a row, less the term of the acceleration of the row before it, through their shared motors."""
     return qdd - here.d * (b.coupling * a[b.parent - 1])
 
 
 @inline
 def add_rotor(b: Record, X: Pose, here: Record, v: Vector, U: Force, u: Scalar) -> tuple[Force, Scalar]:
-    """U and u of a row, with n J e of its rotor in the U that pairs with the parent's acceleration, and not in that
-    which pairs with c; v may be None, and then there need be no c.
+    """U and u of a row with a rotor: n J e is added to the U that pairs with the parent's acceleration, not to the U
+    that pairs with c; v may be None, and then c is not read.
     """
     e = in_row_axes(b, X)
     U = add_couple(U, e)
@@ -65,7 +65,7 @@ def add_rotor(b: Record, X: Pose, here: Record, v: Vector, U: Force, u: Scalar) 
 
 @inline
 def add_spin_of_rotor(b: Record, parent: Record, i: int, v: Vector) -> None:
-    """To the parent's pA the couple n J q̇ ω × e of the rotor of row i; v may be None."""
+    """Add the couple n J q̇ ω × e of the rotor of row i to the parent's pA; v may be None."""
     if v is not None:
         spun = scale(v[i - 1], cross(motion_of(parent.v).w, vec_of(b.rotor)))
         put_force(parent.pA, add_couple(force_of(parent.pA), spun))

@@ -29,7 +29,7 @@ WORK = table_dtype(
 )
 
 
-STEPS = 2  # each multiplies the error by that of ABA: with a tip of 1e9 it is 1e-7, then 2e-14, then rounding
+STEPS = 2  # each multiplies the error by ABA's relative error: for a tip of 1e9, 1e-7, then 2e-14, then rounding
 
 
 @inline

@@ -1,10 +1,10 @@
 """Forward dynamics by the articulated body algorithm on square roots of inertias.
 
 By Gauss's principle the accelerations of a subtree minimize ½ |R a + z|² - l·a, with a row of R and an entry of z for
-each direction in which it has inertia: RᵀR is its articulated inertia, which is never formed, so that a light link
-loses no digits beside a heavy one. A Householder reflection of the rows eliminates a joint: one row keeps the joint's
-acceleration, the others pass to the parent. ``square_root_inertia`` makes the rows of one body, ``square_root_rows``
-stores and reflects those of a subtree.
+each direction in which the subtree has inertia. RᵀR is its articulated inertia; it is never formed, so that a light
+link loses no digits beside a heavy one. A Householder reflection of the rows eliminates a joint: one row keeps the
+joint's acceleration, the others pass to the parent. ``square_root_inertia`` makes the rows of one body,
+``square_root_rows`` stores and reflects the rows of a subtree.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ from .square_root_rows import Row, put_row, reflect, row_of, triangular
 
 FOLDED = 12  # most rows from children in a stack; more are reduced to six first
 ROWS = 18  # at most 6 of children, 3 and 9 of the body before they are reduced to 6, and 1 of the armature
-BLUR = 16.0  # times n eps bounds the rounded value of a root that is 0: 3 on random floating robots of massless root
+BLUR = 16.0  # BLUR n eps bounds the computed value of a root that is 0; random robots of massless root reach 3 n eps
 
 WORK = table_dtype(
     X=Pose,  # pose of the row in its parent; outward
@@ -74,7 +74,7 @@ WORK = table_dtype(
     relative=int,  # 1 if the unknown is the joint acceleration, 0 if the body's along the axis; inward
     stack=(float, (ROWS, 8)),  # rows [s | r | z] of the subtree; inward
     reach=(float, (6,)),  # 1 for entries of the acceleration that joints above can change; outward
-    felt=(float, (6,)),  # 1 for those that its own joint can change as well; outward
+    felt=(float, (6,)),  # 1 for entries that joints above or its own joint can change; outward
 )
 
 
@@ -92,11 +92,11 @@ def aba_square_root(
 ) -> None:
     """RBDA table 7.1 with rows [R z] and l in place of IA and pA; fext may be None, for zero.
 
-    Then one refinement a += M⁻¹ (τ - RNEA(q, v, a)) by the same rows: about an axis on which a heavy link has no more
-    inertia than a light one, a joint mixes their rows, and those of the light link may lose digits.
+    Then one refinement a += M⁻¹ (τ - RNEA(q, v, a)) by the same rows: if a heavy link has no more inertia about an axis
+    than a light one, the joint mixes their rows, and the rows of the light link may lose digits.
 
-    pivots    (nv), written: √D times the root of a bound on the composite inertia, over BLUR, because a joint is
-              singular here if the first root is within rounding of 0 relative to the second
+    pivots    (nv), written: √D times the root of a bound on the composite inertia, over BLUR; a joint is singular if
+              √D is within rounding of 0 relative to that root
     residual  (nv), written: the last change of a
     """
     _roots(bodies, work, q, v, pivots)
@@ -192,10 +192,10 @@ def _outward(bodies: Bodies, work: Work, gravity: Vec, moving: bool, a: Vector) 
 
 @inline
 def _reach(here: Record, parent: Record, S: Motion) -> None:
-    """Mark the entries of a body's acceleration that joints above it (reach), or they and its own (felt) can change.
+    """Mark the entries of a body's acceleration that joints above it (reach), or also its own joint (felt), can change.
 
-    The other entries are known beforehand and need no rows; and where the axes of a planar arm are those of its
-    frames, rounding brings no force from across the plane into it.
+    The other entries are known beforehand and need no rows. If the axes of a planar arm are those of its frames,
+    rounding then adds no force from across the plane.
     """
     X = pose_of(here.X)
     R, p = X.R, X.p
@@ -229,9 +229,10 @@ def _gather(b: Record, here: Record) -> int:
     """Add the body's rows to the stack and split it along the joint's axis; returns the number of rows.
 
     The unknown of a joint is the acceleration of its body along the axis, so that the rows for the parent are exactly
-    0 along it. An armature acts on the difference to the parent's acceleration. Where the armature is the greater
-    part, the difference is the unknown: a small one would be lost in the sum. A rotor acts on the difference and on the
-    parent's acceleration about its axis; what it has of the parent's inertia is therefore taken from there.
+    0 along it. An armature acts on the difference from the parent's acceleration. If the armature is the greater part
+    of the inertia, this difference is the unknown, since a small difference would be lost in the sum. A rotor acts on
+    the difference and on the parent's acceleration about its axis; its inertia J e eᵀ is therefore taken from the
+    parent's inertia.
     """
     stack, S = here.stack, motion_of(b.S)
     rows: int = here.rows
@@ -255,7 +256,7 @@ def _gather(b: Record, here: Record) -> int:
         if b.geared:  # the row of √J (n q̈ + e·ω̇)
             e = scale(1.0 / s, in_row_axes(b, pose_of(here.X)))
             r, z = add_couple(r, e), -dot(e, motion_of(here.c).w)
-        if b.coupled:  # has no root here: not a number rather than a wrong one
+        if b.coupled:  # coupled motors have no square root here: NaN instead of a wrong number
             s = sqrt(-1.0)
         put_row(stack, rows, Row(s, r, z))
         rows += 1
@@ -272,7 +273,7 @@ def _without_rotor(I: Inertia, e: Vec, armature: Scalar) -> Inertia:
 
 @inline
 def _hand_over(here: Record, parent: Record, rows: int) -> None:
-    """Append the rows of a body but row 0, which its joint keeps, to its parent's stack."""
+    """Append the rows of a body to its parent's stack, except row 0, which the joint keeps."""
     X, c, stack, last = pose_of(here.X), motion_of(here.c), here.stack, rows
     if rows > 7:
         last = triangular(stack, 1, rows, here.reach)

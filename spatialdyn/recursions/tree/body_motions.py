@@ -49,7 +49,7 @@ def joint_velocities(bodies: Bodies, work: Work, q: Config, v: Vector, V: Matrix
 
 @inline
 def joint_accelerations(bodies: Bodies, work: Work, q: Config, v: Vector, a: Vector, out: Array) -> None:
-    """a = a_λ + S q̈ + v × S q̇ outward (RBDA eq. 5.8), from a world at rest: gravity is no part of it."""
+    """a = a_λ + S q̈ + v × S q̇ outward (RBDA eq. 5.8), from a world at rest, without gravity."""
     put_motion(work[0].v, zero_motion())
     put_motion(work[0].a, zero_motion())
     write_motion(out[0], zero_motion())
@@ -70,7 +70,7 @@ def joint_accelerations(bodies: Bodies, work: Work, q: Config, v: Vector, a: Vec
 def joint_forces(
     bodies: Bodies, work: Work, q: Config, v: Vector, a: Vector, fext: Matrix, F: Matrix, tau: Vector
 ) -> None:
-    """f_i of the RNEA: all that a joint transmits, of which its torque S·f is one component."""
+    """f_i of the RNEA, the whole force that a joint transmits; the joint torque S·f is one component of it."""
     rnea(bodies, work, q, v, a, fext, tau)
     write_force(F[0], zero_force())
     for i in range(1, len(bodies)):
@@ -98,7 +98,7 @@ SPECS = (
             "F", ("njoints", 6), "N | N m",
             "on each joint's body by its joint, in the body's frame, linear first; row 0 is 0",
         ),
-        "Force that each joint transmits, by bearing and motor together, without that of the armature.",
+        "Force that each joint transmits, by bearing and motor together, without the armature's.",
         "Featherstone, RBDA (2008), table 5.1.", scratch=(("nv",),),
     ),
 )  # fmt: skip

@@ -1,7 +1,7 @@
 """Poses, Jacobians, velocities and accelerations of joints and frames.
 
-A frame is walked from its body to the world: each step takes the frame's pose from a row to its parent, so only the
-joints that carry the frame are visited, and everything is computed in the frame's own coordinates.
+Recursions of a frame walk from its body to the world: each step expresses the frame's pose in the next parent, so only
+the joints that carry the frame are visited, and all is computed in the frame's own coordinates.
 """
 
 from __future__ import annotations
@@ -98,7 +98,7 @@ def express_in(X: Pose, m: Motion, reference: int) -> Motion:
 
 @inline
 def classical_acceleration(a: Motion, v: Motion) -> Motion:
-    """The classical acceleration of the frame's origin from its spatial one and its velocity: ω × v is added."""
+    """The classical acceleration of the frame's origin: the spatial acceleration plus ω × v."""
     return Motion(a.w, add(a.v, cross(v.w, v.v)))
 
 
@@ -117,7 +117,7 @@ def frame_placement(bodies: Bodies, work: Work, q: Config, row: int, placement: 
 def frame_jacobian(
     bodies: Bodies, work: Work, q: Config, row: int, placement: Matrix, reference: int, J: Matrix
 ) -> None:
-    """Column i: S of row i in the frame's coordinates, then in those of the reference."""
+    """Column i: S of row i in the frame's coordinates, then expressed in the reference."""
     J[:] = 0.0
     X = read_pose(placement)
     i = row
@@ -133,7 +133,7 @@ def frame_jacobian(
 
 @inline
 def placed_frame_jacobian(bodies: Bodies, work: Work, row: int, placement: Matrix, reference: int, J: Matrix) -> None:
-    """``frame_jacobian`` where work has the poses of the rows that carry the frame in the world."""
+    """``frame_jacobian`` if work already has the world poses of the rows that carry the frame."""
     J[:] = 0.0
     X = compose(pose_of(work[row].X), read_pose(placement))
     i = row
@@ -220,8 +220,8 @@ def frame_jacobian_dot(
 ) -> None:
     """Column i: d/dt of S of row i in the frame's coordinates, -u × S with u the frame's velocity seen from the row.
 
-    In references that do not turn with the frame its own motion is added: V × S in the world, ω × S in
-    local_world_aligned, which only translates with it.
+    In references that do not turn with the frame, the frame's own motion is added: V × S in world, ω × S in
+    local_world_aligned, which only translates with the frame.
     """
     dJ[:] = 0.0
     X = read_pose(placement)
@@ -246,7 +246,7 @@ def frame_jacobian_dot(
         i = bodies[i].parent
 
 
-_BODY = "the definition, walked from the frame to the world."
+_BODY = "the definition, evaluated from the frame to the world."
 _JACOBIAN = ("m/rad | 1", "linear first, in the reference")
 SPECS = (
     Spec(
@@ -257,7 +257,7 @@ SPECS = (
     Spec(
         "joint_jacobians", joint_jacobians, WORK, (TURNED_Q,),
         Argument("J", (6, "nv"), "m/rad | 1", "each joint's motion subspace in world coordinates, linear first"),
-        "Jacobians of all joints in one matrix: a body's, in the world, is the columns of the joints that carry it.",
+        "Jacobians of all bodies in one matrix: a body's, in the world, has the columns of the joints that carry it.",
         "Featherstone, RBDA (2008), section 2.11.",
     ),
     Spec(

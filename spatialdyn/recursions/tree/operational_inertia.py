@@ -1,17 +1,17 @@
 """Inverse operational-space inertia Λ⁻¹ = J M⁻¹ Jᵀ of a frame, and of two frames, without M and without J.
 
-A unit force on body i moves it by Φ_i, the inverse of the inertia that is felt there. With U and D of the articulated
-sweep, a row's acceleration is a_i = X a_λ + S q̈ with q̈ = (u - U·X a_λ) / D, so with y = X Φ_λ Xᵀ U
+A unit force on body i accelerates it by Φ_i, the inverse of the body's operational-space inertia. With U and D of the
+articulated sweep, a row's acceleration is a_i = X a_λ + S q̈ with q̈ = (u - U·X a_λ) / D, so with y = X Φ_λ Xᵀ U
 
     Φ_i = X Φ_λ Xᵀ - (S yᵀ + y Sᵀ) / D + S Sᵀ (1/D + U·y / D²),    Φ_0 = 0,
 
 from the world to the body. Φ pairs with forces as an inertia does with motions, so it is kept as an ``Articulated``
-whose moments stand for linear velocities: I the block of linear with linear, H of linear with angular, M of angular
-with angular. A row behind a differential has in its q̈ the term -m q̈_λ / D as well: ``joined`` is Σ over the unit
-forces of a q̈, ``own`` of q̈², of the row.
+whose moments stand for linear velocities: I is the linear-linear block, H linear-angular, M angular-angular. The q̈ of
+a row behind a differential also has the term -m q̈_λ / D: ``joined`` is the row's Σ a q̈ over the unit forces, ``own``
+its Σ q̈².
 
-Two bodies answer each other's forces: column by column, a unit force on the one is felt by the joints that carry it,
-inward, and moves the other, outward.
+For two bodies, column by column: a unit force on one body loads the joints that carry it, inward, and accelerates the
+other body, outward.
 """
 
 from __future__ import annotations
@@ -64,8 +64,8 @@ WORK = table_dtype(
     U=Force,
     d=float,
     Phi=Articulated,  # inverse inertia of the row's body; outward
-    joined=Motion,  # what couples a of the row with its q̈; outward, of rows before a differential
-    own=float,  # the same of q̈ with itself
+    joined=Motion,  # Σ a q̈ of the row over the unit forces; outward, of rows before a differential
+    own=float,  # Σ q̈² of the row over the unit forces
 )
 WORK_OF_TWO = table_dtype(
     X=Pose,  # of the articulated sweep, as are IA, U and d
@@ -73,7 +73,7 @@ WORK_OF_TWO = table_dtype(
     U=Force,
     d=float,
     F=Force,  # force on the row that reaches it; inward, column by column
-    u=float,  # torque S·F on the row, less what reaches it through a differential; inward
+    u=float,  # torque S·F on the row, less the torque through a differential; inward
     a=Motion,  # acceleration of the row; outward
     qdd=float,  # of the row's joint; outward
 )
@@ -101,7 +101,7 @@ def moved(Phi: Articulated, f: Force) -> Motion:
 
 @inline
 def swapped(m: Motion) -> Force:
-    """A motion as Φ's rows have it: the linear velocity in place of the moment."""
+    """A motion in the order of Φ's rows: the linear velocity in place of the moment."""
     return Force(m.v, m.w)
 
 
@@ -194,7 +194,7 @@ def frame_in_world(bodies: Bodies, work: Work, row: int, placement: Matrix) -> P
 
 @inline
 def unit_force(X: Pose, reference: int, k: int) -> Force:
-    """The unit force k, linear first, of a reference, in the coordinates of the frame whose pose in the world is X."""
+    """Unit force k of a reference, linear first, in the coordinates of the frame whose pose in the world is X."""
     unit = Vec(float(k % 3 == 0), float(k % 3 == 1), float(k % 3 == 2))
     f = Force(zero(), unit)
     if k >= 3:

@@ -1,12 +1,12 @@
 """Regressors: torque, energies, the force on one body and the centre of mass as linear maps of inertial parameters.
 
 A body's ten parameters are π = (m, h, Ī): mass, first moment m c and rotational inertia about its frame's origin.
-Every result here is linear in them: a row of ten numbers that pair with (m, h, Ī), itself stored as an Inertia; one
-entry off the diagonal stands for both of Ī's. To project a body's force on a joint far towards the root, the joint's S
-is brought to the body: one motion, in place of ten forces brought to the joint.
+Every result here is linear in π: a row of ten numbers that pair with (m, h, Ī), stored as an Inertia; one off-diagonal
+entry stands for the two equal entries of Ī. To project a body's force on a joint far towards the root, the joint's S is
+moved to the body: one motion, in place of ten forces moved to the joint.
 
-Armatures and rotors are no parameters of a body: τ = Y π + armature a, T = Y π + ½ armature v², and of a rotor what
-``rotors`` adds.
+Armatures and rotors are no parameters of a body: τ = Y π + armature a, T = Y π + ½ armature v²; ``rotors`` has the
+terms of rotors.
 """
 
 from __future__ import annotations
@@ -71,13 +71,13 @@ WORK_POSE = table_dtype(
 
 @inline
 def pairing(a: Vec, b: Vec) -> Sym:
-    """Coefficients in a·Ī b of the six numbers of Ī."""
+    """Coefficients of the six numbers of Ī in a·Ī b."""
     return Sym(a.x * b.x, a.x * b.y + a.y * b.x, a.x * b.z + a.z * b.x, a.y * b.y, a.y * b.z + a.z * b.y, a.z * b.z)
 
 
 @inline
 def force_along(S: Motion, w: Vec, dw: Vec, a: Vec, U: Mat3) -> Inertia:
-    """Coefficients in S·f of (m, h, Ī), f the force m a + U h, Ī ω̇ + ω × Ī ω + h × a that moves a body.
+    """Coefficients of (m, h, Ī) in S·f, f the force m a + U h, Ī ω̇ + ω × Ī ω + h × a that moves a body.
 
     a is the classical acceleration of its origin, U = ω̇~ + ω̃². With s = S.w, s·(ω × Ī ω) is (s × ω)·Ī ω.
     """
@@ -116,7 +116,7 @@ def inertial_parameters(bodies: Bodies, out: Array) -> None:
 
 @inline
 def joint_torque_regressor(bodies: Bodies, work: Work, q: Config, v: Vector, a: Vector, Y: Array) -> None:
-    """Outward velocities and accelerations; then each body's force along the S of every row that carries it."""
+    """Velocities and accelerations outward; then each body's force along S of every row that carries it."""
     n = len(bodies) - 1
     Y[:] = 0.0
     put_motion(work[0].v, zero_motion())
@@ -224,8 +224,8 @@ SPECS = (
             "Y", ("nv", "njoints", 10), "N m | N per kg, kg m, kg m²",
             f"torque per inertial parameter of each joint's body ({_TEN})",
         ),
-        "Regressor Y of inverse dynamics: rnea is Σ Y π + armature a, with π as inertial_parameters has it; rotors "
-        "add terms of their own.", _SOURCE,
+        "Regressor Y of inverse dynamics: rnea is Σ Y π + armature a, with π of inertial_parameters; rotors add "
+        "further terms.", _SOURCE,
     ),
     Spec(
         "body_regressor", body_regressor, WORK_POSE, (TURNED_Q, V, A, ROW, PLACEMENT),

@@ -37,8 +37,8 @@ WORK = table_dtype(
 def rnea(bodies: Bodies, work: Work, q: Config, v: Vector, a: Vector, fext: Matrix, tau: Vector) -> None:
     """RBDA table 5.1 in body coordinates and classical accelerations; v, a, fext may be None, for zero.
 
-    Per body ω, ω̇ and the acceleration a of its origin, as Luh, Walker and Paul have it: without linear velocities a
-    fifth of the work is saved. Each block has its line of table 5.1 above it.
+    Each body has ω, ω̇ and the acceleration a of its origin, as in Luh, Walker and Paul: without linear velocities a
+    fifth of the work is saved. The comment above each block is its line of table 5.1.
     """
     put_vec(work[0].w, zero())
     put_vec(work[0].dw, zero())

@@ -1,9 +1,9 @@
 """The terms that Pinocchio's RNEA adds for quaternions and (cos, sin) pairs off their unit norm.
 
-R of such a q is no rotation: Rᵀ(ω × l) is not (Rᵀω) × (Rᵀl). In the spatial form, which is Pinocchio's, the linear
-acceleration of a body then has a term that the classical form of ``rnea`` has not:
+R of such a q is no rotation: Rᵀ(ω × l) is not (Rᵀω) × (Rᵀl). In the spatial form, which Pinocchio uses, the linear
+acceleration of a body then has a term that the classical form in ``rnea`` lacks:
 
-    (Rᵀω) × (Rᵀl) - Rᵀ(ω × l),    ω and l the angular and linear velocity, on the parent, of the point where the row is.
+    (Rᵀω) × (Rᵀl) - Rᵀ(ω × l),    ω and l the angular and linear velocity of the parent's point at the row's origin.
 
 Models of the library refuse such a q; those of the Pinocchio face, whose world row is of kind ANY_NORM, accept it.
 """
@@ -40,5 +40,5 @@ def add_off_norm_forces(bodies: Bodies, work: Work, q: Config, v: Vector) -> Non
 
 @inline
 def _unturned(R: Mat3, w: Vec, l: Vec) -> Vec:
-    """(Rᵀω) × (Rᵀl) - Rᵀ(ω × l), null for a rotation."""
+    """(Rᵀω) × (Rᵀl) - Rᵀ(ω × l), zero for a rotation."""
     return sub(cross(unrotate(R, w), unrotate(R, l)), unrotate(R, cross(w, l)))

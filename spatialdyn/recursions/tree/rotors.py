@@ -1,17 +1,17 @@
-"""What a rotor adds that turns on the body before its joint: steps that the recursions share.
+"""The terms of rotors that turn on the body before their joint: steps that the recursions share.
 
 The rotor of joint i has the axial inertia J and turns at n q̇ about the axis e of the body p that the joint stands on.
-Its mass, and its inertia where it does not turn, are part of p's. By turning it adds to the kinetic energy
+Its mass, and its inertia at rest, are part of p's. Its rotation adds to the kinetic energy
 
     ½ n² J q̇² + n J q̇ e·ω
 
-with ω that of p. The first term is the armature of row i. The second is a momentum in p, a couple n J q̇ e, which is the
-same about every origin, and the momentum n J e·ω of row i. In the equation of motion they become
+with ω of p. The first term is the armature of row i. The second gives p the momentum n J q̇ e, a couple, which is the
+same about every origin, and gives row i the momentum n J e·ω. In the equation of motion they become
 
     n J (q̈ e + q̇ ω × e)  on p,    n J e·ω̇  on row i,
 
-and in every recursion a unit of q̇ of row i has the couple n J e in p beside the momentum of what it moves. The column
-``rotor`` holds n J e; it is zero, and ``geared`` is 0, of a row that stands on the world, where ω = 0.
+and in every recursion a unit of q̇ of row i has the couple n J e in p beside the momentum of the bodies that it moves.
+The column ``rotor`` holds n J e; it is zero, and ``geared`` is 0, for a row that stands on the world, where ω = 0.
 
 A derivation of our own: the rotor as a further body of each recursion, tied to its joint by θ̇ = n q̇.
 """
@@ -29,7 +29,7 @@ from ..signatures import Bodies, Record, Vector, Work
 
 @inline
 def of_other(bodies: Bodies, i: int, x: Vector) -> Scalar:
-    """Σ coupling x over the row that motors drive together with row i: M x has it, beside the armatures' terms."""
+    """Σ coupling x over the rows that share motors with row i: the part of M x beside the armatures' terms."""
     b = bodies[i]
     total = 0.0
     if b.coupled:
@@ -41,7 +41,7 @@ def of_other(bodies: Bodies, i: int, x: Vector) -> Scalar:
 
 @inline
 def add_motor_inertia(bodies: Bodies, i: int, a: Vector, t: Scalar) -> Scalar:
-    """t and the torque that accelerates the motors of row i: its own, and those that drive it with another row."""
+    """t plus the torque that accelerates the motors of row i: its own, and those shared with another row."""
     if a is not None:
         b = bodies[i]
         t = t + b.armature * a[i - 1]
@@ -52,7 +52,7 @@ def add_motor_inertia(bodies: Bodies, i: int, a: Vector, t: Scalar) -> Scalar:
 
 @inline
 def add_rotor_forces(b: Record, parent: Record, i: int, v: Vector, a: Vector, t: Scalar) -> Scalar:
-    """t and n J e·ω̇, and to the parent's f the couple n J (q̈ e + q̇ ω × e), of the rotor of row i in ``rnea``."""
+    """t + n J e·ω̇ for the rotor of row i in ``rnea``; its couple n J (q̈ e + q̇ ω × e) is added to the parent's f."""
     e = vec_of(b.rotor)
     if v is not None:
         t = t + dot(e, vec_of(parent.dw))
@@ -66,7 +66,7 @@ def add_rotor_forces(b: Record, parent: Record, i: int, v: Vector, a: Vector, t:
 
 @inline
 def add_couple(f: Force, n: Vec) -> Force:
-    """A force and a couple."""
+    """The sum of a force and a couple."""
     return Force(add(f.n, n), f.f)
 
 
@@ -95,14 +95,14 @@ def rotor_in_root_axes(bodies: Bodies, work: Work, i: int) -> tuple[Vec, Vec]:
 
 @inline
 def rotor_factor(v: Scalar, e: Vec) -> CoriolisFactor:
-    """-½ q̇ n J e~, what the rotor adds to the factor B of the body that carries it."""
+    """-½ q̇ n J e~, the rotor's term in the factor B of the body that carries it."""
     x, y, z = 0.5 * v * e.x, 0.5 * v * e.y, 0.5 * v * e.z
     return CoriolisFactor(Mat3(0.0, z, -y, -z, 0.0, x, y, -x, 0.0), zero())
 
 
 @inline
 def add_rotor_momentum(bodies: Bodies, i: int, v: Vector, p: Force) -> Force:
-    """p and the momentum of the rotor of row i, both in the axes of the body that carries it."""
+    """p plus the momentum of the rotor of row i, both in the axes of the body that carries it."""
     if bodies[i].geared:
         return add_couple(p, scale(v[i - 1], vec_of(bodies[i].rotor)))
     return p

@@ -1,7 +1,7 @@
 """Square roots of the inertia of a body: rows R and rates z with RᵀR = I and Rᵀz = v ×* I v.
 
-The rows are those of a few points that have the mass, the first and the second moments of the body, three to a point:
-a link without mass, or without extent, has fewer or none.
+The rows belong to a few points with the same mass, first and second moments as the body, three rows to a point: a link
+without mass, or without extent, has fewer or none.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from .square_root_rows import Row, put_row, triangular
 def body_rows(stack: Matrix, rows: int, I: Inertia, v: Motion, felt: Vector) -> int:
     """Append the rows of a body: with Σ x xᵀ its second moments of mass, rows [-x̃, 0] and z = ω × (ω × x) for each x.
 
-    Mass and first moment are one more such point, s = √m and x = h/s, which moves: [-x̃, s 1] and
+    Mass and first moment make one more point, s = √m and x = h/s, which also translates: [-x̃, s 1] and
     z = ω × (s v + ω × x). Returns the new number of rows.
     """
     s, x = sqrt(I.m), zero()
@@ -52,8 +52,8 @@ def body_rows(stack: Matrix, rows: int, I: Inertia, v: Motion, felt: Vector) -> 
 
 @inline
 def _turning_rows(stack: Matrix, rows: int, I: Inertia, w: Vec) -> int:
-    """Append rows of the rotational inertia about the com, for one that no distribution of mass has; NaN if it is
-    not positive semidefinite and has no root. Returns the new number of rows.
+    """Append rows of a rotational inertia about the com that no distribution of mass has; NaN if it is not positive
+    semidefinite and so has no root. Returns the new number of rows.
     """
     least = 16.0 * EPS * (abs(I.I.xx) + abs(I.I.yy) + abs(I.I.zz))
     rest = I.I

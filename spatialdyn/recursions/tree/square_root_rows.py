@@ -1,7 +1,7 @@
 """Stacks of rows: the inertia of a subtree as a sum of squares, in an array, and reflections that keep the sum.
 
-A row [s | r | z] stands for ½ (s x + r·a + z)²: x is the acceleration of a joint, a that of its body; s is a number,
-r a Force (angular part first), z the velocity term. Sums of rows [s r z] are rows, so a reflection may mix them.
+A row [s | r | z] stands for ½ (s x + r·a + z)²: x is the acceleration of a joint, a the acceleration of its body; s is
+a number, r a Force (angular part first), z the velocity term. Sums of rows are rows, so a reflection may mix them.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ def _plus(a: Row, w: Scalar, b: Row) -> Row:
 
 @inline
 def _larger(a: Row, b: Row) -> Row:
-    """The larger of each entry of a and the magnitude of b's, for r alone; s and z are those of a."""
+    """a with each entry of r replaced by the larger of a's and the magnitude of b's; s and z stay."""
     n, f, m, g = a.r.n, a.r.f, b.r.n, b.r.f
     return Row(
         a.s,
@@ -64,10 +64,10 @@ def _larger(a: Row, b: Row) -> Row:
 def triangular(stack: Matrix, first: int, end: int, felt: Vector) -> int:
     """Reduce rows first .. end to their rank, at most six, with the same RᵀR and Rᵀz; returns their new end.
 
-    felt  (6,) of 0 and 1: columns that count; what the rows then have in the others is dropped
+    felt  (6,) of 0 and 1: columns to keep; the entries left in the other columns are dropped
 
     Rows of very different size keep their own accuracy if pivots are chosen by columns and rows (Cox and Higham
-    1998). Angular and linear columns have different units, so each is judged by the largest entry among its three.
+    1998). Angular and linear columns have different units, so each is compared with the largest entry of its three.
     """
     angular, linear = 0.0, 0.0
     for top in range(first, min(end, first + 6)):

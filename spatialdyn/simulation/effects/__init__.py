@@ -1,4 +1,4 @@
-"""What acts in a run: each effect one class of one file, listed here; ``effect`` has the protocol, with an example."""
+"""The effects that act in a run, one file each, listed here; ``effect`` has the protocol, with an example."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 
 
 def of_scene(model: Model, friction: Any, friction_method: str, motor: Any, drive: str) -> tuple[Effect, ...]:
-    """The effects of a scene that no state is needed for."""
+    """The effects of a scene that need no state to be made."""
     springs = (Springs(),) if has_springs(model) else ()
     return (*friction_effects(model, friction, friction_method, motor, drive), *springs)
 
@@ -27,9 +27,9 @@ def of_scene(model: Model, friction: Any, friction_method: str, motor: Any, driv
 def of_run(scene: Any, constrained: Constrained | None, records: bool, forces: Array | None) -> tuple[Effect, ...]:
     """The effects of a run of a scene.
 
-    constrained  its constraints, with their rank at the beginning
+    constrained  the run's constraints, with their rank at the beginning
     records      whether impulses of contacts are recorded
-    forces       (samples or 1, steps or 1, 6 njoints) external forces of the scene and the run; None for none
+    forces       (samples or 1, steps or 1, 6 njoints) external forces of the scene and the run; None without any
     """
     acting: tuple[Effect, ...] = scene.effects
     contact = contact_of(scene, acting, records, constrained)
@@ -40,7 +40,7 @@ def of_run(scene: Any, constrained: Constrained | None, records: bool, forces: A
 
 
 def of_structure(scene: Any) -> tuple[Effect, ...]:
-    """The effects of a scene as programs know them: of no start."""
+    """The effects of a scene for programs, which do not depend on the initial state."""
     rate = None if scene.stabilization is None else 1.0 / scene.stabilization
     constrained = None if scene.constraints is None else Constrained(scene.constraints, rate, np.zeros(1, np.intp))
     forces = None if scene.fext is None else scene.fext.reshape((1, 1, -1))

@@ -1,14 +1,14 @@
 """Constraints: accelerations under them, and the projection after each step.
 
 A step ends with one Newton step of q towards φ = 0 and with the velocity nearest to v that keeps J v = 0, both in the
-metric of M; or, where a time of stabilization is given, errors die away within it and nothing is projected. What a step
-finds wrong (equations that contradict others, another rank than at the beginning) makes its state infinite where the
-step is recorded, so that a program rejects the sample, and raises the reason where it is computed.
+metric of M. With a stabilization time T, errors decay like exp(-t/T) instead and nothing is projected. If a step finds
+an error (equations that contradict others, or another rank than at the beginning), a recorded step makes its state
+infinite, so that the program rejects the sample; a computed step raises the reason.
 
-Where equations depend on others, those to keep are chosen at the beginning of a step, as many as were independent at
-the beginning of the run, and serve for its stages and its projection. The stages leave the constraints by the error of
-the step, so that they say nothing of rank or contradiction: both are judged at the beginning of a step, and what is
-left open after its projection, by what it closed.
+If equations depend on others, each step first chooses the equations to keep: as many as were independent at the
+beginning of the run. Its stages and its projection use these. The stages violate the constraints by the error of the
+step, so rank and contradiction are judged at its beginning only. The violation that a projection leaves is judged
+relative to the violation that it removed.
 """
 
 from __future__ import annotations
@@ -54,20 +54,20 @@ Array = NDArray[np.float64]
 RATE = Argument("rate", (), "1/s", "1/T of the stabilization")
 RANK = Argument("rank", (), "1", "independent equations at the beginning")
 CHOSEN, UNJUDGED = constrained.CHOSEN.name, "unjudged"  # given in a step
-START = 1e-6  # largest |φ| [m | rad], and |J v| of its terms, of a state to start from
-START_SOLVED = 1e-3  # the same of |J v| where steps find velocities with impulses: see ``impulse_step.meet``
-CONTRADICTS = 1e-4  # of the motion, what equations that depend on others miss at the beginning of a step
-LEFT = 0.1  # of what a projection closes, the most that it leaves open: it leaves the square
-BRANCHING = 1e-3  # of the largest eigenvalue of Delassus' matrix: the smallest, some .03 rad from a branch point
-LEAST_STEPS = 3.0  # of a time of stabilization; at 1 explicit methods diverge
+START = 1e-6  # largest |φ| [m | rad], and |J v| relative to its terms, of an initial state
+START_SOLVED = 1e-3  # the same for |J v| where steps solve for velocities with impulses: see ``impulse_step.meet``
+CONTRADICTS = 1e-4  # relative to the motion: residual of dependent equations at the beginning of a step
+LEFT = 0.1  # largest part of the violation that may stay after a projection, which leaves about its square
+BRANCHING = 1e-3  # smallest / largest eigenvalue of Delassus' matrix, some .03 rad from a branch point
+LEAST_STEPS = 3.0  # in a stabilization time; at 1 explicit methods diverge
 
 
 @dataclass(frozen=True, eq=False)
 class Constrained(Effect):
     """Constraints of a run.
 
-    rate  1/T of the stabilization [1/s], None for projection
-    rank  (samples or 1,) independent equations at the beginning
+    rate  1/T of the stabilization [1/s]; None for projection
+    rank  (samples or 1,) number of independent equations at the beginning
     """
 
     constraints: Constraints
@@ -100,7 +100,7 @@ class Constrained(Effect):
 
     @property
     def chooses(self) -> bool:
-        """Whether equations of a sample depend on others, so that steps choose those to keep."""
+        """Whether equations of a sample depend on others, so that steps choose the equations to keep."""
         return bool((self.rank < self.constraints.nc).any())
 
     def begin(self, at: Any, q: Any) -> None:
@@ -142,7 +142,7 @@ class Constrained(Effect):
         return made["force"]
 
     def raise_contradiction(self, q: Any, v: Any, tau: Any, residual: float, at: Any) -> None:
-        """Raise ConstraintError: equations that contradict others by name if a call finds them, or another rank."""
+        """Raise ConstraintError, naming the equations that contradict others if a call finds them, or another rank."""
         constraints, time = self.constraints, None if self.rate is None else 1.0 / self.rate
         q, v, tau = (np.array(x, float) for x in (q, v, tau))
         found = constrained_motion(constraints.model, constraints, q, v, tau, time, fext=_forces(at))
@@ -153,7 +153,7 @@ class Constrained(Effect):
         )
 
     def _judge_motion(self, at: Any, made: Any, chosen: Any, first: bool) -> None:
-        """Note a contradiction at the beginning of a step, or of equations that are not chosen another rank."""
+        """Note a contradiction at the beginning of a step; if no equations are chosen, also another rank."""
         if chosen is None:
             off = made["rank"][0] - at.given[RANK.name]
             at.wrong = at.wrong + exceeds(off * off, 0.5)
@@ -177,7 +177,7 @@ class Constrained(Effect):
         return made["ahead"], made["bristles"], made["force"]
 
     def judge(self, at: Any, residual: Any, rank: Any, least: float) -> None:
-        """Note a contradiction, or another rank than at the beginning, in recorded numbers."""
+        """Note a contradiction, or a rank that differs from the rank at the beginning, in recorded numbers."""
         off = rank - at.given[RANK.name]
         at.wrong = at.wrong + exceeds(residual, least) + exceeds(off * off, 0.5)
 
@@ -192,7 +192,7 @@ class Constrained(Effect):
         return Constrained(self.constraints, self.rate, self.rank[k : k + 1] if len(self.rank) > 1 else self.rank)
 
     def check_rank(self, rank: int, known: float | None = None) -> None:
-        """Raise ConstraintError if the rank is not ``known``, by default that of the first sample at the beginning."""
+        """Raise ConstraintError if the rank is not ``known``, by default the first sample's rank at the beginning."""
         known = int(self.rank[0] if known is None else known)
         if rank != known:
             raise ConstraintError(
@@ -207,10 +207,10 @@ class Constrained(Effect):
         return at.evaluate(JACOBIAN, q=q)["J"] @ v
 
     def project(self, at: Any, q: Any, v: Any, velocities: bool) -> None:
-        """Write the projected state; of q alone where the step has found velocities with impulses.
+        """Write the projected state; only q if the step has solved for velocities with impulses.
 
-        Those meet J v⁺ = 0 there to the order of h³, in an impact h² (``impulse_step.meet``); a projection would move
-        joints and points that stick.
+        Those velocities meet J v⁺ = 0 to the order of h³, in an impact h² (``impulse_step.meet``); projecting them
+        would move joints and points that stick.
         """
         model, constraints, chosen = self.constraints.model, self.constraints, at.given.get(CHOSEN)
         if not at.recorded:
@@ -244,7 +244,10 @@ class Constrained(Effect):
             v[i] = v[i] + lost
 
     def _check_closed(self, opened: Array, left: Array, chosen: Array) -> None:
-        """Raise ConstraintError if equations stay open after a projection: |φ| before and after it."""
+        """Raise ConstraintError if equations stay violated after a projection.
+
+        opened, left  |φ| before and after it
+        """
         least = max(START, LEFT * float(opened.max(initial=0.0)))
         bad = dict.fromkeys(self.constraints.equations[k].label for k in np.flatnonzero(left > least))
         if bad:
@@ -256,15 +259,15 @@ class Constrained(Effect):
 
 
 def _forces(at: Arithmetic) -> Array | None:
-    """External forces of a step, None without any."""
+    """External forces of a step; None without any."""
     forces = at.given.get("fext")
     return None if forces is None else np.array(forces)
 
 
 def constrained_of(scene: Any, q: Array, v: Array, dt: float) -> Constrained:
-    """Constraints of a run from states q (..., nq), v (..., nv). Raises if they cannot hold there.
+    """Constraints of a run from states q (..., nq), v (..., nv). Raises if these states cannot meet the constraints.
 
-    Steps that find velocities with impulses miss J v = 0 by the order of dt³, or dt² in an impact.
+    Steps that solve for velocities with impulses miss J v = 0 by the order of dt³, or dt² in an impact.
     """
     model, constraints, rate = scene.model, scene.constraints, None
     if scene.stabilization is not None:
@@ -286,7 +289,7 @@ def constrained_of(scene: Any, q: Array, v: Array, dt: float) -> Constrained:
 
 
 def _check_rates(constraints: Constraints, rates: Array, most: Array) -> None:
-    """Raise ConstraintError naming the first equation and sample that v moves by more than the most."""
+    """Raise ConstraintError naming the first equation and sample whose |J v| is above ``most``."""
     bad = np.argwhere(abs(rates) > most)
     if len(bad):
         index, k = tuple(int(x) for x in bad[0, :-1]), int(bad[0, -1])
@@ -304,14 +307,14 @@ def closed(
     effect: Constrained, model: Model, system: System, t: float, q: Array, settle: Callable[[], Array],
     add: Callable[[Array], None],
 ) -> Array:  # fmt: skip
-    """The positions at the end of a step of a symplectic method, where φ = 0: Newton's steps on its multipliers.
+    """Positions with φ = 0 at the end of a step of a symplectic method, by Newton's steps on the multipliers.
 
-    settle  positions at the end with the multipliers so far
-    add     adds to them what changes those positions by -φ, an impulse over a time of 1
+    settle  returns the positions at the end for the present multipliers
+    add     adds to the multipliers the impulse over a time of 1 that changes these positions by -φ
 
-    Their slope is Delassus' matrix at q; where that does not lead there, as in a step over a branch point, the one
-    between J at the beginning and J at the end. Writes the status STALLED if φ stays. It raises ConstraintError, also
-    where it fails near a branch point.
+    The slope is Delassus' matrix at q. If that does not converge, as in a step over a branch point, the slope is the
+    matrix between J at the beginning and J at the end. Writes the status STALLED if φ does not vanish. Raises
+    ConstraintError, also for a failure near a branch point.
     """
     constraints, before, chosen, exact = effect.constraints, np.inf, effect.rows(q), False
     for sweep in range(SWEEPS):
@@ -336,7 +339,7 @@ def closed(
 
 
 def raise_if_branching(effect: Constrained, model: Model, q: Array, chosen: Array) -> None:
-    """Raise ConstraintError if equations that are kept nearly depend on each other."""
+    """Raise ConstraintError if the kept equations nearly depend on each other."""
     G = delassus(model, effect.constraints, q)[np.ix_(chosen > 0.0, chosen > 0.0)]
     values = np.linalg.eigvalsh(G)
     if values[0] < BRANCHING * values[-1]:

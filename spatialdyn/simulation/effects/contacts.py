@@ -1,8 +1,8 @@
-"""What acts by impulses: contacts and joint limits, with dry joints and constraints beside them.
+"""Effects that act by impulses: contacts and joint limits, solved together with dry friction and constraints.
 
-v⁺ and all impulses are found together, so the step is that of ``semi_implicit_euler``. Contacts and limits alone are a
-``contact_step``; with friction that is solved for, or under constraints, they are an ``impulse_step``. A run carries
-the largest residual so far, with its point and step, and on request the impulses of the last step.
+A step solves for v⁺ and all impulses together, so its method is ``semi_implicit_euler``. Contacts and limits alone use
+``contact_step``; with dry friction or constraints they use ``impulse_step``. A run carries the largest residual so far,
+with its point and step, and on request the impulses of the last step.
 """
 
 from __future__ import annotations
@@ -37,28 +37,28 @@ from .friction import IMPLICIT, LUGRE, JointFriction, bent, dry, law_of, named, 
 from .motor import geared
 
 Array = NDArray[Any]
-MOST_POINTS = 12  # in a rollout: beyond, J M⁻¹ Jᵀ costs more than the robot, and its program is long
-MOST_ROWS = 36  # in a rollout, of dry joints, limits and three of each point: a sweep's tableaus cost rows cubed
-START = 1e-3  # [m | rad] deepest that a run may start in the ground, or beyond a limit
+MOST_POINTS = 12  # in a rollout: with more, J M⁻¹ Jᵀ costs more than the robot, and its program is long
+MOST_ROWS = 36  # in a rollout: one per dry joint and limit, three per point; a sweep's tableaus cost rows cubed
+START = 1e-3  # [m | rad] largest depth in the ground, or beyond a limit, at which a run may start
 UNSOLVED = 1e-2  # [m/s | rad/s] residual that is an error
-WORST = 5  # numbers: residual of the last step, the largest so far, its point or joint, its step, steps so far
+WORST = 5  # entries: residual of the last step, the largest so far, its point or joint, its step, steps so far
 
 SOLVED = Argument(
     "contact_residual", (WORST,), "", "residual now, largest so far, its point, its step, step", start=0.0
 )
 RECORDED = Argument("contact_record", (f"{WORST}+np+np+np+nl",), "", "the same, and impulses", start=0.0)
-CONTRADICTS = 1e-4  # of the motion: what no step leaves of equations that agree, whose velocities are h³ off
+CONTRADICTS = 1e-4  # relative to the motion; consistent equations leave less, as their velocities are h³ off
 
 
 @dataclass(frozen=True, eq=False)
 class Contact(Effect):
     """Points on the ground, and limits of joints.
 
-    contacts     Contacts, perhaps of joint limits alone, or of nothing beside constraints
+    contacts     Contacts; they may hold joint limits alone, or nothing beside constraints
     records      whether impulses are recorded
-    table        of the contacts and of freedoms that rub dry
-    way          of friction that is solved for together with them, None for none
-    constrained  whether constraints are
+    table        table of the contacts and of the freedoms with dry friction
+    way          the friction method that is solved for together with them; None without one
+    constrained  whether constraints are solved for together with them
     """
 
     contacts: Contacts
@@ -74,7 +74,7 @@ class Contact(Effect):
 
     @property
     def own(self) -> Argument:
-        """The state that they carry."""
+        """The state that the effect carries from step to step."""
         return RECORDED if self.records else SOLVED
 
     @property
@@ -83,7 +83,7 @@ class Contact(Effect):
 
     @property
     def warm(self) -> bool:
-        """Whether a step begins with the impulses of the one before: beside dry joints, where that saves most."""
+        """Whether a step starts from the impulses of the previous step: with dry joints, where that saves most."""
         return self.way == IMPLICIT and len(self.table.rows) > 1
 
     @property
@@ -92,7 +92,7 @@ class Contact(Effect):
 
     @property
     def tables(self) -> tuple[StaticTable, ...]:
-        """Of contacts, and of heights if there are some."""
+        """Tables of the contacts, and of the ground's heights if it has some."""
         return (self.table, *self.contacts.tables[1:])
 
     @property
@@ -110,7 +110,7 @@ class Contact(Effect):
 
     @property
     def is_long(self) -> bool:
-        """Whether programs of its steps are too long: those that hold rows in turn, and those of many points."""
+        """Whether programs of its steps are too long: those that hold rows in turn, and those with many points."""
         points, rows = len(self.contacts), len(self.table.rows) - 1
         heights = sum(len(x.rows) - 1 for x in self.tables[1:])
         several = (self.way is not None or self.constrained) and rows + 2 * points > MOST_ROWS
@@ -158,7 +158,7 @@ class Contact(Effect):
         return after, states, forces
 
     def _spec(self, constrained: Constrained | None, pushed: bool) -> Spec:
-        """Of the step."""
+        """The Spec of the step."""
         over = len(self.tables) > 1
         if self.way is None and constrained is None:
             return CONTACT_STEP_OVER if over else CONTACT_STEP
@@ -169,7 +169,7 @@ class Contact(Effect):
         return impulse_step_spec(frozenset(name for name, there in has.items() if there))
 
     def _noted(self, parts: dict[str, Any], before: Any) -> Any:
-        """The state of its own after a step: its largest residual, that of all steps, and impulses."""
+        """The effect's own state after a step: residuals of this step and of all steps, and impulses."""
         residual = parts["residual"]
         now, which = (residual[0], 0.0) if len(residual) else (0.0, 0.0)
         for k, x in enumerate(residual[1:], 1):
@@ -182,7 +182,7 @@ class Contact(Effect):
         return np.array(row, parts["v"].dtype)
 
     def _judge(self, at: Any, constrained: Constrained, missed: Any, tau: Any) -> None:
-        """Equations that contradict others, or whose rank changes: noted in recorded numbers, else ConstraintError."""
+        """Note, in recorded numbers, equations that contradict others or change rank; else raise ConstraintError."""
         residual, rank = missed
         if at.recorded:
             constrained.judge(at, residual, rank, CONTRADICTS)
@@ -203,14 +203,14 @@ class Contact(Effect):
         )
 
     def label(self, k: int) -> str:
-        """What messages call a point or joint, in the order of residuals."""
+        """The name of a point or joint in messages, in the order of residuals."""
         known = self.contacts.labels
         if k < len(known):
             return known[k]
         return f'friction of joint "{joint_of_velocity(self.contacts.model, self.table.rows[1 + k]["row"] - 1).name}"'
 
     def record(self, q: Array, own: Array) -> ContactRecord:
-        """What was recorded: positions (..., nq), and the state of its own (..., width)."""
+        """The record, from positions (..., nq) and the effect's own state (..., width)."""
         contacts, model = self.contacts, self.contacts.model
         k, limits, lead = len(contacts), self.table.sizes["nl"], own.shape[:-1]
         stop = np.zeros((*lead, model.nv), own.dtype)
@@ -224,15 +224,15 @@ class Contact(Effect):
 def contact_of(
     scene: Any, acting: tuple[Effect, ...], records: bool, constrained: Constrained | None
 ) -> Contact | None:
-    """What acts by impulses in a run of a scene; None for none.
+    """The effect of all that acts by impulses in a run of a scene; None without any.
 
     acting   the effects of the scene
     records  whether impulses are recorded
 
-    Raises  SimulationError for contacts that are recorded and do not act
+    Raises  SimulationError if contacts are to be recorded but do not act
     """
     friction, given = find(acting, JointFriction), scene.unilateral
-    nothing = scene.contacts is None and not given.stops  # limits of a robot that has none are nothing
+    nothing = scene.contacts is None and not given.stops  # also with limits=True for a robot without limits
     if nothing and records:
         expected = "expected contacts, or limits=True of joints that have limits, in the scene"
         raise SimulationError(f'record has "contacts", {expected}')

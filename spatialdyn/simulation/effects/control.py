@@ -22,7 +22,7 @@ Array = NDArray[Any]
 
 
 def check_law(control: Control | None, method: str) -> None:
-    """Raise SimulationError where SciPy's methods cannot take a control law."""
+    """Raise SimulationError if the method is SciPy's and cannot take the control law."""
     if control is None or method not in SCIPY_METHODS:
         return
     ends = len(control.spec.states) - len(moved_states(control.spec))
@@ -41,10 +41,10 @@ def check_law(control: Control | None, method: str) -> None:
 class Feedback(Effect):
     """A control law of a run.
 
-    spec    of the law
-    held    whether its torque is that of the beginning of a step
+    spec    Spec of the law
+    held    whether the torque at the beginning of a step is held over it
     static  values of its static inputs
-    rows    (samples or 1, steps or 1, columns) of the others
+    rows    (samples or 1, steps or 1, columns) of the other inputs
     """
 
     spec: Spec
@@ -56,7 +56,7 @@ class Feedback(Effect):
 
     @classmethod
     def of(cls, control: Control, model: Model, samples: int, steps: int) -> Feedback:
-        """The law of a run of so many samples and steps. Raises ShapeError."""
+        """The law of a run of this many samples and steps. Raises ShapeError."""
         return cls(control.spec, control.held, control.static, control.rows(model, samples, steps))
 
     def structure(self) -> Feedback:

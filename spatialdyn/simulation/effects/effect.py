@@ -1,6 +1,6 @@
-"""The protocol of an effect: one thing that acts in a run. Adding one touches its file and ``effects.of_run``.
+"""The protocol of an effect, one thing that acts in a run. A new one needs its file and a line in ``effects.of_run``.
 
-A spring from a joint to the world, whole:
+A spring from each joint to the world, whole:
 
     @dataclass(frozen=True, eq=False)
     class WorldSpring(Effect):
@@ -19,7 +19,7 @@ A spring from a joint to the world, whole:
             k = at.given["world_stiffness"]
             return np.array([-k[i] * q[i] for i in range(len(v))], v.dtype)
 
-It acts in every method, in programs and by kernels; its work is recorded, and the ledger shows it as "world_spring".
+It acts in every method, in programs and in kernels; its work is recorded, and the ledger shows it as "world_spring".
 """
 
 from __future__ import annotations
@@ -35,18 +35,18 @@ from ..arithmetic import Arithmetic
 
 Array = NDArray[Any]
 Kind = TypeVar("Kind", bound="Effect")
-Forces = dict[str, Any]  # by names of states of work: torques (nv,), or functions of the way h (v + v⁺)/2 to the work
+Forces = dict[str, Any]  # {state of work: torques (nv,), or the work as a function of the displacement h (v + v⁺)/2}
 
 
 class Effect:
-    """What acts in a run. Two effects are equal if steps with them are the same programs: values are inputs.
+    """One thing that acts in a run. Effects are equal if their steps are the same programs; values are inputs.
 
-    name    as messages and ledgers call it
-    inputs  of a step, its static tables among them
-    states  that the run carries from step to step
+    name    its name in messages and ledgers
+    inputs  inputs that it adds to a step, including its static tables
+    states  states that the run carries from step to step
     work    the state of its work; None if it does none
-    form    what a step depends on beside the inputs and states
-    drives  whether it may add to the energy, by which runs are else found to diverge
+    form    everything else that a step depends on
+    drives  whether it may add energy; if nothing does, a run whose energy rises has diverged
     """
 
     name = ""
@@ -74,22 +74,22 @@ class Effect:
 
     @property
     def values(self) -> dict[str, Array]:
-        """(samples or 1, steps or 1, columns) of each input that is no table."""
+        """{name: (samples or 1, steps or 1, columns)} of the inputs that are not tables."""
         return {}
 
     @property
     def tables(self) -> tuple[StaticTable, ...]:
-        """Of the inputs that are tables, in their order."""
+        """The inputs that are tables, in their order."""
         return ()
 
     @property
     def stamped(self) -> bool:
-        """Whether the stamp of the package's sources covers what it adds to a program, which is then kept by name."""
+        """Whether the stamp of the package's sources covers its part of a program, which is then cached by name."""
         return covers(type(self))
 
     @property
     def solves(self) -> bool:
-        """Whether it finds the velocities after a step, with what acts by impulses: it has ``solve``."""
+        """Whether ``solve`` finds the velocities after a step, together with all impulses."""
         return False
 
     def structure(self) -> Effect:
@@ -97,26 +97,26 @@ class Effect:
         return self
 
     def as_coupled(self) -> Effect:
-        """The effect where another one, which comes later, finds the velocities."""
+        """The effect to use if a later effect finds the velocities."""
         return self
 
     def torque(self, at: Arithmetic, q: Any, v: Any) -> Any:
-        """Torques (nv) of the effect at a state; None if it gives none."""
+        """Torques (nv) of the effect at a state; None if it has none."""
         return None
 
     def held_torque(self, at: Arithmetic, q: Any, v: Any, tau: Any) -> Any:
-        """tau, with a torque that is that of the beginning of a step, held over it."""
+        """tau plus the effect's torque at the beginning of a step, held over the step."""
         return tau
 
     def solve(self, at: Arithmetic, acting: tuple[Effect, ...], tau: Any) -> tuple[Any, dict[str, Any], Forces]:
-        """v⁺, the effect's states after the step, and forces that do work, from what is ``given`` at its beginning.
+        """v⁺, the effect's states after the step, and forces that do work, from ``at.given`` at its beginning.
 
-        acting  all effects of the run, those that are solved for together among them
+        acting  all effects of the run, including those that are solved for together
         """
         raise NotImplementedError
 
     def failure(self, states: dict[str, Array], dt: float, t: float) -> str:
-        """What is wrong with the steps until t, from states (of one sample, flat) after them; "" if nothing is."""
+        """The error in the steps until t, found from the states after them (one sample, flat); "" without one."""
         return ""
 
     @property
@@ -131,5 +131,5 @@ class Effect:
 
 
 def find(acting: tuple[Effect, ...], kind: type[Kind]) -> Kind | None:
-    """The effect of that class; None if there is none."""
+    """The effect of this class; None if there is none."""
     return next((x for x in acting if isinstance(x, kind)), None)

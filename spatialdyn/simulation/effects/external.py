@@ -1,4 +1,4 @@
-"""External forces: constant ones of the scene, and those of a run that vary with its steps."""
+"""External forces: the scene's constant forces, and a run's forces that vary with its steps."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class ExternalForces(Effect):
 
 
 def external_torque(at: Arithmetic, q: Any) -> Any:
-    """Jᵀ f (nv) of the external forces [N m | N]: what they take from the torques that hold the robot still."""
+    """Jᵀ f (nv) of the external forces [N m | N]: they reduce the torques that hold the robot still by this."""
     free = at.evaluate(SPECS["generalized_gravity"], q=q)
     loaded = at.evaluate(SPECS["static_torque"], q=q)
     (g,), (tau,) = free.values(), loaded.values()

@@ -1,8 +1,8 @@
 """Friction of the joints: three kinds, each an effect.
 
-DryFriction     v⁺ and the friction torques are found together (``recursions.joints.friction``): a joint that sticks has
-                v⁺ = 0
-LuGreFriction   bristles deflect between the surfaces, a state of their own, z
+DryFriction     solves for v⁺ and the friction torques together (``recursions.joints.friction``): a joint that sticks
+                has v⁺ = 0
+LuGreFriction   bristles between the surfaces deflect by z, a state that the run carries
 SmoothFriction  a torque -F(v) tanh(v/ε) - b v in the equation of motion, by any method
 """
 
@@ -41,7 +41,7 @@ from .motor import CURRENT, DRIVES, Drive, Law, geared
 
 Array = NDArray[Any]
 IMPLICIT, LUGRE, SMOOTH = WAYS = ("implicit", "lugre", "smooth")
-STEPPED = "semi_implicit_euler"  # the method of "implicit" and "lugre", and of all that acts by impulses
+STEPPED = "semi_implicit_euler"  # the method for "implicit" and "lugre", and for all impulses
 # largest h λ at which v⁺ of v̇ = -λ v stays bounded
 STABLE = {"explicit_euler": 2.0, "semi_implicit_euler": 2.0, "velocity_verlet": 2.0, "rk4": 2.785293563405282}
 UNSOLVED = 1e-2  # [rad/s | m/s] violation of Coulomb's law that is an error
@@ -62,7 +62,7 @@ class JointFriction(Effect):
 
     @property
     def coefficients(self) -> tuple[Array, ...]:
-        """Beside the law that all kinds have."""
+        """Coefficients beside those of the law, which all kinds have."""
         return ()
 
     @property
@@ -92,7 +92,7 @@ class SmoothFriction(JointFriction):
 class DryFriction(JointFriction):
     """Coulomb's law and damping at the end of a step.
 
-    coupled  whether contacts or constraints are solved for too: then they have the residual
+    coupled  whether contacts or constraints are solved for too: their effect then has the residual
     """
 
     coupled: bool = False
@@ -133,7 +133,7 @@ class DryFriction(JointFriction):
 
 @dataclass(frozen=True, eq=False)
 class LuGreFriction(JointFriction):
-    """Bristles, whose deflection is a state."""
+    """Friction by bristles, whose deflection is a state."""
 
     way = LUGRE
     inputs: ClassVar[tuple[Argument, ...]] = (*LAW, STIFFNESS, DAMPING)
@@ -169,7 +169,7 @@ KINDS: dict[str, type[JointFriction]] = {IMPLICIT: DryFriction, LUGRE: LuGreFric
 
 
 def with_torques(at: Arithmetic, acting: tuple[Effect, ...], push: Any) -> tuple[Any, Forces]:
-    """tau with the torques of effects at the beginning of a step, and those by their states of work."""
+    """tau plus the torques of effects at the beginning of a step, and these torques by their states of work."""
     forces: Forces = {}
     for effect in acting:
         made = effect.torque(at, at.given["q"], at.given["v"])
@@ -179,17 +179,17 @@ def with_torques(at: Arithmetic, acting: tuple[Effect, ...], push: Any) -> tuple
 
 
 def law_of(given: Mapping[str, Any]) -> Law:
-    """The coefficients that all kinds have."""
+    """The coefficients of the law, which all kinds have."""
     return given["coulomb"], given["viscous"], given["static"], given["stribeck"]
 
 
 def named(law: Law) -> dict[str, Any]:
-    """A law as inputs by name."""
+    """The coefficients of a law as inputs by name."""
     return dict(zip((x.name for x in LAW), law, strict=True))
 
 
 def bent(given: Mapping[str, Any], law: Law, after: Any, bristles: Any) -> Any:
-    """The torques of bristles and damping in a step, of bristles after it."""
+    """The torques of bristles and damping in a step, from the bristles' deflections after it."""
     z, each = given[BRISTLES.name], 1.0 / given["dt"]
     moved = np.array([each * x for x in bristles - z], bristles.dtype)
     return -(given["stiffness"] * bristles + given["damping"] * moved) - law[1] * after
@@ -203,8 +203,8 @@ def friction_effects(
 ) -> tuple[Effect, ...]:
     """The friction and the motor of a scene.
 
-    Raises  SimulationError for an unknown way or drive, options that contradict each other, and a coefficient that the
-            way needs; ModelError naming the joint, ShapeError.
+    Raises  SimulationError for an unknown method or drive, options that contradict each other, and a missing
+            coefficient; ModelError naming the joint, ShapeError.
     """
     if not isinstance(way, str) or way not in WAYS:
         raise SimulationError(f"friction_method is {literal(way)}, expected one of {', '.join(WAYS)}")
@@ -233,7 +233,7 @@ def friction_effects(
 
 
 def dry(acting: tuple[Effect, ...], nv: int) -> NDArray[np.bool_]:
-    """The freedoms (nv,) that friction which is solved for, or gears, may hold."""
+    """The freedoms (nv,) that dry friction or gears may hold."""
     friction, motor = find(acting, DryFriction), find(acting, Drive)
     if friction is None:
         return np.zeros(nv, np.bool_)
@@ -251,9 +251,9 @@ def _needed(value: Array | None, name: str, way: str) -> Array:
 
 
 def check_stable(model: Model, effects: tuple[Effect, ...], method: str, dt: float) -> None:
-    """Refuse a step at which smooth friction grows near v = 0, where v̇ = -M⁻¹ K v, in the neutral configuration.
+    """Refuse a step at which smooth friction is unstable near v = 0, where v̇ = -M⁻¹ K v, in the neutral configuration.
 
-    Raises SimulationError with the largest step that is stable.
+    Raises SimulationError with the largest stable step.
     """
     effect = find(effects, SmoothFriction)
     if effect is None or method not in STABLE or not model.nv:

@@ -1,7 +1,7 @@
 """Motors: torques of a run act through gears and brakes, within the motors' limits.
 
-What gears lose is dry friction in proportion to the load, what a motor's own voltage takes is viscous
-(``recursions.joints.motors.driven``): both are part of the step that finds the friction of the joints.
+Gear losses are dry friction in proportion to the load, and the back EMF acts as viscous friction
+(``recursions.joints.motors.driven``). The step that solves for the friction of the joints includes both.
 """
 
 from __future__ import annotations
@@ -19,17 +19,17 @@ from .effect import Effect
 
 Array = NDArray[Any]
 Law = tuple[Any, Any, Any, Any]  # coulomb, viscous, static, stribeck
-CURRENT, VOLTAGE = DRIVES = ("current", "voltage")  # what a motor is given
+CURRENT, VOLTAGE = DRIVES = ("current", "voltage")  # the input of a motor
 
 
 @dataclass(frozen=True, eq=False)
 class Drive(Effect):
-    """A motor beside friction that is solved for: torques go through it."""
+    """A motor through which torques act, together with dry friction."""
 
     motor: Motor
     given: str
     name = "motor"
-    drives = False  # beyond the torques that are wanted
+    drives = False  # adds no energy beyond that of the commanded torques
 
     @property
     def inputs(self) -> Any:
@@ -42,13 +42,13 @@ class Drive(Effect):
 
     @property
     def rubs(self) -> NDArray[np.bool_]:
-        """The freedoms (nv,) whose gears may hold them."""
+        """The freedoms (nv,) that their gears may hold."""
         lossy: NDArray[np.bool_] = self.motor.lines[3] < 1.0
         return lossy
 
 
 def geared(given: Mapping[str, Any], v: Any, tau: Any, law: Law) -> tuple[Any, Law]:
-    """Torques and friction of a step with the motor of ``given``, if any, its gears and brakes counted as friction."""
+    """Torques and friction of a step with the motor in ``given``, if any; its gears and brakes count as friction."""
     if EMF.name not in given:
         return tau, law
     coulomb, viscous, static, stribeck = law

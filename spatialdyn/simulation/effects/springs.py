@@ -18,8 +18,8 @@ from . import work
 from .effect import Effect
 
 Array = NDArray[np.float64]
-GROWS = 1e-6  # above 1, of the largest factor of a step: free motions have double factors of 1, known to √eps
-HALVINGS = 40  # of an interval of steps
+GROWS = 1e-6  # tolerance above 1 of a step's largest factor: free motions have double factors of 1, accurate to √eps
+HALVINGS = 40  # of the interval that holds the largest stable step
 
 
 def has_springs(model: Model) -> bool:
@@ -43,7 +43,7 @@ class Springs(Effect):
 
 
 def check_springs(model: Model, method: str, q: Array, dt: float) -> None:
-    """Refuse a method, or a step dt of an explicit one at which springs would make motions grow, by the M at q.
+    """Refuse a method that springs rule out, or a step dt at which an explicit method is unstable with M at q.
 
     Raises SimulationError naming the joint of the stiffest spring and the largest stable step.
     """
@@ -77,7 +77,7 @@ def _frequency(model: Model, M: Array, i: int) -> float:
 
 
 def largest_factor(model: Model, method: str, q: Array, h: float) -> float:
-    """The largest magnitude by which a step h multiplies a motion of v̇ = -M⁻¹ (K x + D v), M that at q."""
+    """The largest factor by which a step h multiplies a motion of v̇ = -M⁻¹ (K x + D v), with M at q."""
     n, K, D = model.nv, np.zeros((model.nv, model.nv)), np.zeros((model.nv, model.nv))
     for i in np.flatnonzero(model.bodies["spring"]):
         b, pull = model.bodies[i], _pull(model, int(i))
@@ -122,7 +122,7 @@ def _rk4(A: Array, h: float) -> Array:
 
 
 def _kicked(A: Array, h: float) -> Array:
-    """Half a kick at both ends of a step, at the mean velocity: Störmer's method, and discrete mechanics."""
+    """The map of a step with half a kick at both ends, at the mean velocity: Störmer's and variational methods."""
     n = len(A) // 2
     K, D, one, none = A[n:, :n], A[n:, n:], np.eye(n), np.zeros((n, n))
     half = np.linalg.solve(one - 0.5 * h * D, np.hstack([0.5 * h * K, one]))

@@ -1,4 +1,4 @@
-"""Work: the states of it that a run carries, one of each kind of what acts; ``ledger`` adds them up."""
+"""Work: a run carries one state of work for each kind of effect; ``ledger`` adds them up."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ PREFIX = "work_"
 
 
 def work_of(kind: str, shape: tuple[str | int, ...], meaning: str) -> Argument:
-    """The state of a kind of work, which the ledger shows under that name: a word, with underscores."""
+    """The state of a kind of work. The ledger shows it under this name, a word with underscores."""
     return Argument(f"{PREFIX}{kind}", shape, "J", meaning, start=0.0)
 
 

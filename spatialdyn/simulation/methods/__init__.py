@@ -1,1 +1,1 @@
-"""The integration methods: what each is, its steps and their kernels."""
+"""The integration methods: their properties, steps and kernels."""

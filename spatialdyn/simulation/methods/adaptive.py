@@ -1,4 +1,4 @@
-"""SciPy's DOP853 and Radau, of adaptive step: the state is (q, v), with quaternions as four coordinates.
+"""SciPy's DOP853 and Radau, with adaptive steps: the state is (q, v), with quaternions as four coordinates.
 
 Quaternions and (cos, sin) pairs are normalised in the right-hand side and in the recorded samples; in between the
 tolerances keep their norm. Held torques jump between steps, so SciPy restarts at each step of the torque.
@@ -29,9 +29,9 @@ def run_adaptive(
     tolerances: tuple[float, float],
     acts: Callable[[int, float, Array, Array, Array, Array], tuple[Array, Array]], jumps: bool = False,
 ) -> None:  # fmt: skip
-    """Integrate and record; ``acts`` gives the acceleration, and the rates of the states carried.
+    """Integrate and record; ``acts`` gives the acceleration and the rates of the states carried.
 
-    jumps  whether other inputs than held torques jump between steps
+    jumps  whether inputs other than held torques jump between steps
 
     Raises SimulationError if SciPy's method fails, SpatialDynError if SciPy is missing."""
     try:

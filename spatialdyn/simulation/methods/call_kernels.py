@@ -1,6 +1,6 @@
-"""The kernels of each family of methods where steps run in Python: they compile nothing.
+"""The kernels of each family of methods for steps that run in Python: they compile nothing.
 
-What walks the tree is a public call, or a program: with mimic joints too, whose momenta in ``variational`` are Gᵀ those
+A public call or a program walks the tree, also with mimic joints, whose momenta in ``variational`` are Gᵀ times those
 of the whole tree. Charts are recursions in plain Python, on the rows of independent joints.
 """
 
@@ -112,7 +112,7 @@ def _group_calls(model: Model) -> tuple[Callable[..., int], Callable[..., int]]:
 
 
 def _ends(model: Model) -> tuple[Callable[..., int], Callable[..., int]]:
-    """The kernels of momenta before and after a step; the latter gives those of the step of the former's last call."""
+    """The kernels of momenta before and after a step; the second refers to the step of the first one's last call."""
     n, after, ends = model.nv, np.zeros(model.nv), OneByOne(model, ENDS)
 
     def before(table: Any, q: Any, xi: Any, moved: Any, out: Any) -> int:
@@ -131,7 +131,7 @@ def _ends(model: Model) -> tuple[Callable[..., int], Callable[..., int]]:
 
 
 def _before(bodies: MimicRows, work: Any, q: Any, xi: Any, moved: Any, out: Any) -> Any:
-    """As on a tree; the twists of the whole tree, which are more than ``moved`` has rows, are its first entry."""
+    """``sum_before`` with mimic joints: the twists of the whole tree, more than ``moved`` has rows, are its entry 0."""
     moved[0, 0] = np.full((len(bodies.tree), 6), 0.0, object)
     return _momenta(sum_before, WORK_BEFORE, bodies, q, xi, moved, out)
 

@@ -5,11 +5,11 @@ Constraint impulses act at the two ends of a step, through J(q)ᵀ and J(q⁺)�
     J(q)ᵀ μ⁻ = p + ½ h f(q) + J_φ(q)ᵀ Λ,   q⁺ = q ∘ exp(ξ),   φ(q⁺) = 0
     p⁺ = J(q⁺)ᵀ μ⁺ + ½ h f(q⁺) + J_φ(q⁺)ᵀ Λ⁺,   J_φ(q⁺) M⁻¹ p⁺ = 0
 
-which is RATTLE (``rattle``) with the discrete Lagrangian of ``variational``: reversible and of order 2. Λ is found by
-Newton's steps, h times Delassus' matrix being nearly the slope of φ(q⁺) by Λ.
+which is RATTLE (``rattle``) with the discrete Lagrangian of ``variational``: reversible and of order 2. Newton's steps
+find Λ; h times Delassus' matrix approximates ∂φ(q⁺)/∂Λ.
 
 Source: after Leyendecker, Marsden, Ortiz, Variational integrators for constrained dynamical systems (2008), with
-multipliers in place of their null space.
+multipliers instead of their null space.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ def constrained_variational(constrained: Constrained, model: Model) -> Callable[
         set_status(system, k.load(system, q, g), t)
 
         def settle() -> Array:
-            """Solve for ξ, and so for q⁺, at the Λ so far."""
+            """Solve for ξ, and so for q⁺, at the present Λ."""
             before: Any = math.inf
             for _ in range(SWEEPS):
                 system.torque(system, t, q, xi / h)

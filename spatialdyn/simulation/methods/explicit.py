@@ -1,10 +1,10 @@
 """Explicit methods in (q, v): Euler's, semi-implicit Euler, velocity Verlet, and the Runge-Kutta method of order 4.
 
 q moves on the joints' group, q ∘ exp(h v) in the body's frame, so quaternions keep their unit norm and no chart is
-needed. In semi-implicit steps a floating or planar joint's linear velocity is found in the axes that its body has at
-the beginning, moves it along a straight line, and is turned with the body after that: turned explicitly, by -h ω × v,
-it would grow by ½ h² ω² a step. None of the methods is symplectic once M depends on q; those of ``symplectic`` and
-``variational`` are.
+needed. Semi-implicit steps compute the new linear velocity of a floating or planar joint in the body's axes at the
+beginning, move the body along this straight line, then turn the velocity with the body: the explicit rotation
+-h ω × v would make it grow by ½ h² ω² a step. None of these methods is symplectic once M depends on q; those of
+``symplectic`` and ``variational`` are.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ HALF_TURN = 9.8696  # π² [rad²]
 
 
 class ExplicitKernels(NamedTuple):
-    """accelerate(system, q, v, a), and compiled kernels that return a status."""
+    """``accelerate(system, q, v, a)``, and compiled kernels that return a status."""
 
     accelerate: Any
     aba: Any
@@ -59,7 +59,7 @@ def displacement_rate(bodies: Any, u: Any, v: Any, out: Any) -> int:
 
 @inline_unoptimized
 def acceleration(system: System, t: float, q: Any, v: Any, a: Any) -> None:
-    """a of the state (q, v) at time t."""
+    """Write the acceleration a of the state (q, v) at time t."""
     system.torque(system, t, q, v)
     set_status(system, system.kernels.accelerate(system, q, v, a), t)
 
@@ -84,7 +84,7 @@ def explicit_euler(system: System, t: float, h: float, state: State) -> None:
 
 @inline_unoptimized
 def semi_implicit_euler(system: System, t: float, h: float, state: State) -> None:
-    """v⁺ = v + h a(q, v), q⁺ = q ∘ exp(h v⁺), but for the linear velocity of a joint that turns too: ``turn``."""
+    """v⁺ = v + h a(q, v), q⁺ = q ∘ exp(h v⁺); ``turn`` gives the linear velocity of a joint that also rotates."""
     a, before = state.work[0], state.work[2]
     acceleration(system, t, state.q, state.w, a)
     copy(before, state.w)
@@ -94,7 +94,7 @@ def semi_implicit_euler(system: System, t: float, h: float, state: State) -> Non
 
 @inline_unoptimized
 def move_turned(system: System, t: float, h: float, v: Any, state: State) -> None:
-    """Move q by the velocities w of a step, and turn them with it; v as of ``turn``."""
+    """Move q by the velocities w of a step, and turn them with the bodies; v as in ``turn``."""
     u, steps = state.work[1], state.work[3]
     for i in range(len(u)):
         steps[i] = h
@@ -133,7 +133,7 @@ def _stage(system: System, t: float, c: float, u1: Any, a1: Any, u2: Any, a2: An
 
 @inline_unoptimized
 def rk4(system: System, t: float, h: float, state: State) -> None:
-    """The classical Runge-Kutta method on (u, v) with q(t) = q ∘ exp(u(t)) (after Munthe-Kaas, u̇ in closed form)."""
+    """The classical Runge-Kutta method in (u, v) with q(t) = q ∘ exp(u(t)) (after Munthe-Kaas, u̇ in closed form)."""
     k = state.work
     copy(k[0], state.w)
     acceleration(system, t, state.q, state.w, k[1])

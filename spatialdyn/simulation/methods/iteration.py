@@ -1,7 +1,7 @@
 """Iterations of a step's equations until they change by rounding only, and their acceleration.
 
-No function branches on a value: an iteration is a region of ``algebra.regions``, so that one source is compiled, and
-recorded into a program in which samples run side by side, each until its own equations are solved.
+No function branches on a value: an iteration is a region of ``algebra.regions``. So the same source is compiled and
+recorded into a program, which runs samples side by side, each until its own equations are solved.
 
 Source: for slow iterations, Walker, Ni, Anderson acceleration for fixed-point iterations (2011).
 """
@@ -17,20 +17,20 @@ from ..system import NONFINITE, STALLED, TORQUE, System, set_status
 
 SWEEPS = 100  # at most; reasonable steps take 5 to 20
 LARGEST = 1e300
-SLOW = 0.25  # a sweep that shrinks the change by less turns acceleration on
-NEW = 0.01  # least part of the square of a difference that is outside the span of earlier ones
+SLOW = 0.25  # ratio of changes above which acceleration is turned on
+NEW = 0.01  # least part of the square of a new difference that lies outside the span of the earlier ones
 SETTLED = 1e-10  # relative: a change this small that no longer shrinks is rounding
-ACCELERATED_SETTLED = 1e-13  # the same, of an accelerated iteration
+ACCELERATED_SETTLED = 1e-13  # the same for an accelerated iteration
 
 
 class Sweeps(NamedTuple):
-    """The numbers (1,) of an iteration.
+    """The state of an iteration, numbers (1,).
 
     left    above 0 while it goes on
-    change  relative, of the last sweep
-    before  the same, of the sweep before
+    change  relative change of the last sweep
+    before  relative change of the sweep before
     known   sweeps in the memory of ``anderson_step``, whose rows are 0 at first
-    still   1 if the last change is rounding of what a state is made of, though not of a state that vanishes; else 0
+    still   1 if the last change is rounding error of the terms that sum to a state, even if the state vanishes; else 0
     """
 
     left: Any
@@ -42,7 +42,7 @@ class Sweeps(NamedTuple):
 
 @inline_unoptimized
 def sweeps_of(rows: Any) -> Sweeps:
-    """The numbers of an iteration that begins."""
+    """The Sweeps of an iteration that begins."""
     left, change, before, known, still = rows[0][:1], rows[1][:1], rows[2][:1], rows[3][:1], rows[4][:1]
     left[0], change[0], before[0], known[0], still[0] = 1.0, 0.0, math.inf, 0.0, 0.0
     return Sweeps(left, change, before, known, still)
@@ -50,12 +50,12 @@ def sweeps_of(rows: Any) -> Sweeps:
 
 @inline_unoptimized
 def judge(system: System, s: Sweeps, change: Any, still: Any) -> Any:
-    """Say whether the iteration goes on: until the relative change is rounding and shrinks no longer, or a failure.
+    """Decide whether the iteration goes on: it ends if the relative change is rounding and no longer shrinks, or fails.
 
     still  1 if the change is rounding, see ``Sweeps``, else 0
 
-    Returns a number above 0 if it goes on and shrinks so slowly that it is to be accelerated. An accelerated one may
-    grow long before its change is rounding.
+    Returns a number above 0 if it goes on but converges so slowly that it should be accelerated. The change of an
+    accelerated iteration may grow long before it is rounding.
     """
     rounding = select(change - select(s.known[0], ACCELERATED_SETTLED, SETTLED), still, 1.0)
     ends = select(change - 2.0 * EPS, select(rounding, select(s.before[0] - change, 0.0, 1.0), 0.0), 1.0)
@@ -70,7 +70,7 @@ def judge(system: System, s: Sweeps, change: Any, still: Any) -> Any:
 
 @inline_unoptimized
 def end(system: System, t: float, s: Sweeps, y: Any) -> None:
-    """Set the status if an iteration has failed; y, what it solves for, is only for those that record."""
+    """Set the status if an iteration has failed; only recordings use its solution y."""
     if not s.change[0] <= LARGEST:
         set_status(system, NONFINITE, t)
     if s.before[0] <= LARGEST and system.status[0] != 0 and system.status[0] != TORQUE:
@@ -87,15 +87,15 @@ def relative(change: Any, size: Any) -> Any:
 
 @no_inline
 def anderson_step(known: Any, f: Any, y: Any, F: Any, U: Any) -> None:
-    """One step of Anderson acceleration of y = G(x), f = G(x) - x: y moves to where f is least by the last sweeps.
+    """One step of Anderson acceleration of y = G(x), f = G(x) - x: y moves to the least f predicted by the last sweeps.
 
-    The terms of size h |v| that couple the rotation of a fast body with its translation make a plain iteration circle
-    or diverge.
+    Terms of size h |v| couple the rotation of a fast body with its translation; they make a plain iteration circle or
+    diverge.
 
     known  (1,)  written: sweeps in the memory
     y      written: next x
-    F, U   (1 + memory, n)  written: orthonormal differences of f and the matching ones of y, the newest first; f and y
-           in the last row
+    F, U   (1 + memory, n)  written: orthonormal differences of f and the matching differences of y, the newest first;
+           f and y in the last row
     """
     n, last = len(f), len(F) - 1
     for j in range(last - 1, 0, -1):
@@ -136,7 +136,7 @@ def anderson_step(known: Any, f: Any, y: Any, F: Any, U: Any) -> None:
 
 
 def largest(x: Any) -> Any:
-    """The largest of some numbers of 0 or more; infinite if one is NaN or beyond LARGEST."""
+    """The largest of some numbers >= 0; infinite if one is NaN or beyond LARGEST."""
     if x.dtype == object:
         found: Any = 0.0
         for y in x:

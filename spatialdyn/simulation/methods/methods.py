@@ -1,4 +1,4 @@
-"""The integration methods: what each is, costs and preserves."""
+"""The integration methods: their cost, order and invariants."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ MOMENTA = "Ω, time reversal, momenta of symmetries"
 class Family:
     """Methods that share a state: how to start and observe it, their kernels, their rows of scratch.
 
-    moves  "v" or "p", what they integrate beside q
+    moves  "v" or "p", which they integrate beside q
     wide   whether rows of scratch hold 2 nv numbers rather than nv
     """
 
@@ -36,11 +36,11 @@ class Method:
 
     name         as ``simulate`` takes it
     order        the global error is O(dt^order); that of SciPy's methods is governed by rtol and atol instead
-    evaluations  of forward dynamics per step; of implicit methods per sweep, 5 to 20 of which make a step
-    preserves    up to rounding: Ω, the symplectic form; "time reversal", a step of -dt undoes one of dt; "momenta of
+    evaluations  of forward dynamics per step; for implicit methods per sweep, 5 to 20 of which make a step
+    preserves    up to rounding: Ω, the symplectic form; "time reversal", a step of -dt undoes a step of dt; "momenta of
                  symmetries", such as those of a free-floating robot. No method preserves the energy itself; the energy
-                 error of one that preserves Ω stays bounded over very long times. With armatures on planar or floating
-                 joints, whose equations no Lagrangian has (``lagrangian.hamiltonian``), only time reversal
+                 error of a method that preserves Ω stays bounded over very long times. With armatures on planar or
+                 floating joints the equations have no Lagrangian (``lagrangian.hamiltonian``): only time reversal holds
     note         advice in a few words
     """
 

@@ -1,11 +1,11 @@
-"""Störmer-Verlet with constraints: RATTLE, symplectic on the constrained phase space, of robots whose v are q̇.
+"""Störmer-Verlet with constraints: RATTLE, symplectic on the constrained phase space, for robots with v = q̇.
 
 Source: Hairer, Lubich, Wanner, Geometric Numerical Integration (2006), VII.1.4, after Andersen (1983).
 
     p½ = p + ½ h (ṗ(q, p½) + Jᵀ λ),   q⁺ = q + ½ h (v(q, p½) + v(q⁺, p½)),   φ(q⁺) = 0
     p⁺ = p½ + ½ h (ṗ(q⁺, p½) + J⁺ᵀ μ),   J⁺ v(q⁺, p⁺) = 0
 
-λ is found by Newton's steps with Delassus' matrix at q, of which half h² is nearly the slope of φ(q⁺).
+Newton's steps find λ with Delassus' matrix at q; ½ h² times this matrix approximates the slope of φ(q⁺).
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ ROUNDING = 8.0 * EPS  # of an iterate
 
 
 def unfit(model: Model, constraints: Constraints, stabilization: float | None, method: str) -> str:
-    """What a symplectic method with constraints cannot do, "" if it can."""
+    """Why a symplectic method cannot take the constraints; "" if it can."""
     rates = [x.label for x in constraints if isinstance(x, (RollingConstraint, VelocityConstraint))]
     expected = "expected equations of positions; explicit methods take those of velocities"
     if rates:
@@ -61,7 +61,7 @@ def rattle(constrained: Constrained, model: Model) -> Callable[..., None]:
         J, half, ahead = constraint_jacobian(model, constraints, q), p.copy(), q.copy()
 
         def settle() -> Any:
-            """Solve for p½, then for q⁺, at the λ so far."""
+            """Solve for p½, then for q⁺, at the present λ."""
 
             def of_momentum(x: Array) -> Array:
                 joint_rates(system, t, q, x, rates)
@@ -90,7 +90,7 @@ def rattle(constrained: Constrained, model: Model) -> Callable[..., None]:
 
 
 def _fixed_point(step: Callable[[Array], Array], x: Array, system: System, t: float) -> Array:
-    """x = step(x) to rounding; the status STALLED if it does not converge."""
+    """Solve x = step(x) to rounding; sets the status STALLED if it does not converge."""
     before: Any = np.inf
     for _ in range(SWEEPS):
         new = step(x)

@@ -1,8 +1,8 @@
 """Symplectic methods in canonical coordinates z = (x, π): symplectic Euler, Störmer-Verlet, Gauss collocation.
 
-H(q, p) = ½ pᵀ M(q)⁻¹ p + V(q) is not separable, so all of them are implicit. A method is symplectic only as far as its
-equations are solved: they are iterated until the iterates change by rounding only, not to a tolerance. Gauss's methods
-sum z with compensation; their energy error grows like √t.
+H(q, p) = ½ pᵀ M(q)⁻¹ p + V(q) is not separable, so all these methods are implicit. A method is symplectic only if its
+equations are solved exactly: they are iterated until the iterates change by rounding only, not to a tolerance. Gauss's
+methods sum z with compensation; their energy error grows like √t.
 
 Sources: Hairer, Lubich, Wanner, Geometric Numerical Integration (2006), II.1 and VI.3; for rounding, Hairer, McLachlan,
 Razakarivony, Achieving Brouwer's law with implicit Runge-Kutta methods (2008).
@@ -28,11 +28,11 @@ from .iteration import LARGEST, SWEEPS, anderson_step, end, judge, largest, rela
 
 ROWS = 18
 NUMBERS = 13  # first of the rows with a number each
-ROUNDING = 16.0 * EPS  # of what rounds where a robot comes to rest: see ``terms``
+ROUNDING = 16.0 * EPS  # relative to the terms that round when a robot comes to rest: see ``terms``
 
 
 class SymplecticKernels(NamedTuple):
-    """field(system, q, p, rates), which writes v and ṗ without torques, and compiled kernels."""
+    """``field(system, q, p, rates)``, which writes v and ṗ without torques, and compiled kernels."""
 
     field: Any
     hamilton: Any
@@ -56,7 +56,7 @@ class Tableau(NamedTuple):
 
 
 def _tableau(c: tuple[float, ...], b: tuple[float, ...], mu: tuple[tuple[float, ...], ...]) -> Tableau:
-    """``ahead`` extends the polynomial through a step's slopes, of increments h b_j k_j, to the next step's nodes."""
+    """The Tableau; ``ahead`` extends the polynomial through the slopes k_j of a step to the nodes of the next step."""
     s = range(len(c))
 
     def basis(j: int, t: float) -> float:
@@ -142,7 +142,7 @@ def observe(system: System, t: float, state: State) -> None:
 
 @inline_unoptimized
 def _change_charts(system: System, state: State) -> None:
-    """Change to nearer chart centres where due, and clear ``work``: its rows but z refer to the old charts."""
+    """Change to nearer chart centres if due, and clear ``work``: all its rows except z refer to the old charts."""
     moved = system.kernels.recenter(system.table, state.by_row, state.work[0], state.work[6])
     rows = state.work[1:NUMBERS]
     for _ in when(moved, rows):
@@ -156,8 +156,8 @@ def _change_charts(system: System, state: State) -> None:
 
 @inline_unoptimized
 def terms(system: System, c: Any, first: int, sizes: Any) -> Any:
-    """Size of what rounds in the half of z that starts at ``first``: of positions 1, the robot's length or a radian,
-    and of momenta the change by the torque over a time c, which forces of the robot may balance.
+    """Size of the terms that round in the half of z that starts at ``first``: for positions 1, the robot's length or a
+    radian; for momenta their change by the torque over a time c, which forces of the robot may balance.
 
     sizes  (nv,)  scratch
     """

@@ -1,14 +1,14 @@
 """A variational integrator in O(n), on the joints' group: discrete mechanics of the bodies' average velocities.
 
 With the momenta μ⁻ and μ⁺ of ``discrete_momenta`` at the two ends of a step, and Jᵀ the inward sweep of the RNEA, a
-step solves J(q)ᵀ μ⁻ = p + ½ h f(q) for the displacement ξ of the joints,
-q⁺ = q ∘ exp(ξ), and sets p⁺ = J(q⁺)ᵀ μ⁺ + ½ h f(q⁺), with f the sum of joint, gravity and external torques. The map is
-symplectic, symmetric without torques, and preserves the momentum of a free robot whatever its joints do. ξ changes by
--h M⁻¹ r, with r the residual, until it changes no longer; ``anderson_step`` accelerates slow iterations.
+step solves J(q)ᵀ μ⁻ = p + ½ h f(q) for the displacement ξ of the joints, q⁺ = q ∘ exp(ξ), and sets
+p⁺ = J(q⁺)ᵀ μ⁺ + ½ h f(q⁺), with f the sum of joint, gravity and external torques. The map is symplectic, is symmetric
+without torques, and preserves the momentum of a free robot for any motion of its joints. The iteration changes ξ by
+-h M⁻¹ r, with r the residual, until ξ no longer changes; ``anderson_step`` accelerates slow iterations.
 
 Armatures add armature ξ to both momenta, so that the step solves M a + C v + g = τ with armatures on the diagonal of M,
-as all methods do. On joints of one freedom, and on balls with one armature for all their axes, that is the discrete
-mechanics of ½ armature v². On other joints with armatures no Lagrangian has these equations
+as all methods do. For joints of one freedom, and for balls with one armature for all axes, this is the discrete
+mechanics of ½ armature v². For other joints with armatures these equations have no Lagrangian
 (``lagrangian.hamiltonian``): the step is of order 2 and symmetric, but preserves neither Ω nor momenta of symmetries.
 
 Source: Lee, Liu, Park, Srinivasa, A linear-time variational integrator for multibody systems (2016), for the use of M⁻¹
@@ -34,7 +34,7 @@ TURN = 0.5  # cosine of half the angle by which a body may turn in one step, 120
 
 
 class VariationalKernels(NamedTuple):
-    """load(system, q, g), which writes the torques g that balance gravity and ``fext``, and compiled kernels."""
+    """``load(system, q, g)``, which writes the torques g that balance gravity and ``fext``, and compiled kernels."""
 
     load: Any
     static_torque: Any
@@ -93,7 +93,7 @@ def observe(system: System, t: float, state: State) -> None:
 
 @inline_unoptimized
 def variational(system: System, t: float, h: float, state: State) -> None:
-    """One step; the torques at both ends are those of the average velocity ξ/h, which keeps the order at 2."""
+    """One step; torques at both ends are evaluated at the average velocity ξ/h, which keeps the order at 2."""
     n, k = len(system.tau), system.kernels
     xi, old, older = state.work[0], state.work[1], state.work[2]
     mean, g, left, change = state.work[3], state.work[4], state.work[5], state.work[6]

@@ -61,8 +61,8 @@ BORROWED: dict[str, set[str]] = {
     "numba.core.cgutils": {COMPILED + "jit.py", COMPILED + "lane_arrays.py", COMPILED + "lanes.py"},
     # numbers, arrays and matrices of lanes: types, their operators and conversions
     "numba.core.datamodel.models": {COMPILED + "lane_arrays.py", COMPILED + "lanes.py"},
-    "numba.core.datamodel.register_default": {COMPILED + "lane_arrays.py", COMPILED + "lanes.py"},
-    "numba.core.typeconv.Conversion": {COMPILED + "lanes.py"},
+    "numba.core.datamodel.registry.register_default": {COMPILED + "lane_arrays.py", COMPILED + "lanes.py"},
+    "numba.core.typeconv.castgraph.Conversion": {COMPILED + "lanes.py"},
     "numba.core.typing.templates.AbstractTemplate": {COMPILED + "lane_arrays.py", COMPILED + "lanes.py"},
     "numba.core.typing.templates.infer_global": {COMPILED + "lane_arrays.py", COMPILED + "lanes.py"},
     "numba.core.typing.templates.signature": {COMPILED + "lane_arrays.py", COMPILED + "lanes.py"},
