@@ -507,8 +507,10 @@ def test_simulate_says_how_far_energy_went(method: str, warned: bool, capsys: py
 def test_a_simulation_that_diverges_is_no_result(capsys: pytest.CaptureFixture[str]) -> None:
     status, out, err = run(capsys, "simulate", "panda", "--dt", "0.03", "--duration", "10")
     assert (status, out) == (2, "")
-    assert err.startswith("spatialdyn: rk4 diverged at t = ")
-    assert "reduce dt" in err
+    said = [line for line in err.splitlines() if "takes more than 3 s" not in line]  # on a slow machine
+    assert len(said) == 1
+    assert said[0].startswith("spatialdyn: rk4 diverged at t = ")
+    assert "reduce dt" in said[0]
 
 
 @pytest.mark.parametrize("option", ["--q", "--q0", "--v0"])
