@@ -19,12 +19,14 @@ from .programs.record.mimic_rows import evaluate
 from .programs.run import batch_kernels
 from .run import Table
 
-LEAST_BATCH = 512  # least samples of a batch that runs on lanes
-MOST_ROWS = 32  # above, programs of double-double take too long to compile
+LEAST_BATCH = 512  # smaller batches do not run on lanes
+MOST_ROWS = 32  # for tables with more rows, double-double programs take too long to compile
 
 
 def compute_on_lanes(spec: Spec, table: Table, inputs: Arrays, out: NDArray[np.float64]) -> bool:
-    """Whether a batch was computed on lanes and every sample is valid; else, and at Ctrl-C, ``out`` holds no results.
+    """Compute a batch on lanes; returns whether that was done and every sample is valid.
+
+    If it returns False, and after Ctrl-C, ``out`` holds no results.
 
     inputs  each (n, columns) in C order, or (1, columns) for all samples
     out     (n, columns) in C order, written in place
@@ -35,7 +37,9 @@ def compute_on_lanes(spec: Spec, table: Table, inputs: Arrays, out: NDArray[np.f
 
 
 def rewrite(spec: Spec, table: Table, inputs: Arrays, out: NDArray[np.float64], seen: bool = True) -> None:
-    """Replace the finite samples of ``out``, results of float64, by those of double-double, as ``compute_on_lanes``.
+    """Replace the finite samples of ``out``, which are float64 results, by double-double results.
+
+    Arguments as of ``compute_on_lanes``.
 
     seen  as of ``run.batch``
     """

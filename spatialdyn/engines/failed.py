@@ -1,4 +1,4 @@
-"""The failed samples of a batch, for which the calls then name the fault."""
+"""The failed samples of a batch; the public call names the fault of each."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ class Failed(NamedTuple):
     """The samples of a batch (k) whose status is not OK.
 
     samples  (k) their indices in the batch
-    status   (k) of ``numba_kernels``, or RANGE: a result that is finite in float64 and not in the output's dtype
-    finite   (k) whether the whole result is finite, in float64
-    inputs   their inputs, each (k, ...), or (1, ...) for all samples
+    status   (k) a status of ``numba_kernels``, or RANGE if a result is finite in float64 but not in the output's dtype
+    finite   (k) whether the whole result is finite in float64
+    inputs   their inputs, each (k, ...), or (1, ...) if all samples share the input
     """
 
     samples: NDArray[np.intp]
@@ -30,7 +30,7 @@ ALL_OK = Failed(np.empty(0, np.intp), np.empty(0, np.int8), np.empty(0, np.bool_
 
 
 def in_order(failed: Failed) -> Failed:
-    """Failed samples by their indices."""
+    """Failed samples sorted by their indices."""
     if failed is ALL_OK or (np.diff(failed.samples) > 0).all():
         return failed
     order = np.argsort(failed.samples)

@@ -1,7 +1,7 @@
-"""Run long work that handles no signal, such as LLVM's, on another thread, so that the main thread handles Ctrl-C.
+"""Run long work on another thread, so that the main thread can handle Ctrl-C meanwhile.
 
-Python handles signals in its main thread, between two of its own operations. LLVM compiles the ABA of a humanoid for
-a second in one call.
+Python handles signals in its main thread, between two Python operations. One call of LLVM, which compiles the ABA of a
+humanoid, takes a second and handles no signal.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class _Worker(threading.Thread):
             self.done.set()
 
     def finish(self) -> None:
-        """Wait for the end, at the end of the process: it must not take LLVM away from a thread that compiles."""
+        """Wait for the thread when the process ends, which would otherwise unload LLVM while the thread compiles."""
         try:
             while not self.done.wait(WAKE):
                 pass
@@ -56,10 +56,10 @@ def leave(status: int) -> None:
 
 
 def interruptible(function: Callable[..., Any], *arguments: Any) -> Any:
-    """``function(*arguments)``, on another thread if called in the main one, which raises KeyboardInterrupt at once.
+    """``function(*arguments)``; a call in the main thread runs on another thread, and Ctrl-C raises at once.
 
-    The function then goes on to its end, as what it has locked would stay so; the process waits for it when it exits,
-    until another Ctrl-C. A second call waits where both need the same lock.
+    After KeyboardInterrupt the function runs on to its end, since the locks it holds would otherwise stay locked. The
+    process waits for it at exit, until another Ctrl-C. A second call waits if both calls need the same lock.
     """
     if threading.current_thread() is not threading.main_thread():
         return function(*arguments)
@@ -79,7 +79,7 @@ def interruptible(function: Callable[..., Any], *arguments: Any) -> Any:
 
 
 def _forked() -> None:
-    """In a forked child: the threads are gone, and its end waits for none of them."""
+    """In a forked child: forget the threads, which do not exist there, so that exit does not wait for them."""
     while _at_work:
         atexit.unregister(_at_work.pop().finish)
 

@@ -1,9 +1,9 @@
-"""The locks of the library and their treatment in a fork: the only module that makes and owns them.
+"""The locks of the library and their treatment in a fork: the only module that makes locks.
 
-A child of ``os.fork`` has one thread, and a copy of each lock as it was: one that another thread held is locked for
-ever. So before a fork all of them are taken, Numba's and llvmlite's too, and after it both processes release them; a
-thread that compiles is waited for, as a child cannot go on with an LLVM that was stopped midway. A thread that forks
-waits for one lock at a time and holds none meanwhile: no order in which others take several can meet it in a deadlock.
+A child of ``os.fork`` has one thread and a copy of each lock: a lock that another thread held stays locked for ever.
+So the forking thread takes all locks before the fork, those of Numba and llvmlite too, and both processes release them
+after it. A fork waits until a compiling thread is done, because the child cannot use an LLVM that was stopped midway.
+The forking thread holds no lock while it waits for one, so there is no deadlock with threads that take several locks.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from ..algebra import scalars
 
 PACKAGE = __name__.partition(".")[0]
 
-_making = threading.Lock()  # while a lock is made, and from before a fork until after it
+_making = threading.Lock()  # held while a lock is made, and during a fork
 _made: WeakSet[Any] = WeakSet([scalars.lock])
-_held: list[Any] = []  # by the thread that forks
-_forking: list[int] = []  # that thread, from before a fork until after it
+_held: list[Any] = []  # locks held by the thread that forks
+_forking: list[int] = []  # identifier of that thread, during a fork
 
 
 def new(kind: Callable[[], Any] = threading.RLock) -> Any:
-    """A lock, which no fork copies locked."""
+    """A new lock, which is never locked in a forked child."""
     made = kind()
     with _making:
         _made.add(made)
@@ -47,22 +47,22 @@ def foreign() -> list[Any]:
 def come_first() -> None:
     """Make a fork take the library's locks before those of modules imported since the last call.
 
-    Hooks run in the reverse order of their registration. With ``logging``'s lock taken first, a fork would wait for a
-    thread that compiles, and that thread, which may import what makes a logger, for the fork.
+    Hooks run in the reverse order of their registration. If a fork took the lock of ``logging`` first, it would wait
+    for a thread that compiles, and that thread, which may import a module that makes a logger, would wait for the fork.
     """
     if hasattr(os, "register_at_fork"):  # not on Windows
         os.register_at_fork(before=_before)
 
 
 def _before() -> None:
-    if threading.get_ident() in _forking:  # registered again
+    if threading.get_ident() in _forking:  # the hook was registered more than once
         return
     busy = None
     while True:
         _making.acquire()
         first, busy = busy, None
         if first is not None:
-            _held.append(first)  # that was waited for
+            _held.append(first)  # the lock that this thread waited for
         for lock in (*_made, *foreign()):
             if lock is not first and not lock.acquire(blocking=False):
                 busy = lock
@@ -85,7 +85,7 @@ def _release() -> None:
 
 
 def _in_child() -> None:
-    """Release the locks; those of ``functools.cached_property``, in Python up to 3.11, are made anew."""
+    """Release the locks, and make new ones for ``functools.cached_property``, which has locks up to Python 3.11."""
     _release()
     for name, module in list(sys.modules.items()):
         if name.partition(".")[0] == PACKAGE:

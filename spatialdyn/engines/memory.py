@@ -1,10 +1,10 @@
-"""Memory of results: the memory of large results is kept when they are freed, and used again.
+"""Memory of results: the pool keeps the memory of large results when they are freed, and uses it again.
 
-The system hands out memory in zeroed pages, at the first write to each. For large results, as the mass matrices of
-8192 humanoids (121 MB), that takes longer than to compute them, in pages of 4 KB much longer than in huge ones of 2 MB.
+The system provides a zeroed page at the first write to it. For large results, such as the mass matrices of 8192
+humanoids (121 MB), that takes longer than computing them; pages of 4 KB take much longer than huge pages of 2 MB.
 
-A block returns to the pool when the result and all its views are gone. Of free blocks MOST bytes are kept in all, and
-the system may take them where it is short of memory (MADV_FREE). Blocks are private to the process and its forks.
+A block returns to the pool when the result and all its views are gone. The pool keeps at most MOST bytes of free
+blocks, which the system may reclaim if memory is short (MADV_FREE). Blocks are private to the process and its forks.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from numpy.typing import DTypeLike, NDArray
 
 from . import locks
 
-ALIGNED = 1 << 20  # least bytes of a result that is aligned to 64 bytes, as stores that bypass the CPU caches need
-POOLED = 16 << 20  # least bytes of a block: the C library itself uses smaller ones again
-MOST = 256 << 20  # bytes of free blocks that are kept
+ALIGNED = 1 << 20  # least bytes of a result aligned to 64 bytes, which stores that bypass the CPU caches need
+POOLED = 16 << 20  # least bytes of a block: the C library itself reuses smaller ones
+MOST = 256 << 20  # most bytes of free blocks in the pool
 PAGE = 2 << 20  # bytes of a huge page
-SPARE = 1.25  # a block serves results of its size, and those down to this part of it
+SPARE = 1.25  # a block is at most this many times as large as a result in it
 
 _PRIVATE = {"flags": mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS} if hasattr(mmap, "MAP_ANONYMOUS") else {}
 
@@ -69,7 +69,7 @@ class Pool:
 
     def __init__(self) -> None:
         self._free: list[Block] = []
-        self._given: deque[Block] = deque()  # by ``give``, not in ``_free`` yet
+        self._given: deque[Block] = deque()  # blocks from ``give`` that are not in ``_free`` yet
         self._lock = locks.new(threading.Lock)
 
     @property
@@ -78,7 +78,7 @@ class Pool:
         return sum(block.size for block in (*self._free, *self._given))
 
     def borrow(self, size: int) -> NDArray[np.uint8]:
-        """An array of this number of bytes, in the memory of an earlier one if possible. Raises MemoryError."""
+        """An array of this number of bytes, in the memory of a freed result if possible. Raises MemoryError."""
         size_of_block = -(-size // PAGE) * PAGE
         block = self._taken(size_of_block)
         if block is None:
@@ -90,9 +90,9 @@ class Pool:
         return np.asarray(_Loan(self, block, size))
 
     def give(self, block: Block) -> None:
-        """Keep a block, or one that was used later, for another result.
+        """Take back a block for later results; when too many are free, the pool drops those used longest ago.
 
-        The garbage collector may call this at any time, also within ``borrow``: it waits for no lock.
+        The garbage collector may call this method at any time, also within ``borrow``, so it waits for no lock.
         """
         if block.size <= MOST:
             block.release()
@@ -131,7 +131,7 @@ pool = Pool()
 
 
 def empty(shape: tuple[int, ...], dtype: DTypeLike = np.float64) -> NDArray[Any]:
-    """An uninitialized array; from 1 MiB on aligned to 64 bytes, from 16 MiB on in memory that is used again."""
+    """An uninitialized array, from 1 MiB on aligned to 64 bytes, from 16 MiB on in memory of the pool."""
     kind = np.dtype(dtype)
     size = kind.itemsize * math.prod(shape)
     if size < ALIGNED:

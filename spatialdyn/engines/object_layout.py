@@ -1,13 +1,14 @@
 """Memory layout of CPython's and NumPy's objects, for compiled functions that read their argument objects themselves.
 
 Such a function has the calling convention of CPython's builtins. It checks type, size and layout of its arguments in
-memory and has NumPy make the result: unpacking an array in Numba and making one in Python would each cost as much as
-the dynamics of an arm. The GIL is held throughout, so no other thread changes an argument meanwhile.
+memory and calls NumPy to make the result: unpacking an array in Numba and making one in Python would each cost as much
+as the dynamics of an arm. The function holds the GIL throughout, so no other thread changes an argument meanwhile.
 
-The layout of arrays is part of NumPy's C interface and the same since 1.0; the others are CPython's. Tried on CPython
-3.11 and NumPy 2.4, 64 bits, little endian, with the GIL. ``READY`` says whether this process has that layout; where not
-(another implementation or byte order, a build without the GIL), no such function is made, and plain Python answers. Of
-a dtype the type number and the byte order are read, not its address: an unpickled array has another dtype object.
+The layout of arrays is part of NumPy's C interface and the same since 1.0; the other layouts are CPython's. They were
+tried on CPython 3.11 and NumPy 2.4, 64 bits, little endian, with the GIL. ``READY`` says whether this process has that
+layout. If not (another implementation or byte order, a build without the GIL), no such function is made, and plain
+Python runs instead. Dtypes are compared by type number and byte order, not by address, since an unpickled array has
+another dtype object.
 """
 
 from __future__ import annotations
@@ -24,8 +25,8 @@ import numpy as np
 F8 = np.float64
 TYPE, DATA, RANK, SHAPE, STRIDES, DTYPE, FLAGS = 1, 2, 3, 4, 5, 7, 8  # words of an array object
 KIND = 3  # word of a dtype: kind, letter, byte order and flags, a byte each, and the type number
-SAME = ~0xFF010000  # the bits in which equal dtypes agree: without flags, and "=" (0x3D) is "<" (0x3C)
-LENGTH, ITEMS = 2, 3  # words of a tuple: how many items, and the first
+SAME = ~0xFF010000  # mask of the bits that are the same in equal dtypes: no flags; "=" (0x3D) and "<" (0x3C) agree
+LENGTH, ITEMS = 2, 3  # words of a tuple: the number of items, and the first item
 REAL = 2  # word of a float, or of np.float64: its value
 FASTCALL, KEYWORDS = 0x80, 0x2  # METH_FASTCALL, METH_KEYWORDS
 CONTIGUOUS, ALIGNED, WRITEABLE = 0x1, 0x100, 0x400  # NPY_ARRAY_C_CONTIGUOUS, ...
@@ -60,15 +61,16 @@ def words(values: list[int], *alive: Any) -> Words:
 def maker(
     name: str, address: int, module: str | None = None, doc: str = "", keywords: bool = False
 ) -> Callable[..., Callable[..., Any]]:
-    """A maker of functions of Python from the address of a compiled one: it takes the object that the compiled function
-    gets first, None for none.
+    """A function that makes Python functions from the address of a compiled one.
 
-    module  of which the functions say to be
+    Its argument is the object that the compiled function gets first; None if there is no such object.
+
+    module  ``__module__`` of the functions
     doc     docstring, which may begin with the signature and a line "--"
     """
     flags = FASTCALL | KEYWORDS if keywords else FASTCALL
     definition = Definition(name.encode(), address, flags, doc.encode() if doc else None)
-    never_free(definition)  # a function reads it when it is freed itself, perhaps after its maker: 32 bytes
+    never_free(definition)  # 32 bytes, which a function reads when it is freed, perhaps after its maker is gone
 
     def make(bound: object = None) -> Callable[..., Any]:
         new: Any = ctypes.pythonapi.PyCFunction_NewEx
@@ -91,9 +93,10 @@ def api(name: str) -> int:
 
 
 def vectorcall() -> int:
-    """The address of what calls a Python function with its arguments in an array.
+    """The address of the C function that calls a Python function with its arguments in an array.
 
-    CPython 3.10 exports no PyObject_Vectorcall, which is inline in its headers; there it is the function's own slot.
+    CPython 3.10 does not export PyObject_Vectorcall, which is inline in its headers; there the address is the one in
+    the function's own slot.
     """
     return api("PyObject_Vectorcall" if hasattr(ctypes.pythonapi, "PyObject_Vectorcall") else "_PyFunction_Vectorcall")
 
@@ -113,7 +116,7 @@ def words_at(address: int, count: int) -> list[int]:
 
 
 def kind(dtype: np.dtype) -> int:
-    """A word of a dtype that is the same for equal dtypes."""
+    """A word computed from a dtype; equal dtypes have the same word."""
     return words_at(id(dtype), KIND + 1)[KIND] & SAME
 
 

@@ -1,7 +1,7 @@
-"""Constants of sin and cos in native code, of kernels and of programs.
+"""Constants of sin and cos in the native code of kernels and programs.
 
-n = rint(x 2/π) by adding and subtracting 1.5 · 2⁵², r = x - n π/2 in three parts (Cody, Waite), and the minimax
-polynomials of fdlibm: sin r = r + r³ SINE(r²), cos r = 1 - r²/2 + r⁴ COSINE(r²).
+Method: n = rint(x 2/π) by adding and subtracting 1.5 · 2⁵²; r = x - n π/2 with π/2 in three parts (Cody, Waite); then
+the minimax polynomials of fdlibm, sin r = r + r³ SINE(r²) and cos r = 1 - r²/2 + r⁴ COSINE(r²).
 """
 
 MAGIC = {"double": 6755399441055744.0, "float": 12582912.0}
@@ -41,4 +41,4 @@ COSINE = {
     ),
     "float": (4.166664568298827e-2, -1.388731625493765e-3, 2.443315711809948e-5),
 }
-MAX_ANGLE = 1e5  # samples of larger angles, by the root of their sum of squares, take the C library's sin and cos
+MAX_ANGLE = 1e5  # if the root of the sum of squares of a sample's angles is larger, the C library computes sin and cos

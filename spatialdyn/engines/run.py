@@ -1,9 +1,9 @@
 """A call over the samples of a batch, one or many: by its program if it has one, else by the table kernel.
 
-Which of the two depends on the table and the call alone. Samples that a program rejects (angles beyond its range, NaN,
-joints of next to no articulated inertia) are computed by the recursion in NumPy, however many there are: the table
-kernel takes seconds to compile, and has other bits. The results are written in place; the caller gets the samples that
-failed.
+The choice depends on the table and the call alone. The recursion in NumPy computes the samples that a program rejects
+(angles beyond its range, NaN, joints of almost no articulated inertia), however many there are: the table kernel takes
+seconds to compile, and its results have other bits. The results are written in place; the samples that failed are
+returned.
 """
 
 from __future__ import annotations
@@ -35,12 +35,12 @@ from .programs.run.batches import NONE
 from .programs.run.tiered_program import TieredProgram
 
 SHARE = 10**9 if numba_kernels.PLAIN else 128  # least samples of a thread: fewer take less time than waking it
-FEW, FEW_NUMBERS = 512, 1 << 20  # most samples, and numbers of their results, that NumPy is given
-FEW_ALONE = 16  # of a recursion that branches on values, which takes them one by one
-MANY_ALONE = 512  # samples of a recursion that branches on values that compile it at once
-MOST_STEPS = 200_000  # rows of the table times numbers of a result that NumPy is given
-MOST_BESIDE_LANES = 1 << 12  # numbers of a result of a program, where the table kernel runs on lanes
-MANY = 8192  # samples of a batch to prepare for
+FEW, FEW_NUMBERS = 512, 1 << 20  # most samples, and most numbers in their results, that NumPy computes
+FEW_ALONE = 16  # as FEW, for a recursion that branches on values, which NumPy runs on one sample at a time
+MANY_ALONE = 512  # a batch of so many samples compiles a recursion that branches on values at once
+MOST_STEPS = 200_000  # most rows of the table times numbers of a result that NumPy computes
+MOST_BESIDE_LANES = 1 << 12  # most numbers of a program's result, where the table kernel runs on lanes
+MANY = 8192  # samples of the batches that ``compile_program`` prepares for
 _lock = locks.new()
 STATIC = "rows" if numba_kernels.PLAIN else "address"  # the attribute of a StaticTable that kernels take
 RANGE = numba_kernels.NONFINITE + 1  # a status that the kernels do not have
@@ -84,7 +84,7 @@ class CallProgram(NamedTuple):
         return self._off_norm(failed, inputs, out, seen) if self.table.bodies[0]["kind"] == ANY_NORM else failed
 
     def _off_norm(self, failed: Failed, inputs: Arrays, out: NDArray[np.float64], seen: bool) -> Failed:
-        """Samples off their unit norm, which the table allows, by the table kernel; returns those that failed."""
+        """Compute samples off unit norm, which the table allows, by the table kernel; returns those that failed."""
         off = failed.status == numba_kernels.UNIT
         if not off.any():
             return failed
@@ -104,12 +104,12 @@ def batch(
     out: NDArray[np.float64],
     seen: bool = True,
 ) -> Failed:
-    """Every sample of a batch; returns those that failed, ALL_OK if none did.
+    """Compute every sample of a batch; returns those that failed, ALL_OK if none did.
 
     inputs  each (n, ...) in C order, or (1, ...) for all samples
     static  values of the static inputs
     out     (n, columns) in C order, written in place
-    seen    whether the caller reads ``out`` after Ctrl-C: it then holds the results so far, and NaN in the others
+    seen    whether the caller reads ``out`` after Ctrl-C: ``out`` then holds the results so far and NaN for the rest
     """
     made = program(spec, table, hashable(static))
     failed = None if made is None else made(inputs, out, seen)
@@ -136,7 +136,7 @@ def forget_programs() -> None:
 
 @lru_cache(maxsize=batch_kernels.CACHE_SIZE)
 def _program(spec: Spec, table: Table, static: tuple[bytes | int, ...]) -> CallProgram | None:
-    """As ``program``, for one thread at a time: each is recorded once."""
+    """As ``program``, for one thread at a time, so that each program is recorded once."""
     if numba_kernels.PLAIN or not recording.fits((spec,), table.bodies, static=static):
         return None
     if lane_names.fits(spec) and math.prod(_core(spec, table, static)) > MOST_BESIDE_LANES:
@@ -150,9 +150,9 @@ def _program(spec: Spec, table: Table, static: tuple[bytes | int, ...]) -> CallP
 
 
 def compile_program(spec: Spec, table: Table, static: tuple[Any, ...]) -> bool:
-    """Compile a call's program for one sample and for batches, instead of when it pays; False if it has none.
+    """Compile a call's program now, for one sample and for batches; returns False if the call has no program.
 
-    Also for batches that bypass the CPU caches, if those of MANY samples do.
+    If batches of MANY samples bypass the CPU caches, the code for such batches is compiled too.
     """
     made = program(spec, table, hashable(static))
     if made is None:
@@ -174,18 +174,18 @@ def run_table_kernel(
     columns: NDArray[np.intp] | None = None,
     seen: bool = True,
 ) -> Failed:
-    """Samples computed by the table kernel, in float64; returns those that failed.
+    """Compute samples by the table kernel, in float64; returns those that failed.
 
     inputs   of these samples, as of ``batch``
     out      (n, columns) of any float dtype, written in place
-    at       the rows of ``out`` of these samples, all if left out
-    columns  the wanted entries of a result, flat, all if left out
+    at       the rows of ``out`` of these samples; all rows by default
+    columns  the wanted entries of a flat result; all entries by default
     seen     as of ``batch``
 
-    A recursion that branches on values, which has no program, runs in plain Python until compiling pays, with the same
-    bits. A few samples with NaN or infinity are computed in NumPy: for the result NaN no kernel is compiled. So are all
-    of a model with mimic joints, whose reduced recursions have no table kernel, of one without joints, and of a Spec
-    that is ``large``.
+    A recursion that branches on values has no program; it runs in plain Python until compiling pays, with the same
+    bits. NumPy computes a few samples with NaN or infinity, so that no kernel is compiled for a result of NaN. NumPy
+    also computes all samples of a model with mimic joints, whose reduced recursions have no table kernel, of a model
+    without joints, and of a Spec that is ``large``.
     """
     count = len(out) if at is None else len(at)
     in_numpy = len(table.bodies) == 1 or table.bodies["leader"].any()
@@ -209,12 +209,12 @@ def run_table_kernel(
 def preview(spec: Spec, table: Table, inputs: Arrays, static: tuple[Any, ...], count: int) -> Failed:
     """The failed samples of a call, computed in NumPy, if its table kernel would have to be compiled first.
 
-    ALL_OK also if the call has a program, its kernel is in memory, or the samples are no few.
+    Returns ALL_OK also if the call has a program, if its kernel is in memory, or if the samples are many.
     """
     if (
         numba_kernels.PLAIN
-        or not spec.traceable  # which compiles when it pays
-        or table.bodies["leader"].any()  # which have no table kernel
+        or not spec.traceable  # its recursion is compiled when that pays
+        or table.bodies["leader"].any()  # mimic joints have no table kernel
         or numba_kernels.is_made(spec)
         or (lane_names.fits(spec) and lane_batches.batches(spec).is_made)
         or count > _few(spec, table, static)
@@ -226,7 +226,7 @@ def preview(spec: Spec, table: Table, inputs: Arrays, static: tuple[Any, ...], c
 
 
 def _few(spec: Spec, table: Table, static: tuple[Any, ...]) -> int:
-    """The number of samples that NumPy computes in the time of compiling the table kernel; 0 if it cannot."""
+    """The number of samples that NumPy computes in the time of compiling the table kernel; 0 if NumPy cannot."""
     if numba_kernels.PLAIN or table.bodies[0]["kind"] == ANY_NORM:
         return 0
     numbers = max(1, math.prod(_core(spec, table, hashable(static))))
@@ -236,7 +236,7 @@ def _few(spec: Spec, table: Table, static: tuple[Any, ...]) -> int:
 
 
 def _few_not_finite(spec: Spec, table: Table, inputs: Arrays, static: tuple[Any, ...], count: int) -> NDArray[np.intp]:
-    """The samples with an input that is not finite, if they are few."""
+    """The samples with an input that is not finite, if such samples are few."""
     found = np.zeros(count, np.bool_)
     for x in inputs:
         if not np.isfinite(x).all():
@@ -255,7 +255,7 @@ def _run_table_kernel(
     columns: NDArray[np.intp] | None,
     seen: bool,
 ) -> Failed:
-    """``run_table_kernel`` of any samples."""
+    """As ``run_table_kernel``, for samples of any kind."""
     core, rows = _core(spec, table, hashable(static)), getattr(table, numba_kernels.TABLE)
     kernel = _kernel(spec, len(out) if at is None else len(at))
 
@@ -279,7 +279,7 @@ def compile_table_kernel(spec: Spec) -> None:
 
 
 def _kernel(spec: Spec, count: int) -> Callable[..., int] | None:
-    """The table kernel of batches; None for few samples of a recursion that runs in plain Python so far."""
+    """The table kernel of batches; None for few samples of a recursion that still runs in plain Python."""
     if lane_names.fits(spec):
         made = lane_batches.batches(spec)
         made.prepare(count)
@@ -293,7 +293,7 @@ def _kernel(spec: Spec, count: int) -> Callable[..., int] | None:
 def _one_by_one(
     spec: Spec, rows: Any, inputs: Arrays, static: tuple[Any, ...], out: NDArray[Any], status: NDArray[np.int8]
 ) -> None:
-    """Compute samples, as ``_share``, by a kernel that is compiled when that pays."""
+    """As ``_share``, sample by sample, by a kernel that is compiled when that pays."""
     kernel, varying = tiers.table_kernel(spec), [x for x in spec.present if not x.static]
     known = dict(zip((x.name for x in spec.present if x.static), static, strict=True))
     for k in range(len(out)):
@@ -316,7 +316,7 @@ def run_in_numpy(
 ) -> Failed:
     """As ``run_table_kernel``, by the recursion in NumPy, which compiles nothing.
 
-    parameters, values  numbers of the table that samples have: each (k, ...), or (1, ...) for all
+    parameters, values  the parameters, and their values in the samples: each (k, ...), or (1, ...) for all samples
     """
     evaluate = Evaluation(spec, table.bodies, static, parameters)
 
@@ -341,8 +341,8 @@ def _in_slices(
 ) -> Failed:
     """Compute samples in slices, between which Ctrl-C is handled, as ``run_table_kernel``; returns those that failed.
 
-    compute  ``(slice of the samples, their inputs, flat results, status)``, which writes the last two in place
-    least    samples that take hardly longer than one
+    compute  ``(slice of the samples, their inputs, flat results, status)``; results and status are written in place
+    least    least samples of a slice: so many take hardly longer than one
     """
     count = len(out) if at is None else len(at)
     in_place = at is None and columns is None and out.dtype == np.float64
@@ -374,12 +374,12 @@ def _in_slices(
 
 @lru_cache(maxsize=batch_kernels.CACHE_SIZE)
 def _core(spec: Spec, table: Table, static: tuple[Any, ...]) -> tuple[int, ...]:
-    """Shape of one sample of the output as the table kernel takes it: a scalar is an array of one."""
+    """Shape of one sample of the output, as the table kernel takes it: a scalar has the shape (1,)."""
     return recording.shape_of(spec.output, table.bodies, static) or (1,)
 
 
 def _share(kernel: Any, rows: Any, inputs: Arrays, static: tuple[Any, ...], out: Any, status: Any) -> None:
-    """The table kernel over the samples of ``out``, shared among the threads."""
+    """Run the table kernel over the samples of ``out``, shared among the threads."""
     n, known = len(out), [getattr(x, STATIC) if isinstance(x, StaticTable) else x for x in static]
 
     def part(first: int, end: int) -> int:
@@ -390,7 +390,7 @@ def _share(kernel: Any, rows: Any, inputs: Arrays, static: tuple[Any, ...], out:
 
 
 def _store(out: NDArray[Any], here: Any, results: NDArray[np.float64], status: NDArray[np.int8]) -> None:
-    """Write results to the rows ``here`` of ``out``, in its dtype; RANGE is the status of those that overflow it."""
+    """Write results to the rows ``here`` of ``out``; a result that overflows the dtype of ``out`` has status RANGE."""
     with np.errstate(over="ignore"):
         out[here] = results
     if out.dtype == np.float64:

@@ -25,11 +25,11 @@ if TYPE_CHECKING:
     from concurrent.futures import ThreadPoolExecutor
 
 SLICE_SECONDS = 0.05  # seconds of a slice, after which Ctrl-C is handled, for samples outside of programs
-FIRST_SLICE = 1 << 18  # rows² or rows times results, in all samples of the first slice
+FIRST_SLICE = 1 << 18  # rows² or rows times results, summed over the samples of the first slice
 
-PIECES = 4  # of a thread's share of a batch: a thread that comes late leaves its own to the others
-IDLE = 0.5  # of the time it works: a thread that waits longer for the others, or for a core, is on a busy machine
-PAUSE = 10.0  # times that wait, and at most MOST_PAUSE seconds, in which batches then run on one thread
+PIECES = 4  # pieces of a thread's share of a batch: other threads take the pieces of a thread that starts late
+IDLE = 0.5  # the machine is busy if a thread waits for others, or for a core, longer than this part of its work time
+PAUSE = 10.0  # on a busy machine batches run on one thread for this many times that wait, at most MOST_PAUSE seconds
 MOST_PAUSE = 1.0
 MOST_THREADS = 1 << 20  # largest number passed to compiled code
 FINE_CLOCK = time.get_clock_info("thread_time").resolution < 1e-5  # 16 ms on Windows
@@ -45,7 +45,7 @@ class ThreadPool:
 
     def __init__(self) -> None:
         self._pools: dict[int, ThreadPoolExecutor] = {}
-        self._asked: int | None = None  # by ``ask``
+        self._asked: int | None = None  # the number set by ``ask``
         self._found: tuple[int, bool] | None = None  # as of ``default_threads``
         self._forked = False
         self._pause = self._busy_until = 0.0
@@ -53,7 +53,7 @@ class ThreadPool:
 
     @property
     def most(self) -> NDArray[np.int64]:
-        """The most threads of a batch that threads of others compute: a word, which compiled code reads."""
+        """The most threads of a batch that threads outside this pool compute: a word that compiled code reads."""
         self._tell()
         return self._most
 
@@ -62,10 +62,10 @@ class ThreadPool:
 
     @property
     def size(self) -> int:
-        """Threads of a batch that this thread computes: those asked for, else all cores for the main thread.
+        """The number of threads for a batch of the calling thread: the number set, else all cores in the main thread.
 
-        One while the machine is busy, and for other threads, which are as many as their program starts.
-        Raises SpatialDynError if the environment sets no number.
+        By default the number is 1 while the machine is busy and in other threads, of which the program may start many.
+        Raises SpatialDynError if the environment variable is no valid number.
         """
         if self._asked is not None:
             return self._asked
@@ -84,7 +84,7 @@ class ThreadPool:
             self._tell()
 
     def forked(self) -> None:
-        """In a forked child: the threads are gone, and it is a worker."""
+        """In a forked child: forget the threads, which do not exist there; the child counts as a worker."""
         self._pools.clear()
         self._asked, self._found, self._forked = None, None, True
 
@@ -93,15 +93,15 @@ class ThreadPool:
 
         with _lock:
             if threads not in self._pools:
-                locks.come_first()  # before that of concurrent.futures
+                locks.come_first()  # a fork then takes our locks before that of concurrent.futures
                 self._pools[threads] = ThreadPoolExecutor(threads, thread_name_prefix="spatialdyn")
             return self._pools[threads]
 
     def together(self, work: Callable[[], Any], threads: int) -> list[Any]:
         """Call ``work`` in this number of threads, including the caller's; returns the results.
 
-        A thread that has not begun when this one is through is not waited for: ``work`` leaves nothing for it. All
-        others have ended when it returns or raises.
+        The caller does not wait for a thread that has not begun when its own call ends, since no work is left then.
+        All other threads have ended when this method returns or raises.
         """
         from concurrent.futures import wait
 
@@ -119,9 +119,11 @@ class ThreadPool:
         return made
 
     def run(self, parts: Sequence[Callable[[], Any]], threads: int | None = None) -> list[Any]:
-        """The results of parts, which so many threads, as many as parts by default, take in order as they are free.
+        """The results of the parts; each free thread takes the next part.
 
-        All have ended when it returns; all that have begun, when it raises.
+        threads  number of threads; by default one for each part
+
+        All parts have ended when this method returns; if it raises, all parts that have begun have ended.
         """
         results: list[Any] = [None] * len(parts)
         left = deque(range(len(parts)))
@@ -142,7 +144,7 @@ class ThreadPool:
         return results
 
     def _judge(self, worked: float, idle: float) -> None:
-        """Pause after a batch in which this thread was idle for long, twice as long if it was idle before too."""
+        """Pause after a batch in which this thread was idle for long; the pause doubles if that happens in a row."""
         if idle <= IDLE * worked:
             self._pause = 0.0
             return
@@ -164,10 +166,10 @@ class ThreadPool:
 def default_threads(worker: bool = False) -> tuple[int, bool]:
     """The number of threads that a process uses, and whether its environment sets it.
 
-    SPATIALDYN_NUM_THREADS if set; one in a ``worker``, as processes of multiprocessing, joblib and Dask are; else the
-    cores that it may use, by its affinity and the quota of its control group, or OMP_NUM_THREADS if less.
+    The number is SPATIALDYN_NUM_THREADS if set; 1 in a ``worker``, such as a process of multiprocessing, joblib or
+    Dask; else the number of cores that affinity and control group's quota allow, or OMP_NUM_THREADS if less.
 
-    Raises SpatialDynError if SPATIALDYN_NUM_THREADS is no whole number of 1 at least.
+    Raises SpatialDynError if SPATIALDYN_NUM_THREADS is not a whole number of at least 1.
     """
     own = os.environ.get(VARIABLE, "").strip()
     if own:
@@ -183,7 +185,7 @@ def default_threads(worker: bool = False) -> tuple[int, bool]:
 
 
 def available_cores() -> int:
-    """The number of cores that this process may use: its affinity, and its control group's quota, rounded up."""
+    """The number of cores that this process may use, by its affinity and its control group's quota, rounded up."""
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     for quota, period in (_V2, _V1):
         with suppress(OSError, ValueError, IndexError):
@@ -194,11 +196,10 @@ def available_cores() -> int:
 
 
 def slices(n: int, rows: int, results: int, least: int = 1) -> Iterator[tuple[int, int]]:
-    """Slices (first, end) of n samples, sized so that each takes the caller some SLICE_SECONDS: Ctrl-C is handled
-    between them.
+    """Slices (first, end) of n samples, each of about SLICE_SECONDS of the caller's work; Ctrl-C is handled in between.
 
     rows, results  rows of the table, and numbers of a result, which set the size of the first slice
-    least          least samples of a slice, of the last too, unless n is less
+    least          least samples of a slice, also of the last slice, unless n is less
     """
     end, count = 0, max(least, FIRST_SLICE // (rows * max(rows, results)))
     while end < n:
@@ -215,14 +216,15 @@ if hasattr(os, "register_at_fork"):
 
 
 def set_num_threads(n: int) -> None:
-    """Set the number of threads that later batches use, whichever thread calls them. Results do not depend on it.
+    """Set the number of threads for later batches of all calling threads. Results do not depend on this number.
 
-    By default batches of the main thread that take longer than some 0.2 ms run on all cores the process may use
-    (affinity, control group; OMP_NUM_THREADS if less), while these are free; those of other threads, and of worker
-    processes (forked, multiprocessing, joblib, Dask), on one. The environment variable SPATIALDYN_NUM_THREADS sets
-    another number for a process and its workers; a forked child forgets the number set here.
+    By default a batch of the main thread that takes longer than about 0.2 ms runs on all cores that the process may use
+    (affinity, control group; OMP_NUM_THREADS if less), while these cores are free. Batches of other threads and of
+    worker processes (forked, multiprocessing, joblib, Dask) run on one thread. The environment variable
+    SPATIALDYN_NUM_THREADS sets another number for a process and its workers. A forked child forgets the number set
+    here.
 
-    Raises SpatialDynError unless n is a whole number, at least 1.
+    Raises SpatialDynError unless n is a whole number of at least 1.
     """
     if isinstance(n, bool) or not isinstance(n, (int, np.integer)) or n < 1:
         raise SpatialDynError(f"n is {literal(n)}, expected a whole number of threads, at least 1")
