@@ -1,9 +1,9 @@
-"""Gauss collocation of order 32 in double-double, of a recorded field ẏ = f(y), for several motions at once.
+"""Gauss collocation of order 32 in double-double for a recorded field ẏ = f(y), for several motions at once.
 
-All stages of all motions are evaluated side by side, and iterated until they change no longer.
+All stages of all motions are evaluated side by side and iterated until they no longer change.
 
-Source: Hairer, Nørsett, Wanner, Solving ordinary differential equations I (1993), II.7, for the methods of Gauss; their
-coefficients come from integrals of Legendre polynomials, here in fractions.
+Source: Hairer, Nørsett, Wanner, Solving ordinary differential equations I (1993), II.7, for the methods of Gauss. The
+coefficients come from integrals of Legendre polynomials, computed here in fractions.
 """
 
 from __future__ import annotations
@@ -23,18 +23,18 @@ from .double_double import LANES, DoubleDouble, add, compile_unfused, compiled_i
 Array = NDArray[np.float64]
 
 STAGES = 16
-MAX_SWEEPS = 60  # at most; beyond, shorter steps cost less
-CONVERGED = 1e-26  # of the largest rate: a change this small ends the iteration; the error left is smaller
-ROUNDED = 1e-14  # a change this small that no longer shrinks is rounding, amplified by unequal masses
+MAX_SWEEPS = 60  # if more sweeps are needed, shorter steps cost less
+CONVERGED = 1e-26  # a change below this part of the largest rate ends the iteration; the remaining error is smaller
+ROUNDED = 1e-14  # a change below this part that no longer shrinks is rounding, amplified by unequal masses
 FINE = 2**200  # denominator of the fractions that approximate irrational nodes
 
 
 def collocate(f: DoubleDouble, start: Array, t: Array, steps: int) -> tuple[Array, Array] | None:
     """High and low parts (N, K, n) of motions at the times t (N,); None if the stages of a step do not converge.
 
-    f      ẏ of y (n)
+    f      the program of ẏ (n) as a function of y (n)
     start  (2, n, K)  high and low parts of K states
-    steps  between two times
+    steps  number of steps between two times
     """
     A, (_, n, motions) = tableau(), start.shape
     whole = start.copy()
@@ -54,7 +54,7 @@ def collocate(f: DoubleDouble, start: Array, t: Array, steps: int) -> tuple[Arra
 
 @cache
 def tableau() -> Array:
-    """(STAGES + 1, STAGES, 2): weights a_ij of the stages as pairs, the last row those of the step.
+    """(STAGES + 1, STAGES, 2): weights a_ij of the stages as pairs; the last row has the weights of the step.
 
     a_ij = b_j Σ_k (2k + 1) P_k(c_j) ∫_0^c_i P_k with P_k Legendre's polynomials of [0, 1]; the integral is
     (P_k+1 - P_k-1)(c_i) / (2 (2k + 1)), and c_i for k = 0.
@@ -72,7 +72,7 @@ def tableau() -> Array:
 
 
 def _legendre(c: Fraction) -> list[Fraction]:
-    """P_0 ... P_STAGES of [0, 1] at c."""
+    """Legendre's polynomials P_0 ... P_STAGES of [0, 1], at c."""
     x, P = 2 * c - 1, [Fraction(1), 2 * c - 1]
     for k in range(1, STAGES):
         P.append(Fraction(round(((2 * k + 1) * x * P[k] - k * P[k - 1]) / (k + 1) * FINE), FINE))
@@ -80,7 +80,7 @@ def _legendre(c: Fraction) -> list[Fraction]:
 
 
 def _zero(k: int) -> Fraction:
-    """Node k of STAGES: Newton's method on P_STAGES from the float's."""
+    """Node k of STAGES, by Newton's method on P_STAGES, which starts from the node in floats."""
     c = Fraction(float(np.polynomial.legendre.leggauss(STAGES)[0][k])) / 2 + Fraction(1, 2)
     for _ in range(4):
         P, x = _legendre(c), 2 * c - 1
@@ -137,7 +137,7 @@ def advance(
             weigh(A, STAGES, hh, hl, y, slopes, sums)
             y[:] = sums
             return True
-        if sweep > 20 and change > before:  # diverges before it is rounding
+        if sweep > 20 and change > before:  # the change grows before it is as small as rounding
             return False
         before = change
     return False

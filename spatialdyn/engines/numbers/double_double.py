@@ -1,11 +1,11 @@
-"""Double-double: a recorded program on numbers of two floats, 106 bits, many samples at once.
+"""Double-double: a recorded program on numbers of two floats (106 bits), many samples at once.
 
-A recursion is traced on a table whose numbers are lines of the program, so no constant is folded in float64, and one
-compiled loop runs all such programs, far faster than mpmath. It is the reference for thousands of
-samples, and for every stage of an integrator; its own reference is ``multiprecision``.
+A recursion is traced on a table whose numbers are lines of the program, so no constant is folded in float64. One
+compiled loop runs all such programs, far faster than mpmath. Double-double is the reference for thousands of samples
+and for every stage of an integrator; its own reference is ``multiprecision``.
 
-A number is (hi, lo) with hi the float nearest to hi + lo. No operation here may be contracted to a fused one: the
-error of a product is computed from the rounded product.
+A number is (hi, lo), where hi is the float nearest to hi + lo. The compiler must not fuse operations here: the error of
+a product is computed from the rounded product.
 
 Sources: Dekker, A floating-point technique for extending the available precision (1971); Joldes, Muller, Popescu, Tight
 and rigorous error bounds for basic building blocks of double-word arithmetic (2017), whose algorithms 6 and 12 add and
@@ -34,7 +34,7 @@ from ..programs.record.tracer import Tape, table
 
 Array = NDArray[np.float64]
 
-EPS = 2.0**-104  # an operation is off by a few of these at most, sin and cos by twice that
+EPS = 2.0**-104  # the relative error of an operation is a few EPS at most; for sin and cos it may be twice as large
 
 
 # --- numbers of two floats ----------------------------------------------------------------------------------
@@ -67,7 +67,7 @@ def two_product(a: float, b: float) -> tuple[float, float]:
 
 @inline
 def add(ah: float, al: float, bh: float, bl: float) -> tuple[float, float]:
-    """a + b, to a relative error of 3 · 2^-106 also under cancellation."""
+    """a + b, with a relative error of at most 3 · 2^-106, also under cancellation."""
     sh, sl = two_sum(ah, bh)
     th, tl = two_sum(al, bl)
     vh, vl = fast_two_sum(sh, sl + th)
@@ -123,7 +123,7 @@ def _pair(x: Fraction) -> tuple[float, float]:
     return hi, float(x - Fraction(hi))
 
 
-TERMS = 15  # of the series of sin and cos: the next is below 1e-33 at π/4
+TERMS = 15  # terms of the series of sin and cos: the next term is below 1e-33 at π/4
 SINE = np.array([_pair(Fraction((-1) ** k, math.factorial(2 * k + 1))) for k in range(TERMS)])
 COSINE = np.array([_pair(Fraction((-1) ** k, math.factorial(2 * k))) for k in range(TERMS)])
 # π/2 = (3.14159265358979323846264338327950288419716939937510582097494459...) / 2 in three floats
@@ -171,7 +171,7 @@ _LN2 = Fraction(6931471805599453094172321214581765680755001343602552541206800094
 L1 = float(_LN2)
 L2 = float(_LN2 - Fraction(L1))
 L3 = float(_LN2 - Fraction(L1) - Fraction(L2))
-POWERS = 26  # of the series of exp: the next is below 1e-37 at ln(2) / 2
+POWERS = 26  # terms of the series of exp: the next term is below 1e-37 at ln(2) / 2
 EXPONENTIAL = np.array([_pair(Fraction(1, math.factorial(k))) for k in range(POWERS)])
 
 
@@ -200,7 +200,7 @@ def exponential(ah: float, al: float) -> tuple[float, float]:
 class DoubleDouble(NamedTuple):
     """A program for the interpreter.
 
-    code     (lines, 5) int64: operation, register written, and up to three read; -r - 1 stands for minus register r
+    code     (lines, 5) int64: operation, register written, up to three registers read; -r - 1 is minus register r
     value    (lines,) of constants
     inputs   number of inputs; input k is in register k, which is never overwritten
     outputs  (results,) registers, -r - 1 for minus register r
@@ -214,8 +214,10 @@ class DoubleDouble(NamedTuple):
     rows: int
 
     def __call__(self, inputs: Array, lows: Array | None = None) -> tuple[Array, Array]:
-        """(results, samples) high and low parts, of inputs (inputs, samples) and, unless they are floats, their low
-        parts.
+        """High and low parts of the results, each (results, samples).
+
+        inputs  (inputs, samples)
+        lows    (inputs, samples) low parts of the inputs; None if the inputs are floats
         """
         samples, n = inputs.shape[1], self.inputs
         made = np.empty((2, len(self.outputs), samples))
@@ -227,7 +229,7 @@ class DoubleDouble(NamedTuple):
             count = part.stop - first
             x[:n, :count] = inputs[:, part]
             x[:n, LANES : LANES + count] = 0.0 if lows is None else lows[:, part]
-            with np.errstate(all="ignore"):  # without compilation: of lanes that hold no sample
+            with np.errstate(all="ignore"):  # without compilation, lanes that hold no sample would warn
                 compiled_interpreter()(self.code, self.value, x)
             made[0, :, part] = sign * x[at, :count]
             made[1, :, part] = sign * x[at, LANES : LANES + count]
@@ -251,7 +253,7 @@ def record_double_double(bodies: NDArray[Any], inputs: int, made: Callable[..., 
 
 
 def allocate_registers(program: Program) -> DoubleDouble:
-    """A program with registers instead of lines, each reused after its last reader."""
+    """A program with registers in place of lines; a register is reused after its last reader."""
     program.straight("double-double")
     lines, kept = program.lines, {line for line, _ in program.outputs}
     last = {k: at for at, op in enumerate(lines) for k in operands(op)}
@@ -272,7 +274,7 @@ def allocate_registers(program: Program) -> DoubleDouble:
             register[at] = free.pop()
         else:
             register[at], rows = rows, rows + 1
-        free += done  # not before: an operation that writes a register it reads does not vectorize
+        free += done  # only now: an operation that writes a register it reads does not vectorize
         code.append([op.code, register[at], *read, *([0] * (3 - len(read)))])
         value.append(op.value)
     outputs = [-register[line] - 1 if minus else register[line] for line, minus in program.outputs]
@@ -283,7 +285,7 @@ def allocate_registers(program: Program) -> DoubleDouble:
 
 @cache
 def interpreter() -> Callable[[Any, Any, Any], None]:
-    """``interpret(code, value, x)``: run a program on registers x (rows, 2 LANES), high parts before low ones.
+    """``interpret(code, value, x)``: run a program on registers x (rows, 2 LANES), high parts before low parts.
 
     The first rows hold the inputs. Each operation of FORMS is a branch, with a loop over LANES samples.
     """

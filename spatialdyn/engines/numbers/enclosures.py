@@ -1,8 +1,8 @@
-"""A call in double-double with a bound on the error of each result, for the few samples that float64 leaves open.
+"""A call in double-double with a bound on the error of each result, for the few samples that float64 cannot decide.
 
-The bound is that of running error analysis in float64 (``programs.transform.error_bound``) on the lines that
-double-double runs, with another unit: there an operation is off by at most 2⁻¹⁰⁰ where in float64 it is by 2⁻⁵³. It is
-wide, and still far below what float64 shows.
+Running error analysis in float64 (``programs.transform.error_bound``) finds the bound on the lines that double-double
+runs, with another unit roundoff: an operation is off by at most 2⁻¹⁰⁰ in place of 2⁻⁵³. The bound is wide, but still
+far below the resolution of float64.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ Array = NDArray[np.float64]
 
 FINER = (
     2.0**-46
-)  # an operation is off by 8 · 2⁻¹⁰⁴ powers of 2 at most where the analysis has 2⁻⁵³, a sine by twice that
+)  # an operation is off by at most 8 · 2⁻¹⁰⁴ powers of 2, and a sine by twice that, where the analysis assumes 2⁻⁵³
 
 
 class Enclosure:
-    """A call without parameters on one table, whose configuration is numbers alone."""
+    """A call without parameters on one table whose configuration has numbers only."""
 
     def __init__(self, spec: Spec, bodies: NDArray[Any], static: Mapping[str, Any] = MappingProxyType({})) -> None:
         """Record the call, and its bound. ``static`` are the values of static inputs, no tables among them."""
@@ -52,9 +52,9 @@ class Enclosure:
 
 
 class Zeros:
-    """Which results of a call are exactly 0: sums of zeros and products with one, such as a robot's at rest.
+    """Which results of a call are exactly 0: sums of zeros and of products with a zero, as for a robot at rest.
 
-    A float64 of 0 is no proof, for products underflow; nor is a bound, which allows for that.
+    A float64 result of 0 is no proof, since products underflow; a bound is no proof either, since it allows for that.
     """
 
     def __init__(self, spec: Spec, bodies: NDArray[Any], static: Mapping[str, Any] = MappingProxyType({})) -> None:
@@ -62,7 +62,7 @@ class Zeros:
         self._program = _unfolded(spec, bodies, static)
 
     def __call__(self, inputs: Sequence[Array]) -> NDArray[np.bool_]:
-        """(n, results): whether each is 0 where all divisors are not; False where that is not known.
+        """(n, results): whether each result is 0 if no divisor is 0; False where that is not known.
 
         inputs  (n, entries) each
         """
@@ -88,7 +88,7 @@ class Zeros:
 
 
 def _unfolded(spec: Spec, bodies: NDArray[Any], static: Mapping[str, Any]) -> Program:
-    """The program of a call in which all numbers of the tables and placements are lines, and exact."""
+    """The program of a call in which all numbers of the tables and placements are exact lines."""
     tape = Tape(errors=True)
     varying = [x for x in spec.present if not x.static]
     shapes = [shape_of(x, bodies) for x in varying]
@@ -107,5 +107,5 @@ def _unfolded(spec: Spec, bodies: NDArray[Any], static: Mapping[str, Any]) -> Pr
 
 
 def rounded(low: Array, bound: Array) -> Array:
-    """The bound of pairs whose low part is left out."""
+    """The bound of pairs after their low part is dropped."""
     return (abs(low) + bound) * (1.0 + 2.0**-50)

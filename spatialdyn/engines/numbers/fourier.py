@@ -1,7 +1,7 @@
 """Polynomials in sines and cosines as Fourier series, the form in which textbooks print M, C and g.
 
-A polynomial is SymPy's. Its first generators are cos α, sin α of each angle in turn, sines to the first power at most;
-the others are parameters, velocities and so on, which are left unchanged.
+A polynomial is an element of a SymPy ring. Its first generators are cos α and sin α of each angle in turn, with sines
+to the first power at most. The other generators (parameters, velocities and so on) are left unchanged.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ Place = tuple[int, ...]
 
 
 def length(poly: Poly, angles: int) -> int:
-    """Number of waves in the terms of a polynomial, before like ones are collected."""
+    """Number of waves in the terms of a polynomial, before equal waves are collected."""
     return sum(len(_waves(m[: 2 * angles])) for m in poly)
 
 
 def fourier(poly: Poly, angles: Sequence[Expr], values: Sequence[Expr]) -> Expr:
-    """Σ A_n cos(n·α) + B_n sin(n·α), A and B polynomials in the generators that are no sine or cosine.
+    """Σ A_n cos(n·α) + B_n sin(n·α), where A and B are polynomials in the generators that are no sine or cosine.
 
     angles  angles of the first generators
     values  expressions of all generators
@@ -47,7 +47,7 @@ def fourier(poly: Poly, angles: Sequence[Expr], values: Sequence[Expr]) -> Expr:
 
 
 def _coefficient(terms: Mapping[Place, Any], values: Sequence[Expr]) -> Expr:
-    """A polynomial in the other generators, its common factor pulled out."""
+    """A polynomial in the other generators, with its common factor written in front."""
     import sympy
 
     common = tuple(map(min, zip(*terms, strict=True)))
@@ -75,8 +75,10 @@ def _coefficient(terms: Mapping[Place, Any], values: Sequence[Expr]) -> Expr:
 def _waves(powers: Place) -> tuple[tuple[tuple[Place, bool], Fraction], ...]:
     """Π cos^a sin^b over the angles as a sum of cos(n·α) and sin(n·α): ((n, whether a sine), coefficient) of each.
 
-    powers  a and b (0 or 1) of each angle in turn. By Euler's formulas, with z = exp(iα): every factor is a Laurent
-    polynomial in z with real coefficients, times -i for a sine.
+    powers  a and b (0 or 1) of each angle in turn
+
+    By Euler's formulas with z = exp(iα), every factor is a Laurent polynomial in z with real coefficients, times -i for
+    a sine.
     """
     lines: dict[Place, Fraction] = {(): Fraction(1)}
     sines = 0

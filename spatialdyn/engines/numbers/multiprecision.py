@@ -1,10 +1,10 @@
-"""Reference values: a recursion on numbers of any precision, or on exact rationals, from the same source.
+"""Reference values: the source of a recursion run on numbers of any precision, or on exact rationals.
 
-The table's numbers are taken at their exact float64 values: the result is that of float64 without rounding errors.
-Its rotations are orthonormal to rounding only, so two algorithms that are equal for true rotations (q̈ of ABA, and the
-q̈ whose RNEA is τ) differ here by the condition of the problem times 1e-16, unless every entry is 0 or ±1.
+The numbers of the table have their exact float64 values, so the result is that of float64 without rounding errors. The
+rotations of the table are orthonormal only to rounding. So two algorithms that are equal for true rotations (q̈ of ABA,
+and the q̈ whose RNEA is τ) differ here by the condition of the problem times 1e-16, unless every entry is 0 or ±1.
 
-``Digits`` are mpmath's numbers in their own context: the precision of mpmath's global one does not change.
+``Digits`` are mpmath's numbers in a context of their own: the precision of mpmath's global context does not change.
 ``Rationals`` have no sine: an angle is given as t = tan(q/2), with cos q = (1 - t²)/(1 + t²), sin q = 2t/(1 + t²).
 """
 
@@ -25,14 +25,14 @@ from ...errors import SpatialDynError, literal, pip_install
 
 LEAST = 53  # bits of float64
 MOST = 1 << 20  # bits at which a product takes milliseconds
-GUARD = 320  # more bits while computing: the closed forms of lie cancel twice 36 digits near zero rotation
+GUARD = 320  # additional bits while computing: the closed forms of lie cancel twice 36 digits near zero rotation
 
 
 # --- exact rationals ----------------------------------------------------------------------------------------
 
 
 class ExactRational:
-    """A fraction that takes floats at their exact binary value, where a Fraction plus a float is a float."""
+    """A fraction that takes floats at their exact binary value, whereas a Fraction plus a float is a float."""
 
     __slots__ = ("value",)
 
@@ -101,7 +101,7 @@ def _irrational(name: str) -> Callable[..., Any]:
 
 
 def _root(x: ExactRational) -> ExactRational:
-    """√x where it is a rational."""
+    """√x if it is rational."""
     parts = x.value.as_integer_ratio()
     roots = [math.isqrt(n) if n >= 0 else -1 for n in parts]
     if any(root * root != n for root, n in zip(roots, parts, strict=True)):
@@ -119,7 +119,7 @@ scalars.atan2.register(ExactRational)(_irrational("atan2"))
 
 
 class Rationals:
-    """Arithmetic without rounding. ``eps`` is 0: a pivot is singular where it is 0."""
+    """Arithmetic without rounding. ``eps`` is 0: only a pivot of 0 is singular."""
 
     eps = 0.0
 
@@ -154,7 +154,7 @@ class Rationals:
 
 
 class Digits:
-    """Arithmetic in ``bits`` bits, with GUARD more while computing.
+    """Arithmetic in ``bits`` bits, with GUARD additional bits while computing.
 
     context  mpmath's context of the results: ``context.nstr(x, 30)``, ``context.mpf("0.1")``
     """
@@ -193,7 +193,7 @@ class Digits:
 
 @cache
 def _context(bits: int) -> Any:
-    """An mpmath context of ``bits`` bits, its numbers registered with scalars; cached, as the registry keeps types."""
+    """An mpmath context of ``bits`` bits, its numbers registered in scalars; cached, as the registry keeps types."""
     try:
         from mpmath import MPContext
     except ImportError:

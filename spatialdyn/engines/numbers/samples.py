@@ -1,8 +1,8 @@
-"""A recursion on all samples of a batch at once in NumPy: nothing is recorded, and nothing compiled.
+"""A recursion on all samples of a batch at once in NumPy, without recording or compiling.
 
-It answers what programs reject (angles beyond the short sine, NaN, joints of next to no articulated inertia) with the
-meaning of a table kernel: a NaN reaches all that the recursion computes from it. sin and cos are the C library's. The
-bits of a sample depend on that sample alone, however many there are: each operation is rounded for itself.
+It computes the samples that programs reject (angles beyond the short sine, NaN, joints of almost no articulated
+inertia) with the meaning of a table kernel: a NaN reaches all that the recursion computes from it. sin and cos are the
+C library's. The bits of a sample depend on that sample alone, since each operation is rounded by itself.
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ from ..programs.record.parameters import Parameter
 from ..programs.record.recording import pivot_margins, shape_of, traces
 from ..programs.record.tracer import table
 
-MOST = 1024  # samples computed at a time: NumPy's cost of an operation is then hardly more than on one
+MOST = 1024  # samples computed at a time: an operation in NumPy then costs hardly more than on one sample
 F8 = np.float64
 
 
 class Samples:
-    """A number of each sample: an array, which entries of object arrays hold as one value."""
+    """One number of each sample: an array that an object array holds as one entry."""
 
     __slots__ = ("x",)
     __array_ufunc__ = None  # NumPy's scalars then call our operators
@@ -83,7 +83,7 @@ def _array(x: Any) -> Any:
 
 
 def _each(function: Callable[..., float]) -> Callable[..., Samples]:
-    """A function of floats, number by number: NumPy's own have other bits in some places of an array than in others."""
+    """A function of floats, number by number: the bits of NumPy's own functions depend on the place in an array."""
 
     def run(*given: Any) -> Samples:
         return Samples(
@@ -98,7 +98,7 @@ def _select(x: Samples, positive: Any, otherwise: Any) -> Samples:
 
 
 def _repeat(cap: int, x: Any, carried: regions.Carried) -> Iterator[None]:
-    """A region of ``algebra.regions``: samples that it is done with keep their values."""
+    """A region of ``algebra.regions``: samples that have finished keep their values."""
     for k in range(cap):
         runs = _array(x if k == 0 else carried.left[0]) > 0.0
         if not np.any(runs):
@@ -128,15 +128,15 @@ heights.bilinear.register(Samples)(_bilinear)
 
 
 class Evaluation:
-    """A call on a table of bodies and the values of its static inputs; of a call that branches on values too.
+    """A call on a table of bodies and values of the static inputs; the call may branch on values.
 
-    parameters  of the table, whose values the samples have
+    parameters  the parameters of the table whose values vary by sample
     """
 
     def __init__(
         self, spec: Spec, bodies: NDArray[Any], static: Sequence[Any], parameters: Sequence[Parameter] = ()
     ) -> None:
-        """Of a unit norm, which also a table that allows any norm then supposes, but for mimic joints."""
+        """Set up the call; only with mimic joints may the norms be any that the table allows, else they must be 1."""
         self._spec, self._bodies, self._parameters = spec, bodies, parameters
         self._varying = [x for x in spec.present if not x.static]
         self._shapes = [shape_of(x, bodies, static) for x in self._varying]
@@ -144,9 +144,9 @@ class Evaluation:
         known = [table(x.rows, F8) if isinstance(x, StaticTable) else x for x in static]
         self._static: dict[str, Any] = dict(zip((x.name for x in spec.present if x.static), known, strict=True))
         own = independent(bodies)
-        self._kind = bodies[0]["kind"] if len(own) < len(bodies) else 0  # of mimic joints there is no table kernel
+        self._kind = bodies[0]["kind"] if len(own) < len(bodies) else 0  # mimic joints have no table kernel
         self._units = [] if self._kind == ANY_NORM else unit_parts(own)
-        self._together = traces(spec, bodies) and self._kind != ANY_NORM  # where recursions branch on the norm
+        self._together = traces(spec, bodies) and self._kind != ANY_NORM  # with ANY_NORM recursions branch on the norm
 
     def __call__(
         self,
@@ -155,7 +155,7 @@ class Evaluation:
         status: NDArray[np.int8],
         values: Sequence[NDArray[np.float64]] = (),
     ) -> None:
-        """The results of samples, and their status as of a table kernel, both written in place.
+        """Compute samples; results and their status, as of a table kernel, are written in place.
 
         inputs  each (n, ...), or (1, ...) for all samples
         out     (n, columns)
@@ -167,11 +167,11 @@ class Evaluation:
             part, with_values = ([x[here] if len(x) == n else x for x in of] for of in (inputs, values))
             given = part, out[here], status[here], with_values
             with np.errstate(all="ignore"):
-                if not self._together or len(given[1]) == 1:  # floats, which are faster
+                if not self._together or len(given[1]) == 1:  # floats are faster
                     try:
                         self._part(*given, wrapped=False)
                         continue
-                    except ZeroDivisionError:  # of Python's own floats, which cosines are
+                    except ZeroDivisionError:  # from Python's own floats, such as cosines
                         if not self._together:
                             raise
                 self._part(*given, wrapped=True)
@@ -212,7 +212,7 @@ class Evaluation:
 
 
 def _columns(values: NDArray[np.float64], n: int, wrapped: bool) -> NDArray[Any]:
-    """The entries of an input (n or 1, ...) in order: Samples, or floats of the one sample."""
+    """The entries of an input (n or 1, ...) in order: Samples, or floats if there is one sample."""
     flat = values.reshape((len(values), -1))
     made = np.empty(flat.shape[1], object)
     for k in range(len(made)):

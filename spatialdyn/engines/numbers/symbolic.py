@@ -1,13 +1,13 @@
-"""Symbols: a recursion run once on exact polynomials in sines, cosines and parameters gives closed forms.
+"""Closed forms: a recursion run once on exact polynomials in sines, cosines and parameters.
 
 A Number is a quotient of polynomials with rational coefficients. For every angle α its ring has two generators, cos α
-and sin α, and sin² is replaced by 1 - cos² in every product; likewise the square of a radical, and one square of a
-unit quaternion. The result is a canonical form: two polynomials of the ring are equal as functions exactly if they
-have the same terms, so no simplification is needed, and zero is recognized.
+and sin α. In every product sin² is replaced by 1 - cos²; the square of a radical, and one square of a unit quaternion,
+are replaced likewise. The result is a canonical form: two polynomials of the ring are equal as functions exactly if
+they have the same terms, so no simplification is needed, and zero is recognized.
 
 At the end ``Ring.expression`` turns products of sines and cosines into sums of cos(n·α) and sin(n·α): the Fourier
-series of the function (``fourier``), which is canonical too. Its length grows exponentially with the angles that an
-entry depends on: closed forms are for arms of a few joints, and a Budget limits them.
+series of the function (``fourier``), which is canonical too. Its length grows exponentially with the number of angles
+that an entry depends on, so closed forms are for arms of a few joints, and a Budget limits their cost.
 
 The polynomials are SymPy's, which is imported when a Ring is made.
 """
@@ -43,7 +43,7 @@ def need_sympy() -> Any:
 
 
 class Number:
-    """An element of a Ring, or a quotient of two, which recursions compute with in place of floats.
+    """An element of a Ring, or a quotient of two elements; recursions compute with Numbers in place of floats.
 
     Floats are taken at their exact binary value, so the 0.5 and 2.0 of a recursion are exact.
     """
@@ -147,10 +147,11 @@ scalars.exceeds.register(Number)(lambda x, floor: 1.0 if x.num else 0.0)  # in a
 
 @dataclass
 class Budget:
-    """Limit of the cost of a closed form, in products of two terms and waves of a series of up to 80 generators;
-    with more generators each counts in proportion to its time.
+    """Limit of the cost of a closed form: the number of products of two terms and of waves of a series.
 
-    owner  in words, for the error message
+    With more than 80 generators each of them counts more, in proportion to its time.
+
+    owner  the owner of the closed form in words, for the error message
     most   most that may be spent until ``spent`` is reset to 0
     """
 
@@ -221,7 +222,7 @@ class Ring:
         return Ring((*self.angles, *angles), (*self.plain, *plain), self.primes, (*self.units, *units), budget)
 
     def taken(self, x: Any) -> Any:
-        """Convert a Number of a ring that this one extends; returns other values unchanged."""
+        """Convert a Number of a ring that this ring extends; returns other values unchanged."""
         if not isinstance(x, Number) or x.ring is self:
             return x
         den = None if x.den is None else x.den.set_ring(self.polynomials)
@@ -292,9 +293,9 @@ class Ring:
         raise SpatialDynError(f"{angle} is no sum of whole multiples of {', '.join(map(str, self.angles)) or 'angles'}")
 
     def of(self, e: Any) -> Number:
-        """An expression as a Number: rational in the generators, sines and cosines.
+        """An expression that is rational in the generators, sines and cosines, as a Number.
 
-        Raises SpatialDynError naming a part that is not.
+        Raises SpatialDynError naming a part that is not rational in them.
         """
         sympy = self._sympy
         e = sympy.sympify(e)
