@@ -18,19 +18,19 @@ from .arguments import aligned
 if TYPE_CHECKING:
     from ..engines.programs.run.xla_handler import Registered
 
-MOST_ORDER = 2  # the highest derivative: each order has some three times the operations of the one before
+MOST_ORDER = 2  # highest order of a derivative: each order has about three times the operations of the previous order
 
 
 class Node:
     """The results of a program, or a derivative of them, as a function of arrays whose leading axes are equal or 1.
 
-    directions  number of directions of the derivative; 0 and not weighted: the results themselves
-    weighted    whether the derivative is of Σ weight · result with respect to each input, or of the results
-    inputs      names: the program's inputs, their tangent in each direction, weights if weighted, then known results
+    directions  number of directions of the derivative; if 0 and not weighted, the node computes the results themselves
+    weighted    whether the node differentiates Σ weight · result with respect to each input, or the results
+    inputs      names: the program's inputs, their tangents in each direction, weights if weighted, then known results
     cores       shape of one sample of each input
     results     shape of one sample of each result
     hinted      whether the last inputs are the program's results, known from an earlier call
-    groups      the inputs as slices: of the program, of each direction, weights, known results
+    groups      slices of the inputs: the program's inputs, tangents of each direction, weights, known results
 
     Derivatives are symmetric in their directions, and linear in each direction and in the weights.
     """
@@ -46,12 +46,12 @@ class Node:
 
     @cached_property
     def program(self) -> Any:
-        """The Specialized. Raises SpatialDynError without a program."""
+        """The Specialized that computes this node. Raises SpatialDynError if there is no program."""
         return self.made.program_of(self.directions, self.weighted)
 
     @cached_property
     def groups(self) -> list[slice]:
-        """Slices of the inputs: of the program, of each direction, weights, known results."""
+        """Slices of the inputs: the program's inputs, tangents of each direction, weights, known results."""
         n, m = len(self.made.names), len(self.made.results)
         sizes = [n] * (self.directions + 1) + [m] * (self.weighted + self.hinted)
         return [slice(a, b) for a, b in pairwise(accumulate(sizes, initial=0))]
@@ -71,7 +71,7 @@ class Node:
         n, node = self.directions, self.made.node
         if k > n:  # linear in the weights
             return node(n + 1, False), _flat([*own, seeds, known])
-        if self.weighted:  # the directions and the input of differentiation may change places
+        if self.weighted:  # a direction and the input of differentiation may change places
             return (self, _flat([*own[:k], seeds, *own[k + 1 :], weights, known])) if k else (
                 node(n + 1, True), _flat([*own, seeds, weights])
             )  # fmt: skip
@@ -81,7 +81,7 @@ class Node:
         return further, _flat([*own, seeds, results if further.hinted else []])
 
     def _parts(self, arrays: Sequence[Any]) -> tuple[list[list[Any]], list[Any], list[Any]]:
-        """The inputs of the program and each direction, the weights, and known results."""
+        """The inputs of the program and of each direction; the weights; known results."""
         found = [list(arrays[group]) for group in self.groups]
         n = self.directions + 1
         return found[:n], found[n] if self.weighted else [], found[-1] if self.hinted else []
@@ -111,8 +111,10 @@ class Node:
         return [np.asarray(x) for x in (found if isinstance(found, tuple) else (found,))]
 
     def handler(self, dtype: Any) -> Registered | None:
-        """The function that XLA calls for arrays of a dtype. Returns None if not applicable: without a compiled
-        program, and for float64 inputs of a float32 program, which may be beyond its range.
+        """The function that XLA calls for arrays of a dtype.
+
+        Returns None if not applicable: if there is no compiled program, or for float64 inputs of a float32 program,
+        since they may be beyond its range.
         """
         from ..engines.programs.run import xla_handler
 
@@ -138,10 +140,10 @@ def _flat(parts: Sequence[Sequence[Any]]) -> list[Any]:
 
 
 class Differentiable:
-    """A Specialized, and its derivatives with respect to the entries of its inputs.
+    """A Specialized and its derivatives with respect to the entries of its inputs.
 
     name     names of the calls
-    text     the signature
+    text     signature
     names    names of the inputs
     cores    shape of one sample of each input
     results  shape of one sample of each result

@@ -1,13 +1,13 @@
 """Derivatives of steps in which points bounce, by Poisson's phases (``recursions.contact.impulses``).
 
-Each phase solves equations of the same form (``active_set``): the first brings the points to rest, with impulses λ_c,
-and each later phase adds impulses whose normals are at least a share of earlier ones. Derivatives are chained: λ and
-the least impulses of a phase are functions of the state, as is the part of λ_c that only balances forces. The phases of
-a step are part of its state: if they are about to change, it is at a switch.
+Each phase solves equations of the same form (``active_set``). The first phase brings the points to rest by impulses
+λ_c. Each later phase adds impulses whose normal parts are at least a share of earlier ones. Derivatives are chained: λ
+and the least impulses of a phase are functions of the state, as is the part of λ_c that only balances forces. The
+phases of a step are part of its state: if they are about to change, the step is at a switch.
 
 The derivative is that of the step, whose hits act at its end: no step resolves the time of a hit. Points of a rigid
 body that hit at once and could take each other's load rebound together if they have the same restitution and no
-friction; otherwise they are refused: their rebound depends on their shares of the load, which no law determines.
+friction. Other such points are refused: their rebound depends on their shares of the load, which no law determines.
 """
 
 from __future__ import annotations
@@ -23,16 +23,16 @@ from ..recursions.contact.impulses import PHASES
 from .active_set import SMALL, ActiveSet
 
 Array = NDArray[Any]
-SWEEPS = 50  # sweeps over friction before Newton's steps of a phase
+SWEEPS = 50  # sweeps over friction before the Newton steps of a phase
 
 
 class Phase(NamedTuple):
     """The values at the beginning of a phase.
 
-    first     (rows) impulses of points in earlier phases; 0 for joints, whose impulses are those of all phases
-    lower     (np) least impulses of normals
+    first     (rows) impulses of points in earlier phases; 0 for joints, whose impulses are sums over all phases
+    lower     (np) least normal impulses
     by_first, by_lower  (rows, m), (np, m) their derivatives
-    open      (np) whether the only target of a point's normal velocity is rest: it bounces when it reaches the ground
+    open      (np) whether a point's only target of normal velocity is rest: it bounces when it reaches the ground
     switching (np) whether a point was at a switch in an earlier phase
     """
 
@@ -45,7 +45,12 @@ class Phase(NamedTuple):
 
 
 class Hits(NamedTuple):
-    """For points: restitution, 0 without a bounce; as in ``Phase``; velocities along normals; without impulses."""
+    """Bounces of the points in a step.
+
+    bounces          restitution; 0 without a bounce
+    open, switching  as in ``Phase``
+    before, free     velocities along normals, before the step and without impulses
+    """
 
     bounces: Array
     open: NDArray[np.bool_]
@@ -55,7 +60,7 @@ class Hits(NamedTuple):
 
 
 def hits_of(steps: Any, at: Any, by_x: Any, solution: tuple[Array, Array, Array], kept: NDArray[np.bool_]) -> Hits:
-    """Which points bounce in a step, as ``contact_rows.target`` has it; ``at`` any solution of its equations."""
+    """The Hits of a step, by the rule of ``contact_rows.target``; ``at`` is any solution of the step's equations."""
     x, impulse, reaction = solution
     M, J, C = by_x.momentum[0], by_x.velocity[0], by_x.closing[0]
     left = at.momentum[0] + J.T @ impulse + C.T @ reaction
@@ -75,7 +80,7 @@ def hits_of(steps: Any, at: Any, by_x: Any, solution: tuple[Array, Array, Array]
 def last_phase(
     steps: Any, hits: Hits, at: Any, by_x: Any, solution: tuple[Array, Array, Array], kept: NDArray[np.bool_]
 ) -> ActiveSet:  # fmt: skip
-    """The solution of the last phase of a step; sets the values at its beginning, ``steps.phase``."""
+    """The solution of the last phase of a step; sets ``steps.phase``, the values at the beginning of that phase."""
     points, rows, m = len(hits.open), steps.rows, steps.m
     normal = steps.first
     zero = np.zeros((rows, m))
@@ -118,8 +123,9 @@ def last_phase(
 
 
 def _rubbed(solved: ActiveSet, x: Array, impulse: Array) -> Array:
-    """The start of Newton's steps: x after sweeps over the friction of points, so that no sliding direction reverses.
-    Tangential parts of ``impulse`` are written.
+    """The start of the Newton steps: x after sweeps over the friction of points, so that no sliding direction reverses.
+
+    The tangential parts of ``impulse`` are written in place.
     """
     answers = np.linalg.solve(solved.M, solved.J.T)
     for _ in range(SWEEPS):
@@ -174,7 +180,7 @@ def _load(steps: Any, hits: Hits, by_x: Any, p: int, kept: NDArray[np.bool_]) ->
 
 
 def _solved(M: Array, C: Array, momentum: Array, closing: Array) -> Array:
-    """(x, μ) of M x - Cᵀ μ = momentum, C x = closing."""
+    """The solution (x, μ) of M x - Cᵀ μ = momentum, C x = closing."""
     K = np.block([[M, -C.T], [C, np.zeros((len(C), len(C)))]])
     made: Array = np.linalg.solve(K, np.concatenate([momentum, closing]))
     return made

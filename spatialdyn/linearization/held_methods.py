@@ -1,12 +1,13 @@
-"""Derivatives of steps of symplectic methods under constraints, by the implicit function theorem at their solution.
+"""Derivatives of steps of symplectic methods under constraints, by the implicit function theorem.
 
-``rattle`` and ``constrained_variational`` solve for their unknowns with multipliers of the equations that are kept; the
-same equations are linear in the derivatives. Both end with the velocity nearest to theirs that keeps J v = 0:
+``rattle`` and ``constrained_variational`` solve equations for their unknowns and for the multipliers of the kept
+constraint equations. The derivatives solve the same equations, linearized at their solution. At its end each method
+replaces its velocity by the nearest velocity with J v = 0:
 
     M v⁺ = p + Jᵀ μ,    J v⁺ = 0
 
-Multipliers are those that close the other equations. The derivative is that of the step, of states
-beside the constraints too, which it leads onto them in position.
+The multipliers are those that satisfy the other equations. The derivative is that of the step, also at states that
+violate the constraints; the step brings the positions of such states onto the constraints.
 
 Source: see ``simulation.methods.rattle`` and ``simulation.methods.constrained_variational``.
 """
@@ -31,10 +32,10 @@ Array = NDArray[Any]
 
 
 class Rows(NamedTuple):
-    """Equations of n samples at one configuration.
+    """Constraint equations of n samples, each at one configuration.
 
-    kept    (n, nc) those that are kept
-    J       (n, nc, nv)
+    kept    (n, nc) whether an equation is kept
+    J       (n, nc, nv) constraint Jacobian
     turned  (n, nc, nv, nv) ∂J/∂q
     """
 
@@ -44,7 +45,7 @@ class Rows(NamedTuple):
 
 
 def rows_of(model: Model, constrained: Constrained, q: Array) -> Rows:
-    """The equations at q, of which a step from there keeps the independent ones."""
+    """The constraint equations at q; a step from q keeps the independent ones."""
     held, (n, nv) = constrained.constraints, (len(q), model.nv)
     kept, _ = rows_to_keep(model, held, q)
     turned = jacobian_slopes(model, held, q)
@@ -66,9 +67,9 @@ def variational(
 
     before    (n, nv) Jᵀ Λ
     by_state  (n, nv, m) derivatives of p⁻ - p by the state
-    by_xi     (n, nv, nv) of p⁻ by ξ
-    steps     (n, nv, nv) each, those of q⁺ by q and ξ
-    of_q      (n, nv, m) of q by the state
+    by_xi     (n, nv, nv) derivatives of p⁻ by ξ
+    steps     derivatives of q⁺ by q and by ξ, each (n, nv, nv)
+    of_q      (n, nv, m) derivatives of q by the state
     """
     made, nv = np.empty_like(by_state), len(by_xi[0])
     for k, kept in enumerate(here.kept):
@@ -81,7 +82,7 @@ def variational(
 
 
 class Slopes(NamedTuple):
-    """Of v and ṗ at (q, p): values (n, 2 nv), derivatives F (n, 2 nv, 2 nv) by (q, p) and G (n, 2 nv, nv) by τ."""
+    """v and ṗ at (q, p): values (n, 2 nv), derivatives F (n, 2 nv, 2 nv) by (q, p) and G (n, 2 nv, nv) by τ."""
 
     values: Array
     F: Array
@@ -92,12 +93,12 @@ def rattle(
     p: Array, half: Array, start: Slopes, end: Slopes, h: Array, given: tuple[Array, Array, Array], here: Rows,
     there: Rows,
 ) -> tuple[Array, Array, Array]:  # fmt: skip
-    """δq⁺ and δp (n, nv, m), and p, before velocities meet the constraints.
+    """δq⁺ and δp (n, nv, m), and p, each before the velocities are brought onto the constraints.
 
-    p, half     (n, nv) before the step, and in its middle
-    start, end  where p is ``half``, at q and at q⁺
-    h           (n, 1, 1) half of the step
-    given       δq, δp, δτ (n, nv, m) by the state
+    p, half     (n, nv) momenta before the step and in its middle
+    start, end  Slopes at (q, half) and at (q⁺, half)
+    h           (n, 1, 1) half of the step [s]
+    given       δq, δp, δτ, each (n, nv, m), by the state
     """
     of_q, of_p, of_tau = given
     (n, nv), m, one = p.shape, of_q.shape[2], np.eye(p.shape[1])
@@ -127,9 +128,9 @@ def rattle(
 
 
 def met(model: Model, q: Array, p: Array, ahead: Array, moved: Array, changed: Array, there: Rows) -> Array:
-    """δv⁺ (n, nv, m) of the velocity nearest to M⁻¹ p that keeps J v = 0.
+    """δv⁺ (n, nv, m), where v⁺ is the velocity nearest to M⁻¹ p with J v = 0.
 
-    ahead           (n, nv) its momentum
+    ahead           (n, nv) momentum of v⁺
     moved, changed  (n, nv, m) δq and δp
     """
     nv = model.nv
@@ -147,6 +148,6 @@ def met(model: Model, q: Array, p: Array, ahead: Array, moved: Array, changed: A
 
 
 def _multipliers(J: Array, pull: Array) -> Array:
-    """λ of Jᵀ λ = pull."""
+    """Least-squares solution λ of Jᵀ λ = pull."""
     made: Array = np.linalg.lstsq(J.T, pull)[0]
     return made

@@ -1,8 +1,8 @@
-"""Where the velocities that a step finds lead: the state after it, and what closes constraints there; with derivatives.
+"""The state after a step from the velocities that the step finds, its correction onto constraints, and derivatives.
 
-A step finds x, velocities in the axes at its beginning. Floating and planar joints travel by their linear part along
-those and turn then; their linear velocity is carried into the axes at the end. Under constraints q goes back onto
-them by one Newton step in the metric of M.
+A step finds velocities x in the axes at its beginning. Floating and planar joints first travel by their linear velocity
+along these axes and then turn; their linear velocity is then expressed in the axes at the end. Under constraints one
+Newton step in the metric of M brings q back onto the constraints.
 """
 
 from __future__ import annotations
@@ -24,9 +24,11 @@ Array = NDArray[Any]
 
 
 def led(model: Model, q: Array, x: Array, moved: Array, h: Array) -> tuple[Array, Array, Array, Array]:
-    """q⁺, its displacements, v⁺ and its changes of n steps from q: derivatives by m directions, unit ones of q first.
+    """q⁺, v⁺ and their derivatives, of n steps from q: returns q⁺, its displacements, v⁺ and its changes.
 
-    x      (n, nv)
+    Derivatives are along m directions; the first are the unit directions of q.
+
+    x      (n, nv) velocities that the step finds
     moved  (n, nv, m) derivatives of x
     h      (n,)
     """
@@ -56,7 +58,7 @@ def led(model: Model, q: Array, x: Array, moved: Array, h: Array) -> tuple[Array
 
 
 def travellers(model: Model) -> list[tuple[list[int], list[int]]]:
-    """The freedoms of each joint that turns and travels: linear, angular."""
+    """The freedoms (linear, angular) of each joint that both travels and turns."""
     found = []
     for i, row in enumerate(independent(model.bodies)[1:]):
         if row["kind"] in SE3 or row["kind"] in SE2:
@@ -66,7 +68,7 @@ def travellers(model: Model) -> list[tuple[list[int], list[int]]]:
 
 
 class Closing(NamedTuple):
-    """What closes constraints, of n samples; kept (n, nc) are the equations that a step keeps."""
+    """The correction that closes constraints, for n samples; ``kept`` (n, nc) says which equations a step keeps."""
 
     model: Model
     held: Constraints
@@ -76,10 +78,10 @@ class Closing(NamedTuple):
         self, q: Array, moved: Array, end: Array, end_moved: Array, damping: Array | None = None,
         by_damping: Array | None = None,
     ) -> tuple[Array, Array]:  # fmt: skip
-        """y of M y = Cᵀ ρ, C y = -φ(end), with M and C at q, and its derivative (n, nv, m).
+        """The solution y of M y = Cᵀ ρ, C y = -φ(end), with M and C at q, and its derivative (n, nv, m).
 
-        moved, end_moved     of q and end
-        damping, by_damping  (n, nv) on the diagonal of M, and its derivative (n, nv, m)
+        moved, end_moved     derivatives of q and of ``end``
+        damping, by_damping  (n, nv) added to the diagonal of M, and its derivative (n, nv, m)
         """
         model, held, (n, nv) = self.model, self.held, (len(q), self.model.nv)
         M = np.array(calls["crba"](model, q))

@@ -1,9 +1,10 @@
-"""Torques and friction of a step by impulses, with their derivatives: of motors, bristles, springs and smooth friction.
+"""Torques and friction of a step by impulses, with derivatives: motors, bristles, springs and smooth friction.
 
 A step takes torques τ, viscous friction b and levels F of dry friction from the state at its beginning. For a motor all
-three are functions of v and of the command (``recursions.joints.motors.driven``); bristles are a torque and viscous
-friction, functions of their state z and v (``recursions.joints.friction.add_bristles``); springs and smooth friction
-are torques, functions of q and v. Each is differentiated on its present branch, one-sided where the branch changes.
+three are functions of v and of the command (``recursions.joints.motors.driven``). Bristles give a torque and viscous
+friction, functions of their state z and of v (``recursions.joints.friction.add_bristles``). Springs and smooth friction
+give torques, functions of q and v. Each function is differentiated on its present branch; where the branch changes, the
+derivative is one-sided.
 """
 
 from __future__ import annotations
@@ -40,17 +41,17 @@ COMMANDED, SATURATED, BENDS = "commanded", "saturated", "bends"
 
 
 class Torques(NamedTuple):
-    """Torques and friction in n steps, without impulses of points and limits; derivatives by the m of q, v, z and τ.
+    """Torques and friction in n steps, without impulses of points and limits; m derivatives, by q, v, z and τ.
 
     torque     (n, nv)
     law        coulomb, viscous, static, stribeck, each (n, nv); () without friction
     by_torque  (n, nv, m) derivatives of the torque
-    by_viscous, by_level  (n, nv, m) of viscous friction and of the level of dry friction; 0 where they are constant
-    kept       (n, nv) part of z + h v⁺ that bristles keep, and its derivatives; None without bristles
+    by_viscous, by_level  (n, nv, m) derivatives of viscous friction and of the level of dry friction; 0 if constant
+    kept       (n, nv) part of z + h v⁺ that bristles keep; ``by_kept`` its derivatives; None without bristles
     by_kept
     labels     names of motors and bristles
-    active     (n, labels) their states
-    margins    (n, labels) distance of each from another state [rad/s | m/s]
+    active     (n, labels) states of motors and bristles
+    margins    (n, labels) distance of each from its nearest other state [rad/s | m/s]
     """
 
     torque: Array
@@ -70,7 +71,7 @@ class Torques(NamedTuple):
 
 
 def _rows(x: Any, rows: slice) -> Any:
-    """Some rows of an array, or of all arrays of a law; anything else unchanged."""
+    """Some rows of an array, or of all arrays of a law; returns anything else unchanged."""
     if isinstance(x, tuple):
         return tuple(y[rows] if isinstance(y, np.ndarray) else y for y in x)
     return x[rows] if isinstance(x, np.ndarray) else x
@@ -81,7 +82,7 @@ def torques_of(
 ) -> Torques:
     """The Torques of the effects of a run, at states (n, ...).
 
-    z  (n, nv) of bristles; None without bristles
+    z  (n, nv) state of bristles; None without bristles
     """
     n, nv = v.shape
     motor, rubs = find(effects, Drive), find(effects, DryFriction)
@@ -103,8 +104,9 @@ def torques_of(
 def smooth_torques(
     model: Model, effects: tuple[Effect, ...], q: Array, v: Array, by_q: Array, by_v: Array
 ) -> tuple[Array, Array] | None:
-    """Torques (n, nv) of springs and smooth friction, and their derivatives (n, nv, m) along m directions, of which
-    ``by_q`` and ``by_v`` (n, nv, m) are the parts; None where neither acts.
+    """Torques (n, nv) of springs and smooth friction, and derivatives (n, nv, m) along m directions; None if none act.
+
+    by_q, by_v  (n, nv, m) parts of the directions in q and in v
     """
     n, nv = v.shape
     acting: list[tuple[Spec, list[Array]]] = [(SPRING_TORQUE, [q, v])] if has_springs(model) else []
@@ -122,7 +124,7 @@ def smooth_torques(
 
 
 def torques_near(model: Model, effects: tuple[Effect, ...], q: ArrayLike, v: ArrayLike) -> tuple[Array, Array] | None:
-    """``smooth_torques`` of batches (..., nq) and (..., nv), and derivatives (..., nv, 2 nv) by (q, v)."""
+    """As ``smooth_torques``, of batches (..., nq) and (..., nv), with derivatives (..., nv, 2 nv) by (q, v)."""
     if not has_springs(model) and find(effects, SmoothFriction) is None:
         return None
     nv, given = model.nv, [as_array(x.name, y) for x, y in ((Q, q), (V, v))]
@@ -140,7 +142,7 @@ def nothing_labelled(n: int) -> tuple[tuple[str, ...], Array, Array]:
 
 
 def bent_labels(model: Model, bristles: LuGreFriction, v: Array) -> tuple[tuple[str, ...], Array, Array]:
-    """Labels, states and margins of bristles, whose slip changes with the sign of v."""
+    """Labels, states and margins of bristles; their slip changes with the sign of v."""
     coulomb, _, static, _ = bristles.friction.law
     rows = np.flatnonzero((np.maximum(coulomb, static) > 0.0) & (bristles.coefficients[0] > 0.0))
     labels = tuple(f'bristles of joint "{joint_of_velocity(model, int(k)).name}"' for k in rows)
@@ -190,14 +192,14 @@ def _sides(motor: Drive, v: Array, tau: Array, lines: list[Array]) -> tuple[NDAr
     size, lossy = abs(motor_torque), efficiency < 1.0
     cap = np.minimum(most, limit * np.where(motor_torque * v < 0.0, efficiency, 1.0 / efficiency))
     torque = np.minimum(abs(over), abs(size - cap))
-    torque = np.where(lossy, np.minimum(torque, size), torque)  # losses change with its sign
+    torque = np.where(lossy, np.minimum(torque, size), torque)  # losses change with the sign of the torque
     turns = lossy & (size >= np.minimum(most, limit * efficiency))  # the gear's limit differs with the sign of v
     return (over > 0.0) | (size > cap), (torque, np.where(turns, abs(v), np.inf))
 
 
 @cache
 def _motor_spec(lines: tuple[Argument, ...]) -> Spec:
-    """``geared`` alone: torque, viscous friction and level (3, nv)."""
+    """The Spec of ``geared`` alone: torque, viscous friction and level of dry friction (3, nv)."""
 
     def recursion(rows: Any, v: Any, tau: Any, *rest: Any) -> None:
         zero = np.zeros(len(v), np.asarray(v).dtype)
