@@ -43,14 +43,14 @@ def to_casadi(given: Exported, derivatives: Derivatives | None) -> Any:
     scalars = casadi.Function(given.name, ins.symbols, results, ins.names, outs.names, options)
     if derivatives is None:
         return scalars
-    # an MX function stays one node, also in results of ``factory``, which would take an SX function apart
+    # an MX function stays one node, also in results of ``factory``, which would expand an SX function
     symbols = [casadi.MX.sym(x, *shape) for x, shape in zip(ins.names, ins.shapes, strict=True)]
     node = scalars.call(symbols, False, True)
     return casadi.Function(given.name, symbols, node, ins.names, outs.names, options)
 
 
 class _Arrays:
-    """Named arrays as matrices of symbols: CasADi stores entries column by column, programs row by row."""
+    """Named arrays as matrices of symbols; CasADi stores entries column by column, programs store them row by row."""
 
     def __init__(self, casadi: Any, arrays: Shapes, prefix: str = "") -> None:
         self.casadi, self.names = casadi, [prefix + x for x in arrays]
@@ -85,7 +85,7 @@ class _Arrays:
 
 
 def _jacobian(casadi: Any, name: str, ins: Sequence[_Arrays], outs: _Arrays, entries: Sequence[Any]) -> Any:
-    """The CasADi function of the derivatives of results by inputs; ``entries`` of them, result by result."""
+    """The CasADi function of derivatives of results by inputs; ``entries`` are the derivatives, result by result."""
     columns, first = [], 0
     for group in ins:
         columns += [[first + k for k in places] for places in group.places()]
@@ -104,9 +104,10 @@ def _jacobian(casadi: Any, name: str, ins: Sequence[_Arrays], outs: _Arrays, ent
 
 
 def _derivatives(casadi: Any, given: Exported, derivatives: Derivatives) -> dict[str, Any]:
-    """Options of a function: its Jacobian, and in CasADi's cache of derivatives one direction of each mode.
+    """Options of a function: its Jacobian, and, in CasADi's cache of derivatives, one direction of each mode.
 
-    The penalty makes CasADi use these for one direction, and the Jacobian for as many directions as there are results.
+    The penalty makes CasADi use the cached derivatives for one direction, and the Jacobian for as many directions as
+    there are results.
     """
     ins, outs, n = _Arrays(casadi, given.inputs), _Arrays(casadi, given.outputs), given.program.inputs
     known, m = _Arrays(casadi, given.outputs, "out_"), len(given.program.outputs)

@@ -1,9 +1,9 @@
-"""A Specialized as a function of JAX arrays, with derivatives: XLA calls its program, within jit, vmap and scan.
+"""A Specialized as a function of JAX arrays, with derivatives: XLA calls its program, also within jit, vmap and scan.
 
 One JAX primitive represents a program and all its derivatives (``differentiable.Node``): the derivative of a node is
-another node, so that forward mode, reverse mode and second derivatives are programs too. On the CPU XLA calls compiled
-code through its foreign function interface; on other devices, and if this library does not know the interface's
-version, it calls Python (``pure_callback``).
+another node, so that forward mode, reverse mode and second derivatives are programs too. On the CPU, XLA calls compiled
+code through its foreign function interface. On other devices, and if this library does not know the version of the
+interface, XLA calls Python (``pure_callback``).
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ def to_jax(made: Differentiable) -> Callable[..., Any]:
 
 
 def bound(node: Node, arrays: Sequence[Any]) -> list[Any]:
-    """The primitive, for arrays with the same number of leading axes; an axis has the batch's size or 1."""
+    """The primitive applied to arrays with the same number of leading axes, each of the batch's size or 1."""
     lead = node.lead([x.shape for x in arrays])
     whole = []
     for x, core in zip(arrays, node.cores, strict=True):
@@ -83,17 +83,18 @@ def primitive() -> Any:
     ad.primitive_jvps[made] = _jvp
     ad.primitive_transposes[made] = _transpose
     batching.primitive_batchers[made] = _batched
-    atexit.register(finish)  # after JAX's own, so it runs before that
+    atexit.register(finish)  # registered after JAX's own hook, so it runs before that one
     return made
 
 
 def finish() -> None:
     """Wait for the arrays that are being computed.
 
-    At exit JAX waits for them with Python's lock held, for which samples that Python recomputes would wait too.
+    At exit JAX waits for these arrays while it holds the GIL. Samples that Python recomputes need the GIL, so without
+    this wait neither would end.
     """
     for x in framework("jax").live_arrays():
-        with suppress(Exception):  # the error of an array that was not asked for, or one that is deleted meanwhile
+        with suppress(Exception):  # the error of an array that nothing has read, or of an array deleted meanwhile
             x.block_until_ready()
 
 
@@ -110,7 +111,7 @@ def known_to_xla(name: str, address: int) -> bool:
     jax = framework("jax")
     try:
         jax.ffi.register_ffi_target(name, jax.ffi.pycapsule(address), platform="cpu")
-    except Exception as error:  # of a JAX that this library does not know
+    except Exception as error:  # from a version of JAX that this library does not know
         _say(jax.__version__, " ".join(str(error).split()))
         return False
     return True
@@ -118,7 +119,7 @@ def known_to_xla(name: str, address: int) -> bool:
 
 @cache
 def _say(version: str, reason: str) -> None:
-    """Warn once."""
+    """Warn that JAX calls programs through Python."""
     warnings.warn(
         f"JAX {version} calls programs through Python, some 0.3 ms a call: XLA does not take compiled ones: {reason}",
         stacklevel=3,
@@ -126,7 +127,7 @@ def _say(version: str, reason: str) -> None:
 
 
 def _called_back(*arrays: Any, node: Node) -> Any:
-    """The results by a call of Python."""
+    """The results, computed by a call of Python."""
     jax = framework("jax")
 
     def on_host(*given: Any) -> Any:
@@ -139,7 +140,7 @@ def _called_back(*arrays: Any, node: Node) -> Any:
 
 
 def _jvp(primals: Sequence[Any], tangents: Sequence[Any], *, node: Node) -> tuple[Any, Any]:
-    """The derivative of a node along tangents: linear in directions and weights, another node in the other inputs."""
+    """The derivative of a node along tangents: the same node for directions and weights, else another node."""
     ad = framework("jax.interpreters.ad")
     results, terms = bound(node, primals), []
     groups = node.groups
@@ -168,13 +169,13 @@ def _transpose(cotangents: Sequence[Any], *arrays: Any, node: Node) -> list[Any]
 
 
 def _summed(x: Any, shape: tuple[int, ...]) -> Any:
-    """The sum over the samples that share an input of a shape."""
+    """The sum of x over the samples that share an input of this shape."""
     shared = tuple(k for k, (n, own) in enumerate(zip(x.shape, shape, strict=True)) if n != own)
     return x.sum(axis=shared, keepdims=True) if shared else x
 
 
 def _batched(arrays: Sequence[Any], axes: Sequence[Any], *, node: Node) -> tuple[Any, Any]:
-    """A node of arrays with a further axis in front, of size 1 for inputs without it."""
+    """A node of arrays with a further axis in front, which has size 1 for inputs without that axis."""
     numpy = framework("jax").numpy
     moved = [x[None] if at is None else numpy.moveaxis(x, at, 0) for x, at in zip(arrays, axes, strict=True)]
     found = bound(node, moved)

@@ -1,4 +1,4 @@
-"""Names of the calls in other libraries and textbooks, and of subjects that an example or another library covers."""
+"""Names of the calls in other libraries and textbooks, and subjects that an example or another library covers."""
 
 from __future__ import annotations
 

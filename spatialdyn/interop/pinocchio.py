@@ -37,16 +37,17 @@ LOWER_LIMITS = {
 
 
 def from_pinocchio(pin_model: Any, inertia: str = "warn") -> Model:
-    """The Model of a ``pinocchio.Model``: same joints, q, v, frames, limits and gravity, entry by entry.
+    """The Model of a ``pinocchio.Model``, with the same joints, q, v, frames, limits and gravity, entry by entry.
 
     pin_model  a Model of Pinocchio 3 or later; this function does not import Pinocchio
     inertia    policy on inertias that are not physical, as in ``load_urdf``
 
     The universe becomes the root link, and a free flyer an ordinary floating joint. A joint's body becomes the link
-    named by its first body frame at the identity, or else by the joint. Every other frame becomes a link without mass
-    on a fixed joint; a fixed-joint frame names that joint. Unbounded and planar joints keep their (cos, sin). Limits of
-    joints with several freedoms, and all other parts without a counterpart, are listed in ``model.robot.notes``.
-    rotorInertia and rotorGearRatio are left out, since they change no result of Pinocchio; armature is kept.
+    named after its first body frame at the identity, or else after the joint. Every other frame becomes a link without
+    mass on a fixed joint; a fixed-joint frame names that joint. Unbounded and planar joints keep their (cos, sin).
+    Limits of joints with several freedoms, and all other parts without a counterpart, are listed in
+    ``model.robot.notes``. rotorInertia and rotorGearRatio are left out, since they change no result of Pinocchio;
+    armature is kept.
 
     Raises ModelError naming the joint for a type that is not revolute, prismatic, helical, spherical, planar or
     free flyer and for joints not in depth-first order; InertiaError.
@@ -94,7 +95,7 @@ def fresh_name(name: str, taken: set[str]) -> str:
 
 
 def _links_and_frames(pin_model: Any, notes: list[str]) -> tuple[list[Link], list[RobotJoint]]:
-    """The link of each joint, the universe's first, and fixed joints for the other frames."""
+    """The link of each joint, the universe's link first, and fixed joints for the other frames."""
     frames = [(f, f.type.name, _pose(f.placement)) for f in pin_model.frames][1:]
     names = list(pin_model.names)
     bodies: dict[int, int] = {}  # joint -> the frame of its body
@@ -117,7 +118,7 @@ def _links_and_frames(pin_model: Any, notes: list[str]) -> tuple[list[Link], lis
     left = {k for k, (_, kind, _) in enumerate(frames) if kind != "JOINT"} - set(bodies.values())
     for k, (f, kind, X) in enumerate(frames):
         if k in left and kind == "FIXED_JOINT":
-            # the body frame after a fixed joint is its child, as in the URDF
+            # a body frame after a fixed joint is the child of that joint, as in the URDF
             behind = (
                 n
                 for n in sorted(left)
@@ -168,7 +169,7 @@ def _joint(pin_model: Any, i: int, links: Sequence[Link], notes: list[str]) -> R
 
 
 def screw_of(pin_model: Any, joint: Any, kind: str) -> tuple[tuple[float, ...], float]:
-    """Axis and pitch of a joint of Pinocchio's that moves along or about one axis."""
+    """Axis and pitch of a Pinocchio joint that moves along or about one axis."""
     data = joint.createData()
     joint.calc(data, np.zeros(pin_model.nq))
     S = np.ravel(data.S).tolist()
@@ -186,7 +187,7 @@ def _common(pin_model: Any, joint: Any, name: str, attribute: str, notes: list[s
         text = f'joint "{name}" has {attribute} {values.tolist()}, expected one for all its freedoms'
         notes.append(f"{text}; the largest is kept")
     lower = LOWER_LIMITS.get(attribute, "")
-    least = getattr(pin_model, lower, None)  # since Pinocchio 4; compares sizes, as its addJoint writes +max there
+    least = getattr(pin_model, lower, None)  # since Pinocchio 4; magnitudes are compared, as addJoint writes +max
     if least is not None and [_unlimited(abs(x)) for x in least[at]] != [_unlimited(x) for x in values]:
         notes.append(f'joint "{name}" has {lower} {least[at].tolist()}, which is left out')
     return _unlimited(float(values.max()))
@@ -199,7 +200,7 @@ def _armature(pin_model: Any, joint: Any) -> float | tuple[float, ...]:
 
 
 def _position_limits(pin_model: Any, joint: Any, name: str, kind: str, notes: list[str]) -> tuple[float, float]:
-    """Limits of a joint of one coordinate; none for the others, with a note if the model has some."""
+    """Limits of a joint of one coordinate; other joints have none, with a note if the Pinocchio model has some."""
     at = slice(joint.idx_q, joint.idx_q + joint.nq)
     lower = [_unlimited(float(x)) for x in pin_model.lowerPositionLimit[at]]
     upper = [_unlimited(float(x)) for x in pin_model.upperPositionLimit[at]]
@@ -212,5 +213,5 @@ def _position_limits(pin_model: Any, joint: Any, name: str, kind: str, notes: li
 
 
 def _unlimited(x: float) -> float:
-    """x, or infinity if it is the largest float, by which Pinocchio means no limit."""
+    """x, or infinity if x is the largest float, which means no limit in Pinocchio."""
     return math.copysign(math.inf, x) if abs(x) >= np.finfo(float).max else x

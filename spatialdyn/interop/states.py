@@ -1,6 +1,6 @@
 """States of MuJoCo and Drake: the order of a joint's numbers, and the axes of its velocity.
 
-Each kind of joint has a pair of functions that convert its part of a state, there and back.
+For each kind of joint two functions convert the joint's part of a state, in either direction.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 
 
 class _Place(NamedTuple):
-    """Slices of a joint's numbers: q, v in the model's state; x, w in the other library's state."""
+    """Slices of a joint's numbers: q and v in the model's state, x and w in the other library's state."""
 
     joint: Joint
     kind: int
@@ -38,7 +38,7 @@ Conversion = Callable[[_Place, Array, Array], tuple[Array, Array]]
 
 
 def _unit(place: _Place, part: Array) -> Array:
-    """A quaternion or pair, normalised. Raises ConfigurationError if its norm is off 1 by more than 1e-6."""
+    """A normalized quaternion or pair. Raises ConfigurationError if its norm differs from 1 by more than 1e-6."""
     norm = np.sqrt((part * part).sum(-1, keepdims=True))
     off = abs(norm - 1.0)[..., 0] > NORM_TOLERANCE
     if off.any():
@@ -53,7 +53,7 @@ def _unit(place: _Place, part: Array) -> Array:
 
 
 def _turned(quaternion: Array, u: Array, back: bool = False) -> Array:
-    """R u, or Rᵀ u, for the rotation of a unit quaternion x y z w."""
+    """R u, or Rᵀ u if ``back``, for the rotation R of a unit quaternion x y z w."""
     axis, w = quaternion[..., :3] * (-1.0 if back else 1.0), quaternion[..., 3:]
     t = 2.0 * np.cross(axis, u)
     return np.asarray(u + w * t + np.cross(axis, t))
@@ -159,9 +159,9 @@ def to_mujoco(model: Model, q: ArrayLike, v: ArrayLike, joints: Sequence[str] | 
     helical     refused: MuJoCo has no screw joint
     others      hinge or slide joint: the same number
 
-    Returns qpos (..., number of theirs), qvel (..., nv).
-    Raises  SpatialDynError for a floating joint elsewhere, helical or mimic joints, or ``joints`` that are not all of
-            the model's once; ConfigurationError for a quaternion or pair not of unit norm; ShapeError.
+    Returns qpos (..., number of entries in MuJoCo), qvel (..., nv).
+    Raises  SpatialDynError for a floating joint elsewhere, for helical or mimic joints, or unless ``joints`` names each
+            joint of the model once; ConfigurationError for a quaternion or pair not of unit norm; ShapeError.
     """
     places = _places(model, joints, "MuJoCo", _MUJOCO)
     return _changed(model, places, _MUJOCO, (q, v), outward=True, names=("q", "v"))
@@ -170,7 +170,7 @@ def to_mujoco(model: Model, q: ArrayLike, v: ArrayLike, joints: Sequence[str] | 
 def from_mujoco(
     model: Model, qpos: ArrayLike, qvel: ArrayLike, joints: Sequence[str] | None = None
 ) -> tuple[Array, Array]:
-    """The state of MuJoCo as the model's: ``q, v = from_mujoco(model, qpos, qvel)``, the inverse of ``to_mujoco``.
+    """The model's state from MuJoCo's: ``q, v = from_mujoco(model, qpos, qvel)``, the inverse of ``to_mujoco``.
 
     Returns q (..., nq), v (..., nv).
     Raises  what ``to_mujoco`` raises.
@@ -194,8 +194,8 @@ def to_drake(model: Model, q: ArrayLike, v: ArrayLike, joints: Sequence[str] | N
     helical     screw joint: the same angle
     others      the same number
 
-    Returns Drake's q (..., number of theirs), v (..., nv).
-    Raises  SpatialDynError for spherical or mimic joints, or ``joints`` that are not all of the model's once;
+    Returns Drake's q (..., number of entries in Drake), v (..., nv).
+    Raises  SpatialDynError for spherical or mimic joints, or unless ``joints`` names each joint of the model once;
             ConfigurationError for a quaternion or pair not of unit norm; ShapeError.
     """
     places = _places(model, joints, "Drake", _DRAKE)
@@ -203,7 +203,7 @@ def to_drake(model: Model, q: ArrayLike, v: ArrayLike, joints: Sequence[str] | N
 
 
 def from_drake(model: Model, q: ArrayLike, v: ArrayLike, joints: Sequence[str] | None = None) -> tuple[Array, Array]:
-    """The state of a Drake MultibodyPlant as the model's, the inverse of ``to_drake``.
+    """The model's state from that of a Drake MultibodyPlant, the inverse of ``to_drake``.
 
     Returns q (..., nq), v (..., nv).
     Raises  what ``to_drake`` raises.
@@ -215,7 +215,10 @@ def from_drake(model: Model, q: ArrayLike, v: ArrayLike, joints: Sequence[str] |
 def _places(
     model: Model, joints: Sequence[str] | None, library: str, changes: Mapping[int, tuple[Conversion, Conversion]]
 ) -> list[_Place]:
-    """The model's joints in the other library's order. Raises SpatialDynError for one that it cannot represent."""
+    """The model's joints in the other library's order.
+
+    Raises SpatialDynError for a joint that the other library cannot represent.
+    """
     check_model(model)
     if model.mimic_matrix is not None:
         dependent = [j.name for j in model.joints if j.mimic is not None]
@@ -261,7 +264,7 @@ def _changed(
     outward: bool,
     names: tuple[str, str],
 ) -> tuple[Array, Array]:
-    """A state, checked and broadcast, with each joint's numbers converted."""
+    """Check and broadcast a state, and convert the numbers of each joint."""
     nx = places[-1].x.stop if places else 0
     q_spec = replace(Q, name=names[0], shape=("nq" if outward else nx,))
     specs: list[Argument] = [q_spec, replace(V, name=names[1])]

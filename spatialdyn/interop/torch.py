@@ -1,9 +1,9 @@
 """A Specialized as a function of PyTorch tensors on the CPU, with derivatives.
 
-A program, and each of its derivatives, is an operator of ``torch.library``, with a second kernel that computes only
-shapes, so that ``torch.compile`` and ``torch.export`` keep it as one node. An ``autograd.Function`` around it, whose
-derivatives are such functions too, is used only if a derivative may be needed: it takes three times as long as a plain
-call.
+A program, and each of its derivatives, is an operator of ``torch.library``. A second kernel of the operator computes
+only shapes, so that ``torch.compile`` and ``torch.export`` keep the operator as one node. An ``autograd.Function``
+around the operator, whose derivatives are such functions too, is used only if a derivative may be needed: it takes
+three times as long as a plain call.
 """
 
 from __future__ import annotations
@@ -60,12 +60,12 @@ def to_torch(made: Differentiable) -> Callable[..., Any]:
 
 @cache
 def _library() -> Any:
-    """The operators' namespace, which lasts as long as this object."""
+    """The namespace of the operators, which lasts as long as this object."""
     return framework("torch.library").Library("spatialdyn", "FRAGMENT")
 
 
 def operator(node: Node) -> Any:
-    """The operator of a node, for tensors of one dtype whose leading axes broadcast; nodes of one key share it."""
+    """The operator of a node, for tensors of one dtype whose leading axes broadcast; nodes of equal keys share it."""
     torch = framework("torch")
     name = f"{node.name}_{hashlib.sha256(node.key.encode()).hexdigest()[:16]}"
     if name in _operators():
@@ -122,7 +122,7 @@ def _in_front(node: Node, tensors: Sequence[Any], in_dims: Sequence[Any]) -> lis
 
 @cache
 def function_of(node: Node) -> Any:
-    """The ``autograd.Function`` of a node, with derivatives in both modes that are such functions."""
+    """The ``autograd.Function`` of a node; its derivatives in both modes are such functions too."""
     torch, call = framework("torch"), operator(node)
     groups, count = node.groups, len(node.cores)
     groups = groups[: len(groups) - node.hinted]
@@ -166,17 +166,17 @@ def function_of(node: Node) -> Any:
         def vmap(info: Any, in_dims: Any, *tensors: Any) -> Any:
             return Derivable.apply(*_in_front(node, tensors, in_dims)), (0,) * len(node.results)
 
-    vars(Derivable.forward)["__signature__"] = signature(Derivable.forward)  # else determined at each call
+    vars(Derivable.forward)["__signature__"] = signature(Derivable.forward)  # PyTorch would determine it at each call
     return Derivable
 
 
 def graph_function(made: Differentiable) -> Any:
-    """The ``autograd.Function`` of a program within ``torch.compile``, which accepts none with a forward mode."""
+    """The ``autograd.Function`` of a program within ``torch.compile``, which accepts no forward mode."""
     torch, node, weighted = framework("torch"), made.node(), made.node(0, True)
     call, slopes, count, hinted = operator(node), operator(weighted), len(made.names), weighted.hinted
 
     class InGraph(torch.autograd.Function):  # type: ignore[misc, name-defined]
-        """The operator, whose backward pass is that of its derivative."""
+        """The operator; its backward pass calls the operator of its derivative."""
 
         @staticmethod
         def forward(*tensors: Any) -> Any:
@@ -196,5 +196,5 @@ def graph_function(made: Differentiable) -> Any:
 
 
 def _filled(given: Sequence[Any], like: Sequence[Any]) -> list[Any]:
-    """The tensors, with zeros in place of None, of the shapes of ``like``."""
+    """The tensors, with zeros of the shapes of ``like`` in place of None."""
     return [y.new_zeros(y.shape) if x is None else x for x, y in zip(given, like, strict=True)]
