@@ -1,6 +1,6 @@
-"""Argument checks and result checks of one sample, which kernels run around a recursion.
+"""Argument checks and result checks of one sample, which kernels run before and after a recursion.
 
-They branch on values, so they are no part of the recursion.
+The checks branch on values, so they are not part of the recursion.
 """
 
 from __future__ import annotations
@@ -41,15 +41,15 @@ def no_overlap(x: Any, out: Any) -> bool:
 
 @inline
 def pivots_regular(bodies: Any, q: Any, pivots: Any) -> bool:
-    """Whether no row is singular in float64; with a bound for the composite inertia, a few regular ones fail too."""
+    """Whether no row is singular in float64; composite inertias are bounded, so a few regular rows fail too."""
     return singular_row(bodies, q, pivots, EPS) == 0
 
 
 @inline
 def singular_row(bodies: Any, q: Any, pivots: Any, eps: Any) -> int:
-    """The last row whose D is at most n eps times a bound on its composite inertia, or NaN; 0 if there is none.
+    """The last row whose D is NaN or at most n eps times a bound on its composite inertia; 0 if there is none.
 
-    The bound grows with how far prismatic, helical, planar and floating joints below the first have moved.
+    The bound grows with the distances that prismatic, helical, planar and floating joints below the first have moved.
     """
     n = len(bodies) - 1
     travel = 0.0
@@ -70,7 +70,7 @@ def singular_row(bodies: Any, q: Any, pivots: Any, eps: Any) -> int:
 
 @inline
 def all_finite(x: Any) -> bool:
-    """Whether every entry of an array is finite; a count over a flat view, which LLVM vectorizes."""
+    """Whether every entry of an array is finite, by a count over a flat view, which LLVM vectorizes."""
     flat = x.ravel()
     not_finite = 0
     for k in range(len(flat)):

@@ -1,9 +1,9 @@
-"""Functions with the calling convention of CPython's builtins, made of text: compiled by Numba once that pays.
+"""Functions with the calling convention of CPython's builtins, generated as text and compiled by Numba once that pays.
 
-What a function needs beside its arguments is its *plan*, an array of addresses and sizes that it gets as ``self``. A
-function whose argument checks fail returns None and sets no error: the caller falls back to a call that names the
-fault. Where ``READY`` is False (see ``object_layout``) every function made here returns None. Until compiling it pays
-(see ``tiers``) the same text runs in plain Python.
+Besides its arguments a function gets its *plan* as ``self``: an array of addresses and sizes. A function whose argument
+checks fail returns None and sets no error: the caller falls back to a call that names the fault. Where ``READY`` is
+False (see ``object_layout``) every function made here returns None. Until compiling pays (see ``tiers``) the same text
+runs in plain Python.
 """
 
 from __future__ import annotations
@@ -105,7 +105,7 @@ def places(address: int, count: int) -> Any:
 
 @inline
 def advance(address: int) -> None:
-    """Count one more at an address."""
+    """Add 1 to the counter at an address."""
     places(address, 1)[0] += 1
 
 
@@ -166,7 +166,7 @@ def index(plan: int, x: int, count: int) -> Any:
     if word(x, TYPE) != word(plan, INTEGER):
         return -1
     k = _size(word(plan, AS_SIZE), (x,))
-    if k == -1:  # -1, or an overflow, which sets an error
+    if k == -1:  # the value -1, or an overflow, which sets an error
         _void(word(plan, FORGET), ())
     return k if 0 <= k < count else -1
 
@@ -185,7 +185,7 @@ def real(x: int) -> Any:
 
 @inline
 def new_array(plan: int, rank: int, shape: int) -> Any:
-    """A new float64 array in C order, its shape at an address; 0 if there is no memory."""
+    """A new float64 array in C order, with its shape read at address ``shape``; 0 if there is no memory."""
     return _make(word(plan, MAKE), (word(plan, NDARRAY), rank, shape, DOUBLE, 0, 0, 0, 0, 0))
 
 
@@ -197,7 +197,7 @@ def new_real(plan: int, x: float) -> Any:
 
 @inline
 def new_object(plan: int, kind: int, slot: int, x: int) -> Any:
-    """A new object of a class, whose slot at that offset takes over the new object x; 0 if there is no memory."""
+    """A new object of a class; its slot at offset ``slot`` takes over the new object x; 0 if there is no memory."""
     made = _allocate(word(plan, ALLOCATE), (kind, 0))
     if made == 0:
         _count(word(plan, DOWN), (x,))
@@ -208,7 +208,10 @@ def new_object(plan: int, kind: int, slot: int, x: int) -> Any:
 
 @inline
 def new_tuple(plan: int, kind: int, x: int, shape: int) -> Any:
-    """A new tuple of new arrays with the numbers (..., m, n) at address x, their shape at another; 0 if no memory."""
+    """A new tuple of count new arrays (m, n) from the numbers at address x; 0 if there is no memory.
+
+    shape  address of the words count, m, n
+    """
     count, size = word(shape, 0), word(shape, 1) * word(shape, 2)
     made = _allocate(word(plan, ALLOCATE), (kind, count))
     for k in range(count if made != 0 else 0):
@@ -238,16 +241,16 @@ def return_true(plan: int) -> Any:
 
 @inline
 def discard(plan: int, x: int) -> Any:
-    """Release a new object; a new reference to None, which is returned in its place."""
+    """Release a new object; returns a new reference to None in its place."""
     _count(word(plan, DOWN), (x,))
     return return_none(plan)
 
 
 @inline
 def run_entry(program: int, table: int, inputs: int, outputs: int) -> Any:
-    """Run the three words of an ``Entry`` on arrays of addresses; whether the outputs are written.
+    """Run the three words of an ``Entry`` on arrays of addresses; returns whether the outputs are written.
 
-    Its context is the table if the entry has none of its own.
+    The context is the table if the entry has no context of its own.
     """
     left = word(word(program, 2), 0)
     if left == 0:
@@ -268,7 +271,7 @@ SCOPE: dict[str, Any] = {
 
 @cache
 def _plain() -> dict[str, Any]:
-    """The functions above in plain Python: the same code, but for what it takes from compiled code."""
+    """The functions above in plain Python: the same source, with plain Python's meaning of native functions."""
     native: dict[str, Any] = {"word": tiers.word, "at": lambda address, shape: tiers.array_of(address, shape, F8)}
     native |= {"advance": tiers.advance, "places": lambda address, count: tiers.array_of(address, (count,), np.intp)}
     native |= dict.fromkeys(("_make", "_size", "_allocate", "_entry"), tiers.call_words)
@@ -282,7 +285,7 @@ def _plain() -> dict[str, Any]:
 
 @cache
 def _head() -> list[int]:
-    """The words that all plans begin with."""
+    """The first words of every plan."""
     constants: list[object] = [None, True, np.ndarray]
     heads = [*map(id, constants), layout.kind(np.dtype(F8)), id(int), id(float)]
     functions = (
@@ -300,14 +303,14 @@ def _head() -> list[int]:
 
 
 def unavailable(*arguments: Any) -> None:
-    """The function where no builtin can be made: returns None."""
+    """The function used if no builtin can be made: returns None."""
 
 
 _SIGNATURE = (types.intp, types.intp, types.intp)
 
 
 class _OfWords(Tier):
-    """A function of three words that returns a word, made of text."""
+    """A function of three words that returns a word, generated as text."""
 
     def __init__(self, name: str, words: Sequence[str], text: Sequence[str], scope: Mapping[str, Any]) -> None:
         super().__init__()
@@ -324,7 +327,7 @@ class _OfWords(Tier):
         return tiers.is_stored(jitted, _SIGNATURE)
 
     def _compiled_address(self) -> int:
-        """Compile it; returns its address."""
+        """Compile the function; returns its address."""
         self._dispatcher = jit.numba_jit(self._function(plain=False), nogil=False, from_c=True, contract=False)
         self._dispatcher.compile(_SIGNATURE)
         made = self._dispatcher.overloads[_SIGNATURE]
@@ -333,7 +336,7 @@ class _OfWords(Tier):
 
 
 class Builtin(_OfWords):
-    """A function, to be bound to plans."""
+    """A function that is bound to plans."""
 
     def __init__(
         self,
@@ -344,11 +347,11 @@ class Builtin(_OfWords):
         scope: Mapping[str, Any],
         optional: int = 0,
     ) -> None:
-        """A function of ``arguments``, addresses of objects; its ``body`` names the words of a plan.
+        """A function of ``arguments``, which are addresses of objects; its ``body`` names the words of a plan.
 
-        The body returns ``new_array(...)``, ``return_true(plan)`` or ``return_none(plan)``; 0 if it has set a Python
-        error. An exception that it raises becomes a SystemError. Of the last ``optional`` arguments a call may pass
-        the first ones; the others are 0. Names of the scope may be of type Twin.
+        The body returns ``new_array(...)``, ``return_true(plan)`` or ``return_none(plan)``, or 0 after it has set a
+        Python error. An exception that it raises becomes a SystemError. A call may leave out some of the last
+        ``optional`` arguments, from the end; they are then 0. Values in the scope may be of type Twin.
         """
         self.words = tuple(words)
         least, most = len(arguments) - optional, len(arguments)
@@ -379,7 +382,7 @@ class Builtin(_OfWords):
         return found
 
     def bind(self, *alive: Any, **words: int) -> Callable[..., Any]:
-        """The function with a plan, ``function.__self__``, which keeps a reference to what its words point at."""
+        """The function with a plan, ``function.__self__``, which keeps references to the objects at its addresses."""
         given = [words.pop(name) for name in self.words]
         if words:
             raise TypeError(f"a plan has no words {sorted(words)}, expected {', '.join(self.words)}")
@@ -393,7 +396,7 @@ class Interpreted:
     __slots__ = ("__self__", "_builtin", "_compiled")
 
     def __init__(self, builtin: Builtin, plan: layout.Words) -> None:
-        """Bind them."""
+        """Bind a Builtin to a plan."""
         self._builtin, self.__self__ = builtin, plan
         self._compiled: Any = None
 
@@ -411,9 +414,9 @@ class Interpreted:
 
 
 class TableEntry(_OfWords):
-    """``entry(table, inputs, outputs) -> 1``, or 0, of a call on any table, as programs have it.
+    """``entry(table, inputs, outputs) -> 1`` or 0, for a call on any table, with the interface of a program's entry.
 
-    words  its address, no context, and the address of how many calls it answers
+    words  the address of the entry, no context, and the address of the number of calls that it may answer
     """
 
     def __init__(self, spec: Spec) -> None:
@@ -449,19 +452,20 @@ class TableEntry(_OfWords):
         return self
 
     def renew(self) -> None:
-        """Compile it if that pays."""
+        """Compile the entry if that pays."""
         self.code()
 
     @property
     def words(self) -> tuple[int, int, int]:
-        """Its words."""
+        """The three words of the entry."""
         self.renew()
         return self.address, 0, self._left.ctypes.data
 
 
 class Entry:
-    """The code of a call on a model: three words that builtins read, address of an entry, its context, and the address
-    of how many calls it answers.
+    """The code of a call on a model, as three words that builtins read.
+
+    The words are the address of an entry, its context, and the address of the number of calls that it may answer.
 
     program  a TieredProgram; None for the table kernel
     """
@@ -483,7 +487,7 @@ class Entry:
         self._words[:] = words
 
     def renew(self) -> bool:
-        """Switch to faster code if it exists by now; returns whether it does."""
+        """Switch to faster code if there is some by now; returns whether there is."""
         before = self._words.tolist()
         if self.program is None or layout.words_at(before[2], 1)[0] == 0:
             self._take()
@@ -497,7 +501,7 @@ class Entry:
 
 @cache
 def table_entry(spec: Spec) -> TableEntry:
-    """The one of a call."""
+    """The TableEntry of a call."""
     return TableEntry(spec)
 
 

@@ -1,19 +1,19 @@
 """Disk cache of compiled code, so that a second process starts at once.
 
-A file is named by a digest of all that its code depends on, holds a checksum of that name and its content, and is
-written atomically; a damaged file, or one under another's name, counts as missing. No failure here is an error: code
-that cannot be cached is compiled again. The MOST_FILES last used files are kept.
+The name of a file is a digest of all that its code depends on. A file holds a checksum of its name and content and is
+written atomically; a damaged file, or one under the name of another, counts as missing. No failure here is an error:
+code that cannot be cached is compiled again. The MOST_FILES last used files of each kind are kept.
 
-The process runs what it reads here, and a checksum is no signature. So the folder and each file are used only if their
-owner is the effective user or root, neither group nor others may write to them, and they are no links; else code is
-compiled in memory, with one warning. The folder is made with mode 0700, files with 0600. Checks are on the open
-descriptor, and names are looked up in the open folder, so that no file can be exchanged in between.
+The process runs the code that it reads here, and a checksum is no signature. So the folder and each file are used only
+if the owner is the effective user or root, neither group nor others may write to them, and they are no links. Otherwise
+code is compiled in memory, with one warning. The folder is made with mode 0700, files with 0600. Checks are made on the
+open descriptor, and names are looked up in the open folder, so that no file can be exchanged in between.
 
-Protects against: other users of the machine, also where they may write to a folder above (a shared /tmp) and made the
-cache's own folder, a file or a link in its place first. The folders above may be links, which is how users move
-~/.cache. Does not protect against: processes of the same user or of root; file systems without owners, and access
-lists that a mode does not show. On Windows links are refused, but neither owners nor access lists are checked: the
-folder there is the user's own, unless a variable names another.
+Protects against: other users of the machine, also if they may write to a folder above (a shared /tmp) and have first
+made the cache's own folder, or a file or link in its place. The folders above may be links, since users move ~/.cache
+that way. Does not protect against: processes of the same user or of root; file systems without owners; access lists
+that a mode does not show. On Windows links are refused, but neither owners nor access lists are checked: the folder
+there is the user's own, unless a variable names another folder.
 """
 
 from __future__ import annotations
@@ -32,10 +32,10 @@ from typing import Any
 from .. import locks
 from .numba_settings import setting
 
-VARIABLE = "SPATIALDYN_CACHE_DIR"  # the folder itself, no cache if empty; Numba's variable names the folder above it
-MOST_FILES = 4096  # of each kind; 0.1 MB or less each, and the tests of one version make 2100 of programs
+VARIABLE = "SPATIALDYN_CACHE_DIR"  # names the folder itself; no cache if empty. Numba's variable names the folder above
+MOST_FILES = 4096  # of each kind; a file has 0.1 MB or less, and the tests of one version make 2100 for programs
 KINDS = PROGRAM, NUMBERS, KERNEL, INLINED = ".lanes", ".numbers", ".kernel", ".inlined"
-PART = ".part"  # a file being written
+PART = ".part"  # suffix of a file that is being written
 
 OWNED = hasattr(os, "geteuid")  # whether files have an owner and a mode that say who may write
 BY_FOLDER = {
@@ -43,7 +43,7 @@ BY_FOLDER = {
     os.stat,
     os.unlink,
     os.rename,
-} <= os.supports_dir_fd  # if names can be looked up in open folders
+} <= os.supports_dir_fd  # whether names can be looked up in open folders
 _SURE = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_NONBLOCK", 0)
 _BINARY = getattr(os, "O_BINARY", 0)
 _REPARSED = (0xA000000C, 0xA0000003)  # Windows' links and junctions
@@ -53,11 +53,11 @@ _done: set[tuple[str, Path]] = set()  # (action, folder) done in this process
 
 
 class _UnsafeError(Exception):
-    """A path that another user may control, and why."""
+    """A path that another user may control, with the reason."""
 
 
 def kept() -> str:
-    """Where compiled code goes, for a message that says what compiles."""
+    """The place where compiled code goes, in words for the message about compiling."""
     if folder() is None:
         return f"; set {VARIABLE} to a folder to keep it for later processes"
     return "; it is kept in the cache for later processes"
@@ -87,7 +87,7 @@ def folder() -> Path | None:
 
 
 def read(digest: str, kind: str = PROGRAM) -> bytes | None:
-    """The payload written under a digest; None if there is none, or it is damaged or unsafe.
+    """The payload written under a digest; None if the file is missing, damaged or unsafe.
 
     Warns once if the folder is unsafe.
     """
@@ -158,7 +158,7 @@ class _Files:
         return name if self._at else str(self._place / name)
 
     def open(self, name: str, flags: int) -> int:
-        """The descriptor of a file that is safe. Raises _UnsafeError, OSError."""
+        """The descriptor of a file, opened if it is safe. Raises _UnsafeError, OSError."""
         return _open(self._path(name), f'file "{self._place / name}"', flags | _BINARY, **self._at)
 
     def check(self, name: str) -> None:
@@ -181,7 +181,7 @@ class _Files:
 
 
 def _make(place: Path) -> None:
-    """Make a folder, and missing ones above it, with mode 0700."""
+    """Make a folder, and missing folders above it, with mode 0700."""
     try:
         place.mkdir(0o700)
     except FileExistsError:
@@ -195,7 +195,7 @@ def _make(place: Path) -> None:
 
 @contextmanager
 def _open_folder(place: Path) -> Iterator[_Files]:
-    """The folder, if it is safe. Raises _UnsafeError, OSError."""
+    """Open a folder if it is safe. Raises _UnsafeError, OSError."""
     what = f'folder "{place}"'
     if not BY_FOLDER:
         _check(os.stat(place, follow_symlinks=False), what)
@@ -209,13 +209,13 @@ def _open_folder(place: Path) -> Iterator[_Files]:
 
 
 def _open(path: str, what: str, flags: int, **at: Any) -> int:
-    """The descriptor of a file or folder that is safe. Raises _UnsafeError, OSError."""
+    """The descriptor of a file or folder, opened if it is safe. Raises _UnsafeError, OSError."""
     if not hasattr(os, "O_NOFOLLOW") and not flags & os.O_CREAT:
         _check(os.stat(path, follow_symlinks=False, **at), what)
     try:
         handle = os.open(path, flags | _SURE, 0o600, **at)
     except OSError:
-        _check(os.stat(path, follow_symlinks=False, **at), what)  # a link says so
+        _check(os.stat(path, follow_symlinks=False, **at), what)  # raises for a link
         raise
     try:
         _check(os.fstat(handle), what)
@@ -226,7 +226,7 @@ def _open(path: str, what: str, flags: int, **at: Any) -> int:
 
 
 def _check(state: os.stat_result, what: str) -> None:
-    """Raise _UnsafeError if the state is that of a link, of another user's file, or of one that others may write."""
+    """Raise _UnsafeError for the state of a link, of another user's file, or of a file that others may write."""
     if stat.S_ISLNK(state.st_mode) or getattr(state, "st_reparse_tag", 0) in _REPARSED:
         raise _UnsafeError(f"{what} is a link, expected none; remove it")
     if OWNED and state.st_uid not in (os.geteuid(), 0):
@@ -267,7 +267,7 @@ def _prune(files: _Files) -> None:
     for kind in KINDS:
         found = []
         for name in files.names():
-            with suppress(OSError):  # another process prunes too
+            with suppress(OSError):  # another process may have removed it
                 if name.endswith(kind):
                     found.append((files.state(name).st_mtime, name))
         for _, name in sorted(found)[:-MOST_FILES]:

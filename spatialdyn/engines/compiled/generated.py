@@ -9,9 +9,9 @@ from typing import Any
 
 
 def function_from_text(name: str, lines: list[str], scope: dict[str, Any], label: str = "") -> Callable[..., Any]:
-    """The function of that name that the lines define, with ``scope`` as its globals.
+    """The function ``name`` that the lines define, with ``scope`` as its globals.
 
-    label  names its file, ``<spatialdyn LABEL>``, numbered if another text has that name; ``name`` if empty
+    label  gives the file name ``<spatialdyn LABEL>``, numbered if another text has that name; ``name`` if empty
     """
     text = [f"{line}\n" for line in lines]
     file = _registered(label or name, text)
@@ -21,7 +21,10 @@ def function_from_text(name: str, lines: list[str], scope: dict[str, Any], label
 
 
 def _registered(label: str, text: list[str]) -> str:
-    """A file name under which ``linecache`` keeps the text; without a modification time it is not read from disk."""
+    """Register the text with ``linecache``; returns its file name.
+
+    ``linecache`` does not look on disk for an entry without a modification time.
+    """
     cache: dict[str, Any] = linecache.cache
     for k in itertools.count(1):
         file = f"<spatialdyn {label}>" if k == 1 else f"<spatialdyn {label} {k}>"

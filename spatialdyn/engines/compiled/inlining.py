@@ -1,11 +1,12 @@
-"""Numba's compiler pipelines for ``inline`` functions: LLVM code for the caller, no machine code of their own.
+"""Numba's compiler pipelines for ``inline`` functions, which give LLVM code for callers and no machine code.
 
-By default Numba compiles every function to machine code, C wrappers included, before it links its LLVM code into the
-callers. An ``inline`` function never runs by itself, so that step is left out. LLVM optimizes it all the same: without
-that, compiling would be faster still, but LLVM would fuse other products and answers change in the last digit.
+By default Numba compiles every function to machine code, C wrappers included, before it links the LLVM code into the
+callers. An ``inline`` function never runs by itself, so these pipelines leave that step out. LLVM still optimizes the
+function: without that, compiling would be faster, but LLVM would fuse other products, and results would change in the
+last digit.
 
-A kernel is made of some hundred such functions, which take most of the time that it compiles. So their LLVM code is
-kept on the disk, and the next process compiles the kernel's own alone.
+A kernel consists of about a hundred such functions, which take most of its compile time. So their LLVM code is kept in
+the disk cache, and the next process compiles only the kernel itself.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ class _Code(JITCodeLibrary):
 
     @property
     def codegen(self) -> Any:
-        """Where Numba declares the function's Python environment, which inlined code does not read: here."""
+        """This object: Numba declares here the function's Python environment, which inlined code does not read."""
         return self
 
     def set_env(self, name: str, environment: Any) -> None:
@@ -54,14 +55,14 @@ class _Code(JITCodeLibrary):
 
 
 class _Lowered(_Code):
-    """The same without LLVM's optimization."""
+    """As ``_Code``, without LLVM's optimization."""
 
     def _optimize_final_module(self) -> None:
         pass
 
 
 class _Into(LoweringPass):
-    """The pass that gives lowering the library to write its code to."""
+    """The pass that chooses the library into which lowering writes its code."""
 
     _name = "spatialdyn_into_code"
     library: Any = _Code
@@ -86,7 +87,7 @@ for _kind in (_Into, _IntoLowered):
 
 
 class Plain(CompilerBase):
-    """The pipeline of a kernel: Numba's, less the passes for features that neither kernels nor recursions use."""
+    """The pipeline of a kernel: Numba's, without the passes for features that neither kernels nor recursions use."""
 
     def define_pipelines(self) -> list[Any]:
         """The only pipeline."""
@@ -104,7 +105,10 @@ class Inlining(Plain):
     cache = InlinedCache(STAMP)
 
     def compile_extra(self, func: Callable[..., Any]) -> Any:
-        """The function as kept, else as compiled now; what is kept is read back at once, so both are the same code."""
+        """The function from the cache, or else compiled now.
+
+        A function that is compiled and cached is made from its cached form at once, so both ways give the same code.
+        """
         digest = self.cache.digest(func, self.state)
         content = self.cache.read(digest) if digest else None
         if content is None:
@@ -117,7 +121,7 @@ class Inlining(Plain):
         return self._of(*content)
 
     def _of(self, description: Any, signature: Any, name: str, bitcode: bytes) -> Any:
-        """The result of compiling, as Numba would give it."""
+        """The compile result that Numba would give."""
         context: Any = self.state.targetctx
         library: Any = self.into.library(context.codegen(), name)
         library._final_module = binding.parse_bitcode(bitcode)
@@ -151,14 +155,14 @@ PIPELINES = {"inline": Inlining, "inline_unoptimized": InliningUnoptimized}
 
 
 def _content(made: Any) -> tuple[Any, Any, str, bytes] | None:
-    """What ``Inlining`` makes a compiled function from in any process.
+    """The content from which ``Inlining`` makes a compiled function in any process.
 
-    None if the code holds addresses of this process, or more functions than this one and Numba's counts of references:
-    Numba numbers the functions of a process, so other code might have their names in the next.
+    Returns None if the code holds addresses of this process, or functions other than this one and Numba's reference
+    counting: Numba numbers the functions of a process, so in the next process other code might have their names.
     """
     module, description = made.library._final_module, copy(made.fndesc)
     defined = {f.name for f in module.functions if not f.is_declaration} - {description.llvm_func_name}
     if made.library.has_dynamic_globals or any(not name.startswith("NRT_") for name in defined):
         return None
-    description.typemap = description.calltypes = None  # for the compiler, and large
+    description.typemap = description.calltypes = None  # large, and only the compiler reads them
     return description, made.signature, made.library.name, module.as_bitcode()

@@ -1,6 +1,6 @@
 """Numba's part of the compiled kernels: the only module that makes Numba functions.
 
-Importing it imports Numba, which takes time, so other modules import it in the function that compiles.
+Importing this module imports Numba, which takes time, so other modules import it in the function that compiles.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ PIPELINES: Mapping[str, Any] = {}
 OWN: dict[str, Any] = {}
 try:
     from .inlining import PIPELINES, Plain
-except ImportError:  # a version of Numba with its parts elsewhere: compiling takes several times as long
+except ImportError:  # in this version of Numba these parts are elsewhere: compiling takes several times as long
     pass
 else:
     OWN = {"pipeline_class": Plain}
 
-ON_STACK = 1 << 13  # bytes of a kernel's array of scratch; larger ones are allocated
+ON_STACK = 1 << 13  # most bytes of a kernel's scratch array on the stack; larger arrays are allocated
 FLAGS: dict[str, Any] = {
     "nogil": True, "error_model": "numpy", "fastmath": {"contract"}, "no_cfunc_wrapper": True
 }  # fmt: skip
@@ -96,9 +96,9 @@ def _array_at(typing_context: Any, memory: Any, shape: Any, dtype: Any) -> Any:
 
 
 pointer: Any = intrinsic(_pointer_at)
-memory: Any = intrinsic(_memory)  # (bytes) -> memory of the calling function, on the stack if it is small
-release: Any = intrinsic(_release)  # (memory, bytes): give it back
-array_at: Any = intrinsic(_array_at)  # (memory, shape, dtype) -> the array there: carray, sooner compiled
+memory: Any = intrinsic(_memory)  # (bytes) -> memory for the calling function, on the stack if small
+release: Any = intrinsic(_release)  # (memory, bytes): free the memory if it is not on the stack
+array_at: Any = intrinsic(_array_at)  # (memory, shape, dtype) -> the array there: as carray, but compiles faster
 
 
 @inline
@@ -117,7 +117,7 @@ def rows_at(address: int, dtype: Any) -> Any:
 
 @inline
 def turned(q: Any, memory: Any) -> Any:
-    """q beside its cosines and sines (3, nq), as a recursion takes ``TURNED_Q``, in that memory."""
+    """q, cos q and sin q as an array (3, nq) in ``memory``, the form in which a recursion takes ``TURNED_Q``."""
     turn(q, memory)
     return memory
 
@@ -136,7 +136,7 @@ def _number_of(x):  # type: ignore[no-untyped-def]
 
 
 def hand_over() -> None:
-    """Give Numba all functions that compiled code may call."""
+    """Register with Numba all functions that compiled code may call."""
     register(PIPELINES)
 
 
@@ -145,7 +145,7 @@ def numba_jit(
 ) -> Callable[..., Any]:
     """A function made by ``kernel_from_text``, compiled at its first call of each type, and cached on disk if ``keep``.
 
-    from_c    with an entry that C can call
+    from_c    whether the function has an entry that C can call
     contract  whether LLVM may fuse multiplications and additions
     """
     hand_over()
@@ -157,7 +157,7 @@ def numba_jit(
 
 
 def compile_aside(dispatcher: Any) -> Callable[..., Any]:
-    """A dispatcher that compiles on another thread than the main one, which so handles Ctrl-C."""
+    """A dispatcher that compiles on another thread, so that the main thread can handle Ctrl-C."""
     if not PLAIN:
         dispatcher._compile_for_args = partial(_aside, dispatcher._compile_for_args)
     made: Callable[..., Any] = dispatcher
@@ -165,7 +165,7 @@ def compile_aside(dispatcher: Any) -> Callable[..., Any]:
 
 
 def _aside(compiled: Callable[..., Any], *arguments: Any, **named: Any) -> Any:
-    """``interruptible``, unless Numba is compiling in this thread, whose lock another thread would wait for."""
+    """As ``interruptible``, but on this thread if it is compiling: another thread would wait for its compiler lock."""
     lock: Any = global_compiler_lock
     if lock.is_locked():
         return compiled(*arguments, **named)
@@ -190,7 +190,7 @@ def compile_signature(
     for strided in (False, True):
         for writable in (False, True):
             dispatcher._search_new_conversions(*(_sample(t, strided, writable) for t in signature))
-    # Other arguments raise at once; by default Numba first searches for a conversion.
+    # By default Numba would search for a conversion of other arguments before it raises.
     dispatcher._search_new_conversions = _no_conversion
     dispatcher._explain_matching_error = _no_match
     made: Callable[..., Any] = dispatcher
@@ -198,13 +198,13 @@ def compile_signature(
 
 
 def accept(function: Callable[..., Any], *samples: Any) -> None:
-    """Have a function made by ``compile_signature`` also convert arguments of the samples' types."""
+    """Make a function of ``compile_signature`` also convert arguments of the types of these samples."""
     if not PLAIN:
         type(function)._search_new_conversions(function, *samples)  # type: ignore[attr-defined]
 
 
 def _plain(function: Callable[..., Any], signature: tuple[Any, ...]) -> Callable[..., Any]:
-    """The function in plain Python, raising TypeError where its compiled form would."""
+    """The function in plain Python; it raises TypeError where its compiled form would."""
 
     @np.errstate(all="ignore")
     def checked(table: Any, *arguments: Any) -> Any:
@@ -224,7 +224,7 @@ def _plain(function: Callable[..., Any], signature: tuple[Any, ...]) -> Callable
 
 
 def _sample(kind: Any, strided: bool, writable: bool) -> Any:
-    """A value of that type, from which Numba finds the conversion."""
+    """A sample value of a type, from which Numba finds the conversion."""
     if not isinstance(kind, types.Array):
         return 0.0 if kind == types.float64 else 0
     x = np.zeros((4,) * kind.ndim, str(kind.dtype))

@@ -1,4 +1,4 @@
-"""Arrays and tables of lanes, and the tiles of W samples between them and the arrays of a batch."""
+"""Arrays and tables of lanes, and tiles of W samples, which are copied from and to the arrays of a batch."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from numba.np import arrayobj
 from .checks import LARGEST
 from .lanes import F8, I8, I32, TRUTH, Lanes, constant, every, size, vector
 
-LINE = 64  # bytes that scratch is aligned to
+LINE = 64  # alignment of scratch in bytes
 
 
 class LanesRecord(types.Record):
@@ -28,7 +28,7 @@ class LanesRecord(types.Record):
 
     @property
     def dtype(self) -> np.dtype:
-        """Of NumPy, its size alone."""
+        """A NumPy dtype of the same size."""
         return np.dtype((np.void, self.size))
 
 
@@ -37,7 +37,7 @@ register_default(LanesRecord)(models.RecordModel)
 
 @cache
 def record(dtype: np.dtype, width: int) -> Any:
-    """The type of a row, or a field, of a table of that dtype; each field has ``width`` times its bytes."""
+    """The type of a row, or of a field, of a table of this dtype; each field takes ``width`` times its bytes."""
     if dtype.names:
         fields: Any = [
             (name, {"type": record(dtype[name], width), "offset": cast(Any, dtype.fields)[name][1] * width})
@@ -49,7 +49,7 @@ def record(dtype: np.dtype, width: int) -> Any:
 
 @cache
 def array_of(kind: Any, axes: int) -> Any:
-    """An intrinsic (memory, shape) -> array in C order of such elements."""
+    """An intrinsic (memory, shape) -> array in C order with elements of this type."""
     array: Any = types.Array(kind, axes, "C")
     step = kind.size if isinstance(kind, types.Record) else 8 * kind.width
 
@@ -70,7 +70,7 @@ def array_of(kind: Any, axes: int) -> Any:
 
 
 def _lanes_of(typing_context: Any, x: Any) -> Any:
-    """An array of floats as one of lanes of one sample; a float as lanes."""
+    """An array of floats as an array of lanes of one sample; a float as lanes."""
     if not isinstance(x, types.Array):
         kind: Any = Lanes(1)
         return kind(types.float64), lambda context, builder, signature, arguments: arguments[0]
@@ -79,7 +79,7 @@ def _lanes_of(typing_context: Any, x: Any) -> Any:
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         given = context.make_array(x)(context, builder, arguments[0])
         made = context.make_array(array)(context, builder)
-        put: Any = arrayobj.populate_array  # without its count of references: the caller holds it
+        put: Any = arrayobj.populate_array  # without reference counting: the caller holds the array
         put(made, given.data, given.shape, given.strides, given.itemsize, meminfo=None)
         return made._getvalue()
 
@@ -90,7 +90,7 @@ lanes_of: Any = intrinsic(_lanes_of)
 
 
 def _aligned(typing_context: Any, memory: Any, skipped: Any) -> Any:
-    """The first line of memory, and so many bytes on."""
+    """The first aligned line of the memory, moved on by ``skipped`` bytes."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         address = builder.ptrtoint(arguments[0], I8)
@@ -107,7 +107,7 @@ aligned: Any = intrinsic(_aligned)
 
 
 class Lower(types.Type):
-    """A symmetric matrix of lanes, written in both triangles; entries above the diagonal are not stored."""
+    """A symmetric matrix of lanes; a recursion writes both triangles, but entries above the diagonal are not stored."""
 
     mutable = True
 
@@ -133,7 +133,7 @@ class _Set(AbstractTemplate):
 
 
 def _triangle(builder: Any, row: Any) -> Any:
-    """The numbers of the rows before a row."""
+    """How many numbers the rows before this row have."""
     return builder.lshr(builder.mul(row, builder.add(row, I8(1))), I8(1))
 
 
@@ -164,7 +164,7 @@ def lower(width: int) -> Any:
 
 @cache
 def mirror(width: int) -> Any:
-    """As ``drain``, an intrinsic (tile, address, n, first, last) of the matrices (n, n) of a Lower, row by row."""
+    """As ``drain`` for a Lower: an intrinsic (tile, address, n, first, last) that writes matrices (n, n) row by row."""
     kind = vector(F8, width)
 
     def write(typing_context: Any, tile: Any, address: Any, n: Any, first: Any, last: Any) -> Any:
@@ -196,7 +196,7 @@ def mirror(width: int) -> Any:
                 row = down.index
                 below = builder.sdiv(builder.add(row, I8(1)), count)  # blocks up to the diagonal
                 below = builder.select(builder.icmp_signed("<", below, blocks), below, blocks)
-                past = builder.sdiv(builder.add(row, I8(width - 1)), count)  # the first block from it on
+                past = builder.sdiv(builder.add(row, I8(width - 1)), count)  # the first block from the diagonal on
                 past = builder.select(builder.icmp_signed("<", past, blocks), past, blocks)
                 for start, end, place in (
                     (I8(0), below, lambda column: (row, column)),
@@ -223,7 +223,7 @@ def mirror(width: int) -> Any:
 
 
 def _rows(builder: Any, address: Any, columns: Any, first: Any, last: Any, width: int) -> list[Any]:
-    """Pointers to the rows of W samples; beyond the last one the last."""
+    """Pointers to the rows of W samples; samples beyond the last have the row of the last."""
     found = []
     for lane in range(width):
         s = builder.add(first, I8(lane))
@@ -250,14 +250,14 @@ def _transposed(builder: Any, rows: list[Any]) -> list[Any]:
 
 
 class _Finite:
-    """Whether all numbers that it notes are finite."""
+    """Whether all noted numbers are finite."""
 
     def __init__(self, builder: Any, width: int) -> None:
         self._builder, self._width = builder, width
         self._found = cgutils.alloca_once_value(builder, TRUTH(1))
 
     def note(self, xs: Any) -> None:
-        """Take some vectors of numbers into account."""
+        """Note some vectors of numbers."""
         builder, good = self._builder, None
         for x in xs:
             one = builder.fcmp_ordered("<=", size(builder, x), constant(LARGEST, self._width))
@@ -265,7 +265,7 @@ class _Finite:
         builder.store(builder.and_(builder.load(self._found), every(builder, good)), self._found)
 
     def all(self) -> Any:
-        """The truth."""
+        """Whether all noted numbers are finite, as an LLVM truth value."""
         return self._builder.load(self._found)
 
 
@@ -308,7 +308,7 @@ def fill(width: int) -> Any:
 def drain(width: int) -> Any:
     """An intrinsic (tile, address, columns, first, last) that writes a tile to the rows of W samples.
 
-    It returns whether all numbers are finite.
+    The intrinsic returns whether all numbers are finite.
     """
     kind = vector(F8, width)
 

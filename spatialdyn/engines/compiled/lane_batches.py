@@ -1,7 +1,7 @@
-"""Batches on any table: by the table kernel of one sample until compiling that on lanes pays. Both have the same bits.
+"""Batches on any table: by the table kernel of one sample until compiling the kernel on lanes pays.
 
-The first takes no longer to compile than it always did; lanes are compiled once the time spent in it reaches what
-compiling them is expected to take, or loaded at once if their code is on disk.
+Both kernels give the same bits. The kernel on lanes is compiled once the time spent in the kernel of one sample reaches
+the expected compile time; it is loaded at once if its code is on disk.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ from ...recursions.spec import Spec
 from .. import locks
 from . import lane_kernels, lane_names, numba_kernels
 
-COMPILE_SECONDS = 6.0  # expected to compile a kernel on lanes
+COMPILE_SECONDS = 6.0  # expected time to compile a kernel on lanes
 
 
 class LaneBatches:
-    """A ``numba_kernels.batch_kernel``."""
+    """As ``numba_kernels.batch_kernel``, on lanes once compiling that kernel pays."""
 
     def __init__(self, spec: Spec) -> None:
-        """Of a call that ``lane_names.fits``."""
+        """The batches of a call for which ``lane_names.fits``."""
         self._spec = spec
         self._lanes: Callable[..., int] | None = None
         self._looked = False
@@ -33,11 +33,11 @@ class LaneBatches:
 
     @property
     def is_made(self) -> bool:
-        """Whether lanes are in memory."""
+        """Whether the kernel on lanes is in memory."""
         return self._lanes is not None
 
     def prepare(self, count: int) -> None:
-        """Get what computes a batch of so many samples, on the calling thread."""
+        """Load or compile the kernel for a batch of ``count`` samples, on the calling thread."""
         with self._lock:
             if self._lanes is None and 2 * count > lane_names.width():
                 first, self._looked = not self._looked, True
@@ -48,7 +48,7 @@ class LaneBatches:
             numba_kernels.batch_kernel(self._spec)
 
     def compile_now(self) -> None:
-        """Compile both, whether that pays or not."""
+        """Compile both kernels, whether that pays or not."""
         numba_kernels.batch_kernel(self._spec)
         self._spent = COMPILE_SECONDS
         self.prepare(lane_names.width())
@@ -63,12 +63,12 @@ class LaneBatches:
         left = lanes(table, n, *arguments)
         if left == 0:
             return 0
-        if left < 0:  # none is computed
+        if left < 0:  # no sample is computed
             return numba_kernels.batch_kernel(self._spec)(table, n, *arguments)
         return self._again(table, arguments)
 
     def _again(self, table: int, arguments: tuple[Any, ...]) -> int:
-        """The samples that lanes have left; returns how many failed."""
+        """Compute the samples that the kernel on lanes has left; returns how many failed."""
         *given, out, status = arguments
         again = np.flatnonzero(status == lane_kernels.RETRY)
         varying = 2 * sum(not x.static for x in self._spec.present)
@@ -83,5 +83,5 @@ class LaneBatches:
 
 @cache
 def batches(spec: Spec) -> LaneBatches:
-    """The batches of a call."""
+    """The LaneBatches of a call."""
     return LaneBatches(spec)

@@ -1,8 +1,8 @@
 """Kernels over the table of bodies on lanes: W samples at a time, compiled once, for all models.
 
-The recursion runs on a tile, the numbers of W samples side by side, with the checks of a ``sample_kernel``, whose bits
-it has: that is made of the same text on lanes of one sample. A tile with a sample that fails a check, or with an angle
-beyond the polynomials' range, is left to the caller: RETRY is then the status of all its samples.
+The recursion runs on a tile, which holds the numbers of W samples side by side, with the checks and bits of a
+``sample_kernel``, which is the same text on lanes of one sample. If a sample of a tile fails a check, or has an angle
+beyond the polynomials' range, the tile is left to the caller, and all its samples have status RETRY.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from . import disk_cache, lane_names, numba_kernels
 from .numba_kernels import OK
 
 LINE = 64  # bytes of a cache line, to which scratch is aligned
-MOST_BYTES = 48 << 20  # of tiles and scratch of a thread: of larger ones lanes are no faster
+MOST_BYTES = 48 << 20  # most bytes of a thread's tiles and scratch: with more, lanes are no faster
 RETRY = -1  # status of a sample that the kernel leaves to the caller
 
 
@@ -105,7 +105,7 @@ def _lines(spec: Spec, width: int) -> tuple[list[str], list[str]]:
 
 @cache
 def kernel(spec: Spec, width: int) -> Callable[..., int]:
-    """A ``batch_kernel`` on lanes, compiled or from the disk: the samples of status RETRY are left; -1 if all are."""
+    """A ``batch_kernel`` on lanes, compiled or from disk; it leaves samples of status RETRY, and returns -1 if all."""
     with numba_kernels.compiling(spec):
         from . import jit
 
@@ -113,7 +113,7 @@ def kernel(spec: Spec, width: int) -> Callable[..., int]:
 
 
 def source(spec: Spec, width: int) -> Callable[..., int]:
-    """The kernel's function."""
+    """The kernel's Python function."""
     parameters, lines = _lines(spec, width)
     name = f"{numba_kernels.label(spec)}_lanes{width}"
     scope = numba_kernels.scope(spec) | lane_names.known(spec, width) | {"ANY_NORM": ANY_NORM}

@@ -15,7 +15,7 @@ from .target import target
 def fits(spec: Spec) -> bool:
     """Whether the kernels of a call run on lanes, of one sample or more.
 
-    Without fused multiply-add they do not: the polynomials of their sines need it.
+    They do not if the processor has no fused multiply-add, which the polynomials of sines on lanes need.
     """
     return not PLAIN and spec.on_lanes and names(spec) and target().fused
 
@@ -26,7 +26,7 @@ def width() -> int:
 
 
 def known(spec: Spec, width: int) -> dict[str, Any]:
-    """The names of a kernel's text that are of lanes."""
+    """The names in a kernel's text that have a meaning on lanes."""
     from . import lane_arrays, lanes
 
     kind = lanes.Lanes(width)

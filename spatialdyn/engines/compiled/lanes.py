@@ -1,8 +1,9 @@
-"""Lanes: a number of each of W samples, as one number of Numba's: the recursions compile on it as they are.
+"""Lanes: a Numba type that holds one number of each of W samples, on which the recursions compile unchanged.
 
-A vector of LLVM, a plain double for W = 1. A product that the text adds or subtracts at once is fused with the sum
-where it is emitted, by the same rule for every W, and LLVM may fuse no others: a sample has the same bits in every
-width. Comparisons give a Mask, which has no truth: ``anywhere`` and ``everywhere`` of ``algebra.scalars`` give it one.
+Lanes are an LLVM vector, or a plain double for W = 1. A product that the source adds or subtracts at once is fused with
+that sum when it is emitted, by the same rule for every W, and LLVM may not fuse others: so a sample has the same bits
+in every width. A comparison gives a Mask, which has no truth value of its own: ``anywhere`` and ``everywhere`` of
+``algebra.scalars`` compute one.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ F8, I8, I32, TRUTH = ir.DoubleType(), ir.IntType(64), ir.IntType(32), ir.IntType
 
 
 class Lanes(types.Type):
-    """The type of a number of each of ``width`` samples."""
+    """The type of lanes: one number of each of ``width`` samples."""
 
     def __init__(self, width: int) -> None:
         """Of so many samples, a power of 2."""
@@ -36,12 +37,12 @@ class Lanes(types.Type):
         super().__init__(f"lanes{width}")
 
     def can_convert_from(self, typing_context: Any, other: Any) -> Any:
-        """A number of all samples is one of each."""
+        """A number that all samples share converts to lanes."""
         return Conversion.safe if isinstance(other, (types.Float, types.Integer)) else None
 
 
 class Mask(types.Type):
-    """The type of a truth of each of ``width`` samples."""
+    """The type of a mask: one truth value of each of ``width`` samples."""
 
     def __init__(self, width: int) -> None:
         """Of so many samples."""
@@ -49,16 +50,16 @@ class Mask(types.Type):
         super().__init__(f"mask{width}")
 
     def unify(self, typing_context: Any, other: Any) -> Any:
-        """Where a loop starts with numbers of all samples."""
+        """The common type of a variable that is one truth value before a loop and a mask within it."""
         return self if isinstance(other, types.Boolean) else None
 
     def can_convert_from(self, typing_context: Any, other: Any) -> Any:
-        """A truth of all samples is one of each."""
+        """A truth value that all samples share converts to a mask."""
         return Conversion.safe if isinstance(other, types.Boolean) else None
 
 
 def vector(element: Any, width: int) -> Any:
-    """LLVM's type of a number, or a truth, of each sample."""
+    """LLVM's type of a number, or of a truth value, of each sample."""
     return element if width == 1 else ir.VectorType(element, width)
 
 
@@ -78,7 +79,7 @@ class _MaskModel(models.PrimitiveModel):
 
 
 def width_of(kind: Any) -> int:
-    """The samples of a type of LLVM."""
+    """The number of samples in an LLVM type."""
     return kind.count if isinstance(kind, ir.VectorType) else 1
 
 
@@ -88,7 +89,7 @@ def constant(x: Any, width: int, element: Any = F8) -> Any:
 
 
 def spread(builder: Any, x: Any, width: int) -> Any:
-    """A number of LLVM in all lanes."""
+    """An LLVM number in all lanes."""
     if width == 1:
         return x
     kind = ir.VectorType(x.type, width)
@@ -97,7 +98,7 @@ def spread(builder: Any, x: Any, width: int) -> Any:
 
 
 def call(builder: Any, name: str, *arguments: Any) -> Any:
-    """An intrinsic function of LLVM, whose arguments and result have one type."""
+    """Call an LLVM intrinsic whose arguments and result have one type."""
     kind, n = arguments[0].type, width_of(arguments[0].type)
     full = f"llvm.{name}.f64" if n == 1 else f"llvm.{name}.v{n}f64"
     function = cgutils.get_or_insert_function(builder.module, ir.FunctionType(kind, [kind] * len(arguments)), full)
@@ -110,7 +111,7 @@ def fma(builder: Any, a: Any, b: Any, c: Any) -> Any:
 
 
 def product(builder: Any, a: Any, b: Any) -> Any:
-    """a b, which a sum may fuse."""
+    """a b, which a later sum may fuse."""
     made = builder.fmul(a, b)
     made.of_lanes = True
     return made
@@ -121,7 +122,7 @@ def _fusible(x: Any) -> bool:
 
 
 def add(builder: Any, x: Any, y: Any) -> Any:
-    """x + y, fused with the product x, or else y."""
+    """x + y, fused if x is a product, or else if y is one."""
     for product, other in ((x, y), (y, x)):
         if _fusible(product):
             a, b = product.operands
@@ -130,7 +131,7 @@ def add(builder: Any, x: Any, y: Any) -> Any:
 
 
 def subtract(builder: Any, x: Any, y: Any) -> Any:
-    """x - y, fused with the product x, or else y."""
+    """x - y, fused if x is a product, or else if y is one."""
     if _fusible(x):
         a, b = x.operands
         return fma(builder, a, b, builder.fneg(y))
@@ -145,25 +146,25 @@ def size(builder: Any, x: Any) -> Any:
 
 
 def bits(builder: Any, mask: Any) -> Any:
-    """The truths as the bits of one number."""
+    """The truth values as the bits of one number."""
     n = width_of(mask.type)
     return mask if n == 1 else builder.bitcast(mask, ir.IntType(n))
 
 
 def some(builder: Any, mask: Any) -> Any:
-    """Whether one is true."""
+    """Whether at least one lane is true."""
     found = bits(builder, mask)
     return builder.icmp_unsigned("!=", found, found.type(0))
 
 
 def every(builder: Any, mask: Any) -> Any:
-    """Whether all are true."""
+    """Whether all lanes are true."""
     found = bits(builder, mask)
     return builder.icmp_unsigned("==", found, found.type(-1))
 
 
 def of_each(context: Any, builder: Any, function: Any, arguments: Any) -> Any:
-    """A function of floats, lane by lane."""
+    """Apply a function of floats lane by lane."""
     n = width_of(arguments[0].type)
     kind = types.float64(*[types.float64] * len(arguments))
     emit = context.get_function(function, kind)
@@ -180,7 +181,7 @@ def of_each(context: Any, builder: Any, function: Any, arguments: Any) -> Any:
 
 
 def lanes_in(kinds: Any) -> Lanes | None:
-    """The type of lanes among numbers; None if there is none, or something else."""
+    """The type of lanes among these types; None if there is none, or if a type is neither lanes nor a number."""
     found = [x for x in kinds if isinstance(x, Lanes)]
     if found and all(isinstance(x, (Lanes, types.Float, types.Integer)) for x in kinds):
         return found[0]
@@ -404,7 +405,7 @@ def _convertible(self: Any, typing_context: Any, other: Any) -> Any:
     return Conversion.safe if all(can(a, b) is not None for a, b in zip(self, other, strict=True)) else None
 
 
-_KINDS: Any = (types.NamedUniTuple, types.NamedTuple)  # which Numba unifies with nothing
+_KINDS: Any = (types.NamedUniTuple, types.NamedTuple)  # Numba unifies these with no other type
 for _kind in _KINDS:
     _kind.unify, _kind.can_convert_to = _unify, _convertible
 

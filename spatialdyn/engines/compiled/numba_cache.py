@@ -1,8 +1,8 @@
-"""Numba's compiled functions in our disk cache, in place of Numba's own.
+"""Numba's compiled functions in this library's disk cache, in place of Numba's own cache.
 
-Numba's cache does not check its files: a truncated index raises, a flipped bit runs, two processes that write at once
-may save one's code under the other's name, and a full disk or a read-only folder is an error. Here a function is one
-file of ``disk_cache``, named by a digest of all that its code depends on.
+Numba's cache does not check its files: a truncated index raises, code with a flipped bit runs, two processes that write
+at once may save the code of one under the name of the other, and a full disk or a read-only folder is an error. Here
+each function is one file of ``disk_cache``, named by a digest of all that its code depends on.
 """
 
 from __future__ import annotations
@@ -27,17 +27,17 @@ from .stamp import covers
 
 
 def settings() -> tuple[Any, ...]:
-    """Dependencies of compiled code beside its sources: versions, and Numba's settings of optimization and checks."""
+    """What compiled code depends on besides its sources: versions, and Numba's settings of optimization and checks."""
     names = ("OPT", "LOOP_VECTORIZE", "SLP_VECTORIZE", "BOUNDSCHECK", "DEBUGINFO_DEFAULT", "LLVM_REFPRUNE_FLAGS")
     chosen = [str(setting(name, "")) for name in names]
     return numba.__version__, llvmlite.__version__, np.__version__, sys.version, *chosen
 
 
 class NumbaCache(_Cache):
-    """The cache of one function, whose closure holds text only."""
+    """The cache of one function whose closure holds text only."""
 
     def __init__(self, function: Callable[..., Any]) -> None:
-        """Name the function by its code and its closure, which must hold all else that the code depends on."""
+        """Name the function by its code and closure; the closure must hold all else that the code depends on."""
         code, cells = function.__code__, function.__closure__ or ()
         text = (code.co_code, code.co_consts, code.co_names, [cell.cell_contents for cell in cells])
         self._function = repr((function.__module__, function.__qualname__, text, settings()))
@@ -55,12 +55,12 @@ class NumbaCache(_Cache):
         )
         if payload is None:
             return None
-        rtsys.initialize(target_context)  # all that code links to; Numba's registries serve the compiler alone
+        rtsys.initialize(target_context)  # all that the code links to; only the compiler needs Numba's registries
         rebuild: Any = compiler.CompileResult._rebuild
         return rebuild(target_context, *pickle.loads(payload))
 
     def is_stored(self, sig: Any, target_context: Any) -> bool:
-        """Whether it is in the cache as compiled for a signature."""
+        """Whether the function is in the cache, as compiled for a signature."""
         if not self._enabled:
             return False
         return disk_cache.read(self._digest(sig, target_context.codegen()), disk_cache.KERNEL) is not None
@@ -75,11 +75,11 @@ class NumbaCache(_Cache):
         return hashlib.sha256(f"{self._function} {sig} {codegen.magic_tuple()}".encode()).hexdigest()
 
     def enable(self) -> None:
-        """Read and write from now on."""
+        """Use the cache from now on."""
         self._enabled = True
 
     def disable(self) -> None:
-        """Neither read nor write from now on."""
+        """Do not use the cache from now on."""
         self._enabled = False
 
     def flush(self) -> None:
@@ -87,14 +87,14 @@ class NumbaCache(_Cache):
 
 
 class InlinedCache:
-    """The cache of the package's ``inline`` functions, of whose LLVM code the kernels of any process are made."""
+    """The cache of the LLVM code of the package's ``inline`` functions, from which kernels are linked."""
 
     def __init__(self, stamp: str) -> None:
-        """Keep functions that the stamp covers under it; what a process sets in a module goes unseen."""
+        """Keep the functions that the stamp covers; values that a process sets in a module are not noticed."""
         self._stamp = stamp
 
     def digest(self, function: Callable[..., Any], state: Any) -> str:
-        """The name of a function's file; "" where the stamp, its name and its types do not tell what it does."""
+        """The name of a function's file; "" if the stamp, its name and its types do not determine its code."""
         if not covers(function) or "<" in function.__qualname__ or not all(map(_is_value, state.args)):
             return ""
         target = (*settings(), state.targetctx.codegen().magic_tuple())
@@ -112,7 +112,7 @@ class InlinedCache:
 
 
 def _is_value(kind: Any) -> bool:
-    """Whether a type's name tells what it is, as that of a function's type does not."""
+    """Whether a type's name determines the type; the name of a function's type does not."""
     if isinstance(kind, types.BaseTuple):
         return all(map(_is_value, kind))  # type: ignore[call-overload]
     if isinstance(kind, types.Type) and covers(type(kind)):  # lanes and their masks

@@ -6,13 +6,13 @@ sample_kernel  one sample: checks the arguments, allocates scratch, runs the rec
                returns a status. It has one explicit signature, so no input makes it compile again, and it takes the
                table by its address, which is cheaper to pass than an array.
 batch_kernel   many samples, through ``sample_kernel``; an input that does not vary has a step of 0. ``lane_kernels``
-               has those of calls that run on SIMD lanes.
+               makes the batch kernels of calls that run on SIMD lanes.
 user_kernel    one sample, for a user's own jitted code: raises instead of returning a status.
 
-They are compiled when first called and cached on disk (``numba_cache``) by a digest of their text and what they
-capture: a hash of the sources of the packages that hold compiled code (STAMP), so an edited helper changes the digest.
-Those of a recursion from elsewhere, of which the stamp says nothing, are compiled in each process.
-A user's own function in Numba's cache, whose key is its own file only, must capture ``STAMP`` too.
+Kernels are compiled when first called and cached on disk (``numba_cache``). The digest is of their text and of STAMP,
+which they capture: a hash of the sources of the packages that hold compiled code, so an edited helper changes the
+digest. The stamp does not cover a recursion from elsewhere, so its kernels are compiled in each process.
+A user's own function in Numba's cache must capture ``STAMP`` too, since the key of that cache is the user's file only.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ _made: set[Spec] = set()  # calls whose ``batch_kernel`` is compiled
 
 
 def variant(spec: Spec, present: Collection[str]) -> Spec:
-    """The spec of a call with these of its optional inputs only; one object for each choice."""
+    """The Spec of a call with only these of its optional inputs; the same object for the same choice."""
     return _variant(spec, frozenset(x.name for x in spec.present if x.optional and x.name in present))
 
 
@@ -63,12 +63,12 @@ def _variant(spec: Spec, present: frozenset[str]) -> Spec:
 
 
 def kernel_shape(argument: Argument) -> tuple[str | int, ...]:
-    """Shape of an array as kernels take it: a scalar is an array of one."""
+    """Shape of an array as kernels take it: a scalar has the shape (1,)."""
     return argument.shape or (1,)
 
 
 def extent(spec: Spec, *shape: str | int) -> str:
-    """The length of an array of that shape, as an expression in the kernel's names."""
+    """The number of entries of an array of this shape, as an expression in the kernel's names."""
     known = _SIZES | {size: f"{x.name}_rows[0].{size}" for x in spec.present for size in x.sizes}
     factors = [" + ".join(known.get(x, x) for x in str(size).split("+")) for size in shape or (1,)]
     return factors[0] if len(factors) == 1 else " * ".join(f"({x})" for x in factors)
@@ -81,7 +81,7 @@ def _size_checks(spec: Spec, argument: Argument) -> list[str]:
 
 
 def scratch_of(spec: Spec) -> dict[str, tuple[list[str], str]]:
-    """Shapes, as expressions in the kernel's names, and dtypes of a recursion's scratch, in its order."""
+    """Shapes (expressions in the kernel's names) and dtypes of a recursion's scratch arrays, in its order."""
     found = {} if spec.work is None else {"work": (["len(bodies)"], "WORK")}
     if spec.pivots:
         found["pivots"] = ["len(bodies) - 1"], "FLOAT"
@@ -90,12 +90,12 @@ def scratch_of(spec: Spec) -> dict[str, tuple[list[str], str]]:
 
 
 def _scratch_names(spec: Spec) -> list[str]:
-    """Of the arrays of scratch, those of records one by one."""
+    """The names of the scratch arrays, with the arrays of records one by one."""
     return [f"scratch{k}" for k, _ in enumerate(flat(spec.scratch))]
 
 
 def call_of(kind: type, values: list[str | None]) -> str:
-    """The text that makes a record."""
+    """The text of the expression that makes a record."""
     return f"{kind.__name__}({', '.join(x or 'None' for x in values)})"
 
 
@@ -107,7 +107,7 @@ def _records(spec: Spec) -> dict[str, type]:
 def statements(spec: Spec, fail: Callable[[int], str], plain: bool = PLAIN, on_lanes: bool = False) -> list[str]:
     """The statements around a recursion; ``fail(status)`` is the statement that ends the kernel.
 
-    on_lanes  the recursion runs on lanes of one sample, which round as those of more do (``lane_kernels``)
+    on_lanes  whether the recursion runs on lanes of one sample, which round as wider lanes do (``lane_kernels``)
     """
 
     def number(name: str) -> str:
@@ -167,9 +167,9 @@ def statements(spec: Spec, fail: Callable[[int], str], plain: bool = PLAIN, on_l
 
 
 def kernel_from_text(name: str, parameters: list[str], body: list[str], scope: dict[str, Any]) -> Callable[..., Any]:
-    """A function made from text, whose only names from outside are argument names of a Spec.
+    """A function made from text; the only names from outside in the text are argument names of a Spec.
 
-    It captures ``stamp``, which is part of the cache's key, so an edit of the package compiles it anew.
+    The function captures ``stamp``, which is part of the cache's key, so after an edit of the package it is recompiled.
     """
     lines = [
         "def make(stamp):",
@@ -200,7 +200,7 @@ def native(plain: bool = PLAIN) -> dict[str, Any]:
 
 
 def scope(spec: Spec, plain: bool = PLAIN) -> dict[str, Any]:
-    """The names of ``statements``."""
+    """The values of the names in ``statements``."""
     return {
         **native(plain),
         **{f"{x.name}_dtype": x.table for x in spec.present if x.table},
@@ -236,7 +236,7 @@ def label(spec: Spec) -> str:
 
 @contextmanager
 def compiling(spec: Spec) -> Iterator[None]:
-    """One thread compiles at a time, and says so where it takes long."""
+    """Let one thread compile at a time; a message says so if that takes long."""
     with _LOCK, watch.work(f"compiling the table kernel of {spec.name}", disk_cache.kept):
         yield
 
@@ -265,7 +265,7 @@ def signature(spec: Spec) -> tuple[Any, ...]:
 
 @cache
 def plain_kernel(spec: Spec) -> Callable[..., int]:
-    """A ``sample_kernel`` in plain Python, which takes the table itself: for a few samples, it compiles nothing."""
+    """A ``sample_kernel`` in plain Python, which takes the table itself and compiles nothing: for a few samples."""
     parameters = ["table", *(x.name for x in spec.present), spec.output.name]
     body = [
         "bodies = table_at(table)",
@@ -293,7 +293,7 @@ def batch_kernel(spec: Spec) -> Callable[..., int]:
 
 
 def batches_of(spec: Spec, one: Callable[..., int], suffix: str) -> Callable[..., int]:
-    """A ``batch_kernel`` of a compiled ``sample_kernel``; ``suffix`` of its name."""
+    """A ``batch_kernel`` around a compiled ``sample_kernel``; ``suffix`` ends its name."""
     from . import jit
 
     varying = [x for x in spec.present if not x.static]
@@ -359,14 +359,14 @@ class Kernels:
     """The compiled kernels, for your own ``@njit`` code. They allocate their scratch and write outputs in place.
 
     ``kernels.rnea(model.bodies, q, v, a, out)``, ``kernels.aba(model.bodies, q, v, tau, out)`` and so on: the
-    inputs of the public call of that name, then the output, then optional inputs. Scalar outputs are arrays of
-    one. They raise ValueError on wrong sizes, norms, joints without inertia and results that are not finite. A frame is
-    passed as its body's row and its pose in the body, ``model.joints[f.joint].row, f.placement`` for ``f =
-    model.frame(name)``; a reference as 0 local, 1 world, 2 local_world_aligned. For a model with mimic joints they take
-    q and v of the whole tree.
+    inputs of the public call of that name, then the output, then optional inputs. A scalar output is an array of
+    shape (1,). The kernels raise ValueError for wrong sizes, wrong norms, joints without inertia and results that are
+    not finite. A frame is passed as its body's row and its pose in the body, ``model.joints[f.joint].row, f.placement``
+    for ``f = model.frame(name)``; a reference as 0 local, 1 world, 2 local_world_aligned. For a model with mimic joints
+    the kernels take q and v of the whole tree.
 
-    A loop of your own with ``cache=True`` keeps the kernels it was compiled with, also after an upgrade. Capture
-    ``STAMP`` in it (a closure variable, not a global) to have it compiled anew:
+    A loop of your own with ``cache=True`` keeps the kernels with which it was compiled, also after an upgrade. Capture
+    ``STAMP`` in the loop (a closure variable, not a global) so that it is recompiled after an upgrade:
 
     >>> import numpy as np, numba, spatialdyn as sd
     >>> aba = sd.kernels.aba

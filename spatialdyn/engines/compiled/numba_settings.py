@@ -13,8 +13,8 @@ CONFIG_FILE = ".numba_config.yaml"  # in the working directory
 def setting(name: str, default: Value) -> Value:
     """The value of ``numba.config.NAME``: from the environment variable ``NUMBA_NAME`` until Numba is imported.
 
-    Numba's own file of settings is left to Numba, which is imported if there is one. A value that is not of the
-    default's type is the default, of which Numba warns.
+    If Numba's own file of settings exists, Numba is imported to read it. A value that is not of the default's type is
+    replaced by the default; Numba warns of it.
     """
     if "numba" not in sys.modules and os.path.isfile(CONFIG_FILE):
         import numba  # noqa: F401

@@ -1,7 +1,7 @@
-"""cos and sin of all coordinates of a configuration at once, for kernels: SIMD code, unlike the C library's functions.
+"""cos and sin of all coordinates of a configuration at once, for kernels, in SIMD code.
 
-The polynomials of the programs' lanes (``polynomials``). Larger angles, and processors without fused multiply-add,
-take the C library's.
+The code uses the polynomials of the programs' lanes (``polynomials``). For larger angles, and on processors without
+fused multiply-add, it calls the C library, whose functions are not SIMD code.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ C0, C1, C2, C3, C4, C5 = COSINE["double"]
 
 
 def _fma(typing_context: Any, a: Any, b: Any, c: Any) -> Any:
-    """A product and a sum, rounded once."""
+    """a b + c, rounded once."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         return builder.fma(*arguments)
@@ -41,7 +41,7 @@ def _bits(typing_context: Any, x: Any) -> Any:
 
 
 def _signed(typing_context: Any, x: Any, quadrant: Any) -> Any:
-    """A number, negated in the quadrants 2 and 3 of each turn."""
+    """x, negated in the quadrants 2 and 3 of each turn."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         x, quadrant = arguments
@@ -71,7 +71,7 @@ def _by_library(q: Any, turned: Any) -> None:
 
 @inline
 def _by_polynomials(q: Any, turned: Any) -> None:
-    """The same within 1.5 ulp, by SIMD code."""
+    """Write q, cos q and sin q (3, nq) within 1.5 ulp, by SIMD code."""
     beyond = False
     for k in range(q.size):
         x = q[k]

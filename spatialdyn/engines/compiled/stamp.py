@@ -1,6 +1,7 @@
 """The stamp of the sources of compiled code: code with another stamp is not read from disk.
 
-Kept code is named by a Spec's name and the stamp where these tell what it computes; else by its content, or not kept.
+Cached code is named by a Spec's name and the stamp if these determine the code; otherwise it is named by its content,
+or not cached.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ COMPILED = (
 
 
 def package_folder() -> Path:
-    """The folder of the package, wherever in it this module is: a stamp of one folder would miss edits elsewhere."""
+    """The folder of the whole package, wherever this module is in it: a stamp of a subfolder would miss edits."""
     return Path(str(sys.modules[__name__.partition(".")[0]].__file__)).resolve().parent
 
 
@@ -36,7 +37,7 @@ _ROOMS = tuple(f"{__name__.partition('.')[0]}.{room.replace('/', '.')}." for roo
 
 
 def covers(source: Any) -> bool:
-    """Whether the stamp is also of the source of a function or a class."""
+    """Whether the stamp covers the source of a function or class."""
     return str(getattr(source, "__module__", "")).startswith(_ROOMS)
 
 

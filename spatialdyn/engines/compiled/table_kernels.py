@@ -13,9 +13,9 @@ from . import numba_kernels
 
 @cache
 def kernel(function: Callable[..., int], *ranks: int, work: np.dtype | None = None) -> Callable[..., int]:
-    """``(table, *arrays) -> status`` of an inlined ``function(bodies, [work,] *arrays)``, cached on disk.
+    """A kernel ``(table, *arrays) -> status`` of an inlined ``function(bodies, [work,] *arrays)``, cached on disk.
 
-    ranks  number of axes of each array; they are float64, in C order and writable
+    ranks  number of axes of each array; arrays are float64, in C order and writable
     work   dtype of a scratch table with a row per body
     """
     from numba import types

@@ -9,7 +9,7 @@ from .numba_settings import setting
 
 
 class Target(NamedTuple):
-    """A processor as LLVM knows it.
+    """A processor as LLVM describes it.
 
     name      its name
     features  "+avx2,+fma,-avx512f ..."
@@ -32,7 +32,7 @@ class Target(NamedTuple):
 
 @cache
 def target() -> Target:
-    """This processor; or what ``NUMBA_CPU_NAME`` and ``NUMBA_CPU_FEATURES`` name, for all code, Numba's and ours."""
+    """This processor, or the one that ``NUMBA_CPU_NAME`` and ``NUMBA_CPU_FEATURES`` name; all code is made for it."""
     from llvmlite import binding
 
     name, features = setting("CPU_NAME", "") or "", setting("CPU_FEATURES", "") or ""

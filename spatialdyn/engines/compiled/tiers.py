@@ -1,12 +1,12 @@
 """Functions that run in plain Python until compiling them pays, with results equal to the bit.
 
-Numba takes a second or more to compile a function, and a new process with an empty cache calls dozens. So the source
-runs in plain Python first. It is compiled once the time spent there reaches what compiling is expected to cost, or
-loaded at once if its compiled code is on disk. LLVM may fuse no product and sum of such a function (``contract``), so
-compiled code rounds as plain Python does, and only the time of a call depends on calls before.
+Numba takes a second or more to compile a function, and a new process with an empty cache calls dozens of functions. So
+the source runs in plain Python first. It is compiled once the time spent in plain Python reaches the expected compile
+time, or loaded at once if its compiled code is on disk. LLVM must not fuse a product and a sum of such a function
+(``contract``). So compiled code rounds as plain Python does, and earlier calls change only the time of a call.
 
-Where compiled code reads memory by address, plain Python reads it by ``ctypes``: a ``Twin`` is a name of the source
-with its two meanings, and the functions below are those of plain Python.
+Compiled code reads memory by address, plain Python by ``ctypes``. A ``Twin`` is a name of the source that has two
+meanings; the functions below are the meanings in plain Python.
 """
 
 from __future__ import annotations
@@ -30,28 +30,28 @@ from ..polynomials import COSINE, HALF_PI, MAGIC, MAX_ANGLE, SINE
 from . import numba_kernels
 from .numba_settings import PLAIN
 
-COMPILE_SECONDS = 1.0  # expected to compile a function
-BRANCHING_SECONDS = 10.0  # and one that branches on values, the square-root ABA
+COMPILE_SECONDS = 1.0  # expected time to compile a function
+BRANCHING_SECONDS = 10.0  # the same for a function that branches on values, the square-root ABA
 SHIFT, (LARGE, SMALL, LEAST) = MAGIC["double"], HALF_PI["double", True]
 
 
 class Twin(NamedTuple):
-    """The value of a name in plain Python, and a function that makes its value in compiled code."""
+    """The value of a name in plain Python, and a function that makes the name's value in compiled code."""
 
     plain: Any
     compiled: Callable[[], Any]
 
 
 def scope_in(plain: bool, scope: Mapping[str, Any]) -> dict[str, Any]:
-    """Names of a source in plain Python, or in compiled code."""
+    """The values of a source's names in plain Python, or in compiled code."""
     chosen = {name: (x.plain if plain else x.compiled()) for name, x in scope.items() if isinstance(x, Twin)}
     return {**scope, **chosen}
 
 
 class Tier:
-    """Whether a function is compiled. A subclass makes it: ``_compile``, and says whether it ``_is_stored``.
+    """A function that is compiled when that pays. A subclass defines ``_compile`` and ``_is_stored``.
 
-    compile_seconds  expected to compile it
+    compile_seconds  expected compile time
     """
 
     compile_seconds = COMPILE_SECONDS
@@ -60,7 +60,7 @@ class Tier:
         self._code: Any = None
         self._spent = 0.0  # seconds in plain Python
         self._looked = False
-        self._lock = locks.new()  # plain Python lets other threads run; memory of a plan is for one
+        self._lock = locks.new()  # plain Python lets other threads run, but the memory of a plan serves one thread
 
     def _compile(self) -> Any:
         raise NotImplementedError
@@ -69,7 +69,7 @@ class Tier:
         raise NotImplementedError
 
     def code(self, *arguments: Any) -> Any:
-        """The compiled function if compiling pays, or its code is on disk for such arguments; else None."""
+        """The compiled function if compiling pays, or if its code for such arguments is on disk; else None."""
         if self._code is None:
             with self._lock:
                 first, self._looked = not self._looked, True
@@ -81,16 +81,16 @@ class Tier:
 
     @property
     def called(self) -> bool:
-        """Whether it was called."""
+        """Whether the function was called."""
         return self._looked
 
     def compile_now(self) -> None:
-        """Compile it now."""
+        """Compile the function now."""
         self._looked, self._spent = True, self.compile_seconds
         self.code()
 
     def in_plain_python(self, function: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
-        """A call in plain Python, whose time counts; of one thread at a time."""
+        """A call in plain Python, whose time is counted; one thread calls at a time."""
         with self._lock:
             start = perf_counter()
             try:
@@ -101,10 +101,10 @@ class Tier:
 
 
 class Tiered(Tier):
-    """A function of arrays and numbers, to be called as it is."""
+    """A function of arrays and numbers that is called directly."""
 
     def __init__(self, source: Callable[[bool], Any], compiled: Callable[[Any], Any]) -> None:
-        """A function that makes the source, in plain Python or for compiled code, and one that has Numba take it."""
+        """``source(plain)`` makes the function for plain Python or for compiled code; ``compiled`` compiles it."""
         super().__init__()
         self._source, self._compiled = source, compiled
         self._plain: Any = None
@@ -138,7 +138,7 @@ def is_stored(dispatcher: Any, signature: tuple[Any, ...]) -> bool:
 
 
 def word(base: int, k: int) -> int:
-    """The word k behind an address."""
+    """Word k behind an address."""
     return ctypes.c_int64.from_address(int(base + 8 * k)).value
 
 
@@ -157,7 +157,7 @@ def _function(result: Any, *given: Any) -> Any:
 
 
 def call_words(address: int, arguments: tuple[int, ...]) -> int:
-    """A C function of words that returns a word; -1 if it sets an error."""
+    """Call a C function of words that returns a word; returns -1 if the function sets an error."""
     try:
         found: int = _function(ctypes.c_int64, *[ctypes.c_int64] * len(arguments))(address)(*arguments)
     except OverflowError:
@@ -166,24 +166,24 @@ def call_words(address: int, arguments: tuple[int, ...]) -> int:
 
 
 def call_void(address: int, arguments: tuple[int, ...]) -> None:
-    """A C function of words that returns nothing."""
+    """Call a C function of words that returns nothing."""
     _function(None, *[ctypes.c_int64] * len(arguments))(address)(*arguments)
 
 
 def call_real(address: int, x: float) -> int:
-    """A C function of a float that returns a word."""
+    """Call a C function of a float that returns a word."""
     found: int = _function(ctypes.c_int64, ctypes.c_double)(address)(x)
     return found
 
 
 def real_of(address: int, x: int) -> float:
-    """A C function of a word that returns a float."""
+    """Call a C function of a word that returns a float."""
     found: float = _function(ctypes.c_double, ctypes.c_int64)(address)(x)
     return found
 
 
 def advance(address: int) -> None:
-    """Count one more at an address, at once for all threads."""
+    """Add 1 to the counter at an address, atomically."""
     count = array_of(address, (1,), np.int64)
     np.add(count, 1, out=count)
 
@@ -209,13 +209,13 @@ sin.register(Angle)(lambda x: x.sine)
 
 
 def fma(a: float, b: float, c: float) -> float:
-    """A product and a sum, rounded once."""
+    """a b + c, rounded once."""
     found = Fraction(a) * Fraction(b) + Fraction(c)
     return float(found) if found else a * b + c
 
 
 def _angle(x: float) -> Angle:
-    """The polynomials of ``sines.turn``; the C library's functions for large angles and without fused multiply-add."""
+    """An Angle by the polynomials of ``sines.turn``; by the C library for large x or without fused multiply-add."""
     made = Angle(x)
     if not abs(x) <= MAX_ANGLE or not _has_fma():
         made.cosine, made.sine = cos(x), sin(x)
@@ -246,7 +246,7 @@ def _has_fma() -> bool:
 
 
 def turned(q: Any, memory: Any = None) -> list[Angle]:
-    """Coordinates with their cosines and sines, as a recursion takes ``TURNED_Q`` in plain Python."""
+    """Coordinates with their cosines and sines, the form in which a recursion takes ``TURNED_Q`` in plain Python."""
     return [_angle(float(x)) for x in q]
 
 
@@ -293,7 +293,7 @@ class TableKernel(Tiered):
 
     @cached_property
     def batches(self) -> Callable[..., int]:
-        """Of the same bits, a ``numba_kernels.batch_kernel``; compiles."""
+        """Compile a ``numba_kernels.batch_kernel`` with the same bits."""
         self.compile_now()
         return numba_kernels.batches_of(self._spec, self.code(), "unfused_batch")
 
