@@ -1,1 +1,1 @@
-"""Programs on a GPU: one thread a sample, from the program's text by LLVM's NVPTX target to PTX."""
+"""Programs on a GPU, one thread for each sample: LLVM's NVPTX target makes PTX from the program's text."""

@@ -1,4 +1,4 @@
-"""Arrays of other libraries, read by DLPack, and made by the library of the arrays that a caller gave."""
+"""Arrays of other libraries: read by DLPack, and made by the library of the caller's arrays."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from ....errors import ShapeError, SpatialDynError
 
 CPU, CUDA = 1, 2  # kinds of devices in DLPack
 PLACES = {CPU: "in the memory of the CPU", CUDA: "on a GPU"}
-CODES = {0: "i", 1: "u", 2: "f"}  # of DLPack's dtypes
+CODES = {0: "i", 1: "u", 2: "f"}  # type codes of DLPack -> kinds of NumPy
 
 
 class _Tensor(ctypes.Structure):
-    """DLTensor of DLPack, the first field of what a capsule holds."""
+    """DLTensor of DLPack, the first field of the struct in a capsule."""
 
     _fields_ = (
         ("data", ctypes.c_void_p), ("kind", ctypes.c_int32), ("number", ctypes.c_int32), ("rank", ctypes.c_int32),
@@ -33,8 +33,8 @@ class View(NamedTuple):
     """An array in the memory of a device.
 
     strides  in numbers
-    dtype    None if NumPy has none such
-    keep     what holds the memory
+    dtype    None if NumPy has no such dtype
+    keep     the object that owns the memory
     """
 
     address: int
@@ -45,7 +45,7 @@ class View(NamedTuple):
 
     @property
     def contiguous(self) -> bool:
-        """Whether it is in C order."""
+        """Whether the array is in C order."""
         expected = 1
         for size, stride in zip(reversed(self.shape), reversed(self.strides), strict=True):
             if size != 1 and stride != expected:
@@ -55,7 +55,7 @@ class View(NamedTuple):
 
     @property
     def extent(self) -> tuple[int, int]:
-        """The addresses that it spans."""
+        """The first address and the end of the memory that the array spans."""
         if 0 in self.shape or self.dtype is None:
             return self.address, self.address
         ends = [stride * (size - 1) for size, stride in zip(self.shape, self.strides, strict=True)]
@@ -64,7 +64,7 @@ class View(NamedTuple):
 
 
 def device_of(name: str, x: Any) -> tuple[int, int]:
-    """Kind and number of the device whose memory an array is in. Raises ShapeError if it has no DLPack."""
+    """Kind and number of the device that holds an array. Raises ShapeError if the array does not support DLPack."""
     if not (hasattr(x, "__dlpack__") and hasattr(x, "__dlpack_device__")):
         raise ShapeError(f"{name} is a {type(x).__name__}, expected an array of PyTorch, CuPy or JAX on a GPU")
     kind, number = x.__dlpack_device__()
@@ -72,9 +72,11 @@ def device_of(name: str, x: Any) -> tuple[int, int]:
 
 
 def read(name: str, x: Any, stream: int | None) -> View:
-    """An array as DLPack shows it, ready for work on a stream of its device; None on the CPU.
+    """The View of an array by DLPack, ready for work on a stream of its device.
 
-    Raises ShapeError naming the argument if its library does not give it.
+    stream  None on the CPU
+
+    Raises ShapeError naming the argument if its library does not export it.
     """
     try:
         capsule = x.__dlpack__() if stream is None else x.__dlpack__(stream=stream)
@@ -96,16 +98,16 @@ def read(name: str, x: Any, stream: int | None) -> View:
 
 
 class Library(ABC):
-    """The library of some arrays: makes others on their device, and moves them to and from the host."""
+    """The library of some arrays: makes arrays on their device, and moves them to and from the host."""
 
     def __init__(self, like: Any) -> None:
-        """Of an array, whose device the others are on."""
+        """The library of the array ``like``; new arrays are on its device."""
         self.like = like
 
     @property
     @abstractmethod
     def stream(self) -> int:
-        """The caller's stream, as the driver takes it."""
+        """The caller's stream, as a number for the driver."""
 
     @abstractmethod
     def empty(self, shape: tuple[int, ...], dtype: Any) -> Any:
@@ -202,8 +204,10 @@ class _Cupy(Library):
 
 
 class _Jax(Library):
-    """JAX's arrays are not written in place: a new one is filled before another function sees it, its stream, which has
-    no public name, waits by DLPack, and the driver's is waited for before the array is given back.
+    """JAX, whose arrays are not written in place: a new array is filled before any other function sees it.
+
+    JAX's stream has no public name, so it waits by DLPack, and the driver's stream is waited for before an array is
+    returned.
     """
 
     @property
@@ -237,7 +241,7 @@ class _Jax(Library):
 
 
 class _Numpy(Library):
-    """Of a grid of threads on the host."""
+    """NumPy, for a grid of threads on the host."""
 
     stream = 0
 
@@ -271,8 +275,10 @@ LIBRARIES: dict[str, type[Library]] = {
 
 
 def library_of(names: Sequence[str], arrays: Sequence[Any], kind: int) -> tuple[Library, int]:
-    """The library of some arrays on devices of a kind, and the number of the device. Raises ShapeError naming what is
-    elsewhere, SpatialDynError for arrays of several libraries or devices, or of one that is not known.
+    """The library of some arrays on devices of a kind, and the number of their device.
+
+    Raises ShapeError naming an array that is elsewhere; SpatialDynError for arrays of several libraries or devices, or
+    of an unknown library.
     """
     found = [device_of(name, x) for name, x in zip(names, arrays, strict=True)]
     for name, x, (where, _) in zip(names, arrays, found, strict=True):

@@ -1,4 +1,4 @@
-"""Kernels on GPUs of NVIDIA by the CUDA driver, through cuda-bindings: PTX that the driver compiles for its GPU."""
+"""Kernels on NVIDIA GPUs, through the CUDA driver and cuda-bindings: the driver compiles PTX for its GPU."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from .device import Device, Loaded, Text
 from .kernel_text import BLOCK, NVPTX
 from .ptx import ptx
 
-LEGACY = 1  # the default stream, by DLPack and the driver; 0 has another meaning in DLPack
+LEGACY = 1  # the default stream in DLPack and the driver; 0 has another meaning in DLPack
 
 
 class Cuda(Device):
@@ -25,7 +25,7 @@ class Cuda(Device):
     kind = CUDA
 
     def image(self, text: Text) -> bytes:
-        """What the driver loads: PTX, which ends in a zero."""
+        """The image that the driver loads: PTX with a zero byte at its end."""
         return ptx(text(NVPTX)).encode() + b"\0"
 
     def load(self, text: Text, number: int) -> Loaded:
@@ -68,7 +68,7 @@ class Cuda(Device):
 
 
 def _done(call: str, found: Any) -> Any:
-    """The result of a call of the driver. Raises SpatialDynError naming the call."""
+    """The result of a call of the driver. Raises SpatialDynError naming a call that failed."""
     error, *rest = found
     if int(error) != 0:
         raise SpatialDynError(f"{call} of the CUDA driver failed: {literal(error)}")
@@ -84,7 +84,7 @@ def _driver() -> Any:
         raise SpatialDynError(f"cuda-bindings is not installed; {pip_install('cuda')}") from None
     try:
         _done("cuInit", driver.cuInit(0))
-    except (RuntimeError, OSError) as error:  # of the loader
+    except (RuntimeError, OSError) as error:  # from the loader
         raise SpatialDynError(
             f'device is "cuda", expected a machine with a GPU of NVIDIA and its driver: {error}'
         ) from None
@@ -101,7 +101,7 @@ def _context(number: int) -> Any:
 
 @contextmanager
 def _current(number: int) -> Iterator[None]:
-    """Make a GPU the thread's current one, for a while."""
+    """A context in which a GPU is the thread's current GPU."""
     driver = _driver()
     _done("cuCtxPushCurrent", driver.cuCtxPushCurrent(_context(number)))
     try:

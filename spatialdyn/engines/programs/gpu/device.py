@@ -11,16 +11,16 @@ from ..llvm.host_cpu import LoadedCode, object_code
 from .arrays import CPU
 from .kernel_text import BLOCK, HOST, Target
 
-Text = Callable[[Target], str]  # of a kernel for a target
+Text = Callable[[Target], str]  # makes the text of a kernel for a target
 
 
 class Loaded(NamedTuple):
     """A kernel on a device.
 
-    handle     what the device launches
-    spilled    bytes of a thread's local memory: registers that are spilled
-    registers  of a thread
-    keep       what holds it
+    handle     the handle that the device launches
+    spilled    bytes of a thread's local memory, which holds spilled registers
+    registers  registers of a thread
+    keep       the object that owns the kernel
     """
 
     handle: Any
@@ -30,32 +30,32 @@ class Loaded(NamedTuple):
 
 
 class Device(ABC):
-    """What loads and launches kernels.
+    """A device that loads and launches kernels.
 
-    kind  of DLPack, that its arrays have
+    kind  DLPack's kind of device of its arrays
     """
 
     kind: int
 
     @abstractmethod
     def load(self, text: Text, number: int) -> Loaded:
-        """Load a kernel on the device of a number."""
+        """Load a kernel on device ``number``."""
 
     @abstractmethod
     def launch(self, kernel: Loaded, number: int, threads: int, arguments: Sequence[int], stream: int) -> None:
-        """Run so many threads of a kernel with these integers and addresses, after what is on the stream."""
+        """Launch threads of a kernel with these integers and addresses, after earlier work on the stream."""
 
     @abstractmethod
     def wait(self, number: int, stream: int) -> None:
-        """Wait for what is on a stream."""
+        """Wait for the work on a stream."""
 
     @abstractmethod
     def stream_for_dlpack(self, stream: int) -> int | None:
-        """A stream as an argument of ``__dlpack__``."""
+        """A stream as the argument of ``__dlpack__``."""
 
 
 class HostGrid(Device):
-    """Runs the threads of a grid one after another, on arrays in the memory of the CPU; whole blocks, as a GPU does."""
+    """A host that runs the threads of a grid one after another, in whole blocks as on a GPU, on arrays of the CPU."""
 
     kind = CPU
 

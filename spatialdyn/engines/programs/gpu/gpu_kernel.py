@@ -20,14 +20,14 @@ from .thread_writer import most_live
 
 
 class Rows(NamedTuple):
-    """An input of a batch: the address of its first row, and the numbers to the next sample, 0 if all share one."""
+    """An input of a batch: the address of its first row, and the stride to the next sample in numbers (0 if shared)."""
 
     address: int
     step: int
 
 
 class StepRows(NamedTuple):
-    """An input of a time loop: its address, and the numbers to the next sample and to the next step, or 0."""
+    """An input of a time loop: its address, and the strides to the next sample and the next step in numbers, or 0."""
 
     address: int
     sample: int
@@ -37,8 +37,8 @@ class StepRows(NamedTuple):
 class GpuKernel:
     """A program on threads.
 
-    program, layout, dtype  what it computes
-    states, kept            of a time loop: how many first inputs are states, and how many of these are recorded
+    program, layout, dtype  the computation
+    states, kept            in a time loop: how many of the first inputs are states, and how many states are recorded
     """
 
     def __init__(self, program: Program, layout: KernelLayout, dtype: Any, states: int = 0, kept: int = 0) -> None:
@@ -54,11 +54,11 @@ class GpuKernel:
 
     @cached_property
     def orders(self) -> list[list[int]]:
-        """Orders of the lines, the one with the fewest values held at a time first."""
+        """Orders of the lines; the first has the fewest values that are held at a time."""
         return sorted(orders(self.program), key=lambda order: most_live(self.program, order))
 
     def text(self, target: Target, order: int = 0) -> str:
-        """LLVM text by one of the orders."""
+        """The LLVM text with the lines in one of the orders."""
         given = self.program, self.layout, self.dtype
         if self.states:
             return time_loop_text(*given, self.states, self.kept, self.orders[order], target)
@@ -66,11 +66,11 @@ class GpuKernel:
 
     @property
     def ptx(self) -> str:
-        """The PTX by the first order."""
+        """The PTX with the lines in the first order."""
         return ptx(self.text(NVPTX))
 
     def loaded(self, device: Device, number: int) -> Loaded:
-        """The kernel on a device, loaded at first use: by the order that spills least there."""
+        """The kernel on a device, loaded at first use, with the lines in the order that spills least there."""
         key = device, number
         with self._lock:
             if key not in self._loaded:
@@ -86,7 +86,7 @@ class GpuKernel:
         self, device: Device, number: int, n: int, inputs: Sequence[Rows], outputs: Sequence[int], flags: int,
         count: int, stream: int,
     ) -> None:  # fmt: skip
-        """Launch n samples; as of ``batch_text``."""
+        """Launch the kernel of ``batch_text`` for n samples."""
         given = [n, *(x for rows in inputs for x in rows), *outputs, flags, count]
         device.launch(self.loaded(device, number), number, n, given, stream)
 
@@ -94,9 +94,9 @@ class GpuKernel:
         self, device: Device, number: int, steps: tuple[int, int, int], inputs: Sequence[Rows | StepRows],
         records: Sequence[int], flags: int, count: int, stream: int,
     ) -> None:  # fmt: skip
-        """Launch n samples through steps; as of ``time_loop_text``.
+        """Launch the kernel of ``time_loop_text``.
 
-        steps  samples, steps, and how many to a record
+        steps  numbers of samples, of steps, and of steps per record
         """
         n, total, every = steps
         given = [n, total, every, total // every, *(x for rows in inputs for x in rows), *records, flags, count]

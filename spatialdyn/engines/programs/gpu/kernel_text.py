@@ -1,6 +1,6 @@
-"""LLVM text of kernels, a grid of threads around a program: over a batch, and through a time loop.
+"""LLVM text of kernels, which run a program in a grid of threads: over a batch, and through a time loop.
 
-The text of a host differs in how a thread learns its number alone: there ``grid`` runs the threads one after another,
+The text for a host differs only in how a thread gets its number: on a host ``grid`` runs the threads one after another,
 so that launch, strides, remainder, checks and bits can be tested without a GPU.
 """
 
@@ -19,17 +19,17 @@ from ..record.structure import Numbers
 from .thread_writer import CONSTANT, GLOBAL, Thread, ThreadWriter
 
 BLOCK = 128  # threads of a block: any number of registers fits
-CONSTANT_BYTES = 1 << 16  # of the constant memory of a GPU; more numbers go to global memory
+CONSTANT_BYTES = 1 << 16  # bytes of a GPU's constant memory; if a program has more numbers, they go to global memory
 TRIPLE = "nvptx64-nvidia-cuda"
 
 
 class Target(NamedTuple):
-    """What differs between the text of a GPU and of a host.
+    """The differences between the text for a GPU and for a host.
 
     head    lines before the functions
-    kind    of function that a kernel is
+    kind    kind of function of a kernel
     thread  parameters before the others
-    number  lines that give %thread, the number of the thread in the grid
+    number  lines that define %thread, the number of the thread in the grid
     """
 
     head: str
@@ -63,9 +63,9 @@ def batch_text(
 ) -> str:
     """``kernel(n, *(in, step), *outs, flags, count)`` on arrays of a GPU.
 
-    in, step  an input of columns side by side, and the numbers from one sample to the next, 0 if all share one
+    in, step  an input with adjacent columns, and its stride from one sample to the next in numbers (0 if shared)
     outs      (n, columns) in C order, NaN in samples that are rejected
-    flags     (n,) bytes: 1, or 0 of a rejected sample
+    flags     (n,) bytes: 1, or 0 for a rejected sample
     count     an int32 to which the number of rejected samples is added
     """
     writer = ThreadWriter(program, layout, dtype, order)
@@ -98,10 +98,10 @@ def time_loop_text(
 ) -> str:  # fmt: skip
     """``kernel(n, steps, every, recorded, *(state, step), *(in, sample, time), *records, flags, count)``.
 
-    state, step       a state of columns side by side, and the numbers from one sample to the next
-    in, sample, time  another input, and the numbers to the next sample and to the next step
+    state, step       a state with adjacent columns, and its stride from one sample to the next in numbers
+    in, sample, time  another input, and its strides to the next sample and the next step in numbers
     records           (n, recorded, columns) of the first ``kept`` states after every ``every`` steps
-    flags, count      as of ``batch_text``; of a sample that is rejected in one step
+    flags, count      as of ``batch_text``; a sample is rejected if one of its steps is
     """
     writer = ThreadWriter(program, layout, dtype, order, states)
     t = Thread(writer.scalar)
@@ -154,7 +154,7 @@ def time_loop_text(
 
 
 def _pointer(t: Thread, name: str, more: str = "") -> str:
-    """A parameter that is the address of an array, which no other overlaps."""
+    """A parameter that is the address of an array; no other array overlaps it."""
     t.spaces[name] = GLOBAL
     return f"ptr addrspace({GLOBAL}) noalias {more + ' ' if more else ''}{name}"
 
@@ -166,7 +166,7 @@ def _name(t: Thread, name: str, address: str) -> None:
 
 
 def _start(t: Thread, writer: ThreadWriter, target: Target) -> None:
-    """The entry, which leaves for threads behind the last sample, and %ws and %numbers."""
+    """Write the entry, which returns in threads behind the last sample, and define %ws and %numbers."""
     t.label("entry")
     if target.number:
         t.lines.append(target.number)
@@ -183,7 +183,7 @@ def _space(program: Program, layout: KernelLayout, size: int) -> int:
 
 
 def _finish(t: Thread, good: str) -> None:
-    """Write a sample's flag, and if it is rejected count it, in a block of its own."""
+    """Write a sample's flag; a block of its own counts the sample if it is rejected."""
     t.store("i8", t.put(f"zext i1 {good} to i8"), t.at("i8", "%flags", "%thread"), 1)
     t.branch(good, "done", "reject", then="reject")
     t.put(f"atomicrmw add {t.pointer('%count')}, i32 1 monotonic")
@@ -210,7 +210,7 @@ declare {v} @llvm.copysign.{suffix}({v}, {v})
 
 
 def _grid(parameters: Sequence[str]) -> str:
-    """``grid(threads, ...)``: the kernel of each thread in turn."""
+    """``grid(threads, ...)``, which runs the kernel for each thread in turn."""
     names = [x.split("%")[-1] for x in parameters]
     kinds = [x.split(" ")[0] + (f" addrspace({GLOBAL})" if x.startswith("ptr") else "") for x in parameters]
     t = Body()

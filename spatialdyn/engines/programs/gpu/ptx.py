@@ -1,4 +1,4 @@
-"""PTX of kernels, made by LLVM on any machine, and the orders of a program's lines that are tried."""
+"""PTX of kernels, which LLVM makes on any machine, and the orders of a program's lines that are tried."""
 
 from __future__ import annotations
 
@@ -13,19 +13,20 @@ from ..llvm.schedule import depth_first
 from ..record.program import Program
 from .kernel_text import TRIPLE
 
-ARCHITECTURE, VERSION = "sm_75", "+ptx70"  # the driver compiles for its own GPU, from this one on
+ARCHITECTURE, VERSION = "sm_75", "+ptx70"  # the oldest GPU; the driver compiles for its own GPU
 
 
 def orders(program: Program) -> list[list[int]]:
-    """The orders of lines to try: the program's own, and depth first from the last result, which holds fewer values of
-    a tree of bodies. A program with regions has its own alone.
+    """The orders of lines to try: the program's own order, and depth first from the last result.
+
+    The second order holds fewer values for a tree of bodies. A program with regions has only its own order.
     """
     own = list(range(len(program.lines)))
     return [own] if program.regions else [own, depth_first(program, last=True)]
 
 
 def ptx(text: str) -> str:
-    """The PTX of a module, from the disk cache or compiled and kept there. KeyboardInterrupt comes at once."""
+    """The PTX of a module, from the disk cache, or compiled and cached. Ctrl-C raises KeyboardInterrupt at once."""
     digest = hashlib.sha256("\n".join((text, STAMP, ARCHITECTURE, VERSION, llvm_version())).encode()).hexdigest()
     kept = disk_cache.read(digest)
     if kept is None:

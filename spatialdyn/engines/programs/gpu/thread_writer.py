@@ -1,9 +1,9 @@
-"""Programs on threads: one traced program for one sample, of a batch or through the steps of a time loop.
+"""Programs on threads: a thread runs one recorded program on one sample, of a batch or through steps of a time loop.
 
-The arithmetic is that of ``simd`` on one lane, so results have the same bits; only how a sample is read and written
-differs. An input is loaded where it is first read and a result stored where it is computed: what a thread holds at a
-time has to fit in its registers. The checks of a sample reject all that lanes reject. Where they sum squares, in
-another order, they reject a little more: rejected samples go to lanes, so that no result depends on it.
+The arithmetic is that of ``simd`` on one lane, so results have the same bits; only reading and writing of a sample
+differ. An input is loaded where it is first read, and a result is stored where it is computed, since the values that a
+thread holds at a time must fit in its registers. The checks reject every sample that lanes reject. Sums of squares have
+another order here, so they reject a few more samples; rejected samples go to lanes, so no result depends on that.
 """
 
 from __future__ import annotations
@@ -17,18 +17,18 @@ from ..record.kernel_layout import KernelLayout
 from ..record.operations import CONST, INPUT, operands
 from ..record.program import Program
 
-MARGIN = {"double": 1e-9, "float": 1e-3}  # relative, of sums of squares: rounding of 10 000 terms is below it
-GLOBAL, CONSTANT = 1, 4  # address spaces of NVPTX; for a host all are one
+MARGIN = {"double": 1e-9, "float": 1e-3}  # relative margin of sums of squares: rounding of 10 000 terms is below it
+GLOBAL, CONSTANT = 1, 4  # address spaces of NVPTX; a host has only one
 
 
 class Thread(Vectors):
-    """A function body on one lane, whose pointers may be to other address spaces.
+    """A function body on one lane; its pointers may have other address spaces than 0.
 
-    spaces  {pointer: its address space} where it is not 0
+    spaces  {pointer: its address space} of pointers whose space is not 0
     """
 
     def __init__(self, scalar: str) -> None:
-        """On ``double`` or ``float``, with fused multiply-add: every GPU has it."""
+        """A body on ``double`` or ``float``, with fused multiply-add, which every GPU has."""
         super().__init__(scalar, 1, True)
         self.spaces: dict[str, int] = {}
 
@@ -53,20 +53,20 @@ class Thread(Vectors):
 class ThreadWriter(Writer):
     """The body of a thread: a program on one sample, whose rows are %in0, %in1 ... and %out0, %out1 ...
 
-    states  how many of the first inputs are states that a time loop carries: these are no rows, results are not stored
+    states  how many of the first inputs are states of a time loop; states have no rows, and results are not stored
     """
 
     def __init__(
         self, program: Program, layout: KernelLayout, dtype: Any, order: Sequence[int] | None = None, states: int = 0
     ) -> None:
-        """``order``: of the program's lines, by default its own."""
+        """``order`` of the program's lines, by default the program's own."""
         super().__init__(program, layout, dtype, 1, True)
         lines = range(len(program.lines)) if order is None else order
         self.schedule.chunks = [[k for k in lines if program.lines[k].code not in (INPUT, CONST)]]
         self.afresh = False
         self.states = states
         self.most_reach *= 1.0 - MARGIN[self.scalar]
-        self.places = [(a, c) for a, width in enumerate(layout.inputs) for c in range(width)]  # of each column
+        self.places = [(a, c) for a, width in enumerate(layout.inputs) for c in range(width)]  # array, column in it
         self.stores: dict[int, list[tuple[int, int, int]]] = {}  # {line: output, column and place} of results
         for a, places in enumerate(layout.outputs):
             for c, place in enumerate(places):
@@ -76,12 +76,12 @@ class ThreadWriter(Writer):
             self.pivots.setdefault(program.outputs[place][0], []).append(k)
 
     def body(self, t: Thread, carried: Sequence[str] = ()) -> tuple[str, list[list[str]]]:
-        """Write the program; returns the truth of its checks, an i1, and the results of each output.
+        """Write the program; returns whether its checks hold (an i1), and the results of each output.
 
         carried  the columns of the states
         """
         self.values: dict[int, str] = {}
-        self.columns: dict[int, str] = {}  # by index, of those that are loaded
+        self.columns: dict[int, str] = {}  # {column: its value} of columns that are loaded
         self.finite, self.norm, self.bits = [ZERO, ZERO], ZERO, ZERO
         wide, scalar = self.layout.range, self.scalar
         self.squares = [t.spread("%numbers", at) for at in self.numbers.squares] if wide else []
@@ -92,9 +92,9 @@ class ThreadWriter(Writer):
         for group in self.layout.units:
             whole = self._unit(t, [self._column(t, column) for column in group])
             self.finite[0] = t.poisoned_unless(whole, self.finite[0])
-        if self.program.regions:  # what is computed within one is not known behind it
+        if self.program.regions:  # values computed within a region are not defined behind it
             self._read_all(t)
-        angles = self._operations(t, self.schedule.chunks[0], ZERO, inside=False)  # which checks columns and pivots too
+        angles = self._operations(t, self.schedule.chunks[0], ZERO, inside=False)  # checks columns and pivots too
         self.finite[0] = t.binary("fadd", self.finite[0], angles)
         results = [[self._result(t, place) for place in places] for places in self.layout.outputs]
         for a, places in enumerate(self.layout.outputs):
@@ -112,7 +112,7 @@ class ThreadWriter(Writer):
             self.finite[0] = t.poisoned_unless(t.compare("ole", self.norm, most), self.finite[0])
             least = t.binary("fmul", t.spread("%numbers", self.numbers.least), t.constant(1.0 + margin))
             if wide.driving is not None:
-                size = t.put(f"shl {t.bits} {self.bits}, {t.integer(1)}")  # without the signs
+                size = t.put(f"shl {t.bits} {self.bits}, {t.integer(1)}")  # shifts the sign out
                 moves = t.put(f"icmp ne {t.bits} {size}, zeroinitializer")
                 least = t.select(moves, least, ZERO) if wide.driving else ZERO
             for a in range(len(self.layout.checked)):
@@ -165,7 +165,7 @@ class ThreadWriter(Writer):
     # -- results
 
     def _computed(self, t: Vectors, k: int, inside: bool) -> None:
-        if self.program.regions:  # where a value may be one of many
+        if self.program.regions:  # a line in a region has a value in each run of it
             return
         for pivot in self.pivots.pop(k, ()):
             self._check_pivot(t, pivot)
@@ -178,7 +178,7 @@ class ThreadWriter(Writer):
         self.finite[0] = t.poisoned_unless(regular, self.finite[0])
 
     def _write(self, t: Vectors, a: int, c: int, place: int, x: str) -> None:
-        """Check a result and, if this is no time loop, store it; once."""
+        """Check a result once, and store it unless this is a time loop."""
         if (a, c) in self.done:
             return
         self.done.add((a, c))
@@ -187,7 +187,7 @@ class ThreadWriter(Writer):
             first = self.stores[line][0]
             if self.layout.range is not None:
                 before = [c for b, c, _ in self.stores[line] if b == a]
-                if c == before[0]:  # each line once for an array, as lanes do
+                if c == before[0]:  # each line counts once for an array, as on lanes
                     self.squares[a] = t.fused(x, x, self.squares[a])
             elif (a, c) == first[:2]:
                 self.finite[1] = t.fused(x, t.constant(0.0), self.finite[1])
@@ -196,7 +196,7 @@ class ThreadWriter(Writer):
 
 
 def most_live(program: Program, order: Sequence[int]) -> int:
-    """How many values a thread holds at most with the lines in this order, inputs loaded at their first use."""
+    """The most values that a thread holds at a time with the lines in this order, if inputs load at first use."""
     last: dict[int, int] = {}
     for at, k in enumerate(order):
         for operand in operands(program.lines[k]):
