@@ -1,4 +1,4 @@
-"""The CPU that code is made for, LLVM's object code for it, and loading of that code."""
+"""The CPU for which code is made, LLVM's object code for it, and loading of that code."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ...compiled import disk_cache
 from ...compiled.target import target
 from ...interrupt import interruptible
 
-LONG = 100_000  # characters of a module that LLVM compiles for 0.2 s or more
+LONG = 100_000  # characters of a module that LLVM takes 0.2 s or more to compile
 
 
 @cache
@@ -25,7 +25,7 @@ def llvm_version() -> str:
 
 @cache
 def host() -> tuple[str, str, int, bool]:
-    """Name and features of the CPU that code is made for, bytes of its vectors, whether it has fused multiply-add."""
+    """The CPU for which code is made: name, features, bytes of its vectors, whether it has fused multiply-add."""
     import llvmlite.binding as llvm
 
     llvm.initialize_native_target()
@@ -46,10 +46,10 @@ def lanes_of(dtype: Any) -> int:
 
 
 def object_code(text: str, opt: int = 1) -> bytes:
-    """Object code of a module for this host. KeyboardInterrupt comes at once, also where LLVM takes long.
+    """Object code of a module for this host. Ctrl-C raises KeyboardInterrupt at once, also if LLVM takes long.
 
-    opt  LLVM's level: 2 takes longer than 1 for code that is no faster, 0 is quick and gives slow code; all
-         compute the same bits
+    opt  LLVM's level of optimization: 2 takes longer than 1 for code that is no faster, 0 compiles quickly to slow
+         code; the results have the same bits at all levels
     """
     made: bytes = interruptible(_object_code, text, opt) if len(text) > LONG else _object_code(text, opt)
     return made
@@ -67,7 +67,7 @@ def _object_code(text: str, opt: int) -> bytes:
 
 
 class LoadedCode:
-    """Object code in memory, which is freed with this object."""
+    """Object code in memory; the memory is freed with this object."""
 
     def __init__(self, code: bytes) -> None:
         """Load and link."""
@@ -88,7 +88,7 @@ class LoadedCode:
 
 
 def stored_code(text: str) -> LoadedCode:
-    """The machine code of a module that is the same for all models: from the disk cache, or compiled and kept there."""
+    """The machine code of a module that is the same for all models, from the disk cache, or compiled and cached."""
     processor, features, _, _ = host()
     digest = hashlib.sha256("\n".join((text, processor, features, llvm_version())).encode()).hexdigest()
     code = disk_cache.read(digest)

@@ -1,7 +1,7 @@
-"""Programs as arrays of instructions on slots, which the machine code of ``interpreter_text`` runs line by line.
+"""Programs as arrays of instructions on slots, which the machine code of ``interpreter_text`` runs one by one.
 
-The checks of a sample are instructions too, on the same operations in the order in which compiled code sums: an
-interpreted program rejects the samples that the compiled one rejects.
+The checks of a sample are instructions too. They use the same operations as compiled code and sum in the same order, so
+an interpreted program rejects the same samples as the compiled program.
 """
 
 from __future__ import annotations
@@ -37,10 +37,10 @@ from ..record.operations import (
 from ..record.program import Program
 from .schedule import angles, late
 
-# Codes beside those of FORMS. ALSO is no instruction: it stands behind a TURN for the value of the cosine.
+# Codes in addition to those of FORMS. ALSO is no instruction: it follows a TURN and stands for the cosine's value.
 ALSO, TURN, NEGATE, FINITE, WITHIN, ABOVE, END = range(-7, 0)
-SIGN = np.uint64(1 << 63)  # of an output, that it is negated
-CODE_BITS = 8  # of the first word of an instruction; the others hold the slot written
+SIGN = np.uint64(1 << 63)  # bit of an output that is negated
+CODE_BITS = 8  # bits of the code in an instruction's first word; the other bits hold the slot written
 
 Row = tuple[int, int, int, int, int]  # code, value written or NONE, up to three values read or NONE
 NONE = -1
@@ -51,7 +51,7 @@ class Encoded(NamedTuple):
 
     code       (m, 4) uint32: the opcode and, above CODE_BITS, the slot written; three slots read, 0 where unused
     constants  (k,) values of the first slots
-    inputs     numbers of all inputs, which fill the slots behind
+    inputs     count of numbers in all inputs, which fill the slots behind the constants
     slots      number of slots
     outputs    for each output array, (columns,) uint64: slots, with SIGN where the result is negated
     """
@@ -64,10 +64,10 @@ class Encoded(NamedTuple):
 
 
 class Fused(NamedTuple):
-    """An operation as a fused multiply-add x y + z of equal bits.
+    """An operation as a fused multiply-add x y + z with the same bits.
 
-    x, y, z  which operand, or a constant: a + b is a 1 + b, and a b is a b - 0
-    minus_x, minus_z  whether it is negated
+    x, y, z  index of an operand, or a constant: a + b is a 1 + b, and a b is a b - 0
+    minus_x, minus_z  whether x or z is negated
     """
 
     x: int | float
@@ -77,7 +77,7 @@ class Fused(NamedTuple):
     minus_z: bool = False
 
 
-# Operations without a branch of their own: all but a few lines of a program are among them.
+# Operations without a branch of their own: almost all lines of a program.
 ARITHMETIC: dict[int, Fused] = {
     ADD: Fused(0, 1.0, 1), SUB: Fused(1, 1.0, 0, minus_x=True), MUL: Fused(0, 1, -0.0),
     FMA: Fused(0, 1, 2), FMS: Fused(0, 1, 2, minus_z=True), FNMA: Fused(0, 1, 2, minus_x=True),
@@ -85,16 +85,16 @@ ARITHMETIC: dict[int, Fused] = {
 
 
 def opcodes() -> dict[int, int]:
-    """The opcode of each code: those of ARITHMETIC, the others of FORMS, then
+    """The opcode of each code: first the codes of ARITHMETIC, then the others of FORMS, then
 
-    TURN    sine of the first value read, and its cosine to the slot of the second
-    NEGATE  the value with the other sign
+    TURN    writes the sine of the first value read, and its cosine to the second slot read
+    NEGATE  writes the value with the other sign
     FINITE  rejects the sample unless all three values are finite
-    WITHIN  rejects it unless the first value's magnitude is at most the second
-    ABOVE   rejects it unless the first value is more than the second
-    CARRIED the first value read
-    REPEAT  if the first value is above 0 in no sample, goes forward by the second slot read, in instructions
-    AGAIN   goes back by the first slot read, in instructions
+    WITHIN  rejects the sample unless the first value's magnitude is at most the second value
+    ABOVE   rejects the sample unless the first value is more than the second value
+    CARRIED writes the first value read
+    REPEAT  if the first value is above 0 in no sample, jumps forward by as many instructions as the second slot says
+    AGAIN   jumps back by as many instructions as the first slot says
     END     ends the program
     """
     codes = dict.fromkeys((*ARITHMETIC, *FORMS, TURN, NEGATE, FINITE, WITHIN, ABOVE, CARRIED, REPEAT, AGAIN, END))
@@ -102,20 +102,20 @@ def opcodes() -> dict[int, int]:
 
 
 class _Encoder:
-    """A program's values by number: lines, then input columns, then what checks and signs need."""
+    """The values of a program by number: lines, then input columns, then the values that checks and signs need."""
 
     def __init__(self, program: Program, layout: KernelLayout) -> None:
         self.program, self.layout = program, layout
         self.columns = sum(layout.inputs)
         n = len(program.lines)
         self.table = program.table
-        self.number = np.arange(n + self.columns + 1)  # of a line's value; NONE's last
+        self.number = np.arange(n + self.columns + 1)  # number of a line's value; the last entry is for NONE
         given = np.flatnonzero(self.table[:, 0] == INPUT)
         self.number[given] = n + self.table[given, 1]
         self.number[-1] = NONE
         self.constant_at = np.flatnonzero(self.table[:, 0] == CONST)
         self.constants: list[float] = program.constants.tolist()
-        self.extra: dict[str, int] = {}  # further constants, by ``float.hex``: number of the value
+        self.extra: dict[str, int] = {}  # {``float.hex`` of a further constant: number of its value}
         self.count = n + self.columns
         self.negated: dict[int, int] = {}
 
@@ -140,7 +140,7 @@ class _Encoder:
 
     def negative(self, value: int, rows: list[Row]) -> int:
         """The value with the other sign."""
-        if value not in self.negated or self.program.regions:  # there it may not be computed, or of an earlier value
+        if value not in self.negated or self.program.regions:  # in a region it may be missing, or of an earlier value
             self.negated[value] = self.new()
             rows.append((NEGATE, self.negated[value], value, NONE, NONE))
         return self.negated[value]
@@ -148,12 +148,12 @@ class _Encoder:
     # -- checks
 
     def finite(self, values: list[int]) -> list[Row]:
-        """Rejects samples where a value is not finite."""
+        """Checks that reject samples where a value is not finite."""
         filled = [*values, *values[-1:] * (-len(values) % 3)]
         return [(FINITE, NONE, *three) for three in zip(filled[::3], filled[1::3], filled[2::3], strict=True)]
 
     def unit(self, values: Sequence[int]) -> list[Row]:
-        """Rejects samples where the squares of the values do not sum to 1."""
+        """Checks that reject samples where the squares of the values do not sum to 1."""
         rows, total = [], self.constant(-1.0)
         for x in values:
             rows.append((FMA, self.new(), x, x, total))
@@ -161,7 +161,7 @@ class _Encoder:
         return [*rows, (WITHIN, NONE, total, self.constant(UNIT_TOLERANCE), NONE)]
 
     def reach(self, values: Sequence[int]) -> list[Row]:
-        """Rejects samples where an angle is too large for the short sine."""
+        """Checks that reject samples where an angle is too large for the short sine."""
         rows: list[Row] = []
         for x in values:
             code, total = (FMA, rows[-1][1]) if rows else (MUL, NONE)
@@ -176,7 +176,7 @@ class _Encoder:
         return rows
 
     def behind(self) -> list[Row]:
-        """The checks of angles and results, and the end."""
+        """The checks of angles and results, then END."""
         rows: list[Row] = []
         for group in angles(self.program, late(self.program, self.layout)):
             rows += self.reach([self.value(line) for line in group])
@@ -194,7 +194,7 @@ class _Encoder:
     # -- lines
 
     def lines(self) -> NDArray[np.int64]:
-        """The program's rows, sine and cosine of one angle together."""
+        """The program's rows; sine and cosine of one angle are together."""
         table = self.table
         work = np.flatnonzero((table[:, 0] != INPUT) & (table[:, 0] != CONST))
         arity_of = arities()
@@ -222,7 +222,7 @@ class _Encoder:
         first: dict[int, int] = {}
         for k in np.flatnonzero((rows[:, 0] == SIN) | (rows[:, 0] == COS)).tolist():
             at = first.setdefault(int(rows[k, 2]), k)
-            if rows[k, 2] >= len(self.program.lines):  # of an input: at the start, in a row, where jumps are predicted
+            if rows[k, 2] >= len(self.program.lines):  # of inputs: in a row at the start, where jumps are predicted
                 place[k] = 4 * (k - len(rows))
             if at != k:
                 sine, cosine = (at, k) if rows[at, 0] == SIN else (k, at)
@@ -264,18 +264,18 @@ class _Encoder:
         return Encoded(code, constants, self.columns, slots, outputs)
 
     def slots(self, rows: NDArray[np.int64]) -> tuple[NDArray[np.int64], int]:
-        """The slot of each value, reused after its last reader, and their number."""
+        """The slot of each value, and the number of slots; a slot is reused after its value's last reader."""
         fixed = [*self.constant_at.tolist(), *self.extra.values(), *map(self.input, range(self.columns))]
         slot = np.full(self.count + 1, NONE)
         slot[fixed] = np.arange(len(fixed))
         at, read = np.arange(len(rows)), rows[:, 2:]
-        last = np.full(self.count + 1, NONE)  # index of the last reader; NONE has the last place of all
+        last = np.full(self.count + 1, NONE)  # index of the last reader; the last entry is for NONE
         for column in range(3):
             last[read[:, column]] = np.maximum(last[read[:, column]], at)
         last[fixed[: len(fixed) - self.columns]] = len(rows)  # constants stay
         last[self.number[[line for line, _ in self.program.outputs]]] = len(rows)
         last[NONE] = len(rows)
-        released: dict[int, list[int]] = {}  # at the end of a region, what was computed before it and it reads last
+        released: dict[int, list[int]] = {}  # {end of a region: values from before it whose last reader is in it}
         if self.program.regions:
             first = np.full(self.count + 1, len(rows))
             np.minimum.at(first, rows[:, 1], at)
@@ -311,7 +311,7 @@ class _Encoder:
 
 
 def _regions(rows: NDArray[np.int64]) -> list[tuple[int, int]]:
-    """The rows REPEAT and AGAIN of each region, an inner one before that around it."""
+    """The rows REPEAT and AGAIN of each region; an inner region comes before the one around it."""
     found, heads = [], []
     for k in np.flatnonzero((rows[:, 0] == REPEAT) | (rows[:, 0] == AGAIN)).tolist():
         if rows[k, 0] == REPEAT:
@@ -324,7 +324,7 @@ def _regions(rows: NDArray[np.int64]) -> list[tuple[int, int]]:
 def encode(program: Program, layout: KernelLayout) -> Encoded:
     """The instructions of a program and its layout's checks, in float64.
 
-    Raises SpatialDynError if the layout has a range, which is of float32.
+    Raises SpatialDynError if the layout has a range, which only float32 programs have.
     """
     if layout.range is not None:
         raise SpatialDynError(f"range is {layout.range}, expected None for an interpreted program, which is in float64")

@@ -1,7 +1,7 @@
-"""LLVM text of the machine code that runs the instructions of any program: one sample, or tiles of samples.
+"""LLVM text of the machine code that runs the instructions of any program, on one sample or on tiles of samples.
 
-Each operation of FORMS is a branch of one switch, written by its form for lanes: an interpreted program has the bits
-of the compiled one.
+Each operation of FORMS is a branch of one switch, written by its form for lanes, so an interpreted program has the bits
+of the compiled program.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ from .llvm_vectors import ZERO, Vectors
 CODE, VALUES, CONSTANTS, INPUTS, OUTPUTS, CONSTANT_COUNT, INPUT_COUNT, OUTPUT_COUNT = range(8)
 WORDS = 8
 INSTRUCTION = 16  # bytes
-BITS = 16  # samples of a number of bits
+BITS = 16  # samples whose bits are in one number
 UNROLLED = 2  # vectors that a branch computes at a time
 
-ANY = 0  # in place of the codes of ARITHMETIC: that of inputs, which are no instructions
+ANY = 0  # stands for all codes of ARITHMETIC; 0 is the code of inputs, which are no instructions
 
 Values = list[str]
 
@@ -32,8 +32,8 @@ class _Text(Vectors):
 
     def __init__(self, lanes: int) -> None:
         super().__init__("double", lanes, host_cpu.host()[3])
-        self.signs = ["", ""]  # of x and z of the instruction at hand, one of ARITHMETIC
-        self.forward = self.back = ""  # blocks that go far
+        self.signs = ["", ""]  # signs of x and z of the present instruction, if it is one of ARITHMETIC
+        self.forward = self.back = ""  # blocks of the jumps of REPEAT and AGAIN
 
     def word(self, index: int, kind: str = "i64") -> str:
         """A word of the context."""
@@ -45,7 +45,7 @@ class _Text(Vectors):
         return self.load(kind, at), self.load("i64", self.byte(at, 8))
 
     def loop(self, name: str, count: str | int, body: Callable[[str], None], step: int = 1) -> None:
-        """Run ``body`` for an index of 0, step, ... below a count."""
+        """Write a loop that runs ``body`` for the indices 0, step, ... below a count."""
         start, test, inside, again, done = (f"{name}.{x}" for x in ("start", "test", "inside", "again", "done"))
         self.jump(start, then=start)
         self.jump(test, then=test)
@@ -70,10 +70,10 @@ class _Text(Vectors):
         return code, to, read
 
     def branches(self, opcode: str, end: str, write: Callable[[int, str], None]) -> None:
-        """A switch by opcode, END to block ``end``: ``write(code, label)`` writes the branch of a code.
+        """Write a switch by opcode; ``write(code, label)`` writes the branch of a code, and END jumps to ``end``.
 
-        ARITHMETIC is one branch, ANY, before the switch: the processor predicts it, but not a jump by opcode in long
-        programs, which are far slower without this.
+        All of ARITHMETIC is one branch, ANY, before the switch: the processor predicts this branch, but not a jump by
+        opcode in a long program. Without it long programs are far slower.
         """
         self.branch(self.put(f"icmp ult i32 {opcode}, {len(ARITHMETIC)}"), "fused", "other", then="fused")
         signs = self.at(f"[2 x {self.vector}]", "@signs", self.put(f"zext i32 {opcode} to i64"))
@@ -88,25 +88,25 @@ class _Text(Vectors):
             write(code, f"op{number}")
 
     def step(self, code: str) -> None:
-        """Begin an instruction, %pc: the first is at ``code``, then those that ``advance`` reaches."""
+        """Begin an instruction at %pc: at first ``code``, then the instructions that ``advance`` reaches."""
         self.jump("begin", then="begin")
         self.jump("step", then="step")
         self.do(f"%pc = phi ptr [ {code}, %begin ], [ %pc.next, %next ], [ %pc.far, %far ]")
 
     def repeat(self, some: str, slots: Values, block: str) -> None:
-        """End REPEAT in ``block``: on if ``some`` holds, else forward."""
+        """End REPEAT in ``block``: go to the next instruction if ``some`` holds, else jump forward."""
         self.do(f"%forward = mul i64 {slots[1]}, {INSTRUCTION}")
         self.do(f"br i1 {some}, label %next, label %far")
         self.forward = block
 
     def again(self, slots: Values, block: str) -> None:
-        """End AGAIN in ``block``: back."""
+        """End AGAIN in ``block``: jump back."""
         self.do(f"%back = mul i64 {slots[0]}, {-INSTRUCTION}")
         self.do("br label %far")
         self.back = block
 
     def advance(self) -> None:
-        """Go on: to the next instruction, or as far as REPEAT or AGAIN says."""
+        """Go to the next instruction, or to the one to which REPEAT or AGAIN jumps."""
         self.label("far")
         self.do(f"%distance = phi i64 [ %forward, %{self.forward} ], [ %back, %{self.back} ]")
         self.do("%pc.far = getelementptr i8, ptr %pc, i64 %distance")
@@ -160,7 +160,7 @@ attributes #0 = {{ nounwind{vectors if self.lanes > 1 else ""} }}
 
 
 def arity(code: int) -> int:
-    """How many slots an instruction reads."""
+    """The number of slots that an instruction reads."""
     return (
         FORMS[code].arity
         if code in FORMS
@@ -169,7 +169,7 @@ def arity(code: int) -> int:
 
 
 def one_text() -> str:
-    """``interpret_one(context, inputs, outputs) -> 1``, or 0 if the sample is rejected, and no output written.
+    """``interpret_one(context, inputs, outputs) -> 1``, or 0 if the sample is rejected; then no output is written.
 
     context  WORDS words, of which CONSTANTS is not read
     inputs   addresses of the input arrays
@@ -229,13 +229,16 @@ def one_text() -> str:
 
 
 def _samples(t: _Text, last: str, data: str, step: str, group: str) -> Values:
-    """The addresses of a group's samples, ``lanes`` from sample ``group`` of the tile on, ``last`` the last of all."""
+    """The addresses of ``lanes`` samples from sample ``group`` of the tile on; ``last`` is the last sample of all."""
     base = t.add("%first", group)
     return [t.byte(data, t.times(t.least(t.add(base, r), last), step)) for r in range(t.lanes)]
 
 
 def _blocks(t: _Text, name: str, columns: str, whole: Callable[[str], None], single: Callable[[str], None]) -> None:
-    """Run ``whole`` for the first of ``lanes`` columns, the last overlapping, or ``single`` for a few columns."""
+    """Run ``whole`` at the first column of each block of ``lanes`` columns, of which the last may overlap the others.
+
+    If there are fewer columns than lanes, run ``single`` for each column.
+    """
     few = t.put(f"icmp slt i64 {columns}, {t.lanes}")
     end = t.put(f"sub i64 {columns}, {t.lanes}")
     t.branch(few, f"{name}.few", f"{name}.many", then=f"{name}.few")
@@ -246,7 +249,7 @@ def _blocks(t: _Text, name: str, columns: str, whole: Callable[[str], None], sin
 
 
 def _repeat_text(t: _Text, slots: list[str], source: str, label: str) -> None:
-    """The instruction that runs a region again if one of a tile's samples is above 0 in ``source``."""
+    """Write the instruction that runs a region again if ``source`` is above 0 in a sample of the tile."""
     t.jump(f"{label}.loop", then=f"{label}.loop")
     t.do(f"%{label}.i = phi i64 [ 0, %{label} ], [ %{label}.i.next, %{label}.loop ]")
     t.do(f"%{label}.some = phi {t.truth} [ {ZERO}, %{label} ], [ %{label}.more, %{label}.loop ]")
@@ -264,10 +267,10 @@ def tiles_text(lanes: int) -> str:
 
     context  WORDS words, of which VALUES is not read
     inputs   array objects, in C order
-    steps    of each input, bytes from a sample to the next: 0 for an input that is for all
+    steps    for each input the bytes from a sample to the next: 0 for an input that all samples share
     outputs  array objects, in C order
-    bits     a bit for each sample, BITS in a number; the last tile's are repeated to its end
-    rows     workspace: a tile of each slot but the constants', and one more, aligned to a vector
+    bits     a bit for each sample, BITS in a number; bits of the last tile are repeated to its end
+    rows     workspace, aligned to a vector: a tile of each slot other than constants, and one more
     wide     multiple of BITS
     n        samples; the last tile is filled with the last of them
     """
@@ -282,7 +285,7 @@ def tiles_text(lanes: int) -> str:
     scalar_zero = t.constant(0.0)
 
     def place(slot: str) -> tuple[str, str]:
-        """The address of a slot's first vector, and the bytes to its next: 0 for a constant."""
+        """The address of a slot's first vector, and the bytes to its next vector: 0 for a constant."""
         constant = t.put(f"icmp slt i64 {slot}, {count}")
         here = t.byte(constants, t.times(slot, vector))
         there = t.byte(first_row, t.times(t.put(f"sub i64 {slot}, {count}"), row))

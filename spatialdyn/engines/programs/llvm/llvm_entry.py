@@ -1,8 +1,7 @@
 """LLVM text of the functions through which Python runs a compiled program: over a batch, and in a time loop.
 
-ctypes passes the array objects themselves: reading an address here costs nothing, while NumPy takes long to give it.
-The first
-field of a PyArrayObject, part of NumPy's C interface, is the address of its data.
+ctypes passes the array objects themselves: reading the address of the data here costs nothing, while NumPy takes long
+to return it. The address is the first field of a PyArrayObject, which is part of NumPy's C interface.
 """
 
 from __future__ import annotations
@@ -11,7 +10,7 @@ from collections.abc import Sequence
 
 from .llvm_text import Body
 
-DATA_OFFSET = object.__basicsize__  # offset in an array object of the address of its data
+DATA_OFFSET = object.__basicsize__  # offset of the data's address in an array object
 ALIGNMENT = 64
 
 
@@ -21,8 +20,9 @@ def round_up(size: int) -> int:
 
 
 def buffer_size(inputs: Sequence[int], outputs: Sequence[int], workspace: int, lanes: int, size: int) -> int:
-    """Bytes that ``batch_entry`` and ``time_loop_entry`` need beside the bits of the tiles: a workspace, and a tile of
-    each array.
+    """Bytes that ``batch_entry`` and ``time_loop_entry`` need in addition to the bits of the tiles.
+
+    They hold a workspace, and a tile of each array.
     """
     tiles = sum(round_up(lanes * k * size) for k in (*inputs, *outputs))
     return 2 * ALIGNMENT + round_up(workspace) + tiles
@@ -34,14 +34,16 @@ def _data(code: Body, array: str) -> str:
 
 
 def batch_entry(inputs: Sequence[int], outputs: Sequence[int], workspace: int, lanes: int, size: int) -> str:
-    """``batch_entry(*(input, rows), *outputs, numbers, shared, buffer, n, piece) -> 1``, or 0, nothing done, if an
-    output overlaps an array. Threads may call it at once with the same arrays: each takes pieces until none is left.
+    """``batch_entry(*(input, rows), *outputs, numbers, shared, buffer, n, piece) -> 1``, or 0 if an output overlaps.
+
+    The function does nothing if an output overlaps another array. Several threads may call it at once with the same
+    arrays: each thread takes pieces until none is left.
 
     inputs, outputs  columns of the arrays, which are in C order
-    rows             n, or 1 for an input that is for all samples
-    numbers          those of the program
-    shared           the next tile that no thread has taken, 8 bytes, at first 0; then a bit per sample, 16 bits a tile
-    buffer           the thread's own, of ``buffer_size`` bytes
+    rows             n, or 1 for an input that all samples share
+    numbers          the numbers of the program
+    shared           8 bytes: the next tile that no thread has taken, at first 0; then a bit per sample, 16 bits a tile
+    buffer           ``buffer_size`` bytes of the thread's own
     piece            tiles that a thread takes at once
 
     Samples that do not fill the last tile run on copies, padded with the last sample.
@@ -110,7 +112,7 @@ def batch_entry(inputs: Sequence[int], outputs: Sequence[int], workspace: int, l
 def one_entry(inputs: Sequence[int], outputs: Sequence[int], workspace: int) -> str:
     """``one_entry(numbers, inputs, outputs) -> 1``, or 0 if the sample is rejected: a program on one lane.
 
-    numbers          address of those of the program
+    numbers          address of the numbers of the program
     inputs, outputs  addresses of the arrays of one sample
     """
     code = Body()
@@ -129,14 +131,15 @@ def one_entry(inputs: Sequence[int], outputs: Sequence[int], workspace: int) -> 
 def time_loop_entry(
     states: Sequence[int], kept: int, inputs: int, workspace: int, lanes: int, size: int
 ) -> str:  # fmt: skip
-    """``time_loop_entry(kernel, numbers, *states, *(input, sample, time), *records, *ends, buffer, *numbers)``: tile by
-    tile, all steps of a program whose outputs are the first inputs of the next step; the numbers are first, end, n,
-    steps, every, recorded.
+    """``time_loop_entry(kernel, numbers, *states, *(input, sample, time), *records, *ends, buffer, *counts)``.
+
+    The function runs, tile by tile, all steps of a program whose outputs are the first inputs of the next step. The
+    counts are first, end, n, steps, every, recorded.
 
     states        columns of the states, arrays (n, columns) in C order
-    kept          how many of them, the first, are recorded
+    kept          number of states, the first ones, that are recorded
     kernel        the program's address; its inputs are the states, then the others
-    numbers       those of the program, an array
+    numbers       array of the numbers of the program
     sample, time  strides of an input to the next sample and the next step, in numbers
     records       arrays (n, recorded, columns), or views from a row on: the states after every ``every`` steps
     ends          arrays (n, columns): the states after all steps

@@ -1,4 +1,4 @@
-"""LLVM text of a module: the loop over tiles around a program, and the entry that Python calls."""
+"""LLVM text of a module: the loop that runs a program over tiles, and the entry that Python calls."""
 
 from __future__ import annotations
 
@@ -12,8 +12,9 @@ BLOCK_STORES = 128  # most stores of one block
 
 
 def module(main: Vectors, functions: Sequence[str], layout: KernelLayout, workspace: int, stream: bool) -> str:
-    """``kernel(tiles, *(in, step), *outs, bits, ws, numbers)``, which runs ``main`` for each tile, ``batch_entry``,
-    and on one lane ``one_entry``.
+    """The module with ``kernel``, ``batch_entry`` and, on one lane, ``one_entry``.
+
+    ``kernel(tiles, *(in, step), *outs, bits, ws, numbers)`` runs ``main`` for each tile.
 
     main       the body of a tile, on %tile, %first (its first sample), %in0, %step0, %out0, %bits, %ws and %numbers
     functions  functions that it calls
@@ -24,7 +25,7 @@ def module(main: Vectors, functions: Sequence[str], layout: KernelLayout, worksp
     outs = "".join(f"ptr noalias %out{a}, " for a in range(len(layout.outputs)))
     body, last = _in_blocks(main.lines)
     wide = 8 * size * main.lanes
-    # alignstack: else vectors spilled to the stack may straddle cache lines, which is slower
+    # without alignstack, vectors spilled to the stack may straddle cache lines, which is slower
     streaming = _STREAM.format(v=v, align=size * main.lanes) if stream else ""
     columns = tuple(map(len, layout.outputs))
     return f"""
@@ -55,9 +56,10 @@ attributes #0 = {{ alignstack=64 "prefer-vector-width"="{wide}" "min-legal-vecto
 
 
 def _in_blocks(lines: Sequence[str]) -> tuple[str, str]:
-    """The loop's text, cut into blocks of BLOCK_STORES by branches that are never taken, and the last block's name.
+    """The loop's text and the name of its last block; branches that are never taken cut it into blocks.
 
-    LLVM's time grows with the square of the stores in one block, of which a mass matrix of 44 rows has a thousand.
+    A block has at most BLOCK_STORES stores: LLVM's time grows with the square of the stores in a block, and a mass
+    matrix of 44 rows has a thousand stores.
     """
     text, stores, last = [], 0, "loop"
     for line in lines:

@@ -1,7 +1,7 @@
 """LLVM text of straight-line code on vectors: arithmetic, sin, cos, exp and atan2, transposition.
 
-sin and cos: ``polynomials``, quadrants by selection. exp: n = rint(x / ln 2) likewise, x - n ln 2 in two parts, a
-polynomial, times 2ⁿ.
+sin and cos: see ``polynomials``; the quadrant is selected. exp: n = rint(x / ln 2) by adding and subtracting, then
+x - n ln 2 with ln 2 in two parts, a polynomial, and the product with 2ⁿ.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ LN2 = {  # in two parts: the product of n and the first is exact
     "double": (6.93147180369123816490e-01, 1.90821492927058770002e-10),
     "float": (0.693359375, -0.00021219444005469057),
 }
-EXPONENT = {"double": (-746.0, 710.0), "float": (-104.0, 89.0)}  # beyond, exp is 0 or infinite
+EXPONENT = {"double": (-746.0, 710.0), "float": (-104.0, 89.0)}  # outside of this range exp is 0 or infinite
 # coefficients of (exp(r) - 1 - r) / r² on |r| <= ln(2) / 2: interpolated at Chebyshev points in 60 digits
 EXPONENTIAL = {
     "double": (
@@ -62,7 +62,7 @@ class Vectors(Body):
     """A function body on SIMD vectors of ``lanes`` numbers: the instructions that programs need."""
 
     def __init__(self, scalar: str, lanes: int, fma: bool) -> None:
-        """On lanes of ``double`` or ``float``, with fused multiply-add where the host has it."""
+        """A body on lanes of ``double`` or ``float``; ``fma``: the host has fused multiply-add."""
         super().__init__()
         self.scalar, self.lanes, self.fma = scalar, lanes, fma
         self.size = 8 if scalar == "double" else 4
@@ -88,7 +88,7 @@ class Vectors(Body):
         self.store(self.vector, value, self.at(self.vector, base, count), self.size * self.lanes)
 
     def spread(self, base: str, count: int, afresh: bool = False) -> str:
-        """Number ``count`` behind ``base``, on all lanes; ``afresh``: loaded here, not kept from an earlier place."""
+        """Number ``count`` behind ``base``, on all lanes; ``afresh``: load it here, even if it was loaded before."""
         v = self.vector
         one = self.put(f"insertelement {v} poison, {self.scalar} {self.load_number(base, count, afresh)}, i64 0")
         return self.put(f"shufflevector {v} {one}, {v} poison, <{self.lanes} x i32> zeroinitializer")
@@ -99,7 +99,7 @@ class Vectors(Body):
 
     def constant(self, value: float) -> str:
         if self.scalar == "float":
-            with np.errstate(over="ignore"):  # an infinite constant: its samples are recomputed in float64
+            with np.errstate(over="ignore"):  # infinite constants are allowed: such samples are recomputed
                 value = float(np.float32(value))
         bits = struct.unpack("<Q", struct.pack("<d", value))[0]
         return f"splat ({self.scalar} 0x{bits:016X})"
@@ -127,7 +127,7 @@ class Vectors(Body):
         return self.put(f"call {self.vector} @llvm.{function}.{self.suffix()}({self.vector} {a})")
 
     def first_place(self, a: str) -> str:
-        """The largest power of 2 up to |a|: its exponent's bits; 0 of 0 and of numbers too small for full precision."""
+        """The largest power of 2 up to |a|, by its exponent bits; 0 for 0 and for subnormal numbers."""
         mask = 0x7FF << 52 if self.scalar == "double" else 0xFF << 23
         exponent = self.put(f"and {self.bits} {self._bits(a)}, {self.integer(mask)}")
         return self.put(f"bitcast {self.bits} {exponent} to {self.vector}")
@@ -145,7 +145,7 @@ class Vectors(Body):
         return self.put(f"select {self.truth} {condition}, {self.vector} {a}, {self.vector} {b}")
 
     def shuffle(self, kind: str, a: str, b: str, places: Iterable[int]) -> str:
-        """The numbers at ``places`` of the concatenation of two vectors of a type."""
+        """The numbers at ``places`` in the concatenation of two vectors of one type."""
         chosen = [f"i32 {k}" for k in places]
         return self.put(f"shufflevector {kind} {a}, {kind} {b}, <{len(chosen)} x i32> <{', '.join(chosen)}>")
 
@@ -170,10 +170,10 @@ class Vectors(Body):
             p = self.fused(z, p, k(c))
         for c in (*reversed(COSINE[s][:-1]), -0.5):
             q = self.fused(z, q, k(c))
-        # r is short of the reduced angle by low, at most half its ulp, up to one ulp of the sine where |r| > 1/2; a
-        # share z of low keeps the sine within 1.5 ulp, and vanishes near 0, where low has no digits
+        # r differs from the reduced angle by low, at most half an ulp of r; where |r| > 1/2 that is up to one ulp of
+        # the sine. Adding z low keeps the sine within 1.5 ulp; it vanishes near 0, where low has no digits
         sine = self.fused(z, self.fused(r, p, low), r)
-        cosine = self.fused(z, q, k(1.0))  # one rounding: with 1 - z/2 rounded too it is 1.6 ulp
+        cosine = self.fused(z, q, k(1.0))  # one rounding: if 1 - z/2 were rounded too, the error would be 1.6 ulp
         quadrant = self.put(f"bitcast {v} {shifted} to {self.bits}")
         one, top = self.integer(1), 62 if s == "double" else 30
         sign = self.integer(-(2 << top))
@@ -190,9 +190,9 @@ class Vectors(Body):
         return results[0], results[1]
 
     def exp(self, x: str) -> str:
-        """exp x within one ulp; gradual underflow, infinite where it overflows.
+        """exp x within one ulp, with gradual underflow; infinite where it overflows.
 
-        2ⁿ is the product of two powers, each of an exponent that numbers have.
+        2ⁿ is the product of two powers of 2 whose exponents are in the range of the type.
         """
         s, v, k = self.scalar, self.vector, self.constant
         least, most = EXPONENT[s]
@@ -221,14 +221,15 @@ class Vectors(Body):
         return self.put(f"bitcast {self.vector} {x} to {self.bits}")
 
     def atan2(self, y: str, x: str) -> str:
-        """The angle of the point (x, y) within 3 ulp; NaN at the origin, where it depends on the signs of zero.
+        """The angle of the point (x, y) within 3 ulp; NaN at the origin, where the angle depends on the signs of zero.
 
-        The arctangent of the smaller over the larger of |x| and |y|, rotated by π/4 above tan(π/8), then of the octant.
+        It is the arctangent of the smaller over the larger of |x| and |y|, rotated by π/4 if that quotient is above
+        tan(π/8), then moved to the octant of the point.
         """
         k, v, choose = self.constant, self.vector, self.select
 
         def parts(angle: float) -> tuple[str, str]:
-            """A multiple of π as a float, and the remainder that the float lacks."""
+            """A multiple of π as a float, and the remainder."""
             kind = np.float64 if self.scalar == "double" else np.float32
             large = float(kind(angle))
             return k(large), k(angle - large + angle / math.pi * PI_LOW)
@@ -254,7 +255,7 @@ class Vectors(Body):
         return self.put(f"call {v} @llvm.copysign.{self.suffix()}({v} {angle}, {v} {y})")
 
     def _reduced(self, x: str, n: str) -> tuple[str, str]:
-        """r = x - n π/2 rounded, and its rounding error: where |r| > 1/2 half an ulp of r is one of its sine."""
+        """r = x - n π/2 rounded, and its rounding error; where |r| > 1/2, half an ulp of r is an ulp of sin r."""
         k = self.constant
         *parts, least = HALF_PI[self.scalar, self.fma]
         if self.fma:
@@ -273,7 +274,7 @@ class Vectors(Body):
         return whole, self.binary("fadd", self.binary("fsub", r, whole), rest)
 
     def transposed(self, vectors: list[str]) -> list[str]:
-        """Transpose columns in groups of len(vectors) lanes, by log2(len(vectors)) rounds of shuffles."""
+        """Transpose columns in groups of len(vectors) lanes by log2(len(vectors)) rounds of shuffles."""
         size, W = len(vectors), self.lanes
         d = 1
         while d < size:

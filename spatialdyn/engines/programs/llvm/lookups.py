@@ -1,8 +1,8 @@
-"""Tables in programs: chains of selections among inputs that all samples share, compiled as a look-up of a row.
+"""Tables in programs: chains of selections among inputs that all samples share, compiled as the look-up of a row.
 
 A path of many segments selects each of its coefficients segment by segment: select(t - t₂, c₂, select(t - t₁, c₁, c₀)).
-Where the c are common inputs, a stride apart, chains of the same conditions need one index, the last condition above 0,
-and a load for each chain. Results are the same to the bit: nothing is computed.
+If the c are common inputs at a constant stride, chains of the same conditions need one index (of the last condition
+above 0) and one load for each chain. Results are the same to the bit, since a look-up computes nothing.
 """
 
 from __future__ import annotations
@@ -14,11 +14,11 @@ from typing import NamedTuple
 from ..record.operations import SELECT, operands
 from ..record.program import Program
 
-LEAST = 3  # conditions of a table: fewer cost no more than an index
+LEAST = 3  # least conditions of a table: fewer selections cost no more than an index
 
 
 class Chain(NamedTuple):
-    """What is looked up for one value: column + index stride of an input array, for the line ``end``."""
+    """The look-up of the line ``end``: column + index · stride of an input array."""
 
     end: int
     array: int
@@ -29,9 +29,9 @@ class Chain(NamedTuple):
 class Lookups(NamedTuple):
     """The tables of a program.
 
-    tables  {conditions, as operands: the chains that they select}
-    of_end  {line: conditions} of the chains' ends
-    links   lines of the chains before their ends, which nothing else reads
+    tables  {conditions, as operands: the chains in which they select}
+    of_end  {last line of a chain: its conditions}
+    links   the other lines of the chains, which nothing else reads
     """
 
     tables: dict[tuple[int, ...], list[Chain]]
@@ -40,8 +40,8 @@ class Lookups(NamedTuple):
 
 
 def find(program: Program, common: Mapping[int, tuple[int, int]]) -> Lookups:
-    """The tables of a program; ``common`` are the array and column of each line that is an input for all samples."""
-    chains: dict[int, tuple[tuple[int, ...], tuple[int, ...]]] = {}  # conditions, and lines that are chosen from
+    """The tables of a program; ``common`` has the array and column of each line that is an input for all samples."""
+    chains: dict[int, tuple[tuple[int, ...], tuple[int, ...]]] = {}  # {line: conditions, lines they select from}
     if not common or program.regions:
         return Lookups({}, {}, frozenset())
     readers = Counter(line for op in program.lines for line in operands(op))

@@ -1,4 +1,4 @@
-"""The order of a program's lines in compiled code, its cut into functions, and the values spilled between them."""
+"""The order of a program's lines in compiled code, how they are cut into functions, and the values spilled between."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from ..record.kernel_layout import KernelLayout
 from ..record.operations import CONST, FORMS, INPUT, arities, operands
 from ..record.program import Program
 
-CHUNK_LENGTH = 8000  # operations of one function, in programs of more than MOST_WHOLE; short functions cost time
+CHUNK_LENGTH = 8000  # operations of one function, in programs longer than MOST_WHOLE; shorter functions are slower
 MOST_LATE = 3000  # most operations of a program whose values are computed near their readers
-MOST_HELD = 3050  # most operations of a program with bounds that keeps its numbers in registers, see ``held``
+MOST_HELD = 3050  # most operations of a program with bounds whose numbers are held in registers, see ``held``
 MOST_WHOLE = 12000  # most operations of one function: aba of talos, 9600, is faster whole
 
 
 class Schedule:
-    """A program's lines by function.
+    """The lines of a program, divided into functions.
 
     whole       whether all lines are in one function
     chunks      lines of each function, in order
@@ -24,16 +24,16 @@ class Schedule:
     """
 
     def __init__(self, program: Program, late: bool) -> None:
-        """``late``: compute values near their readers in one function; else in the program's order."""
+        """``late``: one function computes values near their readers; else lines are in the program's order."""
         self.whole = len(program.lines) <= MOST_WHOLE
         self.chunks = _chunks(program, late)
         self.slots, self.slot_count = ({}, 0) if self.whole else self._slots(program)
 
     def _slots(self, program: Program) -> tuple[dict[int, int], int]:
-        """Slots of the spilled lines, reused when free, and their number."""
+        """Slots of the spilled lines, reused when free, and the number of slots."""
         chunk_of = {k: i for i, chunk in enumerate(self.chunks) for k in chunk}
         wanted = {line for line, _ in program.outputs}
-        end = len(self.chunks)  # where results are written
+        end = len(self.chunks)  # results are written behind the last function
         last: dict[int, int] = {}
         for k, i in chunk_of.items():
             for operand in operands(program.lines[k]):
@@ -62,18 +62,18 @@ class Schedule:
 def late(program: Program, layout: KernelLayout) -> bool:
     """Whether a program's values are computed near their readers.
 
-    With pivots there is a third sweep over the robot, for which fewer values are spilled; without pivots nothing is
-    saved. Longer programs are slower with it: aba with bounds, a step's derivatives, aba of talos.
+    With pivots there is a third sweep over the robot, and this order spills fewer values for it; without pivots it
+    saves nothing. It makes longer programs slower: aba with bounds, the derivatives of a step, aba of talos.
     """
     return bool(layout.pivots) and len(program.lines) <= MOST_LATE and not program.regions
 
 
 def held(program: Program, layout: KernelLayout) -> bool:
-    """Whether a program's numbers are held in registers where they are used again, or loaded there anew.
+    """Whether a program's numbers are held in registers between uses; otherwise they are loaded at each use.
 
-    LLVM spills what it holds too long, whole vectors, to the stack. In long programs with bounds, with three values to
-    each line, they no longer fit the first cache, and loading the numbers anew is faster. Shorter programs lose by it,
-    and long ones without bounds gain nothing.
+    LLVM spills numbers that it holds too long to the stack, as whole vectors. In a long program with bounds, which has
+    three values for each line, the spilled vectors do not fit in the first-level cache, and loading the numbers again
+    is faster. It makes shorter programs slower, and long programs without bounds no faster.
     """
     return not layout.bounds or len(program.lines) <= MOST_HELD
 
@@ -88,7 +88,7 @@ def _chunks(program: Program, late: bool) -> list[list[int]]:
         return [work]
     outer = {
         region.start: region.end for region in program.regions
-    }  # an outer one behind those within, if they begin alike
+    }  # an outer region comes after those within it, if they begin at the same line
     chunks: list[list[int]] = [[]]
     end = -1
     for k in work:
@@ -100,15 +100,15 @@ def _chunks(program: Program, late: bool) -> list[list[int]]:
 
 
 def angles(program: Program, late: bool) -> list[list[int]]:
-    """The angles, lines of which a sine or cosine is taken, of each function, in the order of their first readers.
+    """The angles of each function, in the order of their first readers; an angle is a line with a sine or cosine.
 
-    The order in which compiled code sums their squares; ``late`` as of Schedule.
+    Compiled code sums the squares of the angles in this order; ``late`` as of Schedule.
     """
     lines = program.lines
     readers = {code for code, form in FORMS.items() if form.angle}
     if late and len(lines) <= MOST_WHOLE:
         return [_angles_depth_first(program, readers)]
-    within = {k for region in program.regions for k in range(region.head, region.end)}  # NaN there if out of range
+    within = {k for region in program.regions for k in range(region.head, region.end)}  # NaN if out of range
     chunks: Iterable[Iterable[int]] = _chunks(program, late) if len(lines) > MOST_WHOLE else [range(len(lines))]
     return [
         list(dict.fromkeys(lines[k].a for k in chunk if lines[k].code in readers and k not in within))
@@ -119,11 +119,11 @@ def angles(program: Program, late: bool) -> list[list[int]]:
 def _angles_depth_first(program: Program, readers: Collection[int]) -> list[int]:
     """The angles in the order in which ``depth_first`` meets their readers.
 
-    To save time it does not enter lines whose angles it has all met.
+    To save time the search does not enter lines of which all angles have been met.
     """
     lines, arity_of = program.lines, arities()
     bits: dict[int, int] = {}
-    below: list[int] = []  # bits of the angles that a line depends on
+    below: list[int] = []  # for each line a bit set of the angles on which it depends
     for code, a, b, c, _ in lines:
         arity = arity_of[code]
         found = 0
@@ -157,8 +157,9 @@ def _angles_depth_first(program: Program, readers: Collection[int]) -> list[int]
 
 
 def depth_first(program: Program, last: bool = False) -> list[int]:
-    """The program's lines in depth-first order from its outputs, or from the ``last`` to the first: each near its
-    readers.
+    """The program's lines in depth-first order from its outputs, so that each line is near its readers.
+
+    last  whether to begin with the last output
     """
     order: list[int] = []
     seen: set[int] = set()

@@ -1,14 +1,14 @@
-"""Programs on SIMD lanes: one traced program over as many samples as a register holds.
+"""Programs on SIMD lanes: one recorded program on as many samples at once as a register holds.
 
-A Program becomes one LLVM function over tiles of W samples, W the host's vector width. A tile's rows are read
-with whole-vector loads and transposed in registers, the program runs on <W x double>, and the results are
-transposed back; memory is used for a small workspace only. Programs of more than a few thousand operations are cut
-into several functions, between which values are spilled to that workspace.
+A Program becomes one LLVM function over tiles of W samples, where W is the host's vector width. The rows of a tile are
+read with whole-vector loads and transposed in registers, the program runs on <W x double>, and the results are
+transposed back; memory is used only for a small workspace. Longer programs (``schedule.MOST_WHOLE``) are cut into
+several functions, between which values are spilled to the workspace.
 
-The code computes ordinary samples only. Beside the results it writes one bit per sample: whether every input is
-finite, every quaternion of unit norm, every angle in the range of the short sine, every pivot regular and every
-result finite; in float32, with ``ranged``, also whether underflow cannot matter. A sample whose bit is 0 is recomputed
-by the recursion in NumPy, which finds the fault.
+The code computes only ordinary samples. In addition to the results it writes one bit per sample: whether every input is
+finite, every quaternion has unit norm, every angle is in the range of the short sine, every pivot is regular and every
+result is finite; in float32, with ``ranged``, also whether underflow cannot matter. The recursion in NumPy recomputes
+samples whose bit is 0 and finds the fault.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from .schedule import Schedule, held, late
 
 
 def _blocks(columns: int, lanes: int) -> Iterator[tuple[int, int]]:
-    """(first column, width) of blocks that cover the columns: widths are powers of two, the last block overlaps."""
+    """(first column, width) of blocks that cover the columns; widths are powers of two, and the last block overlaps."""
     width = lanes
     while width > columns:
         width //= 2
@@ -53,7 +53,7 @@ def _common(program: Program, layout: KernelLayout) -> dict[int, tuple[int, int]
 class Writer:
     """The LLVM module of one program.
 
-    most_reach  most sum of squares of the angles of a function
+    most_reach  largest sum of squares of the angles of a function
     """
 
     most_reach = MAX_ANGLE * MAX_ANGLE
@@ -77,7 +77,7 @@ class Writer:
         self.regions = {region.head: region for region in program.regions}
         slots = self.stage + max(staged, default=0) + len(self.carried)
         self.lookups = lookups.find(program, self.common if self.whole else {})
-        if self.lookups.tables:  # of one function, whose values have no other slots
+        if self.lookups.tables:  # only in programs of one function, whose values have no other slots
             self.schedule.slots |= {end: slots + at for at, end in enumerate(self.lookups.of_end)}
             slots += len(self.lookups.of_end)
         self.workspace = slots * lanes * (8 if self.scalar == "double" else 4)
@@ -105,8 +105,10 @@ class Writer:
     # -- the parts of a tile
 
     def _prologue(self, t: Vectors) -> tuple[str, str]:
-        """Read the tile's rows and transpose them; returns the poison (0, or NaN in lanes of invalid samples) of the
-        inputs, and the least sum of squares of an output array, empty if there is none.
+        """Read the tile's rows and transpose them.
+
+        Returns the poison of the inputs (0, or NaN in lanes of invalid samples), and the least sum of squares of an
+        output array, "" if there is none.
         """
         index = {op.a: k for k, op in enumerate(self.program.lines) if op.code == INPUT and k not in self.common}
         if not self.whole:
@@ -163,12 +165,12 @@ class Writer:
         bits = t.integer(0)
         for x in driving:
             bits = t.put(f"or {t.bits} {bits}, {t.put(f'bitcast {t.vector} {x} to {t.bits}')}")
-        size = t.put(f"shl {t.bits} {bits}, {t.integer(1)}")  # without the signs
+        size = t.put(f"shl {t.bits} {bits}, {t.integer(1)}")  # shifts the signs out
         moves = t.put(f"icmp ne {t.bits} {size}, zeroinitializer")
         return t.select(moves, least, ZERO)
 
     def _unit(self, t: Vectors, group: Sequence[str]) -> str:
-        """The mask of groups whose squares sum to 1."""
+        """The mask of samples in which the squares of a group of inputs sum to 1."""
         total = t.constant(-1.0)
         for x in group:
             total = t.fused(x, x, total)
@@ -183,7 +185,7 @@ class Writer:
         return parts[0]
 
     def _chunk(self, i: int, chunk: list[int]) -> str:
-        """One function of a long program, which loads and spills values from and to the workspace."""
+        """One function of a long program, which loads values from the workspace and spills values to it."""
         t = Vectors(self.scalar, self.lanes, self.fma)
         self.values = {}
         poison = t.load_vector("%ws", self.poison_slot)
@@ -193,10 +195,10 @@ class Writer:
         return t.function(f"define internal void @chunk{i}(ptr noalias %ws, ptr noalias %numbers)", " noinline #0")
 
     def _operations(self, t: Vectors, chunk: Sequence[int], poison: str, inside: bool) -> str:
-        """Write some lines; ``inside`` one of several functions, which spills values that others need."""
+        """Write some lines; ``inside``: in one of several functions, which spills values that others need."""
         lines, values, slots = self.program.lines, self.values, self.schedule.slots
         angles: set[int] = set()
-        tables: set[tuple[int, ...]] = set()  # that have been looked up
+        tables: set[tuple[int, ...]] = set()  # tables that have been looked up
         reach = ""
 
         def value(k: int) -> str:
@@ -211,7 +213,7 @@ class Writer:
                 values[k] = self._absent(t, k)
             return values[k]
 
-        before: list[dict[int, str]] = []  # of each region that is being written, the values before it
+        before: list[dict[int, str]] = []  # for each region that is being written, the values before it
         for k in chunk:
             op = lines[k]
             if op.code == REPEAT:
@@ -236,7 +238,7 @@ class Writer:
                 if k in self.carried:
                     t.store_vector(value(op.a), "%ws", self.carried[k])
                     continue
-                values[k] = value(op.a)  # no pass changes it
+                values[k] = value(op.a)  # no run of the region changes the value
                 if inside and k in slots:
                     t.store_vector(values[k], "%ws", slots[k])
                 continue
@@ -269,7 +271,7 @@ class Writer:
             t.store_vector(self.values[k], "%ws", self.schedule.slots[k])
 
     def _look_up(self, t: Vectors, conditions: Sequence[str], chains: Sequence[lookups.Chain]) -> None:
-        """Write what is looked up to its slots: at once if one row is that of all lanes, else lane by lane."""
+        """Write looked-up values to their slots: at once if all lanes have the same row, else lane by lane."""
         slots, name, index = self.schedule.slots, f"table{chains[0].end}", ZERO
         for j, x in enumerate(conditions, 1):
             index = t.put(f"select {t.truth} {t.above_zero(x)}, {t.bits} {t.integer(j)}, {t.bits} {index}")
@@ -309,7 +311,7 @@ class Writer:
             else:
                 row = [t.add("%first", r) for r in range(self.lanes)]
                 starts = [t.number(f"%out{a}", t.times(r, columns)) for r in row]
-            past = self.stream and not staged  # bypass the CPU caches
+            past = self.stream and not staged  # whether stores bypass the CPU caches
             align = t.size * (self.lanes if past else 1)
             for first, size in _blocks(columns, self.lanes):
                 vectors = []
@@ -357,7 +359,7 @@ class Writer:
         return t.negative(x) if minus else x
 
     def _checked_results(self, t: Vectors, poison: str) -> str:
-        """poison, NaN where a pivot is too small or a result is not of unit norm."""
+        """The poison, set to NaN where a pivot is too small or a result is not of unit norm."""
         for (place, _), at in zip(self.layout.pivots, self.numbers.of_pivot, strict=True):
             regular = t.compare("ogt", self._result(t, place), t.spread("%numbers", at))
             poison = t.poisoned_unless(regular, poison)
@@ -374,10 +376,10 @@ class Writer:
 def compile_program(
     program: Program, layout: KernelLayout, dtype: Any = np.float64, stream: bool = False, one: bool = False
 ) -> tuple[bytes, int]:
-    """Object code of the kernel, and the bytes of workspace that a call needs: the same for all of one structure.
+    """Object code of the kernel, and the bytes of workspace that a call needs; programs of one structure share both.
 
-    one     for tiles of one sample: LLVM makes scalars of vectors of one
-    stream  results bypass the CPU caches, for outputs larger than those: a tile's rows, which are contiguous, are
+    one     for tiles of one sample: LLVM turns vectors of one number into scalars
+    stream  results bypass the CPU caches, for outputs larger than the caches: the contiguous rows of a tile are
             written in whole cache lines. The outputs must be aligned to a vector.
     """
     fma = host()[3]

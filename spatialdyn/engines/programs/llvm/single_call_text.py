@@ -1,9 +1,9 @@
 """LLVM text of the builtin of public calls: how it reads arguments, finds the plan, makes results and runs the program.
 
-What it knows of a call's parameters is a *form*, what it knows of a model a *plan*: arrays of words, which
-``single_call`` makes. A model keeps its plans in a dict, under a string for each choice of optional inputs. Where the
-call has words, such as a frame's name, the dict has a dict of plans there, under the name alone, or under the tuple of
-three words, None for one left out.
+The builtin reads a *form* for a call's parameters and a *plan* for a model: arrays of words that ``single_call`` makes.
+A model keeps its plans in a dict, under a string for each choice of optional inputs. If the call has words as
+parameters, such as a frame's name, the dict holds there a dict of plans, whose key is the name alone, or a tuple of
+three words with None for each word left out.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from __future__ import annotations
 from ... import object_layout as layout
 from .llvm_text import Body
 
-ARRAY, NUMBER, WORD, OUT = range(4)  # kinds of parameters: an array, a float, a str or True or False, the result
+ARRAY, NUMBER, WORD, OUT = range(4)  # kinds of parameters: an array; a float; a str, True or False; the result
 MOST, MOST_OUTPUTS, MOST_WORDS = 16, 16, 3
 PROCESS = (
     "none", "true", "false", "ndarray", "float64", "string", "real", "real64", "new_array", "up", "down", "lookup",
@@ -19,17 +19,17 @@ PROCESS = (
 )  # fmt: skip  # words of this process, which every form begins with
 FORM = ("python", "model_type", "plans", "plan", "count", "required", "optional", "choices", "named", "rest", "out")
 #   python       the Python function
-#   model_type   class of the first argument, which has its dict ``plans`` bytes from its start; 0 without a model
+#   model_type   class of the first argument, whose dict is ``plans`` bytes from its start; 0 without a model
 #   plan         address of the plan if there is no model
 #   count        number of parameters after the model
 #   required     bits of the parameters that must be given
-#   optional     position of the first optional input; ``choices`` the bits of all of them, shifted by it
-#   named        position of the first word, -1 if there is none; ``rest`` the bits of the others, shifted behind it
+#   optional     position of the first optional input; ``choices`` has the bits of all of them, shifted to it
+#   named        position of the first word, -1 if there is none; ``rest`` has the bits of the others, shifted behind it
 #   out          bit of the parameter out
 # then MOST pairs (name, kind) of parameters, then the dict's key for each choice of optional inputs
 PLAN = ("entry", "context", "left", "outputs", "several")
 #   entry    the compiled program, entry(context, inputs, outputs) -> 1, or 0 if it rejects the sample, and its context
-#   left     address of how many more calls it answers; at 0 the Python function is called, which may change the plan
+#   left     address of the number of calls still to answer; at 0 the Python function is called and may change the plan
 #   several  1 if the results are a tuple
 # then MOST_OUTPUTS results, then the parameters, ARRAY_WORDS each: rank, bytes, shape; rank -1 is a float, -2 no array
 ARRAY_WORDS = 6
@@ -38,7 +38,7 @@ _KEYS = _PAIRS + 2 * MOST
 
 
 class _Writer(Body):
-    """The text of ``call``; ``block`` is the block being written, which a phi names."""
+    """The text of ``call``; ``block`` is the block that is being written, whose name a phi needs."""
 
     block = ""
 
@@ -85,7 +85,7 @@ class _Writer(Body):
         return self.put(f"shl i64 {there}, {k}")
 
     def need(self, condition: str, otherwise: str = "python") -> None:
-        """Go on where the condition holds, else to a block."""
+        """Go on if the condition holds, else jump to a block."""
         self.branch(condition, f"on{len(self.lines)}", otherwise, then=f"on{len(self.lines)}")
 
 
@@ -220,7 +220,7 @@ def _call() -> str:
     do("%p.next = add i64 %p, 1")
     c.jump("arguments", then="results")
 
-    # the results: new ones, or the one that is given
+    # the results: new arrays, or the array that is given
     amount, several = plan("outputs"), plan("several")
     c.branch(c.equal(c.bits("%given", form("out")), 0), "new", "given_out", then="given_out")
     c.need(c.equal(several, 0))
@@ -255,7 +255,7 @@ def _call() -> str:
     c.jump("made", then="make_array")
     passed = f"ptr {ndarray}, i32 {put(f'trunc i64 {rank} to i32')}, ptr {c.at('i64', shape, 2)}, i32 {layout.DOUBLE}"
     array = put(f"call ptr {c.process('new_array')}({passed}, ptr null, ptr null, i32 0, i32 0, ptr null)")
-    c.need(put(f"icmp ne ptr {array}, null"), "failed")  # what was made before is lost: there is no memory
+    c.need(put(f"icmp ne ptr {array}, null"), "failed")  # no memory; arrays made before are lost
     fresh = c.pointer(array, layout.DATA)
     c.jump("make_array.end", then="make_array.end")
     c.jump("made", then="made")
@@ -314,7 +314,7 @@ def _call() -> str:
 
 
 def _is_array(c: _Writer, value: str, kind: str, ndarray: str, float64: str, rank: str, flags: int) -> None:
-    """Go on if an object of a type is an array of float64 of that rank with these flags."""
+    """Go on if an object is an array of float64 of this rank with these flags."""
     c.need(c.equal(kind, ndarray, "ptr"))
     c.need(c.equal(c.bits(c.word(c.pointer(value, layout.DTYPE), layout.KIND), layout.SAME), float64))
     right = c.equal(c.bits(c.word(value, layout.RANK), 0xFFFFFFFF), rank)
@@ -334,8 +334,9 @@ def _same_shape(c: _Writer, value: str, shape: str, rank: str, label: str) -> No
 
 
 def module(calls: int) -> str:
-    """``call_k`` for each of some calls, whose form is at ``forms[k]``, and ``bound_call``, whose form is the data of
-    the array to which it is bound.
+    """The module with ``call_k`` for each call k and ``bound_call``.
+
+    The form of ``call_k`` is at ``forms[k]``; the form of ``bound_call`` is the data of the array to which it is bound.
     """
     given, passed = "(ptr %bound, ptr %args, i64 %n, ptr %names)", "ptr %args, i64 %n, ptr %names"
     forms = Body()

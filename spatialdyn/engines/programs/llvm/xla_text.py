@@ -1,7 +1,7 @@
 """LLVM text of the function through which XLA runs a compiled program: a handler of its foreign function interface.
 
 XLA passes a call frame, a C struct that holds the buffers and the functions of its interface. Every struct begins with
-its size and a list of extensions, and has a version: 0.3 here, whose fields keep their places in all of version 0.
+its size and a list of extensions. The version of the structs is 0.3 here; fields keep their places in all of version 0.
 
 Source: OpenXLA, xla/ffi/api/c_api.h, which jaxlib has in ``jax.ffi.include_dir()``.
 """
@@ -15,7 +15,7 @@ from .llvm_text import Body
 
 VERSION = 0, 3
 METADATA, EXECUTE, BUFFER = 1, 3, 1  # an extension's type, a stage, a type of arguments and results
-FLOATS = {4: ("float", 11), 8: ("double", 12)}  # by bytes: LLVM's type, XLA's
+FLOATS = {4: ("float", 11), 8: ("double", 12)}  # {bytes: LLVM's type, XLA's type}
 INVALID_ARGUMENT, OUT_OF_MEMORY = 3, 8
 # offsets of fields in bytes, of the struct that the name begins with, and the sizes of structs up to the last one used
 FIELDS = {
@@ -26,19 +26,19 @@ FIELDS = {
     "api.version": 16, "api.error_create": 48, "api.error_destroy": 64, "api.schedule": 136,
 }  # fmt: skip
 SIZES = {"frame": 168, "args": 40, "buffer": 48, "metadata": 36, "api": 144, "version": 24, "error": 28, "task": 40}
-WORDS = ("count", "bits", "rank", "dims")  # that the callback gets before addresses of inputs and rows, and of outputs
-_CLOSED = 1 << 32  # in a call's word ``entered``: threads that come later find nothing left
+WORDS = ("count", "bits", "rank", "dims")  # first words for the callback; then addresses of inputs, their rows, and outputs
+_CLOSED = 1 << 32  # in a call's word ``entered``: no work is left for threads that come later
 _STATE = (
     "refs",
     "entered",
     "finished",
     "piece",
     "failed",
-)  # words of a call that threads share, behind an array's head
+)  # words of a call that threads share; they follow an array's head
 
 
 class Handler(NamedTuple):
-    """What a handler is made for.
+    """The specification of a handler.
 
     inputs, outputs  (columns, axes of one sample) of each array
     size, buffers    bytes of a number of the program, and of one in XLA's buffers
@@ -46,8 +46,8 @@ class Handler(NamedTuple):
     buffer           bytes of ``buffer_size``
     run, numbers     addresses of ``batch_entry``, and of an array object of the program's numbers
     callback         address of ``i64 callback(words)``, which recomputes rejected samples: 0, or a message's address
-    allocate, free, give_way  addresses of functions as malloc, free and sched_yield
-    threads          address of the most threads, a word
+    allocate, free, give_way  addresses of functions like malloc, free and sched_yield
+    threads          address of a word, the most threads
     """
 
     inputs: tuple[tuple[int, int], ...]
@@ -87,17 +87,17 @@ class _Writer(Body):
 
 
 def handler(made: Handler) -> str:
-    """A module with ``ptr handler(ptr frame)``: null, or an error of XLA.
+    """A module with ``ptr handler(ptr frame)``, which returns null or an error of XLA.
 
-    A batch that is long enough is shared with tasks of XLA's thread pool, through a state on the heap: a task that
-    comes when all is done finds the state closed, and the last to leave frees it. Samples that the program rejects are
-    recomputed by the callback, which takes Python's lock.
+    A batch that is long enough is shared with tasks of XLA's thread pool, through a state on the heap. A task that
+    begins when all work is done finds the state closed; the last task to leave frees the state. The callback, which
+    takes the GIL, recomputes the samples that the program rejects.
     """
     return "\n".join((_COPY, _worker(made), _task(made), _metadata(), _failure(), _entry(made)))
 
 
 def _places(made: Handler) -> dict[str, int]:
-    """The offset in the state of the address of each array's data, and of words; its end is the offset "end"."""
+    """The offset in the state of the address of each array's data, and of each word; "end" is the end of the state."""
     names = [f"in{k}" for k in range(len(made.inputs))] + [f"out{k}" for k in range(len(made.outputs))]
     words = [*_STATE, "n", *(f"rows{k}" for k in range(len(made.inputs))), *names, "shared"]
     found = {name: 8 * k for k, name in enumerate(words)}
@@ -113,7 +113,7 @@ def _worker(made: Handler) -> str:
     code.store("ptr", "%buffer", own)
 
     def array(name: str) -> str:
-        """What ``batch_entry`` takes for an array object: the address of its data is DATA_OFFSET behind it."""
+        """A pointer that ``batch_entry`` takes for an array object: the data's address is DATA_OFFSET behind it."""
         return code.byte("%state", places[name] - DATA_OFFSET)
 
     passed = ""
@@ -132,7 +132,7 @@ def _worker(made: Handler) -> str:
 
 
 def _task(made: Handler) -> str:
-    """``void @task(state)``: what XLA's thread pool runs."""
+    """``void @task(state)``: the task that XLA's thread pool runs."""
     code, places = _Writer(), _places(made)
     code.label("start")
     entered = code.atomic("add", code.byte("%state", places["entered"]), 1)
@@ -155,7 +155,7 @@ def _task(made: Handler) -> str:
 
 
 def _metadata() -> str:
-    """``ptr @metadata(frame, extension)``: the version that the handler is of, refused where structs are smaller."""
+    """``ptr @metadata(frame, extension)``: writes the handler's version; an error if XLA's structs are smaller."""
     code = _Writer()
     code.label("start")
     api = code.field("%frame", "frame.api", "ptr")
@@ -278,7 +278,7 @@ def _entry(made: Handler) -> str:
     part = c.put(f"sdiv i64 {tiles}, {c.times(threads, 4)}")
     c.store("i64", c.put(f"select i1 {several}, i64 {part}, i64 {tiles}"), at("piece"))
 
-    # other threads, as many as XLA has for this
+    # other threads, as many as XLA provides
     before = _block(c)
     c.jump("more", then="more")
     c.do(f"%other = phi i64 [ 1, %{before} ], [ %other.next, %scheduled ]")
