@@ -1,1 +1,1 @@
-"""Recursions recorded as programs: the tracer, programs, and what is changed in a table before."""
+"""Recursions recorded as programs: the tracer, programs, and changes to a table before it is recorded."""

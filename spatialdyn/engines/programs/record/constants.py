@@ -1,9 +1,9 @@
-"""Constants of a program with twice the digits of float64, so that constant folding costs none.
+"""Constants of a program with twice the digits of float64, so that constant folding loses no digits.
 
-Operations of a recorded recursion on the robot's numbers alone are folded into constants, D⁻¹ U Uᵀ of a tip body among
-them. In float64 each of these operations would round, where Numba's kernels fuse a product and a sum: for a thin rod
-hinged about an oblique axis a batch had 246 eps and a single call 15. Here a constant is a float and its rounding
-error, and is rounded once, where it meets an input.
+Operations of a recorded recursion on the robot's numbers alone are folded into constants, such as D⁻¹ U Uᵀ of a tip
+body. In float64 each of these operations would round, whereas Numba's kernels fuse a product and a sum: for a thin rod
+hinged about an oblique axis the error was 246 eps in a batch and 15 eps in a single call. Here a constant is a float
+and its rounding error; it is rounded only once, where it meets an input.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ _new = float.__new__
 
 
 class Constant(float):
-    """A float and its rounding error ``low``; a sum is 0 where that of the floats is, so programs keep their zeros.
+    """A float and its rounding error ``low``.
 
-    What such sums dropped is at most ``off``, which only bounds of a program's errors read.
-    Comparisons, and functions of floats, use the float alone.
+    A sum is 0 if the sum of the floats is 0, so that programs keep their zeros. The dropped remainder is at most
+    ``off``, which only bounds of a program's errors read. Comparisons and functions of floats use the float alone.
     """
 
     __slots__ = ("high", "low", "off")
@@ -64,12 +64,12 @@ class Constant(float):
 
 
 def constant(x: float) -> float:
-    """A number of the robot: a Constant, or 0 as it is, with which floats compute exactly."""
+    """A number of the robot as a Constant; 0 stays a float, since floats compute exactly with it."""
     return Constant(x) if x else x
 
 
 def error_of(x: Any) -> float:
-    """By how much a number differs from the exact one that it stands for, at most."""
+    """The most by which a number differs from the exact number that it stands for."""
     return abs(x.low) + x.off if type(x) is Constant else 0.0
 
 
@@ -78,7 +78,7 @@ def _parts(x: float) -> tuple[float, float, float]:
 
 
 def _fast_two_sum(high: float, low: float, off: float) -> Constant:
-    """The sum of a float and a smaller one; the float alone if the sum is not finite."""
+    """The sum of a float and a smaller float; only the float if the sum is not finite."""
     total = high + low
     if total - total == 0.0:  # finite
         made: Constant = _new(Constant, total)
@@ -107,7 +107,7 @@ def _sum(x: float, y: float) -> float:
 
 
 def _product(x: float, y: float) -> Constant:
-    """With ``_two_product`` and ``_fast_two_sum`` written out: recording a model's numbers is mostly this."""
+    """x y. ``_two_product`` and ``_fast_two_sum`` are written out: recording spends most of its time here."""
     a, low, off = (x.high, x.low, x.off) if type(x) is Constant else (float(x), 0.0, 0.0)
     b, other, more = (y.high, y.low, y.off) if type(y) is Constant else (float(y), 0.0, 0.0)
     p, t, u = a * b, SPLITTER * a, SPLITTER * b

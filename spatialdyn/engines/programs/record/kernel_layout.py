@@ -1,4 +1,4 @@
-"""What a compiled program reads, writes and checks."""
+"""The layout of a kernel: what a compiled program reads, writes and checks."""
 
 from __future__ import annotations
 
@@ -7,11 +7,12 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Float32Range:
-    """Norms (roots of sums of squares) between which the underflow of a program is below its rounding.
+    """The range of norms (roots of sums of squares) in which a program's underflow is below its rounding.
 
     most     largest norm of all inputs together
     least    least norm of each output array, unless all driving inputs are 0
-    driving  indices of the input arrays that drive the result: at 0 it may be 0; None if a nonzero constant drives it
+    driving  indices of the input arrays that drive the result: if they are 0, the result may be 0; None if a nonzero
+             constant drives the result
     """
 
     most: float
@@ -30,8 +31,8 @@ class KernelLayout:
     norms    groups of indices in the program's outputs whose squares must sum to 1
     range    norms that inputs and outputs must have, if any
     bounds   how many of the last output arrays are bounds, which may be infinite: they are not checked
-    common   indices of input arrays with one row for all samples, which are read as constants are; that they are finite
-             the caller checks
+    common   indices of input arrays with one row for all samples, which are read like constants; the caller checks that
+             they are finite
     """
 
     inputs: tuple[int, ...]

@@ -1,8 +1,8 @@
-"""Recursions of models with mimic joints, on rows of plain objects: those of the whole tree, reduced by G.
+"""Recursions of models with mimic joints, on rows of plain objects: recursions of the whole tree, reduced by G.
 
-v of the whole tree is G v, a q of it is ratio q_leader + offset. ``recursions.mimic`` says which recursions run on
-the whole tree and which solve with M = Gᵀ M G. Recorded, both are programs like any other; of floats they are the
-reference.
+v of the whole tree is G v; an entry of its q is ratio q_leader + offset. ``recursions.mimic`` says which recursions run
+on the whole tree and which solve with M = Gᵀ M G. Both can be recorded as programs like any other; run on floats they
+are the reference.
 """
 
 from __future__ import annotations
@@ -26,15 +26,15 @@ OF_THE_TREE = ("X", "axial", "transverse", "skewed", "inertia")  # fields that a
 class MimicRows(list[Row]):
     """Rows of the joints with coordinates of their own, as of ``bodies.table.independent``; the world's first.
 
-    Recursions on the joints' group run on them. Each row's parent is the row before it, so that M is factored as one of
-    a chain: its zeros stay zeros in a program. Poses and inertias are those of ``tree`` alone.
+    Recursions on the joints' group run on these rows. The parent of each row is the row before it, so M is factored as
+    that of a chain; the zeros of M stay zeros in a program. Only the rows of ``tree`` have poses and inertias.
 
     tree    rows of the whole tree
-    moving  for each row but the world's, (row of the tree, ratio) of the joint itself, then of those that follow it
+    moving  for each row but the world's, (row of the tree, ratio) of the joint itself, then of the joints that follow
     """
 
     def __init__(self, tree: list[Row]) -> None:
-        """Of the whole tree's rows, some of which have leaders."""
+        """The rows of a whole tree in which some joints have leaders."""
         fields: list[dict[str, Any]] = [vars(row) for row in tree]
         own = [k for k, row in enumerate(fields) if not row["leader"]]
         follow = [k for k, row in enumerate(fields) if row["leader"]]
@@ -71,7 +71,7 @@ class MimicRows(list[Row]):
         return made
 
     def input_of_tree(self, argument: Argument, x: Any) -> Any:
-        """An input of the model as that of the whole tree."""
+        """An input of the model as an input of the whole tree."""
         if argument.shape == ("nq",):
             return self.q_of_tree(x)
         if argument.shape == ("nv",) and argument.is_force:
@@ -82,7 +82,7 @@ class MimicRows(list[Row]):
         return self.v_of_tree(x) if argument.shape == ("nv",) else x
 
     def output_of_model(self, argument: Argument, x: NDArray[Any]) -> NDArray[Any]:
-        """An output of the whole tree as that of the model: axes "nv" times G, or the independent entries."""
+        """An output of the whole tree as an output of the model: axes "nv" times G, or the independent entries."""
         for axis, size in enumerate(argument.shape):
             if size == "nq" or (size == "nv" and argument.per_coordinate):
                 x = np.take(x, self._own_q if size == "nq" else [moved[0][0] - 1 for moved in self.moving], axis)
@@ -92,7 +92,7 @@ class MimicRows(list[Row]):
 
     @staticmethod
     def _sum(x: NDArray[Any], moved: Sequence[tuple[int, float]]) -> NDArray[Any]:
-        """Of the entries of a joint and of those that follow it, along the first axis."""
+        """The weighted sum over a joint and the joints that follow it, along the first axis."""
         total = np.array(x[moved[0][0] - 1], object)
         for k, ratio in moved[1:]:
             more: Any = x[k - 1]
@@ -107,7 +107,7 @@ class MimicRows(list[Row]):
 
 
 def rows_of(tree: list[Row]) -> list[Row]:
-    """The rows of a table of bodies as recursions take them: MimicRows if joints mimic others, else as they are."""
+    """The rows of a table of bodies for recursions: MimicRows if joints mimic others, else the rows unchanged."""
     return MimicRows(tree) if any(vars(row)["leader"] for row in tree) else tree
 
 
@@ -115,9 +115,9 @@ def evaluate(
     spec: Spec, rows: Sequence[Any], shape: tuple[int, ...], inputs: Mapping[str, Any], pivots: NDArray[Any] | None,
     start: float = 0.0,
 ) -> NDArray[Any]:  # fmt: skip
-    """As ``tracer.evaluate``, of any model: ``rows`` as of ``rows_of``.
+    """As ``tracer.evaluate``, for any model; ``rows`` come from ``rows_of``.
 
-    Pivots of a model with mimic joints are those of M.
+    The pivots of a model with mimic joints are those of M.
     """
     if not isinstance(rows, MimicRows) or spec.composed:
         return tracer.evaluate(spec, rows, shape, inputs, pivots, start)
@@ -141,7 +141,7 @@ def evaluate(
 
 
 def _one(x: Any) -> NDArray[Any]:
-    """An input as that of one sample of a batch."""
+    """An input as a batch of one sample."""
     return np.asarray(x, object)[None]
 
 
@@ -167,7 +167,7 @@ class MassMatrix:
 
     @cached_property
     def inverse(self) -> NDArray[Any]:
-        """M⁻¹ (1, nv, nv), its lower triangle on both sides."""
+        """M⁻¹ (1, nv, nv); the upper triangle is a copy of the lower one."""
         n = len(self._rows) - 1
         made = np.empty((1, n, n), object)
         for j in range(n):
@@ -178,7 +178,7 @@ class MassMatrix:
         return made
 
     def call(self, name: str, *inputs: Any) -> NDArray[Any]:
-        """The result (1, ...) of the recursion of that name, optional inputs last, None for one left out."""
+        """The result (1, ...) of the recursion of this name; optional inputs come last, None for one left out."""
         spec = SPECS[name]
         public = sorted(spec.present, key=lambda x: x.optional)
         given = {x.name: y[0] for x, y in zip(public, inputs, strict=False) if y is not None}
@@ -191,7 +191,7 @@ class MassMatrix:
 
 
 def _on_tree(name: str) -> None:
-    """Have the recursion of that name, called on MimicRows, run on the whole tree."""
+    """Register that the recursion of this name, called on MimicRows, runs on the whole tree."""
     spec = SPECS[name]
     recursion: Any = spec.recursion
     inputs = spec.present
@@ -211,7 +211,7 @@ for _name in REDUCTION.on_tree:
 
 
 def _through_M(name: str) -> None:
-    """Have the recursion of that name, called on MimicRows, solve with M."""
+    """Register that the recursion of this name, called on MimicRows, solves with M."""
     spec = SPECS[name]
     recursion: Any = spec.recursion
     names = [x.name for x in spec.present]

@@ -1,10 +1,10 @@
 """Body origins moved along joint axes, so that placements have more zeros.
 
-A body that turns about an axis may have its origin anywhere on it: X_T · Rot(u, q) translated by s u on both sides is
-the same joint, with its placement, those of its children and its inertia expressed at the new origin. Quantities of
-the whole robot do not change; forces and placements given in a body's frame would. Denavit and Hartenberg choose
-all origins so; here one is moved only where placements get more zeros than they lose. That saves
-operations of legs and of a UR5, none of arms whose right angles are written with twelve digits.
+A body that turns about an axis may have its origin anywhere on the axis: X_T · Rot(u, q) translated by s u on both
+sides is the same joint, if its placement, the placements of its children and its inertia are expressed at the new
+origin. Quantities of the whole robot do not change; forces and placements given in a body's frame would. Denavit and
+Hartenberg choose all origins in this way; here an origin is moved only if placements get more zeros than they lose.
+That saves operations for legs and for a UR5, but none for arms whose right angles are written with twelve digits.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ PARALLEL = 1e-9
 
 
 def move_origins(rows: Any) -> None:
-    """Move origins in a table of bodies, written in place, from the root to the tips."""
+    """Move the origins of a table of bodies from the root to the tips; the table is written in place."""
     moved: dict[int, Vec] = {}
     for i in range(1, len(rows)):
         b = rows[i]
@@ -52,7 +52,7 @@ def move_origins(rows: Any) -> None:
 
 
 def _child_placements(rows: Any, i: int, u: Vec) -> list[Vec]:
-    """Placements of the child joints of body i, without those whose own origin can move back along the same axis."""
+    """Placements of the child joints of body i, except joints whose own origin can move back along the same axis."""
     found = []
     for row in rows[i + 1 :]:
         if row.parent == i:

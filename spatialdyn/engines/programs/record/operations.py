@@ -1,18 +1,18 @@
 """The operations of a program, and the form of each in every backend.
 
-``FORMS`` has a row for each operation and a column for each backend, which runs or prints programs by its column alone:
-a new operation is one row, a new backend one column. The functions that record operations are registered with
-``algebra.scalars`` in ``tracer``.
+``FORMS`` has a row for each operation and a column for each backend. A backend runs or prints programs by its column
+alone: a new operation is one row, a new backend one column. ``tracer`` registers the functions that record operations
+with ``algebra.scalars``.
 
-A region of ``algebra.regions`` is a part of the list between two lines that compute nothing. Each value that it carries
-is a line CARRIED before it, whose value NEXT lines at the end of the region replace:
+A region of ``algebra.regions`` is a part of the list between two lines that compute nothing. Each value that a region
+carries is a line CARRIED before the region; NEXT lines at the end of the region replace this value:
 
-    CARRIED a        a value, at first a; what reads it later reads what it holds then
+    CARRIED a        a value, at first a; a later reader reads the present value
     REPEAT a         run the lines up to AGAIN while the carried value a of any sample is above 0
     NEXT a b         the carried value a is b from here on
     AGAIN a          back to the line REPEAT a
 
-Where a is not above 0, all b are the values that the region found: selected, so a sample does not see the others.
+In a sample where a is not above 0, each b is selected to be the present value, so other samples do not change it.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 INPUT, CONST, ADD, SUB, MUL, DIV, FMA, FMS, FNMA, SQRT, SIN, COS, EXP, ATAN2, SELECT, ABS, UFP = range(17)
-CARRIED, REPEAT, NEXT, AGAIN = range(17, 21)  # of regions
-REGIONS = {CARRIED: 1, REPEAT: 1, NEXT: 2, AGAIN: 1}  # how many lines they read
+CARRIED, REPEAT, NEXT, AGAIN = range(17, 21)  # lines of regions
+REGIONS = {CARRIED: 1, REPEAT: 1, NEXT: 2, AGAIN: 1}  # how many lines each reads
 
 
 class Operation(NamedTuple):
@@ -39,7 +39,7 @@ class Operation(NamedTuple):
 
 
 class Form(NamedTuple):
-    """The forms of an operation on a, b, c: all codes have a row but those that compute nothing: INPUT, CONST, REGIONS.
+    """The forms of an operation on a, b, c. Codes that compute nothing (INPUT, CONST, REGIONS) have no row.
 
     name           in listings; an operator is written between its operands
     arity          number of operands
@@ -50,9 +50,9 @@ class Form(NamedTuple):
     llvm           a function of an ``llvm_vectors.Vectors`` and of values on lanes; returns the result's name
     double_double  a function of a ``to_double_double.Pairs`` and of Terms; None if there is no such form
     registers      text with functions of ``numbers.double_double``, where each operand is two floats
-    exact          whether it is rational: exact on constants
-    angle          whether the first operand is an angle, for which lanes have the short sine only
-    signs          whether operands may be negated lines; for others the tracer pulls the sign out
+    exact          whether the operation is rational, and so exact on constants
+    angle          whether the first operand is an angle, for which lanes have only the short sine
+    signs          whether operands may be negated lines; otherwise the tracer moves signs out of the operation
     """
 
     name: str
@@ -71,7 +71,7 @@ class Form(NamedTuple):
 
 
 def _first_place(x: Any) -> Any:
-    """Unit in the first place: the largest power of 2 up to |x|, 0 of 0; not finite where x is not."""
+    """Unit in the first place: the largest power of 2 up to |x|; 0 for 0; not finite where x is not finite."""
     m, e = np.frexp(x)
     return np.ldexp(np.where(m == 0.0, m, 0.5 + 0.0 * m), e)
 

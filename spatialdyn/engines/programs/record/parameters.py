@@ -1,7 +1,8 @@
 """Parameters of a table of bodies as inputs of a program: masses, loads and gravity that vary without a new program.
 
-``withdraw`` removes from the rows the inertias that become inputs, ``put`` adds their values, floats or the tracer's
-Numbers. Between the two the other inertias may be regrouped towards the root: τ and M are linear in an added inertia.
+``withdraw`` removes from the rows the inertias that become inputs; ``put`` adds their values, which are floats or the
+tracer's Numbers. Between the two calls the other inertias may be regrouped towards the root, because τ and M are linear
+in an added inertia.
 """
 
 from __future__ import annotations
@@ -42,8 +43,8 @@ class Parameter(NamedTuple):
     """One parameter that is an input.
 
     kind   a key of SHAPES
-    row    of the table whose body has that mass, com, inertia or payload; 0 for gravity and armature
-    frame  of a payload: its pose in that body, R row by row and p
+    row    row of the body with this mass, com, inertia or payload; 0 for gravity and armature
+    frame  for a payload its pose in that body: R row by row, then p
     """
 
     kind: str
@@ -78,7 +79,7 @@ def put(rows: Any, parameters: Sequence[Parameter], values: Sequence[Sequence[An
             g = rows[0].gravity
             g.x, g.y, g.z = given
         elif p.kind == "armature":
-            free = [row for row in rows[1:] if not row.leader]  # of freedoms of the model's own
+            free = [row for row in rows[1:] if not row.leader]  # rows with freedoms of the model
             for row, value in zip(free, given, strict=True):
                 row.armature = value
         elif p.kind == "payload":
@@ -127,8 +128,8 @@ def body(mass: Sequence[Any], com: Sequence[Any], about: Sequence[Any]) -> Inert
 def _add(rows: Any, at: int, I: Inertia) -> None:
     """Add an inertia to a body, and its share to the inertia bounds of the rows that move the body.
 
-    With s = p + t the reach of a row (p at q = 0, t travelled), its share is at most tr I + 2 s |h| + s² m, and
-    h² <= m tr I / 2, so 3/2 tr I + 4 p² m + 4 t² m is no less.
+    Let s = p + t be the reach of a row (p at q = 0, t travelled). The share is at most tr I + 2 s |h| + s² m, and
+    h² <= m tr I / 2, so 3/2 tr I + 4 p² m + 4 t² m is a bound on it.
     """
     put_inertia(rows[at].inertia, add_inertia(inertia_of(rows[at].inertia), I))
     trace = 1.5 * (I.I.xx + I.I.yy + I.I.zz)

@@ -1,4 +1,4 @@
-"""Programs: the operations of one model, in a straight line but for regions, made of a tape, without its dead ones."""
+"""Programs: the live operations of a tape for one model, in a straight line except for regions."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class Program:
     lines    operations in order; operands are lines, or -line - 1 for a negated one where the operation allows it
     outputs  (line, whether negated) of each output
     inputs   number of inputs
-    errors   by how much constants may be off, see ``Tape``: that of a line that is one has the index ``c``
+    errors   by how much constants may be off, see ``Tape``; a line that is a constant has its index in ``c``
     """
 
     def __init__(self, tape: Tape, outputs: Sequence[Any], inputs: int, fuse: bool = True) -> None:
@@ -63,11 +63,11 @@ class Program:
 
     @cached_property
     def regions(self) -> list[regions.Region]:
-        """The regions, an inner one before that around it."""
+        """The regions; an inner region comes before the one around it."""
         return regions.find(self.lines) if (self.table[:, 0] == REPEAT).any() else []
 
     def straight(self, what: str) -> None:
-        """Raise SpatialDynError if there are regions, which ``what`` cannot have."""
+        """Raise SpatialDynError if there are regions; ``what`` names the form of code that cannot have them."""
         if self.regions:
             raise SpatialDynError(f"{what} got a program with loops or branches, expected one in a straight line")
 
@@ -95,7 +95,7 @@ class Program:
         for op in self.lines:
             depth.append(max((depth[k] for k in operands(op)), default=-1) + 1)
             form = FORMS.get(op.code)
-            if form and not (form.angle and op.a in angles):  # sin and cos of an angle are one
+            if form and not (form.angle and op.a in angles):  # sin and cos of an angle count once
                 for what in form.counts:
                     count[what] += 1
                 if form.angle:
@@ -125,7 +125,7 @@ class Program:
         return "\n".join(text)
 
     def run(self, inputs: Sequence[Any] | NDArray[Any]) -> list[Any]:
-        """Run on NumPy arrays or floats, one per input; one result per output: the oracle of compiled programs."""
+        """Run the program on NumPy arrays or floats, one per input; the oracle of compiled programs."""
         x: list[Any] = [inputs[op.a] if op.code == INPUT else op.value for op in self.lines]
         ends = {region.head: region.end for region in self.regions}
 
@@ -153,9 +153,9 @@ class Program:
 def _eliminate_dead(
     lines: Sequence[Line], roots: Sequence[int], fuse: bool, looped: bool
 ) -> tuple[list[Operation], list[int]]:
-    """Dead-code elimination: the lines that the roots need, renumbered in the same order; the roots.
+    """Dead-code elimination: returns the lines that the roots need, renumbered in the same order, and the roots.
 
-    fuse    fuse products that one sum alone reads
+    fuse    whether to fuse products that only one sum reads
     looped  whether there are regions
     """
     uses = regions.uses(lines, roots) if looped else _uses(lines, roots)
@@ -184,12 +184,12 @@ def _eliminate_dead(
 
 
 def _uses(lines: Sequence[Line], roots: Sequence[int]) -> list[int]:
-    """How often each line is read, by lines that the roots need and as a root."""
+    """How often each line is read: by lines that the roots need, and as a root."""
     count = max(roots, default=-1) + 1
     arity_of, uses = arities(), [0] * count
     for k in roots:
         uses[k] += 1
-    for k in range(count - 1, -1, -1):  # a line reads earlier ones: its readers come first here
+    for k in range(count - 1, -1, -1):  # a line reads earlier lines, so its readers come first here
         if uses[k]:
             code, a, b, c, _ = lines[k]
             arity = arity_of[code]
@@ -203,15 +203,16 @@ def _uses(lines: Sequence[Line], roots: Sequence[int]) -> list[int]:
 
 
 def _fuse_products(lines: Sequence[Line], uses: Sequence[int]) -> dict[int, tuple[int, int, int]]:
-    """Sums into which a product is fused that they alone read, as (fused code, product, other term): decided here, so
-    that every machine rounds alike.
+    """Sums with a product that only they read and that is fused into them, as (fused code, product, other term).
+
+    Fusion is decided here so that every machine rounds alike.
     """
     made: dict[int, tuple[int, int, int]] = {}
     for k, used in enumerate(uses):
         code, a, b, _, _ = lines[k]
         if not used or code not in (ADD, SUB) or a == b:
             continue
-        # the later product first: the earlier one is ready by then
+        # fuse the later product: the earlier one is ready by then
         for product, other in ((b, a), (a, b)) if a < b else ((a, b), (b, a)):
             if uses[product] == 1 and lines[product][0] == MUL:
                 made[k] = (FMA if code == ADD else FMS if product == a else FNMA, product, other)

@@ -33,16 +33,16 @@ from .program import Program
 from .regroup import regroup
 from .tracer import Tape, table
 
-MOST_ROWS = 128  # above, programs take too long to compile
-MOST_RESULTS = MOST_ROWS**2  # or terms, of a sample: those of Christoffel symbols grow by the cube of the rows
-MOST_TABLE = 2048  # rows of a static table: each height of a ground is in its program
-MOST_EQUATIONS = 36  # of a static table: 8400 multiplications to factor a matrix of 36 rows
+MOST_ROWS = 128  # with more rows, programs take too long to compile
+MOST_RESULTS = MOST_ROWS**2  # most results or terms of a sample: Christoffel symbols grow by the cube of the rows
+MOST_TABLE = 2048  # most rows of a static table: each height of a ground is in its program
+MOST_EQUATIONS = 36  # most equations of a static table: a matrix of 36 rows takes 8400 multiplications to factor
 ALONE = ("nl", "nd", "total")  # sizes of a static table that are no equations: entries with a row of J alone, results
 POSITION = "rad | m"  # unit of the inputs that are positions
 
 
 class Recording(NamedTuple):
-    """A program, and what its kernel reads, writes and checks."""
+    """A program and its layout: what its kernel reads, writes and checks."""
 
     program: Program
     layout: KernelLayout
@@ -52,18 +52,18 @@ class ProgramOptions(NamedTuple):
     """Constant inputs, parameters and wanted outputs of some calls: hashable, and text by ``repr``.
 
     fixed          (input, its entries, flat: NaN for those that are no constants) for each input with constant entries
-    parameters     of the table, which become inputs, after the others
+    parameters     parameters of the table that become inputs, after the other inputs
     outputs        for each call the flat indices of the wanted entries of its output; empty for all of all calls
     ranged         reject samples whose result may depend on numbers below or above float32's range
-    double_double  in double-double, on the table without regrouping: its numbers are exact
-    bounds         with a bound on the rounding error of each result, in an output array of its own; of one call
-    exact_inputs   of bounds in float32: inputs are numbers of it, not roundings of others
-    derivative     "jvp": with tangents as further inputs, an array for each one, and derivatives along them as further
-                   outputs; "vjp": with weights of the results as further inputs, and derivatives of the weighted sum by
-                   each input as further outputs. Of a configuration they are by displacements. "along k" is a
-                   derivative alone, without the results, by the entries of all inputs: of order k, along k directions,
-                   each of the arrays of the inputs; "along k weighted" has weights of the results behind those, and
-                   is the derivative of that weighted sum by each input
+    double_double  compute in double-double, on the table without regrouping, since its numbers are exact
+    bounds         add an output array with a bound on the rounding error of each result; for one call only
+    exact_inputs   for bounds in float32: inputs are float32 numbers, not rounded from others
+    derivative     "jvp": tangents are further inputs, an array for each input, and derivatives along them are further
+                   outputs. "vjp": weights of the results are further inputs, and derivatives of the weighted sum by
+                   each input are further outputs. Derivatives by a configuration are by displacements. "along k": only
+                   the derivative of order k, without the results, by the entries of all inputs along k directions;
+                   each direction has the arrays of the inputs. "along k weighted": weights of the results follow these
+                   inputs, and the program is the derivative of the weighted sum by each input
     """
 
     fixed: tuple[tuple[str, tuple[float, ...]], ...] = ()
@@ -80,14 +80,14 @@ ALL = ProgramOptions()
 
 
 def along(derivative: str) -> tuple[int, bool] | None:
-    """How many directions a derivative alone has, and whether weights; None for another derivative."""
+    """The number of directions of an "along" derivative, and whether it has weights; None for other derivatives."""
     words = derivative.split()
     return (int(words[1]), len(words) > 2) if words[:1] == ["along"] else None
 
 
 @contextmanager
 def _collector_off() -> Iterator[None]:
-    """Python's garbage collector, if it is on, is off within."""
+    """A context in which Python's garbage collector is off."""
     was_on = gc.isenabled()
     gc.disable()
     try:
@@ -109,14 +109,14 @@ def record(
     """Some calls on one table of bodies as one program; an input of one name is one input.
 
     static   values of the static inputs of the calls, in their order
-    options  constant inputs, parameters that are inputs, and wanted outputs; neither bounds nor derivatives, which
-             ``derived`` makes of what is recorded here
-    dtype    of the program, whose eps pivots are compared with
-    errors   record the errors of constants, of the table as it is: moving origins supposes rotations that are
+    options  constant inputs, parameters that are inputs, and wanted outputs; ``derived`` adds bounds and derivatives to
+             the program recorded here
+    dtype    dtype of the program; its eps is the scale of pivots' limits
+    errors   record the errors of constants, on the table as it is: moving origins supposes rotations that are
              orthogonal to the last bit
 
-    Python's garbage collector is off meanwhile, in all threads: the many small objects made here, none of them in a
-    cycle, would start collections that look at all objects of the process, 0.1 s where there are millions.
+    Python's garbage collector is off meanwhile, in all threads. The many small objects made here, none of them in a
+    cycle, would start collections that visit all objects of the process, which takes 0.1 s if there are millions.
     """
     for spec in specs:
         if not traces(spec, bodies):
@@ -129,7 +129,7 @@ def record(
     taken = withdraw(tree, options.parameters)
     if all(spec.regroup for spec in specs) and not (options.double_double or errors):
         in_body = options.parameters or any(_in_body(x) for spec in specs for x in spec.present)
-        if not in_body and dtype == np.float64:  # in float32 a distance moved costs digits
+        if not in_body and dtype == np.float64:  # in float32 moving an origin costs digits
             move_origins(tree)
         regroup(tree, any(spec.pivots for spec in specs))
     rows, own = rows_of(tree), independent(bodies)
@@ -211,14 +211,14 @@ def _in_body(x: Argument) -> bool:
 
 
 def _tracked(values: NDArray[Any]) -> NDArray[Any]:
-    """An array of Constants, whose arithmetic knows its errors."""
+    """An array of Constants, whose arithmetic records its errors."""
     made = np.empty(values.shape, dtype=object)
     made.ravel()[:] = [constant(x) for x in values.ravel().tolist()]
     return made
 
 
 def _sizes(bodies: NDArray[Any], static: Sequence[Any]) -> dict[str, int]:
-    """Values of the symbols in the shape of a model's argument, also of those that static tables add."""
+    """Values of the symbols in the shape of a model's argument, also of symbols that static tables add."""
     found = sizes_of(independent(bodies))
     for x in static:
         if isinstance(x, StaticTable):
@@ -227,17 +227,17 @@ def _sizes(bodies: NDArray[Any], static: Sequence[Any]) -> dict[str, int]:
 
 
 def shape_of(argument: Argument, bodies: NDArray[Any], static: Sequence[Any] = ()) -> tuple[int, ...]:
-    """Shape of one sample of an argument on a table of bodies, and with these values of the static inputs."""
+    """Shape of one sample of an argument, for a table of bodies and these values of the static inputs."""
     return shape_in(argument.shape, _sizes(bodies, static))
 
 
 def pivot_margins(rows: Sequence[Any], q: Any, pivots: Any, eps: float = EPS) -> list[tuple[Any, float]]:
-    """(margin, least) of each D: margin > least says that D is above n eps of a bound on its composite inertia.
+    """(margin, least) of each D: margin > least means that D is above n eps times a bound on its composite inertia.
 
-    With t the sum of the m distances |x| that joints below the root have travelled, 2 b t <= a + c t², because
-    b² <= a c for the moments of any body, and t² <= m Σ x²: a polynomial, which a program can hold, and the same in
-    all units. Entries of ``rows`` that are no floats go to the margin, floats to the least. With mimic joints the
-    composite inertias are the diagonal of M.
+    Let t be the sum of the m distances |x| that joints below the root have travelled. Then 2 b t <= a + c t², because
+    b² <= a c for the moments of any body, and t² <= m Σ x². So the bound is a polynomial, which a program can hold, and
+    the same in all units. Entries of ``rows`` that are no floats count in the margin, floats in the least value. With
+    mimic joints the composite inertias are the diagonal of M.
     """
     n = len(rows) - 1
     if isinstance(rows, MimicRows):
@@ -270,10 +270,10 @@ def pivot_margins(rows: Sequence[Any], q: Any, pivots: Any, eps: float = EPS) ->
 
 
 def fits(specs: Sequence[Spec], bodies: NDArray[Any], results: int | None = None, static: Sequence[Any] = ()) -> bool:
-    """Whether calls on a table can be a program: none branches on values, and the program is not too long.
+    """Whether calls on a table can be a program: no call branches on values, and the program is not too long.
 
-    results  wanted numbers of one sample, if not all
-    static   values of the static inputs, of which tables make a program longer
+    results  number of wanted results of one sample, if not all
+    static   values of the static inputs; static tables make a program longer
     """
     if results is None:
         sizes = _sizes(bodies, static)
@@ -287,5 +287,5 @@ def fits(specs: Sequence[Spec], bodies: NDArray[Any], results: int | None = None
 
 
 def traces(spec: Spec, bodies: NDArray[Any]) -> bool:
-    """Whether a call on a table can be recorded: with mimic joints one that solves does not run its own recursion."""
+    """Whether a call on a table can be recorded; with mimic joints a call that solves runs another recursion."""
     return spec.traceable or (spec.through_M is not None and bool(bodies["leader"].any()))

@@ -1,4 +1,4 @@
-"""Where the regions of a program are, and which of its lines are needed: a carried value needs what replaces it."""
+"""The regions of a program, and which lines are needed: a carried value needs the values that replace it."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from .operations import AGAIN, CARRIED, CONST, INPUT, NEXT, REPEAT, arities
 class Region(NamedTuple):
     """A part of a program between two lines.
 
-    start    the first line of a value that it carries
+    start    the first line of its carried values
     head     the line REPEAT
     end      the line AGAIN
-    carried  lines of the values that it carries
+    carried  lines of its carried values
     """
 
     start: int
@@ -28,7 +28,7 @@ Lines = Sequence[tuple[int, int, int, int, float]]
 
 
 def find(lines: Lines) -> list[Region]:
-    """The regions, an inner one before that around it."""
+    """The regions; an inner region comes before the one around it."""
     found: list[Region] = []
     open_: list[tuple[int, list[int]]] = []
     for k, (code, a, _, _, _) in enumerate(lines):
@@ -43,10 +43,11 @@ def find(lines: Lines) -> list[Region]:
 
 
 def uses(lines: Lines, roots: Sequence[int]) -> list[int]:
-    """How often each line is read, by lines that the roots need and as a root; of lines that no other reads, 1 if they
-    are part of a region that is needed.
+    """How often each line is read: by lines that the roots need, and as a root.
 
-    Raises SpatialDynError where what a region computes is read behind it, and not carried.
+    A line that no other line reads counts 1 if it is part of a region that is needed.
+
+    Raises SpatialDynError if a value that a region computes and does not carry is read behind the region.
     """
     region_of, arity_of = _regions_of(lines), arities()
     following = {a: k for k, (code, a, _, _, _) in enumerate(lines) if code == NEXT}
@@ -79,7 +80,7 @@ def uses(lines: Lines, roots: Sequence[int]) -> list[int]:
 
 
 def _regions_of(lines: Lines) -> list[int]:
-    """The head of the innermost region of each line, its own lines included; -1 outside of all."""
+    """The head of the innermost region of each line, the region's own lines included; -1 outside of all regions."""
     found, inside = [], [-1]
     for k, (code, *_) in enumerate(lines):
         if code == REPEAT:
@@ -91,7 +92,7 @@ def _regions_of(lines: Lines) -> list[int]:
 
 
 def _check(lines: Lines, region_of: Sequence[int], k: int, reader: int) -> None:
-    """Raise SpatialDynError if a line is in a region that its reader, in the region ``reader``, is not in."""
+    """Raise SpatialDynError if line k is in a region that does not contain its reader, which is in ``reader``."""
     if lines[k][0] in (INPUT, CONST, REPEAT) or region_of[k] == -1:
         return
     while reader != region_of[k] and reader != -1:

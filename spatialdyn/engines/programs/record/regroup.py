@@ -1,11 +1,11 @@
 """Inertias regrouped towards the root: the part of a body that its joint cannot feel moves to the parent body.
 
-A revolute joint about u feels nothing of a part with mass m, first moment along u and rotational inertia
-J (1 - u uᵀ): its momentum under S is zero and a rotation about u does not change it, so it may be fixed to the parent.
-A prismatic joint feels nothing of the rotational inertia. τ, M, q̈ and the articulated inertias D of the joints stay
-the same; quantities of a single body (forces, momenta, energies) do not. The zeros that this leaves shorten a program
-by a fifth to a third. Source: after Gautier and Khalil, Direct calculation of minimum set of inertial parameters of
-serial robots (1990), for any axis.
+A revolute joint about u does not feel a part with mass m, first moment along u and rotational inertia J (1 - u uᵀ): the
+momentum of the part under S is zero, and a rotation about u does not change the part, so it may be fixed to the parent.
+A prismatic joint does not feel the rotational inertia. τ, M, q̈ and the articulated inertias D of the joints stay the
+same; quantities of a single body (forces, momenta, energies) do not. The resulting zeros shorten a program by a fifth
+to a third. Source: after Gautier and Khalil, Direct calculation of minimum set of inertial parameters of serial robots
+(1990), for any axis.
 
 A moved part is subtracted from the body and cancels in sums over bodies, so it must not be larger than the inertia that
 remains in the end. J is therefore the smaller of the two diagonal entries across u, either of which leaves a zero:
@@ -39,11 +39,11 @@ PERPENDICULAR = 1e-8  # entry of a unit vector whose square is below eps: URDFs 
 def regroup(rows: Any, solved: bool = False) -> None:
     """Regroup the inertias of a table of bodies, written in place, from the tips to the root.
 
-    solved  for recursions that divide by articulated inertias. A parent to which c times its mass is moved loses a
-            factor c in the accuracy of its own inertia, which alone counts where the load stays at rest: at c = 6 the
-            refined batch of a floating double_pendulum has 20 eps instead of 2, with a tip of 1e6 aba_refined is no
-            better than aba. Nothing is moved to a parent of at most LEAST_MASS_RATIO times
-            that mass (c = 4), or without mass.
+    solved  whether the recursion divides by articulated inertias. A parent to which c times its mass is moved loses a
+            factor c in the accuracy of its own inertia, and only that inertia counts where the load stays at rest: at
+            c = 6 the refined batch of a floating double_pendulum has an error of 20 eps instead of 2; with a tip of 1e6
+            aba_refined is no better than aba. So nothing is moved to a parent of at most LEAST_MASS_RATIO times that
+            mass (c = 4), or to a parent without mass.
     """
     for i in range(len(rows) - 1, 0, -1):
         b = rows[i]

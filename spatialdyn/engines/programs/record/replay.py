@@ -1,4 +1,4 @@
-"""Operations of a program recorded again on another tape, whose operands may be negated or constants."""
+"""Record operations of a program again on another tape, with operands that may be negated or constant."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ EVEN = (COS, ABS, UFP)
 
 
 def record(tape: Tape, code: int, given: Sequence[Any]) -> Any:
-    """An operation on Numbers or floats, of the same bits as in the program it comes from."""
+    """An operation on Numbers or floats, with the same bits as in the program from which it comes."""
     if code in PLAIN:
         return PLAIN[code](*given)
     numbers = [tape.number(x) for x in given]
@@ -39,7 +39,7 @@ def line(tape: Tape, code: int, *given: Any) -> Number:
 
 
 def constant_of(x: Any) -> float | None:
-    """The value of a constant; None of what varies."""
+    """The value of a constant; None if x varies."""
     if not isinstance(x, Number):
         return float(x)
     code, *_, value = x.tape.lines[x.line]
@@ -47,7 +47,7 @@ def constant_of(x: Any) -> float | None:
 
 
 def folded(tape: Tape, code: int, given: Sequence[Any]) -> Any:
-    """As ``record``, but constants where all operands are, or where one chooses; to the rounding of Python's floats."""
+    """As ``record``, but folds operations on constants, with the rounding of floats, and selections by a constant."""
     known = [constant_of(x) for x in given]
     if code == SELECT and known[0] is not None:
         return given[1] if known[0] > 0.0 else given[2]

@@ -1,6 +1,6 @@
-"""What of a program is compiled, its structure, and what its machine code reads from memory, its numbers.
+"""The structure of a program, which is compiled, and its numbers, which the machine code reads from memory.
 
-Two models that differ in masses, lengths or payloads alone mostly have one structure, and share the machine code.
+Two models that differ only in masses, lengths or payloads mostly have the same structure and share the machine code.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ from .program import Program
 
 
 class Numbers:
-    """The numbers of a program and its layout, and where they are among ``values``.
+    """The numbers of a program and its layout, and their places among ``values``.
 
-    of_line   place of the constant of each line that is one
+    of_line   {line that is a constant: place of its value}
     of_pivot  place of the value that each pivot must exceed
-    most, least, squares  with a range: of the squares of its norms, and for each output array of the sum of squares of
-              its results that are constants
+    most, least, squares  if the layout has a range: places of the squares of its norms, and for each output array the
+              place of the sum of squares of its constant results
     """
 
     def __init__(self, program: Program, layout: KernelLayout) -> None:
@@ -41,21 +41,22 @@ class Numbers:
         self._values = np.array(values or [0.0])
 
     def values(self, dtype: Any) -> NDArray[Any]:
-        """All numbers in a dtype, aligned to it; what is beyond float32's range is infinite: its samples are recomputed
-        in float64.
+        """All numbers in a dtype, aligned to it.
+
+        A number beyond float32's range becomes infinite; samples that use it are recomputed in float64.
         """
         with np.errstate(over="ignore"):
             return self._values.astype(dtype)
 
 
 def content(program: Program, layout: KernelLayout) -> str:
-    """A digest of a program with its numbers: of all that it computes."""
+    """A digest of a program with its numbers."""
     values = Numbers(program, layout).values(np.float64)
     return hashlib.sha256(digest(program, layout).encode() + values.tobytes()).hexdigest()
 
 
 def digest(program: Program, layout: KernelLayout) -> str:
-    """A digest of all that the machine code of a program depends on, but for its numbers."""
+    """A digest of all that the machine code of a program depends on, without its numbers."""
     wide = layout.range
     pivots = [place for place, _ in layout.pivots]
     checks = (layout.units, pivots, layout.norms, wide and ("range", wide.driving), layout.bounds, layout.common)

@@ -1,7 +1,7 @@
 """The tracer: runs a recursion once on numbers that record their operations.
 
-The tape then holds the operations of one model, constants folded, equal operations shared, signs pulled out; a
-``program.Program`` is made of it. The recursion is neither changed nor copied; it is called, on rows whose fields are
+The tape then holds the operations of one model, with constants folded, equal operations shared and signs moved out; a
+``program.Program`` is made from it. The recursion is neither changed nor copied: it is called on rows whose fields are
 floats and on inputs that are ``Number``. A branch on a value cannot be recorded, so comparing a Number raises.
 """
 
@@ -41,18 +41,18 @@ from .operations import (
     SUB,
 )
 
-Line = tuple[int, int, int, int, float]  # an Operation as a tuple; a Program keeps a third of those recorded
+Line = tuple[int, int, int, int, float]  # an Operation as a tuple; a Program keeps a third of the recorded ones
 
 
 class Tape:
-    """The recorded operations: lines in order, each once.
+    """The recorded operations, each once, as lines in order.
 
     lines     operations
     known     line -> its index
     inverses  index of 1 / x -> index of x
-    errors    by how much constants that are not exact may be off; the line of one has its index in ``c``. None if that
-              is not recorded; where it is, only an exact 0 or ±1 is absorbed
-    inside    of each region that is being recorded, the outermost first, what is above 0 while a sample runs it
+    errors    by how much inexact constants may be off; the line of such a constant has its index in ``c``. None if
+              errors are not recorded; if they are, only an exact 0 or ±1 is absorbed
+    inside    for each region being recorded, the outermost first, a value that is above 0 while a sample runs it
     looped    whether there are regions
     """
 
@@ -66,7 +66,7 @@ class Tape:
         self.looped = False
 
     def line(self, operation: Line) -> int:
-        """The index of an operation, which is appended if new."""
+        """The index of an operation; a new operation is appended."""
         at = self.known.get(operation)
         return self.new(operation) if at is None else at
 
@@ -77,14 +77,14 @@ class Tape:
         return at
 
     def append(self, operation: Line) -> int:
-        """The index of an operation that no other is like."""
+        """The index of an operation that is never shared."""
         self.lines.append(operation)
         return len(self.lines) - 1
 
     def repeat(self, cap: int, x: Any, carried: Carried) -> Iterator[None]:
-        """A region of ``algebra.regions``: its body runs once, on carried values that are fresh Numbers.
+        """A region of ``algebra.regions``; its body runs once, on carried values that are new Numbers.
 
-        Beside those the region carries how often it may still run, and a number that is above 0 while a sample runs.
+        The region also carries how often it may still run, and a number that is above 0 while a sample runs.
         """
         if not isinstance(x, Number) and not x > 0.0:
             return
@@ -109,7 +109,7 @@ class Tape:
         for to, line in chosen:
             self.append((NEXT, to, line, 0, 0.0))
         self.append((AGAIN, head, 0, 0, 0.0))
-        for line in self.lines[head:]:  # not computed where the region is not run
+        for line in self.lines[head:]:  # these lines are not computed if the region does not run
             if line[0] not in (INPUT, CONST):
                 self.known.pop(line, None)
         changed = {to for to, _ in chosen}
@@ -124,15 +124,16 @@ class Tape:
         return Number(self, self.line((INPUT, index, 0, 0, 0.0)), False)
 
     def number(self, value: Any) -> Number:
-        """A Number of a constant. Its sign is in the value, unless that of the other sign is recorded: models of other
-        numbers then have the same structure, and x - k y is -k y + x.
+        """A Number of a constant. The sign is in the value, unless the constant of the other sign is recorded.
+
+        So models with other numbers have the same structure, and x - k y is -k y + x.
         """
         if isinstance(value, Number):
             return value
         x, at = float(value), 0
         if self.errors is not None and error_of(value):
             at = self.errors.setdefault(error_of(value), len(self.errors))
-        elif x in (0.0, 1.0, -1.0):  # absorbed by most operations, with their signs
+        elif x in (0.0, 1.0, -1.0):  # most operations absorb these numbers with their signs
             return Number(self, self.line((CONST, 0, 0, 0, abs(x))), bool(np.signbit(x)))
         opposite = self.known.get((CONST, 0, 0, at, -x))
         if opposite is not None:
@@ -144,15 +145,15 @@ class Tape:
         return self.errors is None or not error_of(value)
 
     def unfolded(self, value: float) -> Any:
-        """A Number of a constant, 0 and ±1 as they are: constants then are not folded in float64."""
+        """A Number of a constant, so that it is not folded in float64; 0 and ±1 stay floats."""
         return value if value in (0.0, 1.0, -1.0) else self.number(value)
 
 
 class Number:
     """A recorded value: a line of the tape, and whether it is negated.
 
-    + - * / append lines; 0 and ±1 are absorbed, x - x is 0, x · (1/x) is 1 (which zeroes the joint's own row of an
-    articulated inertia), and a sign costs nothing.
+    + - * / append lines. 0 and ±1 are absorbed, x - x is 0, x · (1/x) is 1 (so the joint's own row of an articulated
+    inertia becomes zero), and a sign costs nothing.
     """
 
     __slots__ = ("line", "minus", "tape")
@@ -175,7 +176,7 @@ class Number:
             other = self.tape.number(other)
         tape, a, b, minus = self.tape, self.line, other.line, self.minus
         code = ADD
-        if minus != other.minus:  # a - b or b - a: one line for both, its sign in ``minus``
+        if minus != other.minus:  # a - b and b - a share a line; the sign is in ``minus``
             if a == b:
                 return 0.0
             code = SUB
@@ -239,7 +240,7 @@ def _function(code: int, odd: bool) -> Callable[[Number], Number]:
 
     def record(x: Number) -> Number:
         tape, at = x.tape, x.line
-        if tape.inside and (code, at, 0, 0, 0.0) not in tape.known:  # not checked as others: the sample may be done
+        if tape.inside and (code, at, 0, 0, 0.0) not in tape.known:  # not checked: the sample may have finished
             angle = Number(tape, at, False)
             at = _select(MAX_ANGLE * MAX_ANGLE - angle * angle, angle, math.nan).line
         return Number(tape, tape.line((code, at, 0, 0, 0.0)), x.minus and odd)
@@ -297,7 +298,7 @@ class Row:
 
 @cache
 def _fields(dtype: np.dtype) -> tuple[tuple[str, Any], ...]:
-    """(name, kind) of each field; a kind is its own fields, an array's shape, 0 for an integer, 0.0 for a float."""
+    """(name, kind) of each field; a kind is a struct's fields, an array's shape, 0 for an integer, 0.0 for a float."""
     found: list[tuple[str, Any]] = []
     for name in dtype.names or ():
         part = dtype[name]
@@ -307,7 +308,7 @@ def _fields(dtype: np.dtype) -> tuple[tuple[str, Any], ...]:
 
 
 def _row(fields: tuple[tuple[str, Any], ...], values: Sequence[Any] | None, number: Callable[[float], Any]) -> Row:
-    """A row of those fields, with a record's values or zeros."""
+    """A Row with these fields, and a record's values or zeros."""
     row = Row()
     held = row.__dict__
     for k, (name, what) in enumerate(fields):
@@ -329,7 +330,7 @@ def table(records: NDArray[Any], number: Callable[[float], Any] = float) -> list
 
 
 def scratch(dtype: np.dtype | None, rows: int) -> list[Row] | None:
-    """Scratch: a table of zeros; None if the recursion needs none."""
+    """Scratch of a recursion: a table of zeros; None if the recursion needs none."""
     return None if dtype is None else [_row(_fields(dtype), None, float) for _ in range(rows)]
 
 
@@ -341,9 +342,9 @@ def evaluate(
 
     A static table is a list of Rows too.
 
-    shape   of the output; a scalar is an array of one
+    shape   shape of the output; (1,) for a scalar
     pivots  (rows,) of objects, written in place if the recursion has pivots
-    start   what entries hold that the recursion does not write
+    start   value of entries that the recursion does not write
     """
     out = np.full(shape or (1,), start, dtype=object)
     beside = spec.run(rows, scratch(spec.work, len(rows)), inputs, out, lambda size: np.empty(size, dtype=object))
