@@ -1,1 +1,1 @@
-"""Programs run: tiers, batches, the interpreter, single calls, time loops."""
+"""Running programs: tiers, batches, the interpreter, single calls, time loops."""

@@ -1,11 +1,11 @@
-"""Programs compiled, cached by a digest of all they depend on, and run over the samples of a batch.
+"""Compiled programs, cached by a digest of all that they depend on, which run over the samples of a batch.
 
-``kernel`` returns the program of some calls for one table of bodies: from memory, from the disk cache, or compiled.
-Machine code is of a program's structure, and shared by all tables of that structure; their numbers come by pointer. A
-file of the cache holds either a structure's code, or for a table its numbers and the digest of its structure. Calls
-whose names and the stamp do not tell what they compute are named by the content of their program, in place of a table.
-Calling it computes the valid samples and returns the indices of the others, to be recomputed in NumPy,
-which handles sines of large angles, NaN and errors.
+``kernel`` returns the compiled program of some calls for one table of bodies: from memory, from the disk cache, or
+compiled now. Machine code belongs to a program's structure and is shared by all tables of that structure; their numbers
+are passed by pointer. A file of the cache holds either the code of a structure, or the numbers of a table and the
+digest of its structure. If the names of calls and the stamp do not determine what the calls compute, the content of
+their program names them in place of the table. Calling a kernel computes the valid samples and returns the indices of
+the others, which NumPy then recomputes: it handles sines of large angles, NaN and errors.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from ..transform.derived import record as record
 from .batches import Batches, rejected
 
 Made = TypeVar("Made")
-CACHE_SIZE = 128  # programs in memory, and structures
+CACHE_SIZE = 128  # most programs in memory, and most structures
 THREAD_BYTES = 16 << 20  # least bytes of machine code that a thread runs: fewer take less time than waking it
 SLICE_BYTES = 1 << 30  # bytes of machine code that a thread runs until Ctrl-C is handled
 RESULT_COST = 64  # bytes of machine code that take as long as a byte of results in fresh memory
@@ -60,7 +60,7 @@ class MachineCode:
         dtype: Any,
         one: bool = False,
     ) -> None:
-        """Load object code made by ``simd.compile_program``, for arrays of so many columns."""
+        """Load object code made by ``simd.compile_program``, for arrays with these numbers of columns."""
         self._loaded = host_cpu.LoadedCode(code)
         self.dtype, self.lanes = np.dtype(dtype), 1 if one else host_cpu.lanes_of(dtype)
         self.inputs, self.outputs, self.workspace, self.length = inputs, outputs, workspace, len(code)
@@ -121,9 +121,9 @@ def kernel(
 ) -> Kernel | None:
     """The kernel of some calls for the table whose digest is ``key``; None if a joint has zero articulated inertia.
 
-    one       for single samples: on one lane
-    stream    for outputs larger than the CPU caches, which are aligned to a vector
-    recorded  what ``record`` returns for it, if that is known
+    one       for single samples, on one lane
+    stream    for outputs larger than the CPU caches, which must be aligned to a vector
+    recorded  the Recording of the calls, if it is known
     """
     if not all(map(names, specs)):
         try:
@@ -160,7 +160,7 @@ def name_of(
     options: ProgramOptions,
     recorded: Callable[[], Recording],
 ) -> str:
-    """A digest of what ``kernel`` returns for these arguments; ``recorded`` is asked where they do not tell it."""
+    """A digest of what ``kernel`` returns for these arguments; calls ``recorded`` if they do not determine it."""
     key = key if all(map(names, specs)) else structure.content(*recorded())
     return _digest(specs, key, static, dtype, options, False, False)
 
@@ -197,7 +197,7 @@ def shared(recorded: Recording, one: bool = False, stream: bool = False) -> Kern
 
 
 def forget() -> None:
-    """Have programs and machine code be looked for on disk again."""
+    """Forget programs and machine code in memory, so that they are looked for on disk again."""
     with _lock:
         _programs.clear()
         _codes.clear()
@@ -222,12 +222,12 @@ def _of_structure(
 
 
 def code_digest(what: str) -> str:
-    """A digest of machine code for this host by what it is of, and by the sources that make it."""
+    """A digest of machine code for this host: of ``what`` it computes and of the sources that make it."""
     return _hash(what, _machine(np.float64, False, False))
 
 
 def _machine(dtype: Any, one: bool, stream: bool) -> str:
-    """What machine code depends on beside its program."""
+    """What machine code depends on in addition to its program, as text."""
     processor, features, _, _ = host_cpu.host()
     kind = np.dtype(dtype).name + (" one" if one else "") + (" stream" if stream else "")
     return "\n".join((kind, STAMP, processor, features, host_cpu.llvm_version(), str(DATA_OFFSET)))
@@ -238,7 +238,7 @@ def _hash(*parts: str) -> str:
 
 
 def _at_hand(digest: str, dtype: Any, one: bool) -> tuple[bool, Kernel | None]:
-    """Whether a kernel is in memory or on disk, and the kernel, None where it is known that there is none."""
+    """Whether a kernel is in memory or on disk, and the kernel; None if it is known that there is no kernel."""
     if digest in _programs:
         _programs.move_to_end(digest)
         return True, _programs[digest]
@@ -266,7 +266,7 @@ def _code_at_hand(digest: str, dtype: Any, one: bool) -> MachineCode | None:
 
 
 def _keep(held: OrderedDict[str, Made], digest: str, made: Made) -> Made:
-    """What is made, held in memory with the CACHE_SIZE last used."""
+    """Hold ``made`` in memory, with the CACHE_SIZE last used; returns it."""
     held[digest] = made
     while len(held) > CACHE_SIZE:
         held.popitem(last=False)

@@ -1,4 +1,4 @@
-"""Batches of samples run by machine code: over threads, in slices between which Ctrl-C is handled."""
+"""Batches of samples run by machine code on several threads, in slices between which Ctrl-C is handled."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ NONE = np.empty(0, np.intp)
 
 
 class Batches(ABC):
-    """A program over batches: what a compiled and an interpreted one share.
+    """A program over batches: the part that compiled and interpreted programs share.
 
-    dtype    of all arrays
+    dtype    dtype of all arrays
     lanes    samples of a tile
     inputs   columns of each input
     outputs  columns of each output
-    share    least tiles that a thread runs
+    share    least number of tiles that a thread runs
     """
 
     dtype: np.dtype[Any]
@@ -35,7 +35,7 @@ class Batches(ABC):
     @property
     @abstractmethod
     def reach(self) -> int:
-        """How many tiles, or steps of one tile, a thread runs until Ctrl-C is handled."""
+        """The number of tiles, or of steps of one tile, that a thread runs until Ctrl-C is handled."""
 
     def __call__(
         self, inputs: Sequence[NDArray[Any]], outputs: Sequence[NDArray[Any]], seen: bool = True
@@ -47,8 +47,8 @@ class Batches(ABC):
         seen     whether the caller reads outputs after Ctrl-C
 
         Returns None if not applicable: arrays of other sizes, order or dtype, or an output that overlaps another array.
-        At Ctrl-C, handled between slices, outputs hold the results so far, and NaN in the other samples; unspecified
-        values if they are not seen.
+        After Ctrl-C, which is handled between slices, outputs hold the results so far and NaN in the other samples; if
+        ``seen`` is false, their values are unspecified.
         """
         n, dtype = len(outputs[0]), self.dtype
         arguments: list[Any] = []
@@ -69,10 +69,10 @@ class Batches(ABC):
         if tiles <= reach:
             try:
                 return self._part(n, [*arguments, *outputs], threads)
-            except KeyboardInterrupt:  # which samples were rejected is lost
+            except KeyboardInterrupt:  # the indices of rejected samples are lost
                 _forget(outputs if seen else (), 0)
                 raise
-        if overlap(inputs, outputs):  # a slice checks its own rows only
+        if overlap(inputs, outputs):  # a slice would check only its own rows
             return None
         found: list[NDArray[np.intp]] = []
         done = 0
@@ -103,9 +103,9 @@ class Batches(ABC):
 
     @abstractmethod
     def _part(self, n: int, arguments: list[Any], threads: int) -> NDArray[np.intp] | None:
-        """Compute n samples, by so many threads, without the GIL; returns as ``__call__``.
+        """Compute n samples on these threads without the GIL; returns the same as ``__call__``.
 
-        arguments  of each input the array and its rows, then the outputs
+        arguments  for each input the array and its number of rows, then the outputs
         """
 
 
@@ -123,7 +123,7 @@ def overlap(inputs: Sequence[NDArray[Any]], outputs: Sequence[NDArray[Any]]) -> 
 
 
 def rejected(bits: NDArray[np.uint16], width: int, n: int) -> NDArray[np.intp]:
-    """The indices of the samples below n whose bit is 0, ``width`` bits in each number."""
+    """The indices of the samples below n whose bit is 0; each number has ``width`` bits."""
     whole = (1 << width) - 1
     if bits.tobytes() == whole.to_bytes(2, sys.byteorder) * len(bits):
         return NONE

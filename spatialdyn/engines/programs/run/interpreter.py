@@ -1,4 +1,4 @@
-"""Programs run at once, without compiling: line by line, by machine code that is compiled once for all programs.
+"""Programs run without compiling them: line by line, by machine code that is compiled once for all programs.
 
 ``Interpreted`` holds a program's instructions and the address of the function that runs one sample;
 ``InterpretedBatches`` runs batches in tiles. Both have the bits of the compiled program and reject the same samples.
@@ -38,12 +38,12 @@ from ..record.kernel_layout import KernelLayout
 from ..record.program import Program
 from .batches import Batches, overlap, rejected
 
-BASE_NS = 50.0  # of one sample: the call
-NUMBER_NS = 0.5  # of an input or output
-LINE_NS = 1.7  # of a line, in programs of any length
+BASE_NS = 50.0  # time of the call for one sample
+NUMBER_NS = 0.5  # time of an input or output
+LINE_NS = 1.7  # time of a line, in programs of any length
 TILES = (64, 32, 16)  # samples of a tile
-TILE_BYTES = 1 << 19  # most of a tile's slots, which then stay in the L2 cache
-TILE_LINE_NS = 0.25  # of a line for one sample of a tile, on vectors of four numbers
+TILE_BYTES = 1 << 19  # most bytes of a tile's slots, which then stay in the L2 cache
+TILE_LINE_NS = 0.25  # time of a line for one sample of a tile, on vectors of four numbers
 SHARE_NS, SLICE_NS = 1e5, 5e7  # least for a thread, and until Ctrl-C is handled
 RESULT_NS = 3.0  # of each byte of results in a slice, as of ``batch_kernels.RESULT_COST``
 
@@ -74,7 +74,7 @@ class Interpreted:
     entry    address of ``interpret_one(context, inputs, outputs)``, which returns 1, or 0 if the sample is rejected
              and no output written. ``inputs`` and ``outputs`` are addresses of arrays of addresses of float64 numbers,
              contiguous and aligned, one for each of the layout's. Outputs may lie on inputs, but not on each other.
-    context  address of what it runs, a slot for each value included: one thread at a time
+    context  address of the context, which includes a slot for each value, so it serves one thread at a time
     lines    instructions of a sample
     words    the context
     """
@@ -102,7 +102,7 @@ class Interpreted:
 
     @property
     def expected_ns(self) -> float:
-        """About how long a sample takes [ns]."""
+        """Expected time of a sample [ns]."""
         numbers = self.encoded.inputs + sum(map(len, self.encoded.outputs))
         return BASE_NS + NUMBER_NS * numbers + LINE_NS * self.lines
 
@@ -112,7 +112,7 @@ class InterpretedSample:
 
     def __init__(self, program: Program, layout: KernelLayout) -> None:
         """As ``Interpreted``."""
-        self._code = Interpreted(program, layout)  # which the call needs
+        self._code = Interpreted(program, layout)  # kept because calls use its memory
         self._inputs = [np.empty(width) for width in layout.inputs]
         self._out = np.empty(len(layout.outputs[0]))
         self._places = [np.array([x.ctypes.data for x in arrays]) for arrays in (self._inputs, [self._out])]
@@ -120,14 +120,14 @@ class InterpretedSample:
         self._call = ctypes.CFUNCTYPE(*[ctypes.c_void_p] * 4)(self._code.entry)
 
     def __call__(self, *inputs: NDArray[np.float64]) -> NDArray[np.float64] | None:
-        """The output, flat, written anew by the next call; None if the sample is rejected."""
+        """The flat output, which the next call overwrites; None if the sample is rejected."""
         for x, y in zip(self._inputs, inputs, strict=True):
             x[:] = y
         return self._out if self._call(*self._passed) else None
 
 
 class InterpretedBatches(Batches):
-    """An interpreted program over batches, in tiles: each line is run for all samples of a tile."""
+    """An interpreted program over batches, in tiles: each line runs for all samples of a tile."""
 
     def __init__(self, interpreted: Interpreted) -> None:
         """For the program of an ``Interpreted``."""

@@ -1,10 +1,11 @@
 """Public calls of one sample as builtins of CPython: one compiled function for all calls, models and programs.
 
-It reads the argument objects, checks type, dtype, shape and layout, has NumPy make the result and runs a program of the
-model. Anything else (batches, lists, other dtypes, bad input, samples that the program rejects, a model's first call)
-goes to a Python function of the same parameters, which computes the result or raises the reason.
+The function reads the argument objects, checks type, dtype, shape and layout, calls NumPy to make the result, and runs
+a program of the model. In all other cases (batches, lists, other dtypes, bad input, samples that the program rejects, a
+model's first call) it calls a Python function with the same parameters, which computes the result or raises an error.
 
-Its text is in ``single_call_text``; here are the forms and plans, arrays of words, that the text reads.
+The text of the function is in ``single_call_text``; this module makes the forms and plans, arrays of words that the
+text reads.
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ _lock = locks.new()
 
 
 def _code(calls: int) -> LoadedCode:
-    """The machine code, made once: another thread's would be freed while builtins run it."""
+    """The machine code, made only once: a second copy, made by another thread, would be freed while builtins run it."""
     with _lock:
         return _loaded(calls)
 
@@ -102,7 +103,7 @@ def _form(
 
 
 def _array_words(shape: tuple[int, ...] | None) -> list[int]:
-    """Of an array of float64, a float for no axes, or what is no array."""
+    """The words of an array of float64, of a float (no axes), or of a parameter that is no array (None)."""
     if shape is None:
         return [-2, *[0] * (ARRAY_WORDS - 1)]
     found = [len(shape) if shape else -1, 8 * math.prod(shape), *shape]
@@ -116,13 +117,13 @@ def plan(
     several: bool = False,
     alive: object = None,
 ) -> layout.Words:
-    """A plan.
+    """The words of a plan.
 
     program  (entry, context, left) of a compiled program, see PLAN
     outputs  shapes of the results of one sample, () for a float
-    inputs   for each parameter the shape of one sample, () for a float, None if it is no input; none for the last ones
-    several  whether the results are a tuple, also if there is one
-    alive    what the addresses point at
+    inputs   for each parameter the shape of one sample, () for a float, None if it is no input; the last ones may lack
+    several  whether the results are a tuple, also if there is one result
+    alive    the objects at the addresses
     """
     words = [*program, len(outputs), int(several)]
     for shape in outputs:
@@ -139,7 +140,7 @@ def exhausted(made: layout.Words) -> bool:
 
 
 def change(made: layout.Words, program: tuple[int, int, int], alive: object) -> None:
-    """Have a plan use another program, whose results are the same; the GIL is held."""
+    """Change a plan to another program with the same results; the caller holds the GIL."""
     made.alive = (*made.alive, alive)
     made[: len(program)] = program
 
@@ -154,11 +155,11 @@ def builtin(
 ) -> Callable[..., Any]:
     """The builtin of call ``k`` of ``count``, with a Python function's name, signature and docstring.
 
-    keys   of its plans in the slot ``_plans`` of a model, one for each choice of optional inputs
+    keys   keys of its plans in the slot ``_plans`` of a model, one for each choice of optional inputs
     model  class of its first argument
     """
     form = _form(python, parameters, keys, (model, "_plans"), None)
-    layout.never_free(form)  # as the function is not
+    layout.never_free(form)  # the function is never freed either
     ctypes.cast(_forms_of(count), ctypes.POINTER(ctypes.c_int64))[k] = form.ctypes.data
     doc = f"{python.__name__}{inspect.signature(python)}\n--\n\n{python.__doc__}"
     make = layout.maker(python.__name__, _code(count).address(f"call_{k}"), python.__module__, doc, keywords=True)

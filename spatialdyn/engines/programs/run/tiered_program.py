@@ -1,8 +1,8 @@
 """Programs of some calls on one table, interpreted at once and compiled when that pays.
 
-Recording takes milliseconds, compiling ten to fifty times that. So a program is interpreted first, and compiled once
-the time spent interpreting it would reach what compiling is expected to cost, or at once if compiled code is in memory
-or on disk. All ways give the same bits and reject the same samples: only the time of a call depends on calls before.
+Recording takes milliseconds, compiling ten to fifty times that. So a program is interpreted first. It is compiled once
+the time of interpreting it would reach the expected compile time; compiled code in memory or on disk is used at once.
+All ways give the same bits and reject the same samples, so earlier calls change only the time of a call.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from . import batch_kernels, single_call
 from .batches import Batches
 from .interpreter import TILE_LINE_NS, Interpreted, InterpretedBatches
 
-COMPILE_SECONDS = (0.02, 1e-4)  # expected to compile a program: of any, and of each line more
+COMPILE_SECONDS = (0.02, 1e-4)  # expected time to compile a program: for any program, and for each line
 
 
 class TieredProgram:
@@ -40,7 +40,7 @@ class TieredProgram:
     ) -> None:
         """As ``batch_kernels.kernel``. Raises ZeroDivisionError if a joint has zero articulated inertia in every state.
 
-        Nothing is recorded if compiled code of this table is at hand, or what is recorded is given.
+        Nothing is recorded if compiled code of this table is in memory or on disk, or if the Recording is given.
         """
         if recorded is not None:
             self.recording = recorded
@@ -48,10 +48,10 @@ class TieredProgram:
         self._options = options
         self._lock = locks.new()
         self._calls = np.zeros(1, np.int64)  # how many single samples are interpreted until compiling pays
-        self._seconds = math.nan  # how long batches are interpreted until then
+        self._seconds = math.nan  # how long batches are interpreted until compiling pays
         self._compiled: dict[tuple[bool, bool], batch_kernels.Kernel | None] = {}
-        self._batches: dict[bool, batch_kernels.Kernel] = {}  # those compiled for batches, by stream
-        self._looked: set[tuple[bool, bool]] = set()  # the same, whose structure's code was looked for
+        self._batches: dict[bool, batch_kernels.Kernel] = {}  # kernels compiled for batches, by ``stream``
+        self._looked: set[tuple[bool, bool]] = set()  # (one, stream) whose structure's code was looked for
         if not (self._from_cache(one=True) or self._from_cache(one=False)):
             self.recording
 
@@ -81,7 +81,7 @@ class TieredProgram:
             return made
 
     def single(self) -> tuple[tuple[int, int, int], object]:
-        """The (entry, context, left) of a plan of ``single_call``, and what they point at."""
+        """The (entry, context, left) of a plan of ``single_call``, and the object at these addresses."""
         with self._lock:
             if self._at_hand(one=True) is None and self._expect() and self._calls[0] > 0:
                 code = self.interpreted
@@ -90,7 +90,7 @@ class TieredProgram:
             return (made.code.entry, made.numbers.ctypes.data, single_call.NO_LIMIT.ctypes.data), made
 
     def batch(self, samples: int, stream: bool = False) -> Batches:
-        """What computes a batch of so many samples; ``stream`` for large results."""
+        """The Batches that compute a batch of this many samples; ``stream`` for large results."""
         known = self._batches.get(stream)
         if known is not None:
             return known
@@ -106,15 +106,16 @@ class TieredProgram:
         return InterpretedBatches(self.interpreted)
 
     def _expect(self) -> float:
-        """Seconds of interpreting batches until compiling pays; what that is expected to take is set at first."""
+        """Seconds of interpreting batches until compiling pays; the first call sets the expected compile time."""
         if math.isnan(self._seconds):
             self._seconds = COMPILE_SECONDS[0] + COMPILE_SECONDS[1] * self.interpreted.lines
             self._calls[0] = math.ceil(1e9 * self._seconds / self.interpreted.expected_ns)
         return self._seconds
 
     def _at_hand(self, one: bool, stream: bool = False) -> batch_kernels.Kernel | None:
-        """The compiled program if its code is in memory or on disk, where it is looked for once: as this table's, then
-        as that of another table of the same structure.
+        """The compiled program if its code is in memory or on disk.
+
+        The disk is searched once: for code of this table, then for code of another table of the same structure.
         """
         made = self._from_cache(one, stream)
         if made is None and (one, stream) not in self._looked:

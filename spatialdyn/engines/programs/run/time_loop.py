@@ -1,7 +1,7 @@
-"""Programs run in a time loop: the outputs, states, are the first inputs of the next step, tile by tile.
+"""Programs run in a time loop, tile by tile: their outputs, the states, are the first inputs of the next step.
 
-The states of a tile stay in the first-level cache; Python runs between the steps only to handle Ctrl-C: after a group
-of tiles, and for few tiles after a group of steps.
+The states of a tile stay in the first-level cache. Python runs between steps only to handle Ctrl-C: after a group of
+tiles, or, if there are few tiles, after a group of steps.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from .batches import NONE
 
 
 class StepInput(NamedTuple):
-    """An input of each step: rows (samples or 1, steps or 1, columns) in C order; a 1 is for all."""
+    """An input of each step: rows (samples or 1, steps or 1, columns) in C order; with 1 all share the row."""
 
     rows: NDArray[Any]
 
@@ -39,7 +39,7 @@ class StepInput(NamedTuple):
 def _compiled_loop(
     states: tuple[int, ...], kept: int, inputs: int, workspace: int, width: int, size: int
 ) -> tuple[Any, Callable[..., None], int]:
-    """The loaded code, which must stay referenced, the compiled loop, and the bytes that it needs."""
+    """The loaded code (which must stay referenced), the compiled loop, and the bytes that the loop needs."""
     digest = code_digest(f"time loop {states} {kept} {inputs} {workspace} {width} {size}")
     code = disk_cache.read(digest)
     if code is None:
@@ -64,10 +64,10 @@ def run(
 ) -> NDArray[np.intp]:
     """Run every sample through all steps; returns the indices of rejected samples, which the caller has to recompute.
 
-    kernel   of a program whose inputs are the states, then the others, and whose outputs are the states after a step
+    kernel   kernel of a program whose inputs are the states, then the others; its outputs are the states after a step
     states   (n, columns) each, n at least 1
-    records  (n, steps // every, columns) each, written in place: the states after every ``every`` steps; of the first
-             states alone if they are fewer
+    records  (n, steps // every, columns) each, written in place: the states after every ``every`` steps; if there are
+             fewer records than states, only the first states are recorded
     ends     (n, columns) each, written in place: the states after all steps; or none
     """
     n, width = len(states[0]), kernel.lanes
@@ -125,7 +125,7 @@ def run(
 
 
 def _pieces(steps: int, every: int, most: int) -> Iterator[tuple[int, int, int]]:
-    """(first step, steps, steps per record) of pieces of at most ``most`` steps, which end at a record or have none."""
+    """(first step, steps, steps per record) of pieces of at most ``most`` steps; each ends at a record or has none."""
     if most >= every:
         size = most - most % every
         for first in range(0, steps, size):
@@ -142,7 +142,7 @@ def replay(
     program: Program, states: Sequence[NDArray[Any]], inputs: Sequence[NDArray[Any]],
     records: Sequence[NDArray[Any]], steps: int, every: int,
 ) -> NDArray[np.intp]:  # fmt: skip
-    """``run`` by a program in NumPy, which rejects no angle; returns the samples that are not finite."""
+    """As ``run``, by a program in NumPy, which rejects no angle; returns the samples that are not finite."""
     n, now = len(states[0]), [np.asarray(x, np.float64) for x in states]
     ends = np.cumsum([0, *(x.shape[1] for x in states)])
     for k in range(steps):

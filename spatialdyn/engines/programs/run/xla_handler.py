@@ -1,7 +1,8 @@
-"""Compiled programs as handlers of XLA's foreign function interface: a name, an address, and what it must not lose.
+"""Compiled programs as handlers of XLA's foreign function interface: a name, an address, and the objects in use.
 
-XLA keeps a handler for as long as the process runs, and executables name it: what a handler uses is never freed. Its
-name tells what it computes, so that an executable that is loaded in another process finds the same program or none.
+XLA keeps a handler for as long as the process runs, and executables refer to it by name, so objects that a handler uses
+are never freed. The name determines what the handler computes: an executable that is loaded in another process finds
+the same program or none.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ _lock = locks.new()
 
 
 class Registered(NamedTuple):
-    """A handler: its name, its address, and what they use."""
+    """A handler: its name, its address, and the objects that it uses."""
 
     name: str
     address: int
@@ -45,14 +46,14 @@ def registered(
     buffers: Any,
     recompute: Recompute,
 ) -> Registered:
-    """The handler of a kernel, made once for all kernels of one key and dtype of the buffers.
+    """The handler of a kernel, made once for all kernels with the same key and dtype of buffers.
 
     key        names what the kernel computes
-    inputs     shape of one sample of each input; ``outputs`` as well
-    buffers    dtype of XLA's buffers; numbers are converted where it is not the kernel's
-    recompute  of inputs (n or 1, columns), outputs (n, columns), the batch's shape and the indices of the samples that
-               the kernel rejects: writes their results, in the kernel's dtype. What it raises is the error of the call,
-               whose last line is its class and message
+    inputs     shape of one sample of each input; ``outputs`` likewise
+    buffers    dtype of XLA's buffers; numbers are converted if it is not the kernel's dtype
+    recompute  function of inputs (n or 1, columns), outputs (n, columns), the batch's shape and the indices of the
+               samples that the kernel rejects; it writes their results in the kernel's dtype. An exception that it
+               raises becomes the error of the call, whose last line has the exception's class and message
     """
     dtype = np.dtype(buffers)
     name = f"spatialdyn_{hashlib.sha256(key.encode()).hexdigest()[:24]}_{dtype.name}"
@@ -65,7 +66,7 @@ def registered(
 
 @cache
 def _handlers() -> dict[str, Registered]:
-    """Those that were made, by name."""
+    """The handlers made so far, by name."""
     return {}
 
 
@@ -104,16 +105,16 @@ def _made(
 
 @cache
 def _give_way() -> tuple[int, Any]:
-    """The address of a function without arguments that lets another thread run, and the library that has it."""
+    """The address of a function without arguments that lets another thread run, and the library that holds it."""
     library: Any = ctypes.CDLL("kernel32" if sys.platform == "win32" else None)
     function = library.SwitchToThread if sys.platform == "win32" else library.sched_yield
     return ctypes.cast(function, ctypes.c_void_p).value or 0, library
 
 
 def _callback(kernel: Kernel, recompute: Recompute) -> Callable[[int], int]:
-    """What a handler calls for a batch with rejected samples; see ``WORDS``."""
+    """The function that a handler calls for a batch with rejected samples; see ``WORDS``."""
     several, results = len(kernel.inputs), len(kernel.outputs)
-    message = threading.local()  # of the last error, until XLA has copied it
+    message = threading.local()  # text of the last error, until XLA has copied it
 
     def array(address: int, rows: int, columns: int) -> NDArray[Any]:
         held: Any = (ctypes.c_byte * (rows * columns * kernel.dtype.itemsize)).from_address(address)
@@ -130,7 +131,7 @@ def _callback(kernel: Kernel, recompute: Recompute) -> Callable[[int], int]:
             given = [array(*x) for x in zip(at, rows, kernel.inputs, strict=False)]
             found = [array(x, n, columns) for x, columns in zip(rows[several:], kernel.outputs, strict=True)]
             recompute(given, found, tuple(object_layout.words_at(dims, rank)), samples)
-        except BaseException as error:  # it goes through XLA, as text
+        except BaseException as error:  # XLA passes the error on as text
             message.text = f"a program refuses its inputs\n{type(error).__name__}: {error}".encode() + b"\0"
             return ctypes.cast(ctypes.c_char_p(message.text), ctypes.c_void_p).value or 0
         return 0
