@@ -1,1 +1,1 @@
-"""Programs made of programs, and their code: derivatives, bounds, double-double, export."""
+"""Programs made from other programs, and source code made from programs: derivatives, bounds, double-double, export."""

@@ -1,7 +1,8 @@
 """A Program and its Jacobian as one C file with the external interface of CasADi, which acados and IPOPT use too.
 
-The file needs <math.h> alone. It holds ``f`` and ``jac_f``, whose further inputs are the results of f, which it does
-not read; its results are the derivatives of each result by each input. Matrices are in columns, as CasADi has them.
+The file needs only <math.h>. It holds ``f`` and ``jac_f``. The further inputs of ``jac_f`` are the results of f, which
+it does not read; its results are the derivatives of each result of f by each input. Matrices are stored column by
+column, as in CasADi.
 
 Source: CasADi's documentation, "Generating C-code", section on the API of the generated code.
 """
@@ -77,7 +78,7 @@ EXPORTED int {name}_work(casadi_int *sz_arg, casadi_int *sz_res, casadi_int *sz_
 
 
 def casadi_code(name: str, program: Program, derivatives: Program, inputs: Shapes, outputs: Shapes) -> str:
-    """The file. ``derivatives`` has each entry of the outputs by each entry of the inputs, row by row."""
+    """The file. ``derivatives`` has the derivatives of output entries by input entries, row by row."""
     given = {x: matrix(shape) for x, shape in inputs.items()}
     made = {x: matrix(shape) for x, shape in outputs.items()}
     places, at = [], 0
@@ -98,13 +99,13 @@ def casadi_code(name: str, program: Program, derivatives: Program, inputs: Shape
 
 
 def matrix(shape: Sequence[int]) -> tuple[int, int]:
-    """The shape of an array as a matrix: a vector is a column; of three axes, the last two are the columns."""
+    """The shape of an array as a matrix: a vector is a column; the last two of three axes become the columns."""
     rows, *columns = (*shape, 1, 1)[: max(2, len(shape))]
     return rows, math.prod(columns)
 
 
 def by_columns(shape: tuple[int, int]) -> list[int]:
-    """The places of a matrix's entries in C order, column by column."""
+    """The places in C order of a matrix's entries, taken column by column."""
     rows, columns = shape
     return [columns * i + j for j in range(columns) for i in range(rows)]
 
@@ -117,7 +118,7 @@ def _function(
     outputs: dict[str, tuple[int, int]],
     places: Sequence[Sequence[int]],
 ) -> str:
-    """One function, and those that describe it.
+    """One function, and the functions that describe it.
 
     read    shapes of the inputs that the program reads: the first ones
     places  for each output, the program's outputs that are its entries, column by column

@@ -1,12 +1,12 @@
 """Derivatives of programs: along a direction (jvp), and of a weighted sum of the results by every input (vjp).
 
-Both walk the lines of a program once, forwards or backwards, and record the derivative of each beside it: at most some
-three times its operations. Where a program selects, the derivative is that of the branch selected.
+Both walk the lines of a program once, forwards or backwards, and record the derivative of each line: at most about
+three times the operations of the program. Where a program selects, the derivative is that of the selected branch.
 
-A sum such as x cos θ + y sin θ has the derivative y cos θ - x sin θ by θ, which a program that turns vectors holds as
-well: where it does, one product takes the place of four. So it is with a turn of a quaternion, along which the columns
-of its rotation matrix move by each other (``_Turned``): derivatives of all calls of arms, legs and floating trees then
-take at most three times the operations.
+A sum such as x cos θ + y sin θ has the derivative y cos θ - x sin θ by θ. A program that rotates vectors often has this
+sum as a value too; then one product replaces four. The same holds for a turn of a quaternion, along which the
+derivative of a column of the rotation matrix is another column (``_Turned``). With this, derivatives of all calls for
+arms, legs and floating trees take at most three times the operations.
 
 Source: Griewank and Walther, Evaluating derivatives, 2nd ed. (2008), chapters 3.1 and 3.2.
 """
@@ -43,8 +43,8 @@ from ..record.replay import constant_of, folded
 from ..record.tracer import Number, Tape
 
 Partial = Callable[..., Sequence[Any]]
-Slopes = dict[int, Any]  # derivatives of a line, by source
-Turn = Mapping[int, Any]  # a further input that turns values of a program: their derivatives, by line of the tape
+Slopes = dict[int, Any]  # {source: derivative of a line by it}
+Turn = Mapping[int, Any]  # {line of the tape: derivative} by a further input that turns values of a program
 
 
 def _angle(x: Any, a: Any, b: Any) -> Sequence[Any]:
@@ -52,8 +52,8 @@ def _angle(x: Any, a: Any, b: Any) -> Sequence[Any]:
     return b * inverse, -a * inverse
 
 
-# The derivatives of each operation's value x by its operands; those of SELECT are ``_selected``. Those of x = a / b are
-# written (a' - x b') / b: near θ = 0 the derivative of sin(θ)/θ is then 0, where a'/b - x/b b' would be rounding over θ
+# The derivatives of each operation's value x by its operands; for SELECT see ``_selected``. The derivative of x = a / b
+# is written (a' - x b') / b: near θ = 0 that of sin(θ)/θ is then 0, whereas a'/b - x/b b' would be rounding over θ
 PARTIALS: dict[int, Partial] = {
     ADD: lambda x, a, b: (1.0, 1.0),
     SUB: lambda x, a, b: (1.0, -1.0),
@@ -76,8 +76,8 @@ def jvp(
 ) -> tuple[list[Any], list[Any]]:
     """The outputs of a program recorded on a tape, and their derivatives along the tangents of its inputs.
 
-    tangents  one per input, then one per turn: Numbers, or floats, of which 0 costs nothing. The tangents of the inputs
-              of a turn hold it too, for values that it does not name
+    tangents  one per input, then one per turn: Numbers or floats; a float of 0 costs nothing. The tangents of the
+              inputs that a turn changes include the turn, for values that the turn does not name
     """
     lines: list[Any] = []
     moved: list[Any] = []
@@ -112,9 +112,9 @@ def vjp(
 ) -> tuple[list[Any], list[Any]]:
     """The outputs of a program recorded on a tape, and the derivatives of Σ weight · output by each input and turn.
 
-    weights  one per output: Numbers, or floats, of which 0 costs nothing
+    weights  one per output: Numbers or floats; a float of 0 costs nothing
 
-    What a turn names counts in the derivative by the turn, and no more in those by its inputs.
+    Values that a turn names count in the derivative by the turn, and not in the derivatives by the turn's inputs.
     """
     lines: list[Any] = []
     walked = list(_replayed(tape, program, inputs, lines))
@@ -126,7 +126,7 @@ def vjp(
     for at in range(len(lines) - 1, -1, -1):
         code, places, given, x = walked[at]
         weight = adjoints[at]
-        if not _counts(weight):  # nothing depends on it
+        if not _counts(weight):  # no weighted output depends on this line
             continue
         if code == INPUT:
             found[places[0]] = found[places[0]] + weight
@@ -151,8 +151,9 @@ def vjp(
 
 
 def jacobian(program: Program) -> Program:
-    """The program of the derivatives of each output by each input, row by row: along each input or of each output,
-    whichever are fewer.
+    """The program of the derivatives of each output by each input, row by row.
+
+    They are derivatives along each input (jvp) or of each output (vjp), whichever are fewer.
     """
     tape, n, m = Tape(), program.inputs, len(program.outputs)
     inputs = [tape.input(k) for k in range(n)]
@@ -166,7 +167,7 @@ def jacobian(program: Program) -> Program:
 
 
 def _replayed(tape: Tape, program: Program, inputs: Sequence[Any], lines: list[Any]) -> Any:
-    """(code, operands as places, operands, value) of each line, recorded again; values are appended to ``lines``."""
+    """Record each line again, as (code, operands as places, operands, value); values are appended to ``lines``."""
     program.straight("a derivative")
     for op in program.lines:
         places: Sequence[int] = signed(op)
@@ -182,11 +183,11 @@ def _replayed(tape: Tape, program: Program, inputs: Sequence[Any], lines: list[A
 
 
 class _Term(NamedTuple):
-    """A product of a sum, one of whose factors turns.
+    """A product in a sum, one of whose factors turns.
 
-    place   its line, and which operand that factor is
-    sign    of it in the sum
-    slopes  derivatives of that factor, by source
+    place   line of the product, and which operand the turning factor is
+    sign    sign of the product in the sum
+    slopes  derivatives of the turning factor, by source
     other   the other factor
     """
 
@@ -196,27 +197,27 @@ class _Term(NamedTuple):
     other: Any
 
 
-# of a sum or product, the operands that are added, and their signs; the others are multiplied
+# {operation: operands that are added, with their signs}; the other operands are multiplied
 SUMMANDS = {MUL: (), ADD: ((0, 1), (1, 1)), SUB: ((0, 1), (1, -1)), FMA: ((2, 1),), FMS: ((2, -1),), FNMA: ((2, 1),)}
 
 
 class _Turned:
-    """Derivatives of sums that the program has as values.
+    """Derivatives of sums, where the program already has them as values.
 
     A source is the line of an angle, or for turn k the number of lines + k.
 
-    slopes  of some lines, by source
-    spared  the operands, as (line, which), whose part in derivatives those are
+    slopes  derivatives of some lines, by source
+    spared  operands, as (line, which), whose part in derivatives these slopes include
     """
 
     def __init__(self, tape: Tape, program: Program, walked: Sequence[Any], turns: Sequence[Turn]) -> None:
-        """Of a program's lines as ``_replayed`` gives them."""
+        """Find such derivatives among a program's lines, which come from ``_replayed``."""
         self._tape, self._walked, self._turns = tape, walked, turns
         self.slopes: dict[int, Slopes] = {}
         self.spared: set[tuple[int, int]] = set()
-        self._terms: dict[int, list[_Term]] = {}  # of each sum that is not part of another one alone
+        self._terms: dict[int, list[_Term]] = {}  # {sum: its terms} of sums that are not merged into their only reader
         self._mixed: set[int] = set()  # sums that depend on more than the sources of their terms
-        self._whole: dict[int, Slopes] = {}  # of lines that depend on those sources alone
+        self._whole: dict[int, Slopes] = {}  # slopes of lines that depend only on the sources of their terms
         uses = [0] * len(walked)
         for op in program.lines:
             for k in operands(op):
@@ -234,7 +235,7 @@ class _Turned:
             self._find(at)
 
     def _turns_itself(self, at: int) -> bool:
-        """Whether a line has derivatives by turns; they are kept."""
+        """Whether a line has derivatives by turns; keeps these derivatives."""
         code, places, _, x = self._walked[at]
         found = {len(self._walked) + k: turn[x.line] for k, turn in enumerate(self._turns) if x.line in turn}
         if found:
@@ -245,7 +246,7 @@ class _Turned:
         return bool(found)
 
     def _add_terms(self, at: int, uses: Sequence[int]) -> None:
-        """The terms of a sum, with those of sums that it alone reads."""
+        """Add the terms of a sum, with the terms of sums that only this sum reads."""
         code, places, given, _ = self._walked[at]
         sign = -1 if code == FNMA else 1
         parts = [] if code in (ADD, SUB) else [(0, sign, given[1]), (1, sign, given[0])]
@@ -265,7 +266,7 @@ class _Turned:
                 self._mixed.add(at)
 
     def _find(self, at: int) -> Slopes | None:
-        """The slopes of a line that depends on their sources alone, else None; those of a sum are looked for once."""
+        """The slopes of a line that depends only on their sources, else None; a sum is searched once."""
         if at not in self.slopes and at in self._terms:
             left = self._terms[at]
             found: Slopes = {}
@@ -284,7 +285,7 @@ class _Turned:
 
 
 def _groups(terms: Sequence[_Term]) -> list[tuple[set[int], list[_Term]]]:
-    """Terms with their sources, by groups that share none."""
+    """Groups of terms with their sources; different groups share no source."""
     groups: list[tuple[set[int], list[_Term]]] = []
     for x in terms:
         with_it = [g for g in groups if g[0] & set(x.slopes)]

@@ -1,4 +1,4 @@
-"""Programs made of recorded ones: with a bound on the error of each result, or with derivatives."""
+"""Programs made from recorded ones: with a bound on the error of each result, or with derivatives."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from ..record.tracer import Tape
 from .derivative import Turn, jvp, vjp
 from .error_bound import Bounded, Bounding
 
-MOST_PRODUCT = 12  # freedoms of an inverse M whose residual M M⁻¹ - 1 bounds it: n³ products
+MOST_PRODUCT = 12  # most freedoms for which the residual M M⁻¹ - 1 bounds the error of M⁻¹: it takes n³ products
 
 
 def record(
@@ -39,7 +39,7 @@ def record(
     options: ProgramOptions = ALL,
     dtype: Any = np.float64,
 ) -> Recording:
-    """Some calls on one table of bodies as one program, as ``recording.record``, with all that the options ask for."""
+    """Some calls on one table of bodies as one program, as ``recording.record``, also with bounds and derivatives."""
     if options.bounds:
         return _with_bounds(specs, bodies, static, options._replace(bounds=False), dtype)
     if along(options.derivative):
@@ -52,7 +52,7 @@ def record(
 def _with_bounds(
     specs: Sequence[Spec], bodies: NDArray[Any], static: Sequence[Any], options: ProgramOptions, dtype: Any
 ) -> Recording:
-    """One call with bounds: by running error analysis, or of what is solved for by its residual, which is sharper."""
+    """One call with bounds, by running error analysis, or for a call that solves by its residual, which is sharper."""
     (spec,) = specs
     matrix = len(spec.output.shape) == 2
     fma = host_cpu.host()[3]
@@ -92,7 +92,7 @@ def _with_bounds(
 def _beside(
     made: Bounding, program: Program, layout: KernelLayout, results: Sequence[Bounded], bounds: Sequence[Any]
 ) -> Recording:
-    """A program with its results, then the bounds of those that the layout has."""
+    """A program with its results, then the bounds of the results in the layout."""
     outputs = [x.x for x in results] + list(bounds)
     places = (*layout.outputs, tuple(range(len(results), len(outputs))))
     return Recording(Program(made.tape, outputs, program.inputs, fuse=False), replace(layout, outputs=places, bounds=1))
@@ -101,7 +101,7 @@ def _beside(
 def _columns(
     spec: Spec, options: ProgramOptions, bodies: NDArray[Any], inputs: Sequence[Bounded]
 ) -> dict[str, list[Bounded]]:
-    """The entries of each input of a call: from its columns, or constants."""
+    """The entries of each input of a call, from the program's columns or from constants."""
     known, order, found = dict(options.fixed), iter(inputs), {}
     for x in spec.present:
         entries = known.get(x.name, (math.nan,) * math.prod(shape_of(x, bodies)))
@@ -131,9 +131,9 @@ def _chosen(
 def _derivative_alone(
     specs: Sequence[Spec], bodies: NDArray[Any], static: Sequence[Any], options: ProgramOptions, dtype: Any
 ) -> Recording:
-    """A derivative of some calls by the entries of their inputs, of any order, without the results themselves.
+    """A derivative of any order of some calls by the entries of their inputs, without the results themselves.
 
-    Of the first order it has the results as further inputs, behind all others: what is solved for needs them.
+    A first derivative takes the results as further inputs, behind all others: calls that solve need them.
     """
     directions, weighted = along(options.derivative) or (0, False)
     if directions + weighted == 1 and inverse_of(specs, bodies, options):
@@ -158,12 +158,13 @@ def _derivative_alone(
 
 
 def inverse_of(specs: Sequence[Spec], bodies: NDArray[Any], options: ProgramOptions) -> bool:
-    """Whether calls are one that is solved for its result, of q, v and a force, without quaternions or pairs.
+    """Whether there is one call, which solves for its result from q, v and a force, without quaternions or pairs.
 
-    Its derivatives are then those of its inverse, multiplied by M⁻¹: two thirds of the operations of its own lines'.
+    Its derivatives are then those of its inverse, multiplied by M⁻¹, which takes two thirds of the operations of
+    differentiating its own lines.
     """
     residual = specs[0].residual
-    if set(bodies["kind"][1:].tolist()) - {CONTINUED, *R1}:  # off unit norm aba and rnea are no inverses
+    if set(bodies["kind"][1:].tolist()) - {CONTINUED, *R1}:  # off unit norm aba and rnea are not inverse
         return False
     plain = not (len(specs) > 1 or options.fixed or options.parameters or options.outputs)
     if not (plain and residual):
@@ -174,7 +175,7 @@ def inverse_of(specs: Sequence[Spec], bodies: NDArray[Any], options: ProgramOpti
 
 
 def _by_inverse(spec: Spec, bodies: NDArray[Any], weighted: bool) -> Recording:
-    """The first derivative of what solves rnea(q, v, a) = tau: M da = dtau - ∂rnea/∂q dq - ∂rnea/∂v dv."""
+    """The first derivative of a call that solves rnea(q, v, a) = tau: M da = dtau - ∂rnea/∂q dq - ∂rnea/∂v dv."""
     still = bodies.copy()
     still[0]["gravity"] = 0.0
     n = len(independent(bodies)) - 1
@@ -183,7 +184,7 @@ def _by_inverse(spec: Spec, bodies: NDArray[Any], weighted: bool) -> Recording:
     solver = solver.only([*checks, *layout.outputs[0]])
     forces = recording.record((variant(SPECS[spec.residual[0]], frozenset()),), bodies).program
     forces = forces.only(range(n))
-    given = (nq, n, n, n, n) if weighted else (nq, n, n, nq, n, n, n)  # those of the call, what it is along, the result
+    given = (nq, n, n, n, n) if weighted else (nq, n, n, nq, n, n, n)  # inputs, directions or weights, result
     tape = Tape()
     parts = [
         [tape.input(k) for k in range(a, b)] for a, b in itertools.pairwise(itertools.accumulate(given, initial=0))
@@ -205,12 +206,12 @@ def _by_inverse(spec: Spec, bodies: NDArray[Any], weighted: bool) -> Recording:
 
 
 def _checks(layout: KernelLayout) -> list[int]:
-    """The places of all results that are checked beside being finite."""
+    """The places of all results that have checks other than being finite."""
     return [place for place, _ in layout.pivots] + [place for group in layout.norms for place in group]
 
 
 def _behind_checks(layout: KernelLayout, inputs: tuple[int, ...], outputs: Sequence[int]) -> KernelLayout:
-    """The layout of a program that has the results of ``_checks``, then arrays of so many columns."""
+    """The layout of a program that has the results of ``_checks``, then arrays with these numbers of columns."""
     order = itertools.count(len(layout.pivots))
     norms = tuple(tuple(next(order) for _ in group) for group in layout.norms)
     ends = itertools.accumulate(outputs, initial=next(order))
@@ -276,7 +277,7 @@ def _with_derivative(
 def _turns(bodies: NDArray[Any], q: Sequence[Any]) -> list[tuple[int, Turn]]:
     """For each freedom by which a quaternion of q turns, its index and how it turns the rotation matrix R.
 
-    Along a turn φ in the body's own axes R' = R [φ]×: a column's derivative is another column.
+    Along a turn φ in the body's own axes R' = R [φ]×, so the derivative of a column is another column.
     """
     found: list[tuple[int, Turn]] = []
     for i, row in enumerate(bodies[1:]):
@@ -302,7 +303,7 @@ def _mover(name: str, bodies: NDArray[Any]) -> Program:
 def _arrays(specs: Sequence[Spec], options: ProgramOptions, bodies: NDArray[Any]) -> list[str]:
     """For each input array the name of the call that moves it, "" for an array of numbers.
 
-    Raises SpatialDynError for a configuration of quaternions, pairs or planar joints of which some entries are fixed.
+    Raises SpatialDynError if some entries of a configuration with quaternions, pairs or planar joints are fixed.
     """
     known, found = dict(options.fixed), {}
     on_group = not set(bodies["kind"][1:].tolist()) <= {CONTINUED, *R1}  # a planar joint's twist is in its body's axes

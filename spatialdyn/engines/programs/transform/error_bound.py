@@ -1,11 +1,11 @@
 """Bounds on the rounding error of a program's results: running error analysis, line by line.
 
-Beside each line x runs a number b with |x - x*| <= u b, where x* is the line in exact arithmetic on the same inputs and
-on the robot's numbers, and u the unit roundoff. b follows from those of the operands and from the line's own rounding,
-half an ulp, which is u times the largest power of 2 up to |x|; that is 0.72 |x| on average, and no more work to find
-than |x|. Products of two errors are kept, so the bound holds for errors of any size. A constant has the error that its
-own arithmetic knows of it (``constants``). b is a sum of terms that are not negative, so its own rounding is a
-relative one: ``slack`` is more than that. A bound is infinite or NaN where nothing is known: where a divisor may be 0.
+With each line x a number b is computed such that |x - x*| <= u b, where x* is the line in exact arithmetic on the same
+inputs and the robot's numbers, and u is the unit roundoff. b follows from the b of the operands and from the line's own
+rounding: half an ulp, which is u times the largest power of 2 up to |x|. That power is 0.72 |x| on average, and costs
+no more than |x|. Products of two errors are kept, so the bound holds for errors of any size. The error of a constant
+comes from its own arithmetic (``constants``). b is a sum of nonnegative terms, so its own rounding is a relative error,
+which is less than ``slack``. A bound is infinite or NaN if nothing is known, as where a divisor may be 0.
 
 Sources: Wilkinson, Rounding errors in algebraic processes (1963); Higham, Accuracy and stability of numerical
 algorithms, 2nd ed. (2002), section 3.3.
@@ -61,7 +61,7 @@ INFINITE = math.inf
 
 
 class Bounded(NamedTuple):
-    """A line and b, its error in units of u. Both are Numbers or floats; b is not negative."""
+    """A line and b, the bound of its error in units of u. Both are Numbers or floats; b is not negative."""
 
     x: Any
     b: Any
@@ -74,12 +74,12 @@ class Bounding:
     """A tape of lines with bounds.
 
     u      unit roundoff
-    fma    whether the host has fused multiply-add: without it such a line rounds twice
-    slack  more than the relative error of a bound by its own rounding, a few u for each line on the longest path
+    fma    whether the host has fused multiply-add; without it a fused line rounds twice
+    slack  more than the relative rounding error of a bound: a few u for each line on the longest path
     """
 
     def __init__(self, dtype: Any, depth: int, fma: bool) -> None:
-        """For programs with paths of ``depth`` lines in all."""
+        """For programs whose longest path has ``depth`` lines in all."""
         self.tape, self.fma, self.u = Tape(), fma, float(np.finfo(dtype).eps) / 2.0
         self.slack = 8.0 * (depth + 8) * self.u
         size = np.dtype(dtype).itemsize
@@ -87,8 +87,10 @@ class Bounding:
         self._turned, self._reduced = TURN[size, fma], REDUCED[size]
 
     def inputs(self, count: int, units: Sequence[Sequence[int]] = (), exact: bool = False) -> list[Bounded]:
-        """The inputs of a program. In float32 they are off by half an ulp unless they are exact, as they may have been
-        rounded to it; those of a group of unit norm by what norms it.
+        """The inputs of a program.
+
+        In float32 an input is off by half an ulp unless it is exact, since it may have been rounded to float32. Inputs
+        in a group of unit norm are off by the error of normalizing the group.
         """
         columns, rounded = [self.tape.input(k) for k in range(count)], self._narrow and not exact
         found = [Bounded(x, self.rounding(x) if rounded else 0.0) for x in columns]
@@ -103,7 +105,7 @@ class Bounding:
         return found
 
     def run(self, program: Program, inputs: Sequence[Bounded], bounds: bool = True) -> list[Bounded]:
-        """The outputs of a program with their b, or with 0 in its place."""
+        """The outputs of a program with their b; if ``bounds`` is false, each b is 0."""
         program.straight("a bound of errors")
         lines: list[Bounded] = []
         for op in program.lines:
@@ -119,12 +121,12 @@ class Bounding:
         return [-lines[k] if minus else lines[k] for k, minus in program.outputs]
 
     def _of_constant(self, program: Program, op: Operation) -> float:
-        """b of a constant: its own error, and in float32 that of rounding it again."""
+        """b of a constant: its own error, and in float32 the error of rounding it again."""
         assert program.errors is not None
         error = program.errors[op.c]
         if self._narrow:
             error += abs(float(np.float32(op.value)) - op.value)
-        # a constant's own arithmetic has twice the digits: what it lacks is far below 2⁻⁴⁰ u
+        # a constant's own arithmetic has twice the digits: its error is far below 2⁻⁴⁰ u
         return error / self.u * (1.0 + self.slack) + abs(op.value) * (2.0**-40 * (error > 0.0))
 
     def exact(self, x: Any) -> Bounded:
@@ -136,7 +138,7 @@ class Bounding:
         return self._known(self.fused(self.u * (1.0 + 2.0 * self.slack), b, self._above))
 
     def beside(self, values: Sequence[Bounded], found: Sequence[Bounded], places: Sequence[int]) -> list[Any]:
-        """Bounds of values at these places from others, of the same exact numbers, whose error is known."""
+        """Bounds of values at these places, from other values of the same exact numbers whose error is known."""
         pairs = [(values[k].x, found[k]) for k in places]
         errors = [self.fused(1.0 / self.u, self.magnitude(x - y.x), y.b) for x, y in pairs]
         total: Any = 0.0
@@ -145,7 +147,7 @@ class Bounding:
         return [self.absolute(self.fused(LOST, total, b)) for b in errors]
 
     def solved(self, inverse: Sequence[Sequence[Bounded]], residual: Sequence[Bounded]) -> list[Any]:
-        """Bounds of x from the residual A x - y of what was found, and from A⁻¹ of known error: |A⁻¹| |residual|."""
+        """Bounds |A⁻¹| |residual| of a solution x, from its residual A x - y and from A⁻¹ of known error."""
         sizes = [self.upper(r) for r in residual]
         found = []
         for row in inverse:
@@ -156,7 +158,7 @@ class Bounding:
         return found
 
     def product(self, matrix: Sequence[Bounded], column: Sequence[Any], j: int) -> list[Bounded]:
-        """A x - e of a matrix of known error, a column x of numbers without error and unit vector j."""
+        """A x - e, for a matrix A of known error, a column x of numbers without error, and e the unit vector j."""
         n, found = len(column), []
         for i in range(n):
             total = Bounded(self.tape.number(-1.0) if i == j else 0.0, 0.0)
@@ -177,7 +179,7 @@ class Bounding:
     def _value(self, code: int, given: Sequence[Bounded]) -> Any:
         return record(self.tape, code, [x.x for x in given])
 
-    # -- numbers that are not negative
+    # -- nonnegative numbers
 
     def magnitude(self, x: Any) -> Any:
         """|x|."""
@@ -208,7 +210,7 @@ class Bounding:
         return self._line(SELECT, condition, a, b)
 
     def _certain(self, x: Bounded) -> Any:
-        """What is more than 0 only where |x*| is: less than |x*|."""
+        """A lower bound of |x*|: more than 0 only if |x*| is certainly more than 0."""
         if _zero(x.b):
             return self.magnitude(x.x)
         return self._line(FNMA, self.u * (1.0 + self.slack), x.b, self.magnitude(x.x))
@@ -261,7 +263,7 @@ class Bounding:
     def _angle(self, x: Number, a: Bounded, b: Bounded) -> Any:
         if _zero(a.b) and _zero(b.b):
             return ANGLE * self.magnitude(x)
-        # a point moved by d at a distance r turns by at most π d / r; √2 r >= |x| + |y|; across the cut by 2 π
+        # moving a point at distance r by d turns it by at most π d / r; √2 r >= |x| + |y|; across the cut by 2 π
         moved = (math.pi * math.sqrt(2.0)) * (a.b + b.b) / (self.magnitude(a.x) + self.magnitude(b.x))
         left = b.x - self.u * (1.0 + self.slack) * b.b
         one_side = self._above_zero(self._certain(a), moved, self._above_zero(left, moved, INFINITE))

@@ -1,7 +1,7 @@
-"""A Program as source code without this package: a C99 function of one sample, a NumPy function of any batch.
+"""A Program as source code that does not need this package: C99 for one sample, or NumPy for any batch.
 
 Lines keep their numbers, so x12 is line 12 of ``Program.listing()``; inputs and constants are written where they are
-read. The text holds numbers, indices and the names that the caller gives, and no text from a robot's file.
+read. The text holds only numbers, indices and names that the caller gives, and no text from a robot's file.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ Shapes = Mapping[str, tuple[int, ...]]
 
 
 class Language(NamedTuple):
-    """What statements look like: of a name and its value, of a carried value and one that replaces it, of loops."""
+    """The form of statements: a name and its value, a carried value and its replacement, loops."""
 
     value: str
     carried: str
@@ -89,11 +89,11 @@ class SourceText:
     """The statements of a program in one language."""
 
     def __init__(self, program: Program, inputs: Sequence[str], forms: Mapping[int, str], infinity: str) -> None:
-        """``forms`` is the language's column of FORMS, ``infinity`` its word for it."""
+        """``forms`` is the language's column of FORMS, ``infinity`` its word for infinity."""
         self._program, self._inputs, self._forms, self._infinity = program, inputs, forms, infinity
 
     def _at(self, k: int) -> str:
-        """An operand: its name, its entry of an input or its value, with its sign."""
+        """An operand with its sign: its name, its entry of an input, or its value."""
         op = self._program.lines[k if k >= 0 else -k - 1]
         if op.code == CONST:
             return repr(op.value if k >= 0 else -op.value).replace("inf", self._infinity)
@@ -105,7 +105,7 @@ class SourceText:
         return self._forms[op.code].format(a=self._at(op.a), b=self._at(op.b), c=self._at(op.c))
 
     def lines(self, language: Language) -> list[str]:
-        """``x12 = x3 * x4`` of each line that computes, as statements, indented in the loops that they are in."""
+        """The statement ``x12 = x3 * x4`` of each line that computes, indented within loops."""
         made, depth = [], 0
         for k, op in enumerate(self._program.lines):
             if op.code in (INPUT, CONST):
@@ -127,7 +127,7 @@ class SourceText:
         return made
 
     def results(self, entries: Sequence[str], places: Sequence[int] | None = None) -> list[str]:
-        """``out[0] = -x12`` of each output, or of those at these places."""
+        """The statement ``out[0] = -x12`` of each output, or of the outputs at these places."""
         ends = self._program.outputs if places is None else [self._program.outputs[k] for k in places]
         return [
             f"{entry} = {self._at(-k - 1 if minus else k)}" for entry, (k, minus) in zip(entries, ends, strict=True)
@@ -189,10 +189,10 @@ PRINTERS: Mapping[str, Printer] = {"c": c_code, "python": python_code}
 
 
 def has_meaning(name: str, language: str) -> bool:
-    """Whether a function cannot have a name: a keyword of the language, a name of its library, or a reserved one.
+    """Whether a function cannot have a name: a keyword of the language, a name of its library, or a reserved name.
 
-    C reserves names that begin with "_", Python those between "__"; Python's soft keywords are free, and builtins that
-    the text does not use.
+    C reserves names that begin with "_", Python names between "__". Python's soft keywords, and builtins that the text
+    does not use, are allowed.
     """
     if language == "c":
         reserved = name.startswith("_") or C_NUMBERS.fullmatch(name) is not None

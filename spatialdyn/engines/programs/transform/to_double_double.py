@@ -1,9 +1,9 @@
 """Double-double on SIMD lanes: a program whose numbers are sums of two floats, in plain float operations.
 
-Sums and products of a recorded program become sequences that keep the rounding error (TwoSum; TwoProduct, by one
-fused operation where the host has it), so the same recursion runs with 100 bits on the engine for floats. These
-sequences must not be reordered: lanes are compiled without any fast-math flag, and a Program fuses no product that is
-read twice, as the product of a TwoProduct is.
+Sums and products of a recorded program become sequences that keep the rounding error (TwoSum; TwoProduct, by one fused
+operation if the host has it), so the same recursion runs with 100 bits on the engine for floats. These sequences must
+not be reordered or fused: lanes are compiled without any fast-math flag, and a Program fuses no product that is read
+twice, which the product of a TwoProduct is.
 
 sin and cos are those of float64, scaled to unit length: the exact pair of an angle that is off by an ulp or two.
 
@@ -35,7 +35,7 @@ def to_double_double(program: Program, fma: bool) -> Program:
     program.straight("double-double")
     made = Pairs(fma)
     terms: list[Term] = []
-    known: dict[int, Fraction] = {}  # lines that depend on the model alone
+    known: dict[int, Fraction] = {}  # {line: value} of lines that depend only on the model
     for k, op in enumerate(program.lines):
         form, places = FORMS.get(op.code), signed(op)
         if op.code == CONST:
@@ -61,27 +61,27 @@ def to_double_double(program: Program, fma: bool) -> Program:
 
 
 class Term:
-    """The pair of a line, as its readers need it."""
+    """The pair of a line, in the forms that its readers need."""
 
     def __init__(self, made: Pairs, pair: Pair, summed: bool) -> None:
-        """``summed``: the low part may overlap the high one."""
+        """``summed``: the low part may overlap the high part."""
         self._made, self.pair, self._summed = made, pair, summed
 
     @cached_property
     def factor(self) -> Pair:
-        """The pair without overlap, as products need it."""
+        """The pair without overlap, which products need."""
         return self._made.fast_two_sum(*self.pair) if self._summed else self.pair
 
 
 class Pairs:
-    """Arithmetic on pairs of Numbers; a low part may be the float 0.0, which costs nothing."""
+    """Arithmetic on pairs of Numbers; a low part that is the float 0.0 costs nothing."""
 
     def __init__(self, fma: bool) -> None:
         """Record on a new tape."""
         self.tape, self.fma = Tape(), fma
 
     def constant(self, value: float) -> Any:
-        """A Number; 0 and 1 as floats, which cost nothing."""
+        """A constant as a Number; 0 and 1 stay floats, which cost nothing."""
         return value if value in (0.0, 1.0) else self.tape.number(value)
 
     def two_sum(self, a: Number, b: Number) -> Pair:
@@ -101,7 +101,7 @@ class Pairs:
         """a b rounded, and the rounding error."""
         x, y = (a, b) if a.line <= b.line else (b, a)
         minus = a.minus != b.minus
-        # written to the tape directly: the operator * folds x · (1/x) to 1, whose error is wanted here
+        # written to the tape directly: the operator * would fold x · (1/x) to 1, but its error is needed here
         p = Number(self.tape, self.tape.line(Operation(MUL, x.line, y.line)), minus)
         if not self.fma:
             t, u = SPLITTER * a, SPLITTER * b
@@ -111,7 +111,7 @@ class Pairs:
         return p, Number(self.tape, self.tape.line(Operation(FMS, x.line, y.line, p.line)), minus)
 
     def add(self, a: Pair, b: Pair) -> Pair:
-        """a + b, to an ulp of 106 bits of |a| + |b|; the low part may overlap the high one."""
+        """a + b, within an ulp (of 106 bits) of |a| + |b|; the low part may overlap the high part."""
         for x, other in ((a, b), (b, a)):
             if not isinstance(x[0], Number) and x[0] == 0.0:
                 return other
@@ -148,5 +148,5 @@ class Pairs:
         p, e = self.two_product(s, s)
         r, f = self.two_product(c, c)
         total, lost = self.two_sum(p, r)
-        half = -0.5 * ((total - 1.0) + (lost + (e + f)))  # times the excess of the squares over 1
+        half = -0.5 * ((total - 1.0) + (lost + (e + f)))  # -1/2 times the excess of the squares over 1
         return (s, half * s), (c, half * c)
