@@ -26,7 +26,7 @@ FIELDS = {
     "api.version": 16, "api.error_create": 48, "api.error_destroy": 64, "api.schedule": 136,
 }  # fmt: skip
 SIZES = {"frame": 168, "args": 40, "buffer": 48, "metadata": 36, "api": 144, "version": 24, "error": 28, "task": 40}
-WORDS = ("count", "bits", "rank", "dims")  # first words for the callback; then addresses of inputs, their rows, and outputs
+WORDS = ("count", "bits", "rank", "dims")  # the callback's first words; inputs, rows and outputs follow
 _CLOSED = 1 << 32  # in a call's word ``entered``: no work is left for threads that come later
 _STATE = (
     "refs",
