@@ -142,9 +142,10 @@ def linearize(
 ) -> StepDerivatives:
     """The linear system of a robot near a state: continuous, d/dt δx = A δx + B δτ, or of a step with dt and method.
 
-    Arguments are those of ``step_derivatives``; in continuous time a scene may have constraints, springs and viscous or
-    smooth friction, but nothing that acts by impulses. About a moving state δx is the difference from that motion, in
-    the frames of its bodies, which turn: for a body with velocity v, d/dt δq = δv - v × δq, the commutator of twists.
+    Arguments are those of ``step_derivatives``; in continuous time a scene may have constraints, springs and friction
+    that is viscous or has a ``smoothing``, which acts here, but nothing that acts by impulses. About a moving state δx
+    is the difference from that motion, in the frames of its bodies, which turn: for a body with velocity v, d/dt δq =
+    δv - v × δq, the commutator of twists.
 
     Returns A (..., 2 nv, 2 nv) and B (..., 2 nv, nv), views of one array; with dt and method as ``step_derivatives``.
     Raises  SpatialDynError for one of dt and method without the other; the errors of ``step_derivatives``.
@@ -184,13 +185,15 @@ def _is_smooth(scene: Scene) -> bool:
 
 
 def _damped(scene: Scene) -> Scene:
-    """The scene with viscous friction, if it has no other, as the torque that it is in continuous time."""
-    law = scene.friction
-    if not isinstance(law, Friction) or scene.friction_method != IMPLICIT or scene.motor is not None:
+    """The scene with friction as the torque that it is in continuous time: smooth, or viscous alone."""
+    law, alone = scene.friction, scene.contacts is None and not scene.limits and scene.motor is None
+    if not isinstance(law, Friction) or scene.friction_method != IMPLICIT or not alone:
         return scene
-    if law.coulomb.any() or law.static.any():
-        return scene
-    return scene.with_(friction=Friction(viscous=law.viscous, smoothing=1.0), friction_method=SMOOTH)
+    if law.smoothing is None:
+        if law.coulomb.any() or law.static.any():
+            return scene
+        law = Friction(viscous=law.viscous, smoothing=1.0)
+    return scene.with_(friction=law, friction_method=SMOOTH)
 
 
 def _scene(given: Scene | Model, fext: ArrayLike | None) -> tuple[Scene, ArrayLike | None]:
@@ -217,8 +220,8 @@ def _checked(scene: Scene) -> tuple[tuple[slice, ...], tuple[Array | None, ...]]
             why = "bristles are a state beside q and v, which steps carry"
         raise SimulationError(
             f"{', '.join(rough)} acts in the scene, expected constant forces, constraints, springs, viscous friction "
-            f'and a Friction with smoothing and friction_method="{SMOOTH}": {why}: dt and method give the derivatives '
-            "of one; a torque of your own has some by the chain rule with B"
+            f"and a Friction with smoothing: {why}: dt and method give the derivatives of one; a torque of your own "
+            "has some by the chain rule with B"
         )
     if isinstance(friction, Friction):
         return turns, (*friction.law, friction.smoothing)

@@ -596,7 +596,9 @@ def test_smooth_friction_acts_in_every_stage(method: str) -> None:
 def test_smooth_friction_in_continuous_time_is_the_chain_rule() -> None:
     model, q, v = sd.load_urdf("two_link"), [0.5, -0.3], np.array([0.05, 0.4])
     friction = sd.Friction([0.3, 0.2], [0.1, 0.05], [0.5, 0.4], [0.1, 0.3], smoothing=[0.1, 0.2])
-    A, B = sd.linearize(sd.Scene(model, friction=friction, friction_method="smooth"), q, v, [0.3, 0.2])
+    A, B = sd.linearize(sd.Scene(model, friction=friction), q, v, [0.3, 0.2])
+    smooth = sd.Scene(model, friction=friction, friction_method="smooth")
+    np.testing.assert_array_equal(np.hstack(sd.linearize(smooth, q, v, [0.3, 0.2])), np.hstack([A, B]))
     rub, e = sd.friction_torque(model, v, friction), 1e-6
     slope = np.diag(sd.friction_torque(model, v + e, friction) - sd.friction_torque(model, v - e, friction)) / (2 * e)
     bare, same = sd.linearize(sd.Scene(model, friction=False), q, v, np.add(rub, [0.3, 0.2]))
@@ -607,7 +609,7 @@ def test_smooth_friction_in_continuous_time_is_the_chain_rule() -> None:
 
 
 def test_friction_is_of_the_law_by_which_a_step_takes_it() -> None:
-    """With a smoothing it is dry all the same, unless the scene says that it is smooth."""
+    """With a smoothing its step is dry all the same, unless the scene says that it is smooth."""
     model, q, v, tau, h = sd.load_urdf("two_link"), [0.5, -0.3], np.array([0.0, 0.4]), [0.3, 0.2], 0.01
     law = {"coulomb": [50.0, 0.2], "viscous": [0.1, 0.05]}
     dry = sd.Scene(model, friction=sd.Friction(**law, smoothing=0.1))
@@ -619,13 +621,13 @@ def test_friction_is_of_the_law_by_which_a_step_takes_it() -> None:
     assert sd.step(dry, q, v, tau, h)[1][0] == 0.0
     assert sd.step_derivatives(dry, np.zeros((0, 2)), np.zeros((0, 2)), tau, h).A.shape == (0, 4, 4)
     with pytest.raises(sd.SimulationError, match=r"by implicit steps acts in the .*: Coulomb's law has no"):
-        sd.linearize(dry, q, v, tau)
+        sd.linearize(sd.Scene(model, friction=sd.Friction(**law)), q, v, tau)
     damped = sd.Scene(model, friction=sd.Friction(viscous=[0.1, 0.05]))
     bare, by_tau = sd.linearize(sd.Scene(model, friction=False), q, v, tau - [0.1, 0.05] * v)
     wanted = bare - np.hstack([np.zeros((4, 2)), by_tau * [0.1, 0.05]])
     np.testing.assert_allclose(sd.linearize(damped, q, v, tau)[0], wanted, rtol=0, atol=1e-12)
     bent = sd.Scene(model, friction=sd.Friction(**law, bristle_stiffness=50.0), friction_method="lugre")
-    with pytest.raises(sd.SimulationError, match=r'friction_method="smooth": bristles are a state beside q'):
+    with pytest.raises(sd.SimulationError, match="a Friction with smoothing: bristles are a state beside q"):
         sd.linearize(bent, q, v, tau)
 
 
