@@ -522,9 +522,9 @@ def test_friction_and_joints_without_inertia_are_named() -> None:
         builder.add_body(name, axis=(0, 1, 0), inertia=(1.0, (0, 0, 0.1), 0.01 * np.eye(3)), joint_name=name)
     with pytest.raises(
         sd.SimulationError,
-        match="by implicit steps acts in the scene, expected constant forces, constraints, springs and a Friction with",
+        match="by implicit steps acts in the scene, expected constant forces, constraints, springs, viscous friction",
     ):
-        sd.linearize(sd.Scene(builder.build(), friction=True), [0.0] * 2, [0.0] * 2, [0.0] * 2)
+        sd.linearize(sd.Scene(builder.build(), friction=sd.Friction(0.1)), [0.0] * 2, [0.0] * 2, [0.0] * 2)
     empty = sd.ModelBuilder("empty")
     empty.add_body("hollow", joint_name="lazy")
     for method in ("semi_implicit_euler", "gauss4"):
