@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from array import array
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from itertools import chain
 from typing import Any
@@ -23,13 +23,18 @@ from ...algebra.scalars import inline
 from ...algebra.spatial import Motion, Pose, identity_pose
 from ...bodies.joints import place_joint
 from ...bodies.kinds import CONTINUED
-from ...engines.compiled import numba_kernels
+from ...engines.compiled import entries, numba_kernels
 from ...engines.compiled.checks import all_finite, unit_norm
-from ...engines.compiled.cpython import Builtin, Entry, dims
+from ...engines.compiled.cpython import Builtin, dims
 from ...engines.compiled.tiers import NATIVE, Twin, array_of, table_kernel, word
-from ...engines.object_layout import DATA
+from ...engines.object_layout import DATA, Words
+from ...engines.programs.llvm.single_call_text import ARRAY as INPUT
+from ...engines.programs.llvm.single_call_text import FIXED, NUMBER
+from ...engines.programs.run import single_call
+from ...engines.programs.run.call_code import CallCode
+from ...engines.programs.run.single_call import Parameter, unavailable
 from ...recursions import SPECS
-from ...recursions.spec import LOCAL, LOCAL_WORLD_ALIGNED, WORLD, Argument, Spec
+from ...recursions.spec import LOCAL, LOCAL_WORLD_ALIGNED, WORLD, Argument
 from ...recursions.steps import placed_in_world
 from ...recursions.tree import kinematics
 from ...recursions.tree.kinematics import classical_acceleration, express_in
@@ -37,6 +42,8 @@ from . import operator_kernels
 
 SIZES = ("nq", "nv", "njoints")  # words of a plan
 ARRAY, PARTS, RESULT = range(3)  # what a recorded call returns
+NOT_OWN = 0, 0, 0  # the code of a plan that reads that of a CallCode
+Array = NDArray[np.float64]
 HEAD = 64  # bytes before a table
 REFERENCES = ("in_frame", "in_world", "aligned")  # words of a plan: ids of the ReferenceFrame objects
 
@@ -93,14 +100,14 @@ class Table:
     bytes    of the table; ``address`` theirs
     """
 
-    def __init__(self, bodies: Any, now: NDArray[np.float64], then: NDArray[np.float64]) -> None:
+    def __init__(self, bodies: Any, now: Array, then: Array) -> None:
         """Of a table as bytes."""
+        self.now, self.then = now, then
         memory = np.empty(HEAD + len(bodies), np.uint8)
         self.bytes, memory[HEAD:] = memory[HEAD:], bodies
         self.address = memory.ctypes.data + HEAD
         self._words = memory[HEAD - 32 : HEAD].view(np.int64)
         self._words[:] = 0, now.ctypes.data, then.ctypes.data, len(now)
-        self._alive = now, then
 
     def note_move(self) -> None:
         """Note that joints were moved: places of calls before are no longer computed on this table."""
@@ -137,105 +144,80 @@ def put_stamp(time: str = "time") -> list[str]:
     return ["advance(clock)", f"places({time}, 1)[0] = places(clock, 1)[0]"]
 
 
-class RecordedCall:
-    """A builtin that runs an ``Entry``: of a program, or of a table kernel. Calls whose arguments are alike share it.
+class Recording:
+    """Where a call records: memory for its inputs, one after the other, and for its result; and its stamp.
 
-    unused  vectors (nv,) that follow the inputs and are recorded only
-    words   of its plan: those that do not depend on the model
+    stamp  array whose first word is written
+    table  the Table of the call: if the numbers of the Model are other than its own, the call is not answered
     """
 
-    def __init__(self, make: Callable[..., Builtin], spec: Spec, unused: int = 0, **words: int) -> None:
-        inputs = [x for x in spec.present if x.name != "fext"]
-        self.sizes = [*(x.shape[0] if x.shape else 0 for x in inputs), *["nv"] * unused]
-        self.spec, self.words, self.axes = spec, words, numba_kernels.kernel_shape(spec.output)
-        self.inputs, self.own = len(spec.present), len(inputs)
-        kinds = "".join("v" if x else "r" for x in self.sizes)
-        self.builtin = make(kinds, len(self.axes), unused, len(inputs) < len(spec.present))
+    def __init__(self, memory: Array, result: Array, stamp: array[int], table: Table) -> None:
+        """Of these arrays."""
+        self.memory, self.result, self.stamp, self.table = memory, result, stamp, table
 
-    def bind(self, *alive: Any, entry: Entry | None = None, **given: int) -> Callable[..., Any]:
-        """The function for the table and the sizes ``nq, nv, njoints`` of a model, and other words of its plan.
-
-        entry  runs the call, by default on the table
-        """
-        entry = entry or Entry(self.spec)
-        names = {name: given.pop(name) for name in SIZES}
-        sizes, axes = ([int(names.get(str(x), x)) for x in of] for of in (self.sizes, self.axes))
-        staged = np.empty(sum(n or 1 for n in sizes) + math.prod(axes))
-        places, first = [], staged.ctypes.data
-        for n in sizes:  # numbers behind the vectors, which are recorded
-            places.append(first if n else 0)
-            first += 8 * n
-        for k, n in enumerate(sizes):
-            if not n:
-                places[k], first = first, first + 8
-        pointers = np.zeros(self.inputs + 1, np.int64)
-        pointers[: self.own] = places[: self.own]
-        words = {"program": entry.address, "clock": address(clock.now), "tuple": id(tuple)} | self.words
-        words |= {f"size{k}": n for k, n in enumerate(sizes)} | {f"axis{k}": n for k, n in enumerate(axes)}
-        words |= {"staged": staged.ctypes.data, "given": sum(sizes), "forces": 6 * names["njoints"]}
-        words |= {"pointers": pointers.ctypes.data, "inputs": self.inputs, "parts": first}
-        words |= {"memory": 0, "result": 0, "time": 0, "out": 0, **given}
-        for k in range(self.inputs):  # of a call on recorded inputs
-            pointers[k] = words.pop(f"address{k}", pointers[k])
-        pointers[self.inputs] = words["out"]
-        return self.builtin.bind(*alive, staged, pointers, entry, **{x: words[x] for x in self.builtin.words})
+    def words(self, count: int) -> Words:
+        """Words of a builtin that records so many inputs."""
+        first, second = self.table.now, self.table.then
+        places = {"clock": address(clock.now), "time": address(self.stamp), "memory": self.memory.ctypes.data}
+        places |= {"result": self.result.ctypes.data, "now": first.ctypes.data, "then": second.ctypes.data}
+        made = single_call.record(count=count, bytes=first.nbytes, **places)
+        made.alive = self, clock
+        return made
 
 
-def recorded_call(name: str, unused: int = 0, returns: int = ARRAY, forces: bool = False) -> RecordedCall:
-    """``(*inputs, *unused) -> result`` of a public call for one sample that records its inputs and result, if bound to
-    memory for them.
+def recorded_call(
+    code: CallCode,
+    sizes: Mapping[str, int],
+    recording: Recording | None = None,
+    unused: int = 0,
+    returns: int = ARRAY,
+) -> Callable[..., Any]:
+    """``(*inputs, *unused) -> result`` of the code of a public call for one sample, a builtin that may record.
 
-    unused   vectors (nv,) that are recorded only
+    sizes    nq, nv, njoints
+    unused   number of vectors (nv,) that are recorded only
     returns  ARRAY, a new one; PARTS, a tuple of the parts of a result of three axes; RESULT: the recorded result is
-             written in place while the kernel runs, and True returned
-    forces   a last argument holds the external forces, one after the other, and is not recorded
+             written in place, and True returned
 
-    Returns None if not applicable. Words: table, sizes, memory for the inputs, result, time.
+    External forces are a last argument (6 njoints,), which is not recorded. Returns None if not applicable.
     """
-    spec = numba_kernels.variant(SPECS[name], frozenset(["fext"] if forces else []))
-    return RecordedCall(_call, spec, unused, returns=returns)
+    given: list[single_call.Described] = []
+    for x in code.spec.present:
+        shape = tuple(int(sizes.get(str(n), n)) for n in x.shape)  # type: ignore[call-overload]
+        given.append((math.prod(shape),) if x.name == "fext" else shape)
+    forces = any(x.name == "fext" for x in code.spec.present)
+    given += [(sizes["nv"],)] * unused
+    shape = tuple(int(sizes.get(str(n), n)) for n in numba_kernels.kernel_shape(code.spec.output))
+    output, alive = single_call.array(shape), [code, recording]
+    if returns == RESULT and recording is not None:
+        output = single_call.placed(shape, recording.result.ctypes.data)
+    elif returns == PARTS:
+        alive.append(parts := np.empty(shape))  # type: ignore[arg-type]
+        output = single_call.placed(shape, parts.ctypes.data)
+    record = None if recording is None else recording.words(len(given) - forces)
+    several = single_call.PARTS if returns == PARTS else single_call.ONE
+    plan = single_call.plan(NOT_OWN, [output], given, several, alive, code.address, record)
+    kinds = [Parameter(f"x{k}", NUMBER if x == () else INPUT) for k, x in enumerate(given)]
+    return single_call.bound(unavailable, kinds, plan)
 
 
-@cache
-def _call(kinds: str, rank: int, unused: int, forces: bool) -> Builtin:
-    """A call of an entry; kinds: of each input, "v" a vector, "r" a number. Inputs are copied first."""
-    arguments, axes = [f"x{k}" for k in range(len(kinds))], [f"axis{k}" for k in range(rank)]
-    words = ["table", "program", *(f"size{k}" for k in range(len(kinds))), *axes]
-    words += ["given", "forces", "inputs", "pointers", "staged", "parts", "memory", "result", "returns", "clock"]
-    words += ["time", "tuple"]
-    checks = [
-        f"is_vector(plan, x{k}, size{k})" if kind == "v" else f"is_real(plan, x{k})" for k, kind in enumerate(kinds)
-    ]
-    count = " * ".join(axes)
-    if forces:
-        arguments, checks = [*arguments, "fext"], [*checks, "is_vector(plan, fext, forces)"]
-    body = [f"if not ({' and '.join(checks)}): return return_none(plan)"] if checks else []
-    body += ["if memory != 0 and edited(table): return return_none(plan)", "first = staged"]
-    for k, kind in enumerate(kinds):
-        if kind == "r":
-            body.append(f"at(word(pointers, {k}), (1,))[0] = real(x{k})")
-        else:
-            body += [f"copy(vector(x{k}, size{k}), at(first, (size{k},)))", f"first += 8 * size{k}"]
-    if forces:
-        body.append(f"places(pointers, inputs)[inputs - 1] = word(fext, {DATA})")
-    body += [
-        "answer, out = 0, result",
-        f"if returns == {PARTS}: out = parts",
-        f"if returns == {ARRAY}:",
-        *(f"    {line}" for line in make_answer(words, "axis0", rank)),
-        f"    out = word(answer, {DATA})",
-        "places(pointers, inputs + 1)[inputs] = out",
-        "if not run_entry(program, table, pointers, pointers + 8 * inputs):",
-        "    return discard(plan, answer) if answer != 0 else return_none(plan)",
-        "if memory != 0:",
-        "    copy(at(staged, (given,)), at(memory, (given,)))",
-        f"    if out != result: copy(at(out, ({count},)), at(result, ({count},)))",
-        *(f"    {line}" for line in put_stamp()),
-        *([f"if returns == {PARTS}: return new_tuple(plan, tuple, out, {dims(words, 'axis0')})"] if rank == 3 else []),
-        "return answer if answer != 0 else return_true(plan)",
-    ]
-    label = f"call_{kinds}_{rank}_{unused}" + "_forces" * forces
-    return Builtin(label, arguments, words, body, {"copy": copy, **EDITED})
+def rerun(code: CallCode, inputs: Sequence[Array], out: Array) -> Callable[[], Any]:
+    """``() -> True``: a builtin that writes a call's result at the numbers that are in ``inputs`` to ``out``."""
+    return _in_place(NOT_OWN, inputs, out, code.address, code)
+
+
+def copier(x: Array, out: Array) -> Callable[[], Any]:
+    """``() -> True``: a builtin that copies numbers."""
+    program = single_call.copy_entry(), x.nbytes, entries.NO_LIMIT.ctypes.data
+    return _in_place(program, [x], out, 0, None)
+
+
+def _in_place(program: tuple[int, int, int], inputs: Sequence[Array], out: Array, shared: int, alive: Any) -> Any:
+    places = [single_call.placed(x.shape, x.ctypes.data) for x in inputs]
+    plan = single_call.plan(
+        program, [single_call.placed(out.shape, out.ctypes.data)], places, alive=(inputs, out, alive), shared=shared
+    )
+    return single_call.bound(unavailable, [Parameter(f"x{k}", FIXED) for k in range(len(places))], plan)
 
 
 @inline
@@ -243,25 +225,6 @@ def copy(x: Any, out: Any) -> None:
     """Copy a vector."""
     for i in range(len(x)):
         out[i] = x[i]
-
-
-def recompute(name: str) -> RecordedCall:
-    """``() -> True``: writes a public call's result at the recorded inputs in place. Words: table, sizes, addresses."""
-    return RecordedCall(lambda *_: _recompute(), numba_kernels.variant(SPECS[name], frozenset()))
-
-
-@cache
-def _recompute() -> Builtin:
-    run = "run_entry(program, table, pointers, pointers + 8 * inputs)"
-    body = [f"return return_true(plan) if {run} else return_none(plan)"]
-    return Builtin("recompute", [], ["table", "program", "pointers", "inputs"], body, {})
-
-
-@cache
-def copy_builtin() -> Builtin:
-    """``() -> True``: copies numbers. Words: their addresses, and how many."""
-    body = ["copy(at(source, (count,)), at(target, (count,)))", "return return_true(plan)"]
-    return Builtin("copy", [], ["source", "target", "count"], body, {"copy": copy})
 
 
 # --- frames ----------------------------------------------------------------------------------------------

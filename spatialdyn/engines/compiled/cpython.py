@@ -21,12 +21,11 @@ from numba.extending import intrinsic
 from numpy.lib.stride_tricks import as_strided
 
 from ...algebra.scalars import inline
-from ...recursions.spec import Spec
 from .. import object_layout as layout
 from ..object_layout import ALIGNED, DATA, DOUBLE, DTYPE, FLAGS, ITEMS, KIND, RANK, SAME, SHAPE, STRIDES, TYPE
 from . import jit, numba_kernels, tiers
 from .numba_settings import PLAIN
-from .tiers import NATIVE, Tier, scope_in
+from .tiers import Tier, scope_in
 
 F8 = np.float64
 HEAD = ("none", "true", "ndarray", "float64", "integer", "real", "new", "up", "down", "as_size", "forget",
@@ -84,7 +83,6 @@ _count: Any = _call(ir.VoidType(), _WORD)
 _size: Any = _call(_WORD, _WORD)
 _void: Any = _call(ir.VoidType())
 _allocate: Any = _call(_WORD, _WORD, _WORD)
-_entry: Any = _call(_WORD, _WORD, _WORD, _WORD)
 _from_double: Any = intrinsic(_real_call)
 real_function: Any = intrinsic(_real_function)  # (address, word) -> float64 of a C function
 word: Any = intrinsic(_word_at)
@@ -246,26 +244,11 @@ def discard(plan: int, x: int) -> Any:
     return return_none(plan)
 
 
-@inline
-def run_entry(program: int, table: int, inputs: int, outputs: int) -> Any:
-    """Run the three words of an ``Entry`` on arrays of addresses; returns whether the outputs are written.
-
-    The context is the table if the entry has no context of its own.
-    """
-    left = word(word(program, 2), 0)
-    if left == 0:
-        return False
-    places(word(program, 2), 1)[0] = left - 1
-    context = word(program, 1)
-    return _entry(word(program, 0), (context if context != 0 else table, inputs, outputs)) == 1
-
-
 SCOPE: dict[str, Any] = {
     "word": word, "at": at, "places": places, "is_vector": is_vector, "is_matrix": is_matrix, "vector": vector,
     "no_overlap": no_overlap, "matrix": matrix, "index": index, "is_real": is_real, "real": real,
     "new_array": new_array, "new_real": new_real, "new_object": new_object, "new_tuple": new_tuple,
     "advance": advance, "return_none": return_none, "return_true": return_true, "discard": discard,
-    "run_entry": run_entry,
 }  # fmt: skip
 
 
@@ -274,7 +257,7 @@ def _plain() -> dict[str, Any]:
     """The functions above in plain Python: the same source, with plain Python's meaning of native functions."""
     native: dict[str, Any] = {"word": tiers.word, "at": lambda address, shape: tiers.array_of(address, shape, F8)}
     native |= {"advance": tiers.advance, "places": lambda address, count: tiers.array_of(address, (count,), np.intp)}
-    native |= dict.fromkeys(("_make", "_size", "_allocate", "_entry"), tiers.call_words)
+    native |= dict.fromkeys(("_make", "_size", "_allocate"), tiers.call_words)
     native |= {"_count": tiers.call_void, "_void": tiers.call_void, "_from_double": tiers.call_real}
     scope = {**globals(), **native}
     for name, function in {"is_float64": is_float64, **SCOPE}.items():
@@ -408,101 +391,6 @@ class Interpreted:
                 return self._builtin.interpret(self.__self__, given)
             call = self._compiled = make(self.__self__)
         return call(*given)
-
-
-# --- entries -------------------------------------------------------------------------------------------------
-
-
-class TableEntry(_OfWords):
-    """``entry(table, inputs, outputs) -> 1`` or 0, for a call on any table, with the interface of a program's entry.
-
-    words  the address of the entry, no context, and the address of the number of calls that it may answer
-    """
-
-    def __init__(self, spec: Spec) -> None:
-        """Of a call."""
-        kernel, arrays = tiers.table_kernel(spec), [*spec.present, spec.output]
-        text = ["stamp", "bodies = table_at(table)"]
-        for k, x in enumerate(arrays):
-            shape = ", ".join(numba_kernels.extent(spec, size) for size in numba_kernels.kernel_shape(x))
-            place = "word(outputs, 0)" if x is spec.output else f"word(inputs, {k})"
-            one = "" if x.shape or x is spec.output else "[0]"
-            text.append(f"x{k} = at({place}, ({shape},)){one}")
-        passed = ", ".join(f"x{k}" for k in range(len(arrays)))
-        text.append(f"return 1 if kernel(table, {passed}) == {numba_kernels.OK} else 0")
-        scope = {"kernel": kernel.twin, "table_at": NATIVE["table_at"]}
-        super().__init__(f"entry_{numba_kernels.label(spec)}", ["table", "inputs", "outputs"], text, scope)
-        self._left = np.array([1 << 62])
-        plain = self._function(plain=True)
-
-        def call(table: int, inputs: int, outputs: int) -> int:
-            if self._spent >= self.compile_seconds:
-                return 0
-            try:
-                return int(self.in_plain_python(plain, (table, inputs, outputs)))
-            except ArithmeticError:
-                return 0
-
-        self._callback = ctypes.PYFUNCTYPE(ctypes.c_int64, *[ctypes.c_int64] * 3)(call)
-        self.address = ctypes.cast(self._callback, ctypes.c_void_p).value or 0
-        self.renew()
-
-    def _compile(self) -> Any:
-        self.address = self._compiled_address()
-        return self
-
-    def renew(self) -> None:
-        """Compile the entry if that pays."""
-        self.code()
-
-    @property
-    def words(self) -> tuple[int, int, int]:
-        """The three words of the entry."""
-        self.renew()
-        return self.address, 0, self._left.ctypes.data
-
-
-class Entry:
-    """The code of a call on a model, as three words that builtins read.
-
-    The words are the address of an entry, its context, and the address of the number of calls that it may answer.
-
-    program  a TieredProgram; None for the table kernel
-    """
-
-    def __init__(self, spec: Spec, program: Any = None) -> None:
-        """Of a call."""
-        self._spec, self.program = spec, program
-        self._words = np.zeros(3, np.int64)
-        self._alive: list[Any] = []
-        self.address = self._words.ctypes.data
-        self._take()
-
-    def _take(self) -> None:
-        if self.program is None:
-            words: tuple[int, int, int] = table_entry(self._spec).words
-        else:
-            words, alive = self.program.single()
-            self._alive.append(alive)
-        self._words[:] = words
-
-    def renew(self) -> bool:
-        """Switch to faster code if there is some by now; returns whether there is."""
-        before = self._words.tolist()
-        if self.program is None or layout.words_at(before[2], 1)[0] == 0:
-            self._take()
-        return self._words.tolist() != before
-
-    def use_table(self) -> None:
-        """Run the table kernel from now on."""
-        self.program = None
-        self._take()
-
-
-@cache
-def table_entry(spec: Spec) -> TableEntry:
-    """The TableEntry of a call."""
-    return TableEntry(spec)
 
 
 def dims(words: Sequence[str], first: str) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
 import subprocess
 import sys
@@ -16,7 +17,9 @@ from unfused import unfused
 import spatialdyn as sd
 from spatialdyn.compat.native import recorded_calls
 from spatialdyn.engines import run
-from spatialdyn.engines.compiled import cpython
+from spatialdyn.engines.compiled import cpython, entries, numba_kernels
+from spatialdyn.engines.programs.run.call_code import CallCode
+from spatialdyn.recursions import SPECS
 
 pytestmark = pytest.mark.skipif(not cpython.READY, reason="nothing is compiled, or Python is not as expected")
 
@@ -31,40 +34,47 @@ def state() -> Any:
     return random_state(random_tree(2, 7, floating=True).tree, np.random.default_rng(0))
 
 
-def bound(name: str, model: sd.Model, compiled: bool = True) -> Any:
-    sizes, call = {"nq": model.nq, "nv": model.nv, "njoints": model.njoints}, recorded_calls.recorded_call(name)
-    if compiled:
-        call.builtin.compile_now()
-        cpython.table_entry(call.spec).compile_now()
-    return call.bind(model, table=model.address, **sizes)
+def of_spec(name: str) -> Any:
+    return numba_kernels.variant(SPECS[name], frozenset())
 
 
-def test_a_builtin_does_the_same_in_plain_python(model: Any, state: Any) -> None:
+def builtin(code: CallCode, model: sd.Model) -> Any:
+    return recorded_calls.recorded_call(code, {"nq": model.nq, "nv": model.nv, "njoints": model.njoints})
+
+
+def bound(name: str, model: sd.Model) -> Any:
+    entries.table_entry(of_spec(name)).compile_now()
+    return builtin(CallCode(of_spec(name), model), model)
+
+
+def test_an_entry_does_the_same_in_plain_python(model: Any, state: Any) -> None:
     s = state
     for name, given in (("rnea", (s.q, s.v, s.a)), ("crba", (s.q,)), ("interpolate", (s.q, s.q, 0.25))):
-        call = bound(name, model)
-        builtin = call.__self__.alive[0]
-        np.testing.assert_array_equal(builtin.interpret(call.__self__, given), call(*given))
-        assert builtin.interpret(call.__self__, (*given, 1)) is None
-        assert builtin.interpret(call.__self__, (2.0 * s.q, *given[1:])) is None
+        code, fresh = CallCode(of_spec(name), model), entries.table_entry.__wrapped__(of_spec(name))
+        code._words[0] = ctypes.cast(fresh._callback, ctypes.c_void_p).value
+        plain, compiled = builtin(code, model), bound(name, model)
+        np.testing.assert_array_equal(plain(*given), compiled(*given))
+        for call in (plain, compiled):
+            assert call(*given, 1) is call(2.0 * s.q, *given[1:]) is None
+        fresh._spent = fresh.compile_seconds  # compiling pays: the caller takes the compiled entry
+        assert plain(*given) is None
 
 
 def test_an_entry_is_renewed_once_its_calls_are_used_up(model: Any, state: Any) -> None:
     """An interpreted program answers a number of calls; then compiled code, with the same bits."""
-    s, spec = state, recorded_calls.recorded_call("rnea").spec
+    s, spec = state, of_spec("rnea")
     program = run.program(spec, model.with_(gravity=[0.0, 0.0, -9.7]), ()).program
     program._at_hand = lambda *given, **named: None  # as with an empty cache
-    entry = cpython.Entry(spec, program)
-    sizes = {"nq": model.nq, "nv": model.nv, "njoints": model.njoints}
-    call = recorded_calls.recorded_call("rnea").bind(model, table=model.address, entry=entry, **sizes)
+    code = CallCode(spec, model, program)
+    call = builtin(code, model)
     first = call(s.q, s.v, s.a)
-    assert not entry.renew()
+    assert not code.renew()
     program._calls[0] = 0
     assert call(s.q, s.v, s.a) is None
     del program._at_hand
-    assert entry.renew()
+    assert code.renew()
     np.testing.assert_array_equal(call(s.q, s.v, s.a), first)
-    entry.use_table()
+    code.use_table()
     np.testing.assert_array_equal(call(s.q, s.v, s.a), unfused("rnea", model, s.q, s.v, s.a))
 
 
@@ -117,7 +127,8 @@ def test_the_number_of_arguments_is_checked(model: Any, state: Any) -> None:
 def test_a_number_is_a_float(model: Any, state: Any) -> None:
     call, s = bound("interpolate", model), state
     np.testing.assert_array_equal(call(s.q, s.q, 0.5), unfused("interpolate", model, s.q, s.q, 0.5))
-    assert call(s.q, s.q, 1) is call(s.q, s.q, np.float64(0.5)) is call(s.q, s.q, None) is None
+    np.testing.assert_array_equal(call(s.q, s.q, np.float64(0.5)), call(s.q, s.q, 0.5))
+    assert call(s.q, s.q, 1) is call(s.q, s.q, None) is call(s.q, s.q, np.array(0.5)) is None
 
 
 def test_an_index_is_an_int_in_range_and_leaves_no_error() -> None:

@@ -173,15 +173,15 @@ class Run:
         library, kind = self.library, self.kind
         if not (library.has_builtins and kind.call):
             return unavailable
-        places = {"memory": self.memory.ctypes.data, "result": self.result.ctypes.data, **self.stamp_words}
-        alive = (library, self.memory, self.result, self._stamp)
         if self.placed_rows is not None:
+            places = {"memory": self.memory.ctypes.data, "result": self.result.ctypes.data, **self.stamp_words}
             places |= {"six": 6, "placed_rows": self.placed_rows.ctypes.data}
             places["oMi"] = 0 if self.oMi is None else self.oMi.ctypes.data
+            alive = (library, self.memory, self.result, self._stamp)
             return recorded_calls.jacobians().bind(*alive, self.placed_rows, self.oMi, **places, **library.words)
-        function = recorded_calls.recorded_call(kind.call, kind.unused_inputs, kind.returns, forces)
-        entry = library.entry(kind.call, forces)
-        return function.bind(*alive, entry=entry, **library.words, **places)
+        recording = recorded_calls.Recording(self.memory, self.result, self._stamp, library.table)
+        code = library.code(kind.call, forces)
+        return recorded_calls.recorded_call(code, library.words, recording, kind.unused_inputs, kind.returns)
 
     def hold(self, held: Mapping[str, Array], recompute_field: Callable[[Run, str], Any]) -> None:
         """Have calls write these held fields: the result itself in place, the others by builtin or recipe."""
@@ -244,8 +244,7 @@ class Run:
         found = self._own_result if recipe is RESULT else recipe(self) if isinstance(recipe, Part) else None
         if found is None or not self.library.has_builtins or found.shape != x.shape:
             return None
-        addresses = {"source": found.ctypes.data, "target": x.ctypes.data}
-        return recorded_calls.copy_builtin().bind(self._own_result, x, **addresses, count=x.size)
+        return recorded_calls.copier(found, x)
 
     def _recompute_builtin(self, recipe: Any, x: Array) -> Callable[[], Any] | None:
         """A builtin that recomputes a field into x in place; None if its recipe is not one call of the library."""
@@ -260,10 +259,8 @@ class Run:
         spec = SPECS[recipe.call]
         if x.shape != core_shape(library._model, spec.output) or any(x.optional for x in spec.present):
             return None
-        words = {f"address{k}": inputs[input.name].ctypes.data for k, input in enumerate(spec.present)}
-        return recorded_calls.recompute(recipe.call).bind(
-            library, x, *inputs.values(), entry=library.entry(recipe.call), **library.words, **words, out=x.ctypes.data
-        )
+        given = [inputs[x.name] for x in spec.present]
+        return recorded_calls.rerun(library.code(recipe.call), given, x)
 
 
 @cache
