@@ -1,8 +1,8 @@
 """Library calls that record their inputs and result, and operators on rows of arrays.
 
 The caller of ``rnea`` may read the joint forces later, when q has changed in place: so inputs and result are copied to
-memory of the Data. Each function here returns a builtin (see ``engines.compiled.cpython``), compiled once, that the
-caller binds to a plan of words: the addresses of the table of bodies, memory and result, and sizes.
+memory of the Data. A call is a builtin of its program or table kernel; what is no call of the library is a Routine,
+which the caller binds to words: the addresses of the table of bodies and of arrays, and sizes.
 """
 
 from __future__ import annotations
@@ -11,7 +11,6 @@ import math
 from array import array
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache
-from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -25,16 +24,16 @@ from ...bodies.joints import place_joint
 from ...bodies.kinds import CONTINUED
 from ...engines.compiled import entries, numba_kernels
 from ...engines.compiled.checks import all_finite, unit_norm
-from ...engines.compiled.cpython import Builtin, dims
-from ...engines.compiled.tiers import NATIVE, Twin, array_of, table_kernel, word
-from ...engines.object_layout import DATA, Words
+from ...engines.compiled.tiers import Twin, array_of, table_kernel
+from ...engines.object_layout import Words
 from ...engines.programs.llvm.single_call_text import ARRAY as INPUT
 from ...engines.programs.llvm.single_call_text import FIXED, NUMBER
 from ...engines.programs.run import single_call
 from ...engines.programs.run.call_code import CallCode
+from ...engines.programs.run.routine import Choice, Held, Index, Kind, Routine
 from ...engines.programs.run.single_call import Parameter, unavailable
 from ...recursions import SPECS
-from ...recursions.spec import LOCAL, LOCAL_WORLD_ALIGNED, WORLD, Argument
+from ...recursions.spec import LOCAL, WORLD
 from ...recursions.steps import placed_in_world
 from ...recursions.tree import kinematics
 from ...recursions.tree.kinematics import classical_acceleration, express_in
@@ -45,52 +44,9 @@ ARRAY, PARTS, RESULT = range(3)  # what a recorded call returns
 NOT_OWN = 0, 0, 0  # the code of a plan that reads that of a CallCode
 Array = NDArray[np.float64]
 HEAD = 64  # bytes before a table
-REFERENCES = ("in_frame", "in_world", "aligned")  # words of a plan: ids of the ReferenceFrame objects
-
-
-def _shape_text(argument: Argument) -> str:
-    """Shape of an array, as source text."""
-    return f"({', '.join(map(str, numba_kernels.kernel_shape(argument)))},)"
-
-
-def _check_arguments(inputs: Sequence[Argument]) -> list[str]:
-    """Statements that check the argument objects ``x`` and read them as arrays and numbers ``x_in``."""
-    checks = [f"is_vector(plan, {x.name}, {x.shape[0]})" if x.shape else f"is_real(plan, {x.name})" for x in inputs]
-    lines = [f"if not ({' and '.join(checks)}): return return_none(plan)"] if checks else []
-    return lines + [
-        f"{x.name}_in = vector({x.name}, {x.shape[0]})" if x.shape else f"{x.name}_in = real({x.name})" for x in inputs
-    ]
-
-
-def make_answer(words: Sequence[str], first: str, rank: int) -> list[str]:
-    """Statements that make the array ``answer``, whose axes are words from ``first`` on."""
-    return [f"answer = new_array(plan, {rank}, {dims(words, first)})", "if answer == 0: return 0"]
-
-
-def record(**sizes: str) -> list[str]:
-    """Statements that copy inputs ``x_in`` of these sizes to ``memory``, one after the other."""
-    lines = [(f"copy({x}_in, at(memory, ({size},)))", f"memory += 8 * {size}") for x, size in sizes.items()]
-    return [*chain.from_iterable(lines)]
-
-
-def _edited_in_plain_python(table: int) -> bool:
-    now, then = (array_of(word(table, k), (word(table, -1),), np.int64) for k in (-3, -2))
-    return bool((now != then).any())
-
-
-def _compiled_edited() -> Any:
-    from ...engines.compiled.cpython import places
-    from ...engines.compiled.cpython import word as read
-
-    @inline
-    def edited(table: int) -> Any:
-        now, then = places(read(table, -3), read(table, -1)), places(read(table, -2), read(table, -1))
-        different = 0
-        for k in range(len(now)):  # without a branch: in vectors
-            different |= now[k] ^ then[k]
-        return different != 0
-
-    return edited
+REFERENCES = ("in_frame", "in_world", "aligned")  # words: ids of the ReferenceFrame objects, in the order of codes
+FRAMES = ("frames", "joints", "placements")  # words: number of frames; addresses, of addresses for placements
+OF_FRAME: dict[str, Kind] = {"k": Index("frames"), "code": Choice(REFERENCES)}
 
 
 class Table:
@@ -114,11 +70,6 @@ class Table:
         self._words[0] = clock.now[0] + 1
 
 
-# whether the numbers of a Model are other than those of its Table
-EDITED = {"edited": Twin(_edited_in_plain_python, _compiled_edited)}
-IF_EDITED = "if edited(table): return return_none(plan)"
-
-
 class Clock:
     """Stamps that order calls in time; builtins advance it too."""
 
@@ -139,9 +90,7 @@ def address(x: array[int]) -> int:
     return x.buffer_info()[0]
 
 
-def put_stamp(time: str = "time") -> list[str]:
-    """Statements that write a new stamp to an address."""
-    return ["advance(clock)", f"places({time}, 1)[0] = places(clock, 1)[0]"]
+STAMP = ["places(clock, (1,))[0] += 1", "places(time, (1,))[0] = word(clock, 0)"]  # write a new stamp to an address
 
 
 class Recording:
@@ -151,15 +100,16 @@ class Recording:
     table  the Table of the call: if the numbers of the Model are other than its own, the call is not answered
     """
 
-    def __init__(self, memory: Array, result: Array, stamp: array[int], table: Table) -> None:
-        """Of these arrays."""
+    def __init__(self, memory: Array, result: Array | None, stamp: array[int], table: Table) -> None:
+        """Of these arrays; None if the result is not recorded."""
         self.memory, self.result, self.stamp, self.table = memory, result, stamp, table
 
     def words(self, count: int) -> Words:
         """Words of a builtin that records so many inputs."""
         first, second = self.table.now, self.table.then
-        places = {"clock": address(clock.now), "time": address(self.stamp), "memory": self.memory.ctypes.data}
-        places |= {"result": self.result.ctypes.data, "now": first.ctypes.data, "then": second.ctypes.data}
+        places = {"memory": self.memory.ctypes.data, "result": 0 if self.result is None else self.result.ctypes.data}
+        places |= {"now": first.ctypes.data, "then": second.ctypes.data}
+        places |= {"clock": address(clock.now), "time": address(self.stamp)}
         made = single_call.record(count=count, bytes=first.nbytes, **places)
         made.alive = self, clock
         return made
@@ -189,7 +139,7 @@ def recorded_call(
     given += [(sizes["nv"],)] * unused
     shape = tuple(int(sizes.get(str(n), n)) for n in numba_kernels.kernel_shape(code.spec.output))
     output, alive = single_call.array(shape), [code, recording]
-    if returns == RESULT and recording is not None:
+    if returns == RESULT and recording is not None and recording.result is not None:
         output = single_call.placed(shape, recording.result.ctypes.data)
     elif returns == PARTS:
         alive.append(parts := np.empty(shape))  # type: ignore[arg-type]
@@ -229,46 +179,39 @@ def copy(x: Any, out: Any) -> None:
 
 # --- frames ----------------------------------------------------------------------------------------------
 
-FRAMES = ("frames", "joints", "placements")  # words: number of frames; addresses, of addresses for placements
-
 
 @cache
-def place_frames(joints_too: bool) -> Builtin:
+def place_frames(joints_too: bool) -> Routine:
     """``() -> True``: poses of all frames from those of their joints; ``joints_too``: ``(q) -> True`` computes both.
 
-    Words: table, sizes, memory for q, poses of the joints, result, frames.
+    Words: table, sizes, poses of the joints, result, clock and stamps, frames. q is recorded.
     """
-    words = ["table", *SIZES, "memory", "poses", "result", "clock", "time", "time_of_joints", *FRAMES]
-    spec = SPECS["forward_kinematics"]
-    body = ["X = at(poses, (njoints, 4, 4))"]
+    words = ["table", *SIZES, "poses", "result", "clock", "time", *FRAMES]
+    spec, body = SPECS["forward_kinematics"], ["X = at(poses, (njoints, 4, 4))"]
     if joints_too:
-        run = f"if sample_kernel(table, q_in, X) != {numba_kernels.OK}: return return_none(plan)"
-        body = [IF_EDITED, *_check_arguments(spec.present), *body, run, *record(q="nq"), *put_stamp("time_of_joints")]
+        body.append(f"if sample_kernel(table, q, X) != {numba_kernels.OK}: return 0")
     body += [
         "for k in range(frames):",
         "    there = read_pose(at(word(placements, k), (4, 4)))",
         "    there = compose(read_pose(X[word(joints, k)]), there)",
         "    write_pose(at(result + 128 * k, (4, 4)), there)",
     ]
-    scope = {**vars(public_arrays), **EDITED, "sample_kernel": table_kernel(spec).twin}
-    scope |= {"compose": spatial.compose, "copy": copy}
+    scope = {**vars(public_arrays), "sample_kernel": table_kernel(spec).twin, "compose": spatial.compose}
     label = "place_joints_and_frames" if joints_too else "place_frames"
-    return Builtin(label, ["q"] * joints_too, words, [*body, *put_stamp(), "return return_true(plan)"], scope)
+    return Routine(label, words, {"q": ("nq",)} if joints_too else {}, [*body, *STAMP, "return 1"], scope)
 
 
 @cache
-def place_frame() -> Builtin:
+def place_frame() -> Routine:
     """``(frame) -> True``: pose of one frame from that of its joint. Words: poses, result, frames."""
     body = [
-        "k = index(plan, frame, frames)",
-        "if k < 0: return return_none(plan)",
-        "X = at(poses + 128 * places(joints, frames)[k], (4, 4))",
-        "there = read_pose(at(word(placements, k), (4, 4)))",
-        "write_pose(at(result + 128 * k, (4, 4)), compose(read_pose(X), there))",
-        "return return_true(plan)",
+        "X = at(poses + 128 * word(joints, frame), (4, 4))",
+        "there = read_pose(at(word(placements, frame), (4, 4)))",
+        "write_pose(at(result + 128 * frame, (4, 4)), compose(read_pose(X), there))",
+        "return 1",
     ]
     scope = {**vars(public_arrays), "compose": spatial.compose}
-    return Builtin("place_frame", ["frame"], ["poses", "result", *FRAMES], body, scope)
+    return Routine("place_frame", ["poses", "result", *FRAMES], {"frame": Index("frames")}, body, scope)
 
 
 @inline
@@ -293,44 +236,28 @@ def _write_frame_motion(X: Any, placement: Any, v: Any, a: Any, classical: Any, 
 write_frame_motion = operator_kernels.compiled(_write_frame_motion)
 
 
-@inline
-def _reference_code(x: int, in_frame: int, in_world: int, aligned: int) -> int:
-    """Code of the ReferenceFrame with id x; -1 if none has it."""
-    if x == in_frame:
-        return LOCAL
-    if x == in_world:
-        return WORLD
-    return LOCAL_WORLD_ALIGNED if x == aligned else -1
-
-
 @cache
-def frame_motion(classical: bool) -> Builtin:
-    """``(frame[, reference]) -> Motion``: velocity or acceleration of a frame from that of its joint.
+def frame_motion(classical: bool) -> Routine:
+    """``(frame, reference) -> Motion``: velocity or acceleration of a frame from that of its joint.
 
-    Words: six (6), class and slot of the Motion, poses, velocities, motions of the joints, reference ids, frames.
+    Words: class and slot of the Motion, poses, velocities, motions of the joints, reference ids, frames.
     """
-    words = ["six", "made", "slot", "poses", "velocities", "motions", *REFERENCES, *FRAMES]
+    words = ["made", "slot", "poses", "velocities", "motions", *REFERENCES, *FRAMES]
     body = [
-        "k, code = index(plan, frame, frames), 0",
-        "if n > 1: code = coded(reference, in_frame, in_world, aligned)",
-        "if k < 0 or code < 0: return return_none(plan)",
-        *make_answer(words, "six", 1),
-        "i, p = places(joints, frames)[k], at(word(placements, k), (4, 4))",
+        "i, p = word(joints, k), at(word(placements, k), (4, 4))",
         "X, v, m = at(poses + 128 * i, (4, 4)), at(velocities + 48 * i, (6,)), at(motions + 48 * i, (6,))",
-        f"write(X, p, v, m, {int(classical)}, code, at(word(answer, {DATA}), (6,)))",
-        "return new_object(plan, made, slot, answer)",
+        f"write(X, p, v, m, {int(classical)}, code, out)",
+        "return 1",
     ]
     label = "frame_classical_motion" if classical else "frame_motion"
-    scope = {"write": _write_frame_motion, "coded": _reference_code}
-    return Builtin(label, ["frame", "reference"], words, body, scope, optional=1)
+    return Routine(label, words, OF_FRAME, body, {"write": _write_frame_motion}, Held((6,), "made", "slot"))
 
 
 ON_TABLE = {  # names that bodies of builtins on the table use
-    **NATIVE, **EDITED, "memory_of": NATIVE["memory"], "unit_norm": unit_norm, "all_finite": all_finite, "copy": copy,
-    "FLOAT": numba_kernels.FLOAT,
+    "unit_norm": unit_norm, "all_finite": all_finite, "FLOAT": numba_kernels.FLOAT,
 }  # fmt: skip
 # q beside its cosines and sines, as a recursion takes ``TURNED_Q``
-TURN_Q = ["angles = memory_of(24 * nq)", "q_turned = turned(q_in, array_at(angles, (3, nq), FLOAT))"]
+TURN_Q = ["angles = memory(24 * nq)", "q_turned = turned(q, array_at(angles, (3, nq), FLOAT))"]
 
 
 def _rows_in_plain_python(bodies: Any, address: int) -> Any:
@@ -353,34 +280,28 @@ ROWS_AT = Twin(_rows_in_plain_python, _compiled_rows)  # the scratch rows of ``j
 
 
 @cache
-def frame_jacobian(name: str) -> Builtin:
+def frame_jacobian(name: str) -> Routine:
     """``(frame, reference) -> (6, nv)``: ``frame_jacobian`` or ``frame_jacobian_dot`` at the recorded q, v.
 
-    Returns None also if joints were moved after that call. Words: table, six (6), sizes, addresses of the inputs,
-    reference ids, the rows of ``jacobians`` (0: none) and the stamps, which are equal if the rows are those of the
-    call, frames; joints are rows of the table.
+    Returns None also if joints were moved after that call. Words: table, sizes, addresses of the inputs, reference ids,
+    the rows of ``jacobians`` (0: none) and the stamps, which are equal if the rows are those of the call, frames; joints
+    are rows of the table.
     """
     spec = SPECS[name]
     inputs = [x for x in spec.present if not x.static]
-    words = ["table", *SIZES[::2], "six", "nv", *(f"{x.name}_address" for x in inputs), *REFERENCES]
-    words += ["placed_rows", "time", *FRAMES]
-    passed = "".join(f"at({x.name}_address, {_shape_text(x)}), " for x in inputs)
+    words = ["table", *SIZES, *(f"{x.name}_address" for x in inputs), *REFERENCES, "placed_rows", "time", *FRAMES]
+    passed = "".join(f"at({x.name}_address, ({x.shape[0]},)), " for x in inputs)
     body = [
-        "k, code = index(plan, frame, frames), coded(reference, in_frame, in_world, aligned)",
-        "if k < 0 or code < 0 or word(time, 0) < word(table, -4): return return_none(plan)",
-        *make_answer(words, "six", 2),
-        "i, p, out = places(joints, frames)[k], at(word(placements, k), (4, 4)), "
-        + f"at(word(answer, {DATA}), (6, nv))",
+        "if word(time, 0) < word(table, -4): return 0",
+        "i, p = word(joints, k), at(word(placements, k), (4, 4))",
         "if placed_rows != 0 and word(time, 0) == word(time, 1):",
         "    bodies = table_at(table)",
         "    placed(bodies, rows_at(bodies, placed_rows), i, p, code, out)",
-        f"elif sample_kernel(table, {passed}i, p, code, out) != {numba_kernels.OK}:",
-        "    return discard(plan, answer)",
-        "return answer",
+        "    return 1",
+        f"return 1 if sample_kernel(table, {passed}i, p, code, out) == {numba_kernels.OK} else 0",
     ]
-    scope = {**ON_TABLE, "sample_kernel": table_kernel(spec).twin, "coded": _reference_code}
-    scope |= {"placed": kinematics.placed_frame_jacobian, "rows_at": ROWS_AT}
-    return Builtin(name, ["frame", "reference"], words, body, scope)
+    scope = {"sample_kernel": table_kernel(spec).twin, "placed": kinematics.placed_frame_jacobian, "rows_at": ROWS_AT}
+    return Routine(name, words, OF_FRAME, body, scope, (6, "nv"))
 
 
 @inline
@@ -392,33 +313,27 @@ def _write_poses(bodies: Any, work: Any, X: Any) -> None:
 
 
 @cache
-def jacobians() -> Builtin:
-    """``(q) -> (6, nv)``: ``joint_jacobians``; records q and the result, keeps its rows and writes poses of the joints.
+def jacobians() -> Routine:
+    """``(q) -> (6, nv)``: ``joint_jacobians``; it keeps its rows and writes poses of the joints.
 
-    Words: table, six (6), sizes, memory for q, result, rows, held oMi (0: none), stamps of the call and of the rows.
+    Words: table, sizes, rows, held oMi (0: none), clock, stamps of the call and of the rows. It is to be recorded.
     """
-    words = ["table", *SIZES[::2], "six", "nv", "memory", "result", "placed_rows", "oMi", "clock", "time"]
     body = [
-        IF_EDITED,
-        *_check_arguments(SPECS["joint_jacobians"].present),
         "bodies = table_at(table)",
-        "if not unit_norm(bodies, q_in): return return_none(plan)",
-        *make_answer(words, "six", 2),
+        "if not unit_norm(bodies, q): return 0",
         *TURN_Q,
-        f"out, work = at(word(answer, {DATA}), (6, nv)), rows_at(bodies, placed_rows)",
-        "places(time, 2)[1] = 0",
+        "work = rows_at(bodies, placed_rows)",
+        "places(time, (2,))[1] = 0",
         "jacobians(bodies, work, q_turned, out)",
         "release(angles, 24 * nq)",
-        "if not all_finite(out): return discard(plan, answer)",
+        "if not all_finite(out): return 0",
         "if oMi != 0: write_poses(bodies, work, at(oMi, (njoints, 4, 4)))",
-        *record(q="nq"),
-        f"copy(at(word(answer, {DATA}), (6 * nv,)), at(result, (6 * nv,)))",
-        *put_stamp(),
-        "places(time, 2)[1] = word(time, 0)",
-        "return answer",
+        "places(time, (2,))[1] = word(clock, 0) + 1",  # the stamp that is recorded next
+        "return 1",
     ]
     scope = {**ON_TABLE, "rows_at": ROWS_AT, "jacobians": kinematics.joint_jacobians, "write_poses": _write_poses}
-    return Builtin("joint_jacobians", ["q"], words, body, scope)
+    words = ["table", *SIZES, "placed_rows", "oMi", "clock", "time"]
+    return Routine("joint_jacobians_and_rows", words, {"q": ("nq",)}, body, scope, (6, "nv"))
 
 
 @inline
@@ -434,45 +349,30 @@ def _compose_rows(bodies: Any, work: Any, X: Any, V: Any) -> None:
 
 
 @cache
-def motions(name: str) -> Builtin:
-    """``(q, v[, a]) -> True``: ``joint_velocities`` or ``joint_accelerations``, and velocities and poses in the world;
-    records the inputs. ``() -> True``: at the recorded inputs.
+def motions(name: str) -> Routine:
+    """``(q, v[, a]) -> True``: ``joint_velocities`` or ``joint_accelerations``, and velocities and poses in the world.
 
-    Words: table, sizes, memory, stamp, addresses of poses, velocities and the result.
+    Words: table, sizes, addresses of poses, velocities and the result.
     """
     spec = SPECS[name]
-    words = ["table", *SIZES, "memory", "clock", "time", "oMi", "v_out", "out"]
-    sizes = {x.name: str(x.shape[0]) for x in spec.present}
-    firsts = [" + ".join(["0", *[*sizes.values()][:k]]) for k in range(len(sizes))]
-    taken = [f"at(first + 8 * ({k}), ({size},))" for k, size in zip(firsts, sizes.values(), strict=True)]
-    new = [
-        IF_EDITED,
-        *_check_arguments(spec.present),
-        "if not unit_norm(bodies, q_in): return return_none(plan)",
-        *record(**sizes),
-    ]
+    inputs: dict[str, Kind] = {x.name: (str(x.shape[0]),) for x in spec.present}
     body = [
-        "first, bodies = memory, table_at(table)",
-        "if n > 0:",
-        *(f"    {line}" for line in new),
-        "X, found, space = at(oMi, (njoints, 4, 4)), at(out, (njoints, 6)), len(bodies) * WORK_SIZE",
-        "scratch = memory_of(space)",
+        "bodies = table_at(table)",
+        "if not unit_norm(bodies, q): return 0",
+        "X, found, space = at(oMi, (njoints, 4, 4)), at(found_at, (njoints, 6)), len(bodies) * WORK_SIZE",
+        "scratch = memory(space)",
         "work = array_at(scratch, (len(bodies),), WORK)",
-        f"q_in = {taken[0]}",
         *TURN_Q,
-        f"recursion(bodies, work, q_turned, {', '.join(taken[1:])}, found)",
+        f"recursion(bodies, work, q_turned, {', '.join([*inputs][1:])}, found)",
         "compose_rows(bodies, work, X, at(v_out, (njoints, 6)))",
         "release(angles, 24 * nq)",
         "release(scratch, space)",
-        "if not (all_finite(X) and all_finite(found)): return return_none(plan)",
-        "if n > 0:",
-        *(f"    {line}" for line in put_stamp()),
-        "return return_true(plan)",
+        "return 1 if all_finite(X) and all_finite(found) else 0",
     ]
     work: Any = spec.work
     scope = {**ON_TABLE, "WORK": work, "WORK_SIZE": work.itemsize, "recursion": spec.recursion}
     scope["compose_rows"] = _compose_rows
-    return Builtin(f"{name}_and_poses", [*sizes], words, body, scope, optional=len(sizes))
+    return Routine(f"{name}_and_poses", ["table", *SIZES, "oMi", "v_out", "found_at"], inputs, body, scope)
 
 
 HELD = ("oMi", "liMi", "oMf")  # words: addresses of fields of Data that were read; 0 for the others
@@ -494,38 +394,32 @@ def _place_path(bodies: Any, work: Any, q: Any, row: int, poses: Any, local: Any
 
 
 @cache
-def frame_jacobian_at() -> Builtin:
-    """``(q, frame) -> (6, nv)``: ``frame_jacobian`` in one reference; records q.
+def frame_jacobian_at() -> Routine:
+    """``(q, frame) -> (6, nv)``: ``frame_jacobian`` in one reference, to be recorded.
 
-    In the held fields it writes the poses of the joints that carry the frame, and that of the frame. Words: table, six
-    (6), sizes, memory, code of the reference, addresses of held fields, frames; joints are rows of the table.
+    In the held fields it writes the poses of the joints that carry the frame, and that of the frame. Words: table,
+    sizes, code of the reference, addresses of held fields, frames; joints are rows of the table.
     """
-    words = ["table", *SIZES[::2], "six", "nv", "memory", "clock", "time", "code", *HELD, *FRAMES]
     body = [
-        IF_EDITED,
-        *_check_arguments(SPECS["frame_jacobian"].present[:1]),
-        "k, bodies = index(plan, frame, frames), table_at(table)",
-        "if k < 0 or not unit_norm(bodies, q_in): return return_none(plan)",
-        *make_answer(words, "six", 2),
-        "i, p, out = places(joints, frames)[k], at(word(placements, k), (4, 4)), "
-        + f"at(word(answer, {DATA}), (6, nv))",
+        "bodies = table_at(table)",
+        "if not unit_norm(bodies, q): return 0",
+        "i, p = word(joints, k), at(word(placements, k), (4, 4))",
         "space, held = len(bodies) * WORK_SIZE, (1 if oMi != 0 else 0) + (2 if liMi != 0 else 0)",
-        "scratch = memory_of(space)",
+        "scratch = memory(space)",
         "work = array_at(scratch, (len(bodies),), WORK)",
-        "place_path(bodies, work, q_in, i, at(oMi, (njoints, 4, 4)), at(liMi, (njoints, 4, 4)), held)",
+        "place_path(bodies, work, q, i, at(oMi, (njoints, 4, 4)), at(liMi, (njoints, 4, 4)), held)",
         "jacobian(bodies, work, i, p, code, out)",
         "if oMf != 0: write_pose(at(oMf + 128 * k, (4, 4)), compose(pose_of(work[i].X), read_pose(p)))",
         "release(scratch, space)",
-        "if not all_finite(out): return discard(plan, answer)",
-        *record(q="nq"),
-        *put_stamp(),
-        "return answer",
+        "return 1 if all_finite(out) else 0",
     ]
     scope = {
         **vars(public_arrays), **ON_TABLE, "jacobian": kinematics.placed_frame_jacobian, "place_path": _place_path,
         "compose": spatial.compose, "pose_of": pose_of, "WORK": kinematics.WORK, "WORK_SIZE": kinematics.WORK.itemsize,
     }  # fmt: skip
-    return Builtin("frame_jacobian_at", ["q", "frame"], words, body, scope)
+    words = ["table", *SIZES, "code", *HELD, *FRAMES]
+    inputs: dict[str, Kind] = {"q": ("nq",), "k": Index("frames")}
+    return Routine("frame_jacobian_at", words, inputs, body, scope, (6, "nv"))
 
 
 # --- rows -----------------------------------------------------------------------------------------------

@@ -23,7 +23,9 @@ F8, INDICES, BODIES = np.float64, np.intp, "bodies"
 Shape = tuple[int | str, ...]
 
 
-def _of_memory(name: str) -> Callable[[], Any]:
+def of_memory(name: str) -> Callable[[], Any]:
+    """A function that gives a function of ``memory_at``, as a Twin needs it."""
+
     def compiled() -> Any:
         from . import memory_at
 
@@ -33,9 +35,9 @@ def _of_memory(name: str) -> Callable[[], Any]:
 
 
 MEMORY: dict[str, Any] = {  # how a source reads memory: a word, an array of numbers, an array of indices
-    "word": Twin(tiers.word, _of_memory("word")),
-    "at": Twin(lambda address, shape: tiers.array_of(address, shape, F8), _of_memory("at")),
-    "places": Twin(lambda address, shape: tiers.array_of(address, shape, INDICES), _of_memory("places")),
+    "word": Twin(tiers.word, of_memory("word")),
+    "at": Twin(lambda address, shape: tiers.array_of(address, shape, F8), of_memory("at")),
+    "places": Twin(lambda address, shape: tiers.array_of(address, shape, INDICES), of_memory("places")),
     **NATIVE,
 }
 

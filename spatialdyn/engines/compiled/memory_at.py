@@ -23,7 +23,16 @@ def _word_at(typing_context: Any, base: Any, k: Any) -> Any:
     return types.int64(types.intp, types.intp), generate
 
 
+def _real_function(typing_context: Any, address: Any, x: Any) -> Any:
+    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        function = ir.FunctionType(ir.DoubleType(), [_WORD]).as_pointer()
+        return builder.call(builder.inttoptr(values[0], function), [values[1]])
+
+    return types.float64(types.intp, types.intp), generate
+
+
 word: Any = intrinsic(_word_at)  # (address, k): word k behind an address
+real_function: Any = intrinsic(_real_function)  # (address, word) -> float64 of a C function
 
 
 @inline

@@ -77,9 +77,9 @@ def updateFramePlacements(model: Model, data: Data) -> None:
     _place_frames(model, data)
     X, run, frames, library = data.hold("oMi"), data._runs["frames"], model._frame_placements, model._library
     if library.has_builtins:
-        words = {"poses": X.ctypes.data, "memory": 0, "result": run.result.ctypes.data, **frames.words()}
+        words = {"poses": X.ctypes.data, "result": run.result.ctypes.data, **frames.words()}
         call = recorded_calls.place_frames(False).bind(
-            X, run, frames, **{**library.words, "njoints": len(X)}, **words, **run.stamp_words, time_of_joints=0
+            X, run, frames, **{**library.words, "njoints": len(X)}, **words, **run.stamp_words
         )
         data._bound["frames"] = frames, run, call
 
@@ -134,10 +134,9 @@ def framesForwardKinematics(model: Model, data: Data, q: Any) -> None:
     run, frames = data._runs["kinematics0"], data._runs["frames"]
     library, placements = run.library, model._frame_placements
     if library.has_builtins and library.joints is None:
-        words = {"memory": run.memory.ctypes.data, "poses": run.result.ctypes.data, **placements.words()}
-        words |= {**frames.stamp_words, "time_of_joints": run.stamp_words["time"]}
+        words = {"poses": run.result.ctypes.data, "result": frames.result.ctypes.data, **placements.words()}
         call = recorded_calls.place_frames(True).bind(
-            library, run, frames, placements, **library.words, result=frames.result.ctypes.data, **words
+            library, run, frames, placements, record=run.recording(1), **library.words, **words, **frames.stamp_words
         )
         data._bound["all frames"] = placements, run, frames, call
 
@@ -160,7 +159,7 @@ def _motion(name: str, doc: str) -> Callable[..., Motion]:
             (key, frames), motions = frames_for(model, name, of_joints, about), data.hold(field)
             arrays = {"poses": data.hold("oMi"), "velocities": data.hold("v") if classical else motions}
             words = {x: array.ctypes.data for x, array in {**arrays, "motions": motions}.items()}
-            words |= {"six": 6, "made": id(Motion), "slot": slot_offset(Value, "_x"), **REFERENCES, **frames.words()}
+            words |= {"made": id(Motion), "slot": slot_offset(Value, "_x"), **REFERENCES, **frames.words()}
             call = recorded_calls.frame_motion(classical).bind(*arrays.values(), motions, frames, **words)
             data._bound[key] = frames, call
         return Motion.over(out)

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from ....calls.arguments import core_shape
-from ....engines.compiled.cpython import unavailable
+from ....engines.object_layout import Words
+from ....engines.programs.run.single_call import unavailable
 from ....model.model import Model as SdModel
 from ....recursions import SPECS
 from ....recursions.tree import kinematics
@@ -174,14 +175,17 @@ class Run:
         if not (library.has_builtins and kind.call):
             return unavailable
         if self.placed_rows is not None:
-            places = {"memory": self.memory.ctypes.data, "result": self.result.ctypes.data, **self.stamp_words}
-            places |= {"six": 6, "placed_rows": self.placed_rows.ctypes.data}
+            places = {"placed_rows": self.placed_rows.ctypes.data, **self.stamp_words}
             places["oMi"] = 0 if self.oMi is None else self.oMi.ctypes.data
-            alive = (library, self.memory, self.result, self._stamp)
-            return recorded_calls.jacobians().bind(*alive, self.placed_rows, self.oMi, **places, **library.words)
+            alive, record = (library, self.placed_rows, self.oMi), self.recording(1, self.result)
+            return recorded_calls.jacobians().bind(*alive, record=record, **places, **library.words)
         recording = recorded_calls.Recording(self.memory, self.result, self._stamp, library.table)
         code = library.code(kind.call, forces)
         return recorded_calls.recorded_call(code, library.words, recording, kind.unused_inputs, kind.returns)
+
+    def recording(self, count: int, result: Array | None = None) -> Words:
+        """Words of a builtin that records its first inputs, this many, its result, if given, and the stamp."""
+        return recorded_calls.Recording(self.memory, result, self._stamp, self.library.table).words(count)
 
     def hold(self, held: Mapping[str, Array], recompute_field: Callable[[Run, str], Any]) -> None:
         """Have calls write these held fields: the result itself in place, the others by builtin or recipe."""
@@ -227,14 +231,13 @@ class Run:
         """Compute these fields by one builtin, which is the call too if that places the joints."""
         name = "joint_accelerations" if "a" in moving else "joint_velocities"
         words = {"oMi": moving["oMi"].ctypes.data, "v_out": moving["v"].ctypes.data}
-        words |= {"out": [*moving.values()][-1].ctypes.data, "memory": self.memory.ctypes.data, **self.stamp_words}
-        builtin = recorded_calls.motions(name).bind(
-            self.library, self.memory, self._stamp, *moving.values(), **words, **self.library.words
-        )
+        words |= {"found_at": [*moving.values()][-1].ctypes.data, **self.library.words}
+        routine, alive = recorded_calls.motions(name), (self.library, self.memory, *moving.values())
         if self.kind.call == "forward_kinematics":
-            self.call = builtin
+            self.call = routine.bind(*alive, record=self.recording(len(routine.inputs)), **words)
         else:
-            self.recompute.append(builtin)
+            places = {x: getattr(self, x).ctypes.data for x in routine.inputs}
+            self.recompute.append(routine.bind(*alive, places=places, **words))
 
     def _may_share(self, x: Array) -> bool:
         return x.shape == self.result.shape and self.kind.call != "aba"  # recipes of aba read its result as an input

@@ -17,9 +17,9 @@ from ....algebra.rotations import NORM_ROUNDING
 from ....bodies.kinds import kind_of, unit_part
 from ....calls import dynamics
 from ....engines import run as engine
-from ....engines.compiled.cpython import READY, unavailable
 from ....engines.compiled.numba_kernels import PLAIN, TABLE, variant
 from ....engines.programs.run.call_code import CallCode
+from ....engines.programs.run.single_call import READY, unavailable
 from ....errors import ModelError
 from ....interop.pinocchio import check_depth_first, fresh_name
 from ....model.assembly import IDENTITY, Options

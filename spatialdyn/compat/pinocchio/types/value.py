@@ -9,6 +9,7 @@ import numpy as np
 
 from ....engines.compiled.generated import function_from_text
 from ....engines.object_layout import slot_offset
+from ....engines.programs.run.single_call import READY, unavailable
 from ...native import operator_kernels
 from .arguments import (
     ArgumentError,
@@ -208,12 +209,9 @@ def on_values(signature: str, text: str, doc: str | None = "", module: str = "")
     kernel = operator_kernels.on_arrays(formula)
 
     def first(*given: Any) -> Any:
-        from ....engines.compiled.cpython import READY, unavailable
-
         scope["call"] = unavailable if inputs else convert
         if READY:
-            builtin = operator_kernels.value_builtin(formula)
-            scope["call"] = operator_kernels.bind_values(builtin, formula, slot_offset(Value, "_x"), Value._classes)
+            scope["call"] = operator_kernels.bind_values(formula, slot_offset(Value, "_x"), Value._classes)
         return scope["call"](*given)
 
     def convert(*given: Any) -> Any:

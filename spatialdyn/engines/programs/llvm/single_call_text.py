@@ -214,7 +214,7 @@ def _call() -> str:
     c.need(put(f"icmp ne i64 {left}, 0"))
     c.store("i64", put(f"sub i64 {left}, 1"), counter)
     shapes = c.at("i64", "%plan", len(PLAN))
-    in_place = c.bits(c.word(shapes, 0), PLACED)
+    in_place = put(f"select i1 {c.equal(c.bits(c.word(shapes, 0), PLACED), 0)}, i64 0, i64 {c.word(shapes, 1)}")
     before = c.block
     c.jump("arguments", then="arguments")
 

@@ -28,7 +28,6 @@ from ..llvm.host_cpu import LoadedCode, stored_code
 from ..llvm.single_call_text import (
     ARRAY,
     ARRAY_WORDS,
-    CHOICE,
     EITHER,
     FIXED,
     FLOAT,
@@ -139,15 +138,13 @@ def placed(shape: tuple[int, ...], address: int) -> Item:
     return array(shape, PLACED, address)
 
 
-def choice(*objects: object) -> Item:
-    """One of up to four objects, of which the program gets the place."""
-    return Item(CHOICE, 8, tuple(map(id, objects)))
+def value(shape: tuple[int, ...], kind: int, slot: int, or_array: bool = False) -> Item:
+    """An object that holds an array in the slot at an offset; ``kind`` is the address of its class.
 
-
-def value(shape: tuple[int, ...], kind: type, slot: int, or_array: bool = False) -> Item:
-    """An object of a class that holds an array in the slot at an offset; ``or_array``: or the array itself."""
+    or_array  the array itself is taken too
+    """
     sizes = (*shape, *[0] * (ARRAY_WORDS - 4 - len(shape)))
-    return Item(len(shape) | VALUE | EITHER * or_array, 8 * math.prod(shape), (*sizes, id(kind), slot))
+    return Item(len(shape) | VALUE | EITHER * or_array, 8 * math.prod(shape), (*sizes, kind, slot))
 
 
 Described = Item | tuple[int, ...] | None
