@@ -22,7 +22,8 @@ from ...algebra import euclidean, lie, public_arrays, spatial
 from ...engines.compiled import numba_kernels
 from ...engines.compiled.entries import of_memory
 from ...engines.compiled.tiers import Tiered, Twin, real_of
-from ...engines.programs.run.routine import Held, Kind, Routine
+from ...engines.programs.run.routine import Held, Kind, Routine, Truth
+from ...engines.programs.run.single_call import unavailable
 from . import operators
 
 Operation = Callable[..., Any]
@@ -152,17 +153,21 @@ def value_routine(formula: Formula) -> Routine:
     output = formula.output.lower()
     last = f"write_{output}(out, result)" if SHAPES[output] else "out[0] = result"
     body = [*formula.statements(), last, "return 1"]
-    return Routine(f"value_{formula.label}", [], inputs, body, SCOPE, kind(formula.output, "made"))
+    result = Truth() if output == "truth" else kind(formula.output, "made")
+    return Routine(f"value_{formula.label}", [], inputs, body, SCOPE, result)
 
 
-def bind_values(formula: Formula, slot: int, classes: Mapping[str, type]) -> Callable[..., Any]:
+def bind_values(
+    formula: Formula, slot: int, classes: Mapping[str, type], otherwise: Operation = unavailable
+) -> Operation:
     """The builtin of a ``value_routine`` for the classes of its kinds and the offset of their slot."""
 
     def address(kind: str) -> int:
         return id(classes[kind.partition("|")[0]]) if kind[0].isupper() else 0
 
     words = {f"class{k}": address(kind) for k, kind in enumerate(formula.inputs.values())}
-    return value_routine(formula).bind(*classes.values(), slot=slot, made=address(formula.output), **words)
+    words |= {"slot": slot, "made": address(formula.output)}
+    return value_routine(formula).bind(*classes.values(), otherwise=otherwise, **words)
 
 
 @cache

@@ -50,24 +50,23 @@ OF_FRAME: dict[str, Kind] = {"k": Index("frames"), "code": Choice(REFERENCES)}
 
 
 class Table:
-    """A copy of a table of bodies, before which four words stand: the time when joints moved, and addresses and size of
-    two blocks of numbers: those of a Model, which edits write, and those of the table.
+    """A copy of a table of bodies, and two blocks of numbers: those of a Model, which edits write, and the table's own.
 
-    bytes    of the table; ``address`` theirs
+    bytes    of the table, before which stands the time when joints moved; ``address`` theirs
     """
 
     def __init__(self, bodies: Any, now: Array, then: Array) -> None:
         """Of a table as bytes."""
-        self.now, self.then = now, then
         memory = np.empty(HEAD + len(bodies), np.uint8)
-        self.bytes, memory[HEAD:] = memory[HEAD:], bodies
+        self.now, self.then, self.bytes = now, then, memory[HEAD:]
+        self.bytes[:] = bodies
         self.address = memory.ctypes.data + HEAD
-        self._words = memory[HEAD - 32 : HEAD].view(np.int64)
-        self._words[:] = 0, now.ctypes.data, then.ctypes.data, len(now)
+        self._moved = memory[HEAD - 8 : HEAD].view(np.int64)
+        self._moved[0] = 0
 
     def note_move(self) -> None:
         """Note that joints were moved: places of calls before are no longer computed on this table."""
-        self._words[0] = clock.now[0] + 1
+        self._moved[0] = clock.now[0] + 1
 
 
 class Clock:
@@ -93,60 +92,47 @@ def address(x: array[int]) -> int:
 STAMP = ["places(clock, (1,))[0] += 1", "places(time, (1,))[0] = word(clock, 0)"]  # write a new stamp to an address
 
 
-class Recording:
-    """Where a call records: memory for its inputs, one after the other, and for its result; and its stamp.
+def record(count: int, memory: Array, result: Array | None, stamp: array[int], table: Table) -> Words:
+    """The words of a builtin that records its first inputs, this many, in memory, its result, if given, and its stamp.
 
     stamp  array whose first word is written
     table  the Table of the call: if the numbers of the Model are other than its own, the call is not answered
     """
-
-    def __init__(self, memory: Array, result: Array | None, stamp: array[int], table: Table) -> None:
-        """Of these arrays; None if the result is not recorded."""
-        self.memory, self.result, self.stamp, self.table = memory, result, stamp, table
-
-    def words(self, count: int) -> Words:
-        """Words of a builtin that records so many inputs."""
-        first, second = self.table.now, self.table.then
-        places = {"memory": self.memory.ctypes.data, "result": 0 if self.result is None else self.result.ctypes.data}
-        places |= {"now": first.ctypes.data, "then": second.ctypes.data}
-        places |= {"clock": address(clock.now), "time": address(self.stamp)}
-        made = single_call.record(count=count, bytes=first.nbytes, **places)
-        made.alive = self, clock
-        return made
+    places = {"memory": memory.ctypes.data, "result": 0 if result is None else result.ctypes.data}
+    places |= {"now": table.now.ctypes.data, "then": table.then.ctypes.data, "bytes": table.now.nbytes}
+    made = single_call.record(count=count, clock=address(clock.now), time=address(stamp), **places)
+    made.alive = memory, result, stamp, table, clock
+    return made
 
 
 def recorded_call(
     code: CallCode,
     sizes: Mapping[str, int],
-    recording: Recording | None = None,
+    recorded: Words | None = None,
     unused: int = 0,
     returns: int = ARRAY,
+    result: Array | None = None,
 ) -> Callable[..., Any]:
     """``(*inputs, *unused) -> result`` of the code of a public call for one sample, a builtin that may record.
 
-    sizes    nq, nv, njoints
-    unused   number of vectors (nv,) that are recorded only
-    returns  ARRAY, a new one; PARTS, a tuple of the parts of a result of three axes; RESULT: the recorded result is
-             written in place, and True returned
+    sizes     nq, nv, njoints
+    recorded  words of ``record``
+    unused    number of vectors (nv,) that are recorded only
+    returns   ARRAY, a new one; PARTS, a tuple of the parts of a result of three axes; RESULT: ``result`` is written in
+              place, and True returned
 
-    External forces are a last argument (6 njoints,), which is not recorded. Returns None if not applicable.
+    External forces are a last argument (6 njoints,). Returns None if not applicable.
     """
     given: list[single_call.Described] = []
     for x in code.spec.present:
         shape = tuple(int(sizes.get(str(n), n)) for n in x.shape)  # type: ignore[call-overload]
         given.append((math.prod(shape),) if x.name == "fext" else shape)
-    forces = any(x.name == "fext" for x in code.spec.present)
     given += [(sizes["nv"],)] * unused
     shape = tuple(int(sizes.get(str(n), n)) for n in numba_kernels.kernel_shape(code.spec.output))
-    output, alive = single_call.array(shape), [code, recording]
-    if returns == RESULT and recording is not None and recording.result is not None:
-        output = single_call.placed(shape, recording.result.ctypes.data)
-    elif returns == PARTS:
-        alive.append(parts := np.empty(shape))  # type: ignore[arg-type]
-        output = single_call.placed(shape, parts.ctypes.data)
-    record = None if recording is None else recording.words(len(given) - forces)
+    place = np.empty(shape) if returns == PARTS else result if returns == RESULT else None
+    output = single_call.array(shape) if place is None else single_call.placed(shape, place.ctypes.data)
     several = single_call.PARTS if returns == PARTS else single_call.ONE
-    plan = single_call.plan(NOT_OWN, [output], given, several, alive, code.address, record)
+    plan = single_call.plan(NOT_OWN, [output], given, several, (code, place), code.address, recorded)
     kinds = [Parameter(f"x{k}", NUMBER if x == () else INPUT) for k, x in enumerate(given)]
     return single_call.bound(unavailable, kinds, plan)
 
@@ -168,13 +154,6 @@ def _in_place(program: tuple[int, int, int], inputs: Sequence[Array], out: Array
         program, [single_call.placed(out.shape, out.ctypes.data)], places, alive=(inputs, out, alive), shared=shared
     )
     return single_call.bound(unavailable, [Parameter(f"x{k}", FIXED) for k in range(len(places))], plan)
-
-
-@inline
-def copy(x: Any, out: Any) -> None:
-    """Copy a vector."""
-    for i in range(len(x)):
-        out[i] = x[i]
 
 
 # --- frames ----------------------------------------------------------------------------------------------
@@ -284,15 +263,15 @@ def frame_jacobian(name: str) -> Routine:
     """``(frame, reference) -> (6, nv)``: ``frame_jacobian`` or ``frame_jacobian_dot`` at the recorded q, v.
 
     Returns None also if joints were moved after that call. Words: table, sizes, addresses of the inputs, reference ids,
-    the rows of ``jacobians`` (0: none) and the stamps, which are equal if the rows are those of the call, frames; joints
-    are rows of the table.
+    the rows of ``jacobians`` (0: none) and the stamps, which are equal if the rows are those of the call, frames, whose
+    joints are rows of the table.
     """
     spec = SPECS[name]
     inputs = [x for x in spec.present if not x.static]
     words = ["table", *SIZES, *(f"{x.name}_address" for x in inputs), *REFERENCES, "placed_rows", "time", *FRAMES]
     passed = "".join(f"at({x.name}_address, ({x.shape[0]},)), " for x in inputs)
     body = [
-        "if word(time, 0) < word(table, -4): return 0",
+        "if word(time, 0) < word(table, -1): return 0",
         "i, p = word(joints, k), at(word(placements, k), (4, 4))",
         "if placed_rows != 0 and word(time, 0) == word(time, 1):",
         "    bodies = table_at(table)",

@@ -16,8 +16,8 @@ from ...recursions import SPECS
 from ...recursions.constraints.kkt import bordered_inverse, constrained
 from .recorded_calls import SIZES
 
-# words: addresses of the factors that ``recursions.constraints.kkt`` computes, the clock, the stamp of the call of which
-# M and the bias are, and scratch
+# words: addresses of the factors that ``recursions.constraints.kkt`` computes, the clock, the stamp of the call that
+# gave M and the bias, and scratch
 KEPT = ("L", "Y", "C", "force", "clock", "before", "scratch")
 
 

@@ -31,12 +31,9 @@ STAMP = array("q", [0, 0])
 compiled = pytest.mark.skipif(not single_call.READY, reason="nothing is compiled, or Python is not as expected")
 
 
-def bound(function: Any, model: Any, arrays: dict[str, Any], **sizes: int) -> Any:
-    numbers = np.zeros(1)
-    table = recorded_calls.Table(np.frombuffer(model.bodies.tobytes(), np.uint8), numbers, numbers.copy())
-    words = {"table": table.address, "nq": model.nq, "nv": model.nv, "njoints": model.njoints, **sizes}
-    words |= {name: x.ctypes.data for name, x in arrays.items()}
-    return function.bind(table, arrays, **words)
+def bound(routine: Any, model: Any, arrays: dict[str, Any], **sizes: int) -> Any:
+    words = {"table": model.address, "nq": model.nq, "nv": model.nv, "njoints": model.njoints, **sizes}
+    return routine.bind(model, arrays, **words, **{name: x.ctypes.data for name, x in arrays.items()})
 
 
 def recorded(
@@ -51,10 +48,11 @@ def recorded(
 ) -> Any:
     now, spec = np.zeros(1) if now is None else now, variant(SPECS[name], frozenset(["fext"] if forces else []))
     table = recorded_calls.Table(np.frombuffer(model.bodies.tobytes(), np.uint8), now, now.copy())
-    recording = recorded_calls.Recording(memory, result, STAMP, table)
     entries.table_entry(spec).compile_now()
     sizes = {"nq": model.nq, "nv": model.nv, "njoints": model.njoints}
-    return recorded_calls.recorded_call(CallCode(spec, table), sizes, recording, unused, returns)
+    count = len(spec.present) - forces + unused
+    noted = recorded_calls.record(count, memory, result, STAMP, table)
+    return recorded_calls.recorded_call(CallCode(spec, table), sizes, noted, unused, returns, result)
 
 
 @compiled
@@ -164,10 +162,10 @@ def test_frames_are_placed_with_the_joints(case: Any) -> None:
     model, s = case
     frames = [f for f in model.frames if f.joint > 0]
     joints, placements = np.array([f.joint for f in frames]), np.array([f.placement for f in frames])
-    X, out, memory = np.empty((model.njoints, 4, 4)), np.zeros((len(frames), 4, 4)), np.empty(model.nq)
+    X, out = np.empty((model.njoints, 4, 4)), np.zeros((len(frames), 4, 4))
     places = np.array([x.ctypes.data for x in placements])
-    arrays = {"memory": memory, "poses": X, "result": out, "joints": joints, "placements": places}
-    arrays |= {name: np.zeros(1, np.int64) for name in ("clock", "time", "time_of_joints")}
+    arrays = {"poses": X, "result": out, "joints": joints, "placements": places}
+    arrays |= {name: np.zeros(1, np.int64) for name in ("clock", "time")}
     assert bound(recorded_calls.place_frames(True), model, arrays, frames=len(frames))(s.q) is True
     for frame, found in zip(frames, out, strict=True):
         np.testing.assert_allclose(found, sd.frame_placement(model, s.q, frame), atol=1e-14)
@@ -183,8 +181,8 @@ def test_the_answer_under_constraints_is_the_librarys(case: Any) -> None:
     model, s = case
     m, n, rng = 3, model.nv, np.random.default_rng(3)
     J, drift = rng.normal(size=(m, n)), rng.normal(size=m)
-    arrays = {"memory": np.empty(model.nq + n), "bias": np.empty(n), "result": np.empty(n), "L": np.empty((n, n))}
-    arrays |= {"Y": np.empty((m, n)), "C": np.empty((m, m)), "force": np.empty(m), "time": np.zeros(1, np.int64)}
+    arrays = {"bias": np.empty(n), "L": np.empty((n, n)), "Y": np.empty((m, n)), "C": np.empty((m, m))}
+    arrays |= {"force": np.empty(m)}
     arrays |= {"before": np.zeros(1, np.int64), "scratch": recorded_constraints.scratch_of(n, m)}
     clock = recorded_calls.address(recorded_calls.clock.now)
     call = bound(recorded_constraints.dynamics(), model, arrays, m=m, clock=clock)
@@ -193,10 +191,10 @@ def test_the_answer_under_constraints_is_the_librarys(case: Any) -> None:
     close = 1e-13 * abs(expected.x).max()  # the library's solver fuses products and sums
     np.testing.assert_allclose(call(s.q, s.v, s.tau, J, drift, 0.1), expected.x, rtol=0.0, atol=close)
     np.testing.assert_allclose(arrays["force"], expected.force, rtol=1e-12)
-    assert 0 < arrays["before"][0] < arrays["time"][0] == recorded_calls.clock.now[0]
+    assert 0 < arrays["before"][0] == recorded_calls.clock.now[0]
     J[1] = J[0]
     kept = arrays["force"].copy()
-    assert call(s.q, s.v, s.tau, J, drift) is call(s.q, s.v, s.tau, J, drift, -1.0) is None
+    assert call(s.q, s.v, s.tau, J, drift, 0.0) is call(s.q, s.v, s.tau, J, drift, -1.0) is None
     np.testing.assert_array_equal(arrays["force"], kept)
 
 

@@ -16,7 +16,7 @@ from ....constraints.contact import solve as solved
 from ....engines.programs.run.routine import Routine
 from ....errors import ConstraintError, ShapeError
 from ...native import recorded_constraints
-from ...native.recorded_calls import Recording
+from ...native.recorded_calls import record
 from ..data.data import Data, library_of
 from ..data.dispatch import vector
 from ..data.run import Run
@@ -160,8 +160,8 @@ def _solve(
         words |= {"clock": run.stamp_words["clock"], "before": call.stamp_words["time"], "m": m}
         words |= {"rows": n, "columns": n}
         kept = None if kind == BORDERED else run.result
-        record = Recording(call.memory, kept, run._stamp, library.table).words(recorded)
-        builtin = make().bind(library, call, run, f, places, record=record, **words)
+        noted = record(recorded, call.memory, kept, run._stamp, library.table)
+        builtin = make().bind(library, call, run, f, places, record=noted, **words)
         data._bound[kind] = library, call, run, builtin
     return f
 

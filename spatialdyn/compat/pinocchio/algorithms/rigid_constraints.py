@@ -16,7 +16,7 @@ from ....constraints.contact import Solved, inverse, solve
 from ....engines.compiled import numba_kernels, table_kernels
 from ....errors import ConstraintError, ShapeError, SimulationError
 from ....recursions.tree.kinematics import WORK
-from ...native.recorded_calls import Recording
+from ...native.recorded_calls import record
 from ...native.recorded_constraints import scratch_of
 from ...native.recorded_contacts import FOUND, GIVEN, contact_dynamics, put_contacts
 from ..data.data import Data, library_of
@@ -171,7 +171,7 @@ def constraintDynamics(
                 data.note_builtin_call(before)
                 data.note_builtin_call(run)
                 return found
-    except (AttributeError, KeyError, TypeError, SystemError):  # the fast path does not apply
+    except (AttributeError, KeyError, TypeError):  # the fast path does not apply
         pass
     pairs, settings = _pairs(contact_models, contact_datas), _settings(prox_settings)
     computeAllTerms(model, data, q, v)
@@ -200,8 +200,8 @@ def _bind(data: Data, every: Run, run: Run, pairs: Any) -> None:
     arrays["scratch"] = scratch_of(len(f.L), len(f.force))
     words = {**library.words, **every.stamp_words, **{name: x.ctypes.data for name, x in arrays.items()}}
     words |= {"m": len(f.force), "count": len(pairs), "before": words.pop("time")}
-    record = Recording(every.memory, run.result, run._stamp, library.table).words(2)
-    call = contact_dynamics().bind(library, arrays, models, datas, every, run, record=record, **words)
+    noted = record(2, every.memory, run.result, run._stamp, library.table)
+    call = contact_dynamics().bind(library, arrays, models, datas, every, run, record=noted, **words)
     data._bound["contacts"] = library, models, datas, every, run, f, call
 
 

@@ -177,15 +177,16 @@ class Run:
         if self.placed_rows is not None:
             places = {"placed_rows": self.placed_rows.ctypes.data, **self.stamp_words}
             places["oMi"] = 0 if self.oMi is None else self.oMi.ctypes.data
-            alive, record = (library, self.placed_rows, self.oMi), self.recording(1, self.result)
-            return recorded_calls.jacobians().bind(*alive, record=record, **places, **library.words)
-        recording = recorded_calls.Recording(self.memory, self.result, self._stamp, library.table)
-        code = library.code(kind.call, forces)
-        return recorded_calls.recorded_call(code, library.words, recording, kind.unused_inputs, kind.returns)
+            record = self.recording(1, self.result)
+            return recorded_calls.jacobians().bind(
+                library, self.placed_rows, self.oMi, record=record, **places, **library.words
+            )
+        code, record = library.code(kind.call, forces), self.recording(len(kind.inputs.split()), self.result)
+        return recorded_calls.recorded_call(code, library.words, record, kind.unused_inputs, kind.returns, self.result)
 
     def recording(self, count: int, result: Array | None = None) -> Words:
         """Words of a builtin that records its first inputs, this many, its result, if given, and the stamp."""
-        return recorded_calls.Recording(self.memory, result, self._stamp, self.library.table).words(count)
+        return recorded_calls.record(count, self.memory, result, self._stamp, self.library.table)
 
     def hold(self, held: Mapping[str, Array], recompute_field: Callable[[Run, str], Any]) -> None:
         """Have calls write these held fields: the result itself in place, the others by builtin or recipe."""

@@ -43,13 +43,14 @@ ONE, SEVERAL, PARTS = range(3)
 # kinds: the number of axes of a new or given array, perhaps with PLACED: the last word is the address of the numbers,
 # True is returned; or with VALUE: an object of the class in the third word whose slot, at the offset in the last word,
 # holds the array, or with EITHER that object or the array. Or a FLOAT, a new or given one; an INDEX, an int from 0 to
-# below the first word; a CHOICE, the place of the object among four words; NOTHING, no input
-FLOAT, NOTHING, PLACED, INDEX, CHOICE, VALUE, EITHER = (16 << k for k in range(7))
+# below the first word; a CHOICE, the place of the object among four words; a TRUTH, a result: True or False for a
+# number other than 0 or 0; NOTHING, no input
+FLOAT, NOTHING, PLACED, INDEX, CHOICE, VALUE, EITHER, TRUTH = (16 << k for k in range(8))
 AXES = 15
 RECORD = ("clock", "time", "memory", "count", "result", "now", "then", "bytes")
 #   clock    address of a counter, which a call advances, and the address where it writes the count
 #   memory   address to which the first ``count`` inputs are copied, one after the other
-#   result   address to which the first result is copied
+#   result   address to which the first result is copied; 0 if it is not
 #   now      addresses of two blocks of so many bytes: where they differ, the Python function is called
 MOST_GATHERED = 1 << 14  # bytes of an array whose numbers are apart
 _PAIRS = len(PROCESS) + len(FORM)
@@ -315,9 +316,9 @@ def _call() -> str:
     c.branch(c.equal("%r", amount), "run", "make", then="make")
     shape = c.at("i64", shapes, c.times("%r", ARRAY_WORDS))
     kind = c.word(shape, 0)
-    c.branch(c.equal(c.bits(kind, FLOAT | PLACED), 0), "make_array", "make_other", then="make_other")
+    c.branch(c.equal(c.bits(kind, FLOAT | PLACED | TRUTH), 0), "make_array", "make_other", then="make_other")
     cell = c.at("double", number, "%r")
-    c.branch(c.equal(kind, FLOAT), "made", "make_place", then="make_place")
+    c.branch(c.equal(c.bits(kind, PLACED), 0), "made", "make_place", then="make_place")
     held, true = c.pointer(shape, ARRAY_WORDS - 1), c.process("true")
     do(f"call void {c.process('up')}(ptr {true})")
     c.jump("made", then="make_array")
@@ -361,7 +362,7 @@ def _call() -> str:
     do("%w.next = add i64 %w, 1")
     c.jump("noting", then="noted")
     kept, result = c.pointer(record, RECORD.index("result")), c.load("ptr", outputs)
-    c.branch(c.equal(kept, result, "ptr"), "stamped", "keep", then="keep")
+    c.branch(c.either(c.equal(kept, "null", "ptr"), c.equal(kept, result, "ptr")), "stamped", "keep", then="keep")
     c.move(kept, result, c.word(shapes, 1))
     c.jump("stamped", then="stamped")
     clock = c.pointer(record, RECORD.index("clock"))
@@ -381,6 +382,11 @@ def _call() -> str:
     c.store("ptr", wrapped, at)
     c.jump("boxed", then="boxing")
     found = c.load("double", c.at("double", number, "%b"))
+    c.branch(c.equal(c.word(shape, 0), TRUTH), "judging", "real", then="judging")
+    judged = put(f"select i1 {put(f'fcmp une double {found}, 0.0')}, ptr {c.process('true')}, ptr {c.process('false')}")
+    do(f"call void {c.process('up')}(ptr {judged})")
+    c.store("ptr", judged, at)
+    c.jump("boxed", then="real")
     boxed = put(f"call ptr {c.process('new_float')}(double {found})")
     c.store("ptr", boxed, at)
     c.branch(put(f"icmp ne ptr {boxed}, null"), "boxed", "failed", then="boxed")

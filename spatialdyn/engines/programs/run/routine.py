@@ -12,9 +12,9 @@ from typing import Any, NamedTuple
 
 from ... import object_layout as layout
 from ...compiled.entries import Entry
-from ..llvm.single_call_text import ARRAY, CHOICE, FIXED, INDEX, NUMBER, PLACED
+from ..llvm.single_call_text import ARRAY, CHOICE, FIXED, INDEX, NUMBER, PLACED, TRUTH
 from . import single_call
-from .single_call import Item, Parameter
+from .single_call import Item, Parameter, unavailable
 
 Shape = tuple[int | str, ...]  # numbers, or names of words
 
@@ -43,6 +43,10 @@ class Held(NamedTuple):
     or_array: bool = False
 
 
+class Truth(NamedTuple):
+    """A result: True or False for a number other than 0 or 0."""
+
+
 Kind = Shape | Index | Choice | Held
 
 
@@ -56,7 +60,7 @@ class Routine:
         inputs: Mapping[str, Kind],
         body: Sequence[str],
         scope: Mapping[str, Any],
-        output: Shape | Held | None = None,
+        output: Shape | Held | Truth | None = None,
     ) -> None:
         """Statements that end in ``return 1``, or in ``return 0`` where the routine does not apply.
 
@@ -84,14 +88,18 @@ class Routine:
         return Entry(*self._made_of)
 
     def bind(
-        self, *alive: Any, record: layout.Words | None = None, places: Mapping[str, int] | None = None, **words: int
+        self,
+        *alive: Any,
+        record: layout.Words | None = None,
+        places: Mapping[str, int] | None = None,
+        otherwise: Callable[..., Any] = unavailable,
+        **words: int,
     ) -> Callable[..., Any]:
         """The builtin of these words, which keeps references to the objects at their addresses.
 
         record  see ``single_call.record``
         places  addresses of inputs that no caller passes
-
-        The builtin returns None if not applicable.
+        otherwise  called with the arguments where the routine does not apply
         """
         context = layout.words([words[x] for x in self.words], *alive)
         entry, places = self.entry, places or {}
@@ -99,7 +107,9 @@ class Routine:
         def sizes(shape: Shape) -> tuple[int, ...]:
             return tuple(words[x] if isinstance(x, str) else x for x in shape)
 
-        def item(kind: Kind, place: int | None) -> Item:
+        def item(kind: Kind | Truth, place: int | None) -> Item:
+            if isinstance(kind, Truth):
+                return Item(TRUTH)
             if isinstance(kind, Index):
                 return Item(INDEX, 8, (words[kind.below],))
             if isinstance(kind, Choice):
@@ -113,13 +123,17 @@ class Routine:
         code = entry.words(context.ctypes.data)
         plan = single_call.plan(code, [result], given, alive=(context, entry), record=record)
 
-        def python(*given: Any, **named: Any) -> None:
-            if entry.code() is not None:  # compiled by now
-                plan[:3] = entry.words(context.ctypes.data)
-
         kinds = [
             Parameter(x, FIXED if x in places else NUMBER if kind == () else ARRAY) for x, kind in self.inputs.items()
         ]
+
+        def python(*given: Any, **named: Any) -> Any:
+            code = entry.words(context.ctypes.data)
+            if plan[0] == code[0]:
+                return otherwise(*given, **named)
+            plan[:3] = code  # compiled by now
+            return single_call.bound(otherwise, kinds, plan)(*given, **named)  # this builtin itself would be a cycle
+
         return single_call.bound(python, kinds, plan)
 
 
