@@ -22,7 +22,7 @@ from ...algebra import euclidean, lie, public_arrays, spatial
 from ...engines.compiled import numba_kernels
 from ...engines.compiled.entries import of_memory
 from ...engines.compiled.tiers import Tiered, Twin, real_of
-from ...engines.programs.run.routine import Held, Kind, Routine, Truth
+from ...engines.programs.run.routine import Held, Kind, Routine, Shape, Truth
 from ...engines.programs.run.single_call import unavailable
 from . import operators
 
@@ -145,15 +145,17 @@ def value_routine(formula: Formula) -> Routine:
     ... the classes of the inputs, 0 for arrays; ``made``, that of the output.
     """
 
-    def kind(x: str, word: str) -> Kind:
+    def kind(x: str, word: str) -> Shape | Held:
         shape = SHAPES[array_kind(x)]
         return Held(shape, word, "slot", "|" in x) if x[0].isupper() else shape
 
-    inputs = {f"{x}_in": kind(given, f"class{k}") for k, (x, given) in enumerate(formula.inputs.items())}
+    inputs: dict[str, Kind] = {
+        f"{x}_in": kind(given, f"class{k}") for k, (x, given) in enumerate(formula.inputs.items())
+    }
     output = formula.output.lower()
     last = f"write_{output}(out, result)" if SHAPES[output] else "out[0] = result"
     body = [*formula.statements(), last, "return 1"]
-    result = Truth() if output == "truth" else kind(formula.output, "made")
+    result: Shape | Held | Truth = Truth() if output == "truth" else kind(formula.output, "made")
     return Routine(f"value_{formula.label}", [], inputs, body, SCOPE, result)
 
 
@@ -167,7 +169,7 @@ def bind_values(
 
     words = {f"class{k}": address(kind) for k, kind in enumerate(formula.inputs.values())}
     words |= {"slot": slot, "made": address(formula.output)}
-    return value_routine(formula).bind(*classes.values(), otherwise=otherwise, **words)
+    return value_routine(formula).bind(words, *classes.values(), otherwise=otherwise)
 
 
 @cache
@@ -181,8 +183,9 @@ def draw_between(generator: Any, size: int, units: tuple[tuple[int, int], ...] =
     interface = generator.bit_generator.ctypes  # NumPy offers it for compiled code
     address = ctypes.cast(interface.next_double, ctypes.c_void_p).value or 0
     parts = np.array(units, np.int64).ravel()
-    words = {"units": parts.ctypes.data, "count": len(units), "n": size, "next_double": address}
-    return _draw_between().bind(generator, parts, state=interface.state_address, **words)
+    words = {"units": parts.ctypes.data, "count": len(units), "n": size}
+    words |= {"next_double": address, "state": interface.state_address}
+    return _draw_between().bind(words, generator, parts)
 
 
 @cache

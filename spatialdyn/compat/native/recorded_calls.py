@@ -43,6 +43,7 @@ SIZES = ("nq", "nv", "njoints")  # words of a plan
 ARRAY, PARTS, RESULT = range(3)  # what a recorded call returns
 NOT_OWN = 0, 0, 0  # the code of a plan that reads that of a CallCode
 Array = NDArray[np.float64]
+Builtin = Callable[..., Any]
 HEAD = 64  # bytes before a table
 REFERENCES = ("in_frame", "in_world", "aligned")  # words: ids of the ReferenceFrame objects, in the order of codes
 FRAMES = ("frames", "joints", "placements")  # words: number of frames; addresses, of addresses for placements
@@ -112,7 +113,7 @@ def recorded_call(
     unused: int = 0,
     returns: int = ARRAY,
     result: Array | None = None,
-) -> Callable[..., Any]:
+) -> Builtin:
     """``(*inputs, *unused) -> result`` of the code of a public call for one sample, a builtin that may record.
 
     sizes     nq, nv, njoints
@@ -125,7 +126,7 @@ def recorded_call(
     """
     given: list[single_call.Described] = []
     for x in code.spec.present:
-        shape = tuple(int(sizes.get(str(n), n)) for n in x.shape)  # type: ignore[call-overload]
+        shape = tuple(int(sizes.get(str(n), n)) for n in x.shape)
         given.append((math.prod(shape),) if x.name == "fext" else shape)
     given += [(sizes["nv"],)] * unused
     shape = tuple(int(sizes.get(str(n), n)) for n in numba_kernels.kernel_shape(code.spec.output))
@@ -137,18 +138,18 @@ def recorded_call(
     return single_call.bound(unavailable, kinds, plan)
 
 
-def rerun(code: CallCode, inputs: Sequence[Array], out: Array) -> Callable[[], Any]:
+def rerun(code: CallCode, inputs: Sequence[Array], out: Array) -> Builtin:
     """``() -> True``: a builtin that writes a call's result at the numbers that are in ``inputs`` to ``out``."""
     return _in_place(NOT_OWN, inputs, out, code.address, code)
 
 
-def copier(x: Array, out: Array) -> Callable[[], Any]:
+def copier(x: Array, out: Array) -> Builtin:
     """``() -> True``: a builtin that copies numbers."""
     program = single_call.copy_entry(), x.nbytes, entries.NO_LIMIT.ctypes.data
     return _in_place(program, [x], out, 0, None)
 
 
-def _in_place(program: tuple[int, int, int], inputs: Sequence[Array], out: Array, shared: int, alive: Any) -> Any:
+def _in_place(program: tuple[int, int, int], inputs: Sequence[Array], out: Array, shared: int, alive: Any) -> Builtin:
     places = [single_call.placed(x.shape, x.ctypes.data) for x in inputs]
     plan = single_call.plan(
         program, [single_call.placed(out.shape, out.ctypes.data)], places, alive=(inputs, out, alive), shared=shared

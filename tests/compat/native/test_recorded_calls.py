@@ -33,7 +33,7 @@ compiled = pytest.mark.skipif(not single_call.READY, reason="nothing is compiled
 
 def bound(routine: Any, model: Any, arrays: dict[str, Any], **sizes: int) -> Any:
     words = {"table": model.address, "nq": model.nq, "nv": model.nv, "njoints": model.njoints, **sizes}
-    return routine.bind(model, arrays, **words, **{name: x.ctypes.data for name, x in arrays.items()})
+    return routine.bind({**words, **{name: x.ctypes.data for name, x in arrays.items()}}, model, arrays)
 
 
 def recorded(

@@ -138,7 +138,7 @@ def test_a_number_is_a_float(model: Any, state: Any) -> None:
 
 def test_an_index_is_an_int_in_range_and_leaves_no_error() -> None:
     routine = Routine("index", ["below"], {"k": Index("below")}, ["out[0] = k", "return 1"], {}, ())
-    call = routine.bind(below=2)
+    call = routine.bind({"below": 2})
     assert (call(0), call(1)) == (0.0, 1.0)
     for wrong in (-1, 2, 10**30, -(10**30), 1.0, True, np.int64(1), None, "1"):
         assert call(wrong) is None
@@ -148,7 +148,7 @@ def test_a_choice_is_the_place_of_an_object() -> None:
     objects = "first", object(), 3.5
     words = {f"w{k}": id(x) for k, x in enumerate(objects)}
     routine = Routine("choice", [*words], {"k": Choice(tuple(words))}, ["out[0] = k", "return 1"], {}, ())
-    call = routine.bind(objects, **words)
+    call = routine.bind(words, objects)
     assert [call(x) for x in objects] == [0.0, 1.0, 2.0]
     assert call(object()) is call(4.0) is call() is None
 
@@ -156,7 +156,7 @@ def test_a_choice_is_the_place_of_an_object() -> None:
 def test_a_routine_is_compiled_once_that_pays() -> None:
     """Plain Python answers first; the call at the change is answered too."""
     routine = Routine("twice", ["n"], {"x": ("n",), "s": ()}, TWICE, {}, ("n",))
-    call, x = routine.bind(n=3), np.arange(3.0)
+    call, x = routine.bind({"n": 3}), np.arange(3.0)
     expected = 0.5 * (x + x)
     if routine.entry._code is None:
         np.testing.assert_array_equal(call(x, 0.5), expected)
@@ -170,7 +170,7 @@ def test_a_routine_is_compiled_once_that_pays() -> None:
 
 def test_a_number_may_be_a_truth_and_another_function_may_answer() -> None:
     routine = Routine("sign", [], {"x": ()}, ["out[0] = x", "return 1"], {}, Truth())
-    call = routine.bind(otherwise=lambda x: f"not {x}")
+    call = routine.bind({}, otherwise=lambda x: f"not {x}")
     assert call(0.0) is False
     assert call(-1.0) is call(np.nan) is True
     assert call(1) == "not 1"
@@ -179,10 +179,10 @@ def test_a_number_may_be_a_truth_and_another_function_may_answer() -> None:
 def test_inputs_may_stand_at_addresses_and_be_recorded() -> None:
     x, memory, stamp, now = np.arange(3.0), np.zeros(4), np.zeros(2, np.int64), np.zeros(1)
     routine = Routine("twice", ["n"], {"x": ("n",), "s": ()}, TWICE, {}, ("n",))
-    held = routine.bind(x, n=3, places={"x": x.ctypes.data, "s": x[1:].ctypes.data})
+    held = routine.bind({"n": 3}, x, places={"x": x.ctypes.data, "s": x[1:].ctypes.data})
     words = {"clock": stamp.ctypes.data, "time": stamp[1:].ctypes.data, "memory": memory.ctypes.data}
     words |= {"now": now.ctypes.data, "then": x.ctypes.data, "bytes": 8, "count": 2}  # the result is not recorded
-    noted = routine.bind(x, memory, stamp, now, n=3, record=single_call.record(**words))
+    noted = routine.bind({"n": 3}, x, memory, stamp, now, record=single_call.record(**words))
     np.testing.assert_array_equal(held(), 2.0 * x)
     np.testing.assert_array_equal(noted(x + 1.0, 0.25), 0.5 * (x + 1.0))
     np.testing.assert_array_equal(memory, [1.0, 2.0, 3.0, 0.25])
@@ -236,7 +236,7 @@ import gc
 from spatialdyn.engines.programs.run.routine import Routine
 for k in range(3):
     made = Routine(f"nothing{k}", ["one"], {}, ["return 1"], {})
-    functions = [made.bind(one=1) for _ in range(20)]
+    functions = [made.bind({"one": 1}) for _ in range(20)]
     assert all(f() for f in functions)
     functions.append((functions, made))
     made.functions = functions

@@ -124,7 +124,7 @@ def _fast_call(kind: str, model: Model, data: Data, arguments: tuple[Any, ...]) 
         library, before, run, call = data._bound[kind]
         if library is not model._library:
             return None
-        arguments = (*arguments, *[0.0] * (_BUILTINS[kind].count - len(arguments)))  # restitution, damping
+        arguments = (*arguments, *[0.0] * (_BUILTINS[kind].inputs - len(arguments)))  # restitution, damping
         found: Array | None = call(*arguments)
         if found is None and library.follow():  # numbers were edited
             found = call(*arguments)
@@ -161,7 +161,7 @@ def _solve(
         words |= {"rows": n, "columns": n}
         kept = None if kind == BORDERED else run.result
         noted = record(recorded, call.memory, kept, run._stamp, library.table)
-        builtin = make().bind(library, call, run, f, places, record=noted, **words)
+        builtin = make().bind(words, library, call, run, f, places, record=noted)
         data._bound[kind] = library, call, run, builtin
     return f
 
@@ -175,7 +175,7 @@ class _Builtin(NamedTuple):
     source: str
     reads: str
     recorded: int
-    count: int
+    inputs: int
 
 
 _BUILTINS = {

@@ -112,7 +112,7 @@ def _at(name: str, doc: str) -> Callable[..., Array]:
             held = {x: array for x, array in fields.items() if array is not None and library.joints is None}
             words = {x: held[x].ctypes.data if x in held else 0 for x in recorded_calls.HELD}
             words |= {"code": code, **library.words, **frames.words(rows=True)}
-            call = recorded_calls.frame_jacobian_at().bind(library, run, frames, held, record=run.recording(1), **words)
+            call = recorded_calls.frame_jacobian_at().bind(words, library, run, frames, held, record=run.recording(1))
         data._bound[name if of_joints else id(reference)] = run, frames, call
         return found
 
@@ -167,7 +167,7 @@ def _recorded(name: str, doc: str) -> Callable[..., Array]:
             rows = 0 if rate or run.placed_rows is None else run.placed_rows.ctypes.data
             words |= {"placed_rows": rows, "time": run.stamp_words["time"]}
             words |= {**library.words, **REFERENCES, **frames.words(rows=True)}
-            call = recorded_calls.frame_jacobian(call_name).bind(library, run, frames, **words)
+            call = recorded_calls.frame_jacobian(call_name).bind(words, library, run, frames)
         run.bound[key] = frames, call
         return found
 

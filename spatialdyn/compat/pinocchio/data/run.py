@@ -178,9 +178,8 @@ class Run:
             places = {"placed_rows": self.placed_rows.ctypes.data, **self.stamp_words}
             places["oMi"] = 0 if self.oMi is None else self.oMi.ctypes.data
             record = self.recording(1, self.result)
-            return recorded_calls.jacobians().bind(
-                library, self.placed_rows, self.oMi, record=record, **places, **library.words
-            )
+            words = {**places, **library.words}
+            return recorded_calls.jacobians().bind(words, library, self.placed_rows, self.oMi, record=record)
         code, record = library.code(kind.call, forces), self.recording(len(kind.inputs.split()), self.result)
         return recorded_calls.recorded_call(code, library.words, record, kind.unused_inputs, kind.returns, self.result)
 
@@ -235,10 +234,10 @@ class Run:
         words |= {"found_at": [*moving.values()][-1].ctypes.data, **self.library.words}
         routine, alive = recorded_calls.motions(name), (self.library, self.memory, *moving.values())
         if self.kind.call == "forward_kinematics":
-            self.call = routine.bind(*alive, record=self.recording(len(routine.inputs)), **words)
+            self.call = routine.bind(words, *alive, record=self.recording(len(routine.inputs)))
         else:
             places = {x: getattr(self, x).ctypes.data for x in routine.inputs}
-            self.recompute.append(routine.bind(*alive, places=places, **words))
+            self.recompute.append(routine.bind(words, *alive, places=places))
 
     def _may_share(self, x: Array) -> bool:
         return x.shape == self.result.shape and self.kind.call != "aba"  # recipes of aba read its result as an input

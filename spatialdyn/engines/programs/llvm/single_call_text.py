@@ -216,6 +216,8 @@ def _call() -> str:
     c.store("i64", put(f"sub i64 {left}, 1"), counter)
     shapes = c.at("i64", "%plan", len(PLAN))
     in_place = put(f"select i1 {c.equal(c.bits(c.word(shapes, 0), PLACED), 0)}, i64 0, i64 {c.word(shapes, 1)}")
+    written = c.pointer(shapes, ARRAY_WORDS - 1)
+    written_end = c.byte(written, in_place)
     before = c.block
     c.jump("arguments", then="arguments")
 
@@ -270,9 +272,11 @@ def _call() -> str:
     data = c.pointer("%value", layout.DATA)
     _same_shape(c, "%value", shape, rank, "in")
     flags = c.bits(c.word("%value", layout.FLAGS), layout.CONTIGUOUS)
-    whole = c.both(put(f"icmp ne i64 {flags}, 0"), c.equal(in_place, 0))
+    before = put(f"icmp ule ptr {c.byte(data, c.word(shape, 1))}, {written}")
+    behind = c.either(put(f"icmp ule ptr {written_end}, {data}"), c.equal(in_place, 0))
+    whole = c.both(put(f"icmp ne i64 {flags}, 0"), c.either(before, behind))
     c.jump("array.whole", then="array.whole")
-    c.branch(whole, "input.end", "apart.from", then="apart.from")  # gathered also if the result may be written over it
+    c.branch(whole, "input.end", "scattered", then="scattered")  # gathered also if the result is written over it
     _gather(c, "%value", rank, c.word(shape, 1))
     c.jump("input.end", then="input.end")
     sources = ((held, "special"), (number_data, "number.end"), (cell, "index.end"), (cell, "choice.end"),
@@ -294,8 +298,8 @@ def _call() -> str:
     target = c.load("ptr", c.at("ptr", values, place))
     rank = c.word(shapes, 0)
     c.need(put(f"icmp ult i64 {rank}, {FLOAT}"))
-    flags = layout.CONTIGUOUS | layout.ALIGNED | layout.WRITEABLE
-    _is_array(c, target, c.pointer(target, layout.TYPE), ndarray, float64, rank, flags)
+    writeable = layout.CONTIGUOUS | layout.ALIGNED | layout.WRITEABLE
+    _is_array(c, target, c.pointer(target, layout.TYPE), ndarray, float64, rank, writeable)
     _same_shape(c, target, shapes, rank, "out")
     begin = c.pointer(target, layout.DATA)
     end = c.byte(begin, c.word(shapes, 1))

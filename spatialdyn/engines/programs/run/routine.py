@@ -89,11 +89,11 @@ class Routine:
 
     def bind(
         self,
+        words: Mapping[str, int],
         *alive: Any,
         record: layout.Words | None = None,
         places: Mapping[str, int] | None = None,
         otherwise: Callable[..., Any] = unavailable,
-        **words: int,
     ) -> Callable[..., Any]:
         """The builtin of these words, which keeps references to the objects at their addresses.
 
