@@ -131,8 +131,8 @@ computeJointTorqueRegressor, computeKineticEnergyRegressor of models with mimic 
 jointBodyRegressor, frameBodyRegressor of an index that is not there | memory is read | ModelError naming the index
 appendModel where the name of a frame's parent is that of several frames | an error | the result: frames are
     identified by index
-computeJointJacobian, computeFrameJacobian: joints and frames that do not carry the given one | liMi, oMi, oMf are not
-    written | liMi, oMi, oMf are written at q, unless the field was read before
+computeJointJacobian, computeFrameJacobian: joints that do not carry the given one | liMi, oMi are not written | liMi,
+    oMi are written at q, unless the field was read before
 framesForwardKinematics, updateFramePlacements with a data made before a frame was added | memory is overwritten |
     ShapeError
 writing data fields that a later call reads: J, dJ before getFrameJacobian, v before computeKineticEnergy | the

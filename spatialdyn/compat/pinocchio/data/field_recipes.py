@@ -121,11 +121,6 @@ def oMi(run: Any) -> Array:
     return joint_placements(run)
 
 
-def oMf(run: Any) -> Array:
-    """Poses of the frames in the world."""
-    return _rows(recorded_calls.compose_all, oMi(run), run.frames.joints, run.frames.placements)
-
-
 def liMi(run: Any) -> Array:
     """Poses of the joints in their parents."""
     X = oMi(run)
@@ -366,7 +361,6 @@ CALL_KINDS: dict[str, Kind] = {
     "global_placements": _kind("", "q", oMi=result),
     "frame_jacobian_local": _path(),
     "frame_jacobian_world": _path(oMi=oMi),
-    "frame_jacobian_aligned": _path(oMi=oMi, oMf=oMf),
     "jacobians": _kind("joint_jacobians", "q", PLACES, J=result),
     "jacobians_dot": _kind("joint_jacobians_dot", "q v", f"{PLACES} J v ov", dJ=result),
     "com0": _kind("center_of_mass", "q", MASSES),
