@@ -263,8 +263,10 @@ def Ig(run: Any) -> Array:
 
 def mechanical_energy(run: Any) -> float:
     """Kinetic and potential energy."""
-    fills = run.kind.fills
-    return float(sum(np.asarray(fills[name](run)).item() for name in ("kinetic_energy", "potential_energy")))
+    fills, library = run.kind.fills, run.library
+    now = library.potential_energy(run.q) if run.state is library.state else None
+    parts = fills["kinetic_energy"](run), fills["potential_energy"](run) if now is None else now
+    return float(sum([np.asarray(x).item() for x in parts]))
 
 
 def momentum_rate_and_weight(run: Any) -> Array:
