@@ -264,9 +264,10 @@ def Ig(run: Any) -> Array:
 def mechanical_energy(run: Any) -> float:
     """Kinetic and potential energy."""
     fills, library = run.kind.fills, run.library
-    now = library.potential_energy(run.q) if run.state is library.state else None
-    parts = fills["kinetic_energy"](run), fills["potential_energy"](run) if now is None else now
-    return float(sum([np.asarray(x).item() for x in parts]))
+    potential = library.potential_energy(run.q) if run.state is library.state else None
+    if potential is None:
+        potential = np.asarray(fills["potential_energy"](run))
+    return float(np.asarray(fills["kinetic_energy"](run)).item() + potential.item())
 
 
 def momentum_rate_and_weight(run: Any) -> Array:
