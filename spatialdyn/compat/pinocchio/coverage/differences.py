@@ -41,7 +41,7 @@ GeometryData: collision_functors, contactPatchRequests and their kin, radius | m
 RigidConstraintModel, RigidConstraintData: setCompliance, retrieveCompliance; lambdas_joint1,
     extended_motion_propagators_joint1 and _joint2 | one contact's part of a solver, its scratch | OutOfScopeError, an
     AttributeError
-data.constraint_chol, data.contact_chol | the factors of the last call, written in place | new factors at each read
+data.constraint_chol, data.contact_chol | the factors of the last call, written in place | new factors after a call
 RigidConstraintData: contact_acceleration and its kin, contact1_acceleration_drift, contact2_acceleration_drift |
     written by constraintDynamics | zero
 constraintDynamics, impulseDynamics of contacts that depend on each other with mu = 0, the default | nan |
