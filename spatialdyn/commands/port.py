@@ -11,7 +11,7 @@ import sys
 from collections.abc import Iterable, Iterator
 from importlib.util import decode_source
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from ..compat.pinocchio.coverage.porting import Change, Use, changes, uses
 from ..compat.pinocchio.coverage.stops import FOREIGN, KINDS, LIBRARY, OLD, Stop, stops
@@ -49,14 +49,18 @@ class Script(NamedTuple):
 
     def listed(self) -> dict[str, object]:
         """Whether it runs, with its uses, stops and changes, as names and numbers."""
-        parts = {"uses": self.uses, "stops": self.stops, "changes": self.changes}
+        parts: dict[str, list[Any]] = {"uses": self.uses, "stops": self.stops, "changes": self.changes}
         return {"runs": self.runs, **{name: [x._asdict() for x in part] for name, part in parts.items()}}
 
 
 def add(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments to its parser."""
     parser.add_argument("path", nargs="+", help="a Python file or notebook, or a folder of them")
-    parser.add_argument("--json", action="store_true", help="print JSON: for each file its names, what stops it, and the lines to change")
+    parser.add_argument(
+        "--json",
+        action="store_true",
+        help="print JSON: for each file its names, what stops it, and the lines to change",
+    )
     parser.set_defaults(run=_run)
 
 

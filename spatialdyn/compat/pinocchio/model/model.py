@@ -15,7 +15,7 @@ from ..types.bases import Copied, Registered
 from ..types.containers import StdMap_String_VectorXd
 from ..types.frame import ANY_FRAME, BODY, FIXED_JOINT, JOINT, Frame, FrameType
 from ..types.se3 import SE3
-from ..types.tracked_list import OwnedList, Rows
+from ..types.tracked_list import OwnedList
 from .from_pinocchio import pinocchio_state
 from .joint import JointModel
 from .joint_tree import ARRAYS, BY_LIMIT, LIMITS, Indices, Tree, limit
@@ -108,7 +108,9 @@ class Model(Tree, Stored, Copied):
         own["frames"] = other.frames.for_owner(self._owner_of("_frame_placements", "_frames_by_name"))
         own["_arrays"] = {name: x.copy() for name, x in other._arrays.items()}
         self._hold(Numbers(other.njoints, other.nv, other._numbers.block.copy()))
-        own["referenceConfigurations"] = Configurations({name: np.array(q) for name, q in other.referenceConfigurations.items()})
+        own["referenceConfigurations"] = Configurations(
+            {name: np.array(q) for name, q in other.referenceConfigurations.items()}
+        )
         library, before = given["_library"], given["_library_before"]
         own["_edited"] = other._edited or (before is not None and before.edited)
         if library is not None:
