@@ -316,6 +316,16 @@ def test_constraints_hold_joints_that_follow(method: str, stabilization: float |
     np.testing.assert_allclose(many.q, ours.q[1:], rtol=0.0, atol=1e-13)
 
 
+def test_rows_of_constraints_are_of_the_whole_tree() -> None:
+    """Where the joint that follows comes first."""
+    made = sd.ModelBuilder("pair").add_body("a", axis=(0, 1, 0), inertia=BODY, joint_name="z")
+    follow = {"leader": "z", "multiplier": -0.5, "offset": 0.1}
+    model = made.add_body("b", axis=(1, 0, 0), inertia=BODY, joint_name="b", mimic=follow).build(mimic=True)
+    held = sd.Constraints(model, [sd.VelocityConstraint([[2.0]]), sd.CouplerConstraint("b", "z", 0.25, 0.3)])
+    np.testing.assert_allclose(sd.constraint_jacobian(model, held, [0.4]), [[2.0], [-0.75]])
+    np.testing.assert_allclose(sd.constraint_error(model, held, [0.4]), [0.0, -0.75 * 0.4 + 0.1 - 0.3])
+
+
 def test_constrained_dynamics_are_those_of_the_tree_under_couplers() -> None:
     (q, v), G, load = whole(Q0, V0), np.asarray(MODEL.mimic_matrix), np.zeros(FREE.nv)
     load[OWN] = TAU0[SAME]
