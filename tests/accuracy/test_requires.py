@@ -407,12 +407,21 @@ def test_it_is_text_json_html_and_a_plot(tmp_path: Any) -> None:
 
 
 def test_a_part_within_the_tolerance_by_less_than_the_margin_says_so() -> None:
-    """And the steps that are tried include that of the whole scene, so that less of it never costs more."""
     scene, given = sd.Scene(MODEL, friction=sd.Friction(viscous=3e-3)), {"kinds": ("friction", "methods")}
     (change,) = (x.change for x in required(scene, **given).rows if x.part == "friction")
     found = required(scene, **given, tolerance=1.5 * change)
     (row,) = (x for x in found.rows if x.part == "friction")
     assert (row.verdict, row.why.partition(";")[0]) == ("needed", "within the tolerance, 4 times that is not")
+
+
+def test_the_step_of_the_whole_scene_is_tried_so_that_less_of_it_never_costs_more() -> None:
+    dt = 0.2 / 140  # others that are tried have 40, 80, 160 steps
+    scene = sd.Scene(MODEL, friction=sd.Friction(coulomb=0.05), fext=np.full((MODEL.njoints, 6), 1e-12))
+    given = {"kinds": ("fext", "methods"), "dt": dt}
+    certainty = required(scene, **given, tolerance=1.0).certainty
+    found = required(scene, **given, tolerance=8.0 * certainty)
+    assert found.scene.acts == ("friction",)
+    assert found.dt == pytest.approx(dt)
     assert found.speedup > 1.0 / WORSE
 
 
