@@ -81,8 +81,9 @@ def requires(
 
     First the whole scene is run at its step and at half of it; the difference is the ``certainty``. From the time at
     which it exceeds a quarter of the tolerance (0.15 of it for fewer than 32 samples), after impacts or in chaos,
-    nothing is judged; that time is the ``horizon``. Then each part is measured alone, and parts within the tolerance are left out together, greedily. Then
-    each method takes its coarsest step, and the cheapest method float32. The result is verified in fresh samples: its
+    nothing is judged; that time is the ``horizon``. Then each part is measured alone, and parts within the tolerance
+    are left out together, greedily. Then each method takes its coarsest step, and the cheapest method float32. The
+    result is verified in fresh samples: its
     bound is the largest change times a margin of 2 or more (4 for fewer than 32 samples), plus the certainty. If that
     exceeds the tolerance, the next cheapest scene is verified, and finally the whole scene remains. A scene with a
     locked joint that is at rest at the start is compared with the whole robot from states with that joint at its
