@@ -130,7 +130,7 @@ def _end(system: System, t: Any, s: Sweeps, y: Any) -> None:
 
 def _field(n: int, system: System, q: Any, p: Any, rates: Any) -> int:
     still = np.full(n, 0.0, object)
-    hamilton_rows(system.table, scratch(HAMILTON, n + 1), q, p, still, system.fext, rates, still.copy())
+    hamilton_rows(system.table, scratch(HAMILTON, system.table), q, p, still, system.fext, rates, still.copy())
     return OK
 
 
@@ -142,13 +142,13 @@ def _discrete(n: int, fext: Any) -> VariationalKernels:
     still = np.full(n, 0.0, object)
 
     def load(system: System, q: Any, g: Any) -> int:
-        momentum_rate(system.table, scratch(WORK, n + 1), q, still, None, fext, g)
+        momentum_rate(system.table, scratch(WORK, system.table), q, still, None, fext, g)
         g[:] = [-x for x in g]
         return OK
 
     def velocity(rows: Any, q: Any, p: Any, v: Any) -> int:
         rates = np.full((2, n), 0.0, object)
-        hamilton_rows(rows, scratch(HAMILTON, n + 1), q, p, still, None, rates, still.copy())
+        hamilton_rows(rows, scratch(HAMILTON, rows), q, p, still, None, rates, still.copy())
         v[:] = rates[0]
         return OK
 
@@ -157,12 +157,12 @@ def _discrete(n: int, fext: Any) -> VariationalKernels:
         return OK
 
     def before(rows: Any, q: Any, xi: Any, by_row: Any, out: Any) -> int:
-        least = sum_before(rows, scratch(WORK_BEFORE, n + 1), q, xi, by_row, out)
+        least = sum_before(rows, scratch(WORK_BEFORE, rows), q, xi, by_row, out)
         out[0] = select(least - TURN, out[0], math.nan)
         return OK
 
     def after(rows: Any, q: Any, xi: Any, by_row: Any, out: Any) -> int:
-        momenta_after(rows, scratch(WORK_AFTER, n + 1), q, xi, by_row, out)
+        momenta_after(rows, scratch(WORK_AFTER, rows), q, xi, by_row, out)
         return OK
 
     return VariationalKernels(load, None, velocity, moved, before, after, _end)

@@ -242,7 +242,7 @@ class _Kernels(NamedTuple):
 
 def _accelerate(system: System, q: Any, v: Any, a: Any) -> int:
     n = len(a)
-    aba(system.table, scratch(WORK, n + 1), q, v, system.tau, system.fext, a, np.zeros(n, object))
+    aba(system.table, scratch(WORK, system.table), q, v, system.tau, system.fext, a, np.zeros(n, object))
     return OK
 
 
@@ -258,13 +258,14 @@ def _displacement_rate(rows: Any, u: Any, v: Any, out: Any) -> int:
 
 @lru_cache(maxsize=256)  # bounded, because callers may make new laws in a loop
 def step_specs(
-    method: str, acting: tuple[Effect, ...] = (), works: Works = (), forced: bool = True
+    method: str, acting: tuple[Effect, ...] = (), works: Works = (), forced: bool = True, called: bool = False
 ) -> tuple[Spec, ...]:
     """Specs of the positions, velocities and carried states after a step, with inputs states, dt, tau and of effects.
 
     forced  whether there is a torque tau
+    called  whether inputs are in the order of ``sd.step``: q, v, tau, dt, states carried, those of effects
 
-    The states carried come third, in inputs and among the Specs.
+    The states carried come third, in other inputs and among the Specs.
     """
     own = (*(x for effect in acting for x in effect.states), *works)
 
@@ -282,9 +283,10 @@ def step_specs(
         return state.q, state.w, *(owned[x.name] for x in own)
 
     beside = (x for effect in acting for x in effect.inputs)
-    given = (Q, V, *own, DT, *((TAU,) if forced else ()), *beside)
+    first = (Q, V, TAU, DT, *own) if called else (Q, V, *own, DT, *((TAU,) if forced else ()))
+    given = (*first, *beside)
     feedback = find(acting, Feedback)
-    label = "_".join(["rollout", method, *(x.name for x in acting if x.name != "control")])
+    label = "_".join(["step" if called else "rollout", method, *(x.name for x in acting if x.name != "control")])
     return specs_of(label, given, (Q, V, *own), after, acting, feedback is None or feedback.spec.regroup)
 
 
