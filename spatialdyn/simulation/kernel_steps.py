@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..calls.dynamics import calls
+from ..control.law_specs import own_name
 from ..errors import SimulationError
-from ..laws.law_specs import own_name
 from ..recursions.control.paths import CLOCK
 from ..recursions.joints.friction import DT
 from ..recursions.spec import FEXT

@@ -16,9 +16,9 @@ from numpy.typing import ArrayLike, DTypeLike, NDArray
 from ..calls.arguments import as_array, as_flag, as_number, broadcast
 from ..calls.devices import as_device
 from ..calls.dynamics import calls
+from ..control.control import Control, check_control
+from ..control.cost import Cost, check_cost, with_cost
 from ..errors import NonFiniteError, ShapeError, SimulationError, literal
-from ..laws.control import Control, check_control
-from ..laws.cost import Cost, check_cost, with_cost
 from ..model.model import Model
 from ..model.robot_checks import masked
 from .driver import run_samples

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..calls.arguments import as_array, as_number
 from ..calls.dynamics import calls
 from ..calls.progress import Progress, check_progress, reporting
+from ..control.control import Control, check_control
 from ..engines.compiled import numba_kernels
 from ..errors import (
     NonFiniteError,
@@ -26,7 +27,6 @@ from ..errors import (
     SpatialDynError,
     literal,
 )
-from ..laws.control import Control, check_control
 from ..model.model import Model
 from .effects.control import Feedback, check_law
 from .effects.friction import check_stable

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..calls.arguments import as_array, core_shape
+from ..control.law_specs import own_name
 from ..errors import NonFiniteError, ShapeError, SimulationError, literal
-from ..laws.law_specs import own_name
 from ..model.model import Model
 from ..recursions.spec import Argument
 
