@@ -28,8 +28,8 @@ from ..simulation import Trajectory, integrators, simulate
 from ..simulation.effects.friction import STEPPED, WAYS
 from ..simulation.recorder import scale_of
 from ..simulation.scene import Scene
-from ..simulation.trajectory import ARRAY_FILES
 from ..sources.declared_scene import couplers_of
+from ..sources.run_files import ARRAY_FILES
 from .printing import shown
 from .robots import add_quiet, add_robot, load, parse_numbers, text_of
 from .targets import check_file, check_plot, check_report

@@ -36,7 +36,7 @@ from ...recursions.spec import Argument
 from ..arithmetic import Arithmetic
 from . import work
 from .constraints import Constrained
-from .effect import Effect, Forces, find
+from .effect import Effect, Forces, find, torques_of
 from .motor import CURRENT, DRIVES, Drive, Law, geared
 
 Array = NDArray[Any]
@@ -171,10 +171,9 @@ KINDS: dict[str, type[JointFriction]] = {IMPLICIT: DryFriction, LUGRE: LuGreFric
 def with_torques(at: Arithmetic, acting: tuple[Effect, ...], push: Any) -> tuple[Any, Forces]:
     """tau plus the torques of effects at the beginning of a step, and these torques by their states of work."""
     forces: Forces = {}
-    for effect in acting:
-        made = effect.torque(at, at.given["q"], at.given["v"])
-        if made is not None and effect.work is not None:
-            push, forces[effect.work.name] = push + made, made
+    for effect, made in torques_of(acting, at, at.given["q"], at.given["v"]):
+        push = push + made
+        forces |= {} if effect.work is None else {effect.work.name: made}
     return push, forces
 
 
