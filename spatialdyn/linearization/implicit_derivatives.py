@@ -41,7 +41,7 @@ from ..simulation.methods.call_kernels import call_kernels
 from ..simulation.methods.methods import DISCRETE, Method, integrators
 from ..simulation.methods.symplectic import GAUSS2, GAUSS4, GAUSS6, Tableau
 from ..simulation.momenta_steps import begun as begun_rows
-from ..simulation.momenta_steps import momenta_specs, rows_kept
+from ..simulation.momenta_steps import kept, momenta_specs
 from ..simulation.system import State, System, units
 from . import constrained_methods
 from .constrained_methods import Rows, Slopes, rows_of
@@ -297,8 +297,8 @@ def _solve(
         specs = momenta_specs(name, acting)
         forces = [] if fext is None else [fext.reshape((n, -1))]
         given = [q, p, *start, h[:, None], tau, *forces, units(model)[None]]
-        q1, p1, *kept = run(model, specs, "", given, outputs=len(specs))
-        for x, at in zip(kept, rows_kept(name), strict=True):
+        q1, p1, *found = run(model, specs, "", given, outputs=len(specs))
+        for x, at in zip(found, kept(name).values(), strict=True):
             if at is None:
                 centres[:] = x.reshape(centres.shape)
             else:

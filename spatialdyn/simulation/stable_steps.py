@@ -41,8 +41,8 @@ def check_smooth_friction(model: Model, effects: tuple[Effect, ...], method: str
         k = int(np.argmax(abs(np.linalg.eigh(root[:, None] * Minv * root)[1][:, -1])))
         raise SimulationError(
             f"dt is {dt:g} s, expected at most {most:.3g} s, where {method} is stable with the smooth friction of "
-            f'joint "{joint_of_velocity(model, k).name}", {slope[k]:.3g} N m s/rad at rest; a larger smoothing allows more, '
-            'and friction_method="implicit" any'
+            f'joint "{joint_of_velocity(model, k).name}", {slope[k]:.3g} N m s/rad at rest; a larger smoothing '
+            'allows more, and friction_method="implicit" any'
         )
 
 
