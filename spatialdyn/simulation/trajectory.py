@@ -108,7 +108,8 @@ class Trajectory:
         """
         if model is not None:
             check_model(model)
-        made, key, text = run_files.read(path, cls, ContactRecord)
+        read: tuple[Trajectory, str | None, str] = run_files.read(path, cls, ContactRecord)
+        made, key, text = read
         if model is None:
             return made
         if key is None or key != model.key:

@@ -71,7 +71,9 @@ def contact_step(
 ) -> None:  # fmt: skip
     """``impulse_step`` without friction in joints and without constraints."""
     every = ImpulseResult(out.after, out.impulse, out.gap, out.stop, out.residual, out.energy)
-    impulse_step(bodies, work, q, v, None, tau, None, dt, contact, None, None, every, pivots, s, None)
+    impulse_step(
+        bodies, work, q, v, None, tau, None, dt, contact, None, None, every, pivots, s, None,  # type: ignore[arg-type]
+    )  # fmt: skip
 
 
 @inline
