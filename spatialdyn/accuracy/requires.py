@@ -12,10 +12,10 @@ from numpy.typing import ArrayLike, NDArray
 from ..calls.arguments import as_array, as_count, as_number, as_words
 from ..calls.dynamics import calls
 from ..calls.progress import Progress, Steps, check_progress, reporting
+from ..control.control import Control, check_control
 from ..errors import ModelError, NonFiniteError, ShapeError, SpatialDynError, literal
 from ..identification.motions import motion_of
 from ..identification.recording import Recording
-from ..laws.control import Control, check_control
 from ..model.model import Model
 from ..simulation import integrators
 from ..simulation.methods.methods import EXPLICIT_METHODS

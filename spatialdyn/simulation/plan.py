@@ -18,9 +18,9 @@ from ..calls.arguments import core_shape
 from ..calls.dynamics import python_calls
 from ..calls.specialize import specialize
 from ..calls.specialized import Specialized
+from ..control.control import recorded
 from ..engines.programs.record import recording
 from ..engines.programs.run import batch_kernels
-from ..laws.control import recorded
 from ..model.model import Model
 from ..recursions.spec import Argument, Spec
 from .effects import of_run, work

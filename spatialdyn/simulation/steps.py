@@ -27,7 +27,7 @@ from .effects import work
 from .effects.constraints import Constrained
 from .effects.contacts import Contact
 from .effects.control import Feedback
-from .effects.effect import Effect, find
+from .effects.effect import Effect, find, torques_of
 from .effects.external import external_torque
 from .methods import explicit
 from .methods.methods import EXPLICIT_METHODS
@@ -86,24 +86,25 @@ def free_of(
     acting: tuple[Effect, ...], works: Works, at: Any, kernels: Any, system: System, q: Any, v: Any, a: Any
 ) -> tuple[int, Power]:
     """Write the acceleration of all effects but the control law; returns a status, and powers by states of work."""
-    tau = system.tau
-    powers = {work.TORQUE.name: tau * v}
-    if work.EXTERNAL in works:
-        powers[work.EXTERNAL.name] = external_torque(at, q) * v
-    constrained = None
-    for effect in acting:
-        made = effect.torque(at, q, v)
-        if made is not None:
-            tau = tau + made
-            powers |= {} if effect.work is None else {effect.work.name: made * v}
-        if isinstance(effect, Constrained):
-            constrained = effect
+    tau, powers = driven(acting, works, at, q, v, system.tau)
+    constrained = find(acting, Constrained)
     if constrained is None:
         return kernels.accelerate(system._replace(tau=tau, kernels=kernels), q, v, a), powers
     force = constrained.accelerate(at, q, v, tau, a)
     if work.CONSTRAINTS in works:
         powers[work.CONSTRAINTS.name] = force * constrained.rates(at, q, v)
     return OK, powers
+
+
+def driven(acting: tuple[Effect, ...], works: Works, at: Any, q: Any, v: Any, tau: Any) -> tuple[Any, dict[str, Any]]:
+    """tau plus the torques of all effects but the control law, and powers by names of states of work."""
+    powers = {work.TORQUE.name: tau * v}
+    if work.EXTERNAL in works:
+        powers[work.EXTERNAL.name] = external_torque(at, q) * v
+    for effect, made in torques_of(acting, at, q, v):
+        tau = tau + made
+        powers |= {} if effect.work is None else {effect.work.name: made * v}
+    return tau, powers
 
 
 def _sound(system: System, state: State) -> bool:
