@@ -43,7 +43,7 @@ __all__ = [
     "getJointJacobianTimeVariation",
 ]  # fmt: skip
 
-KIND_BY_CODE = {IN_FRAME: "frame_jacobian_local", IN_WORLD: "frame_jacobian_world", ALIGNED: "frame_jacobian_aligned"}
+KIND_BY_CODE = {IN_FRAME: "frame_jacobian_local", IN_WORLD: "frame_jacobian_world", ALIGNED: "frame_jacobian_world"}
 _dynamics: Any = dynamics  # Any: its stub names the public calls alone
 
 
@@ -102,14 +102,18 @@ def _at(name: str, doc: str) -> Callable[..., Array]:
         frames = joints_as_frames(model) if of_joints else frame_placements(model)
         if code == ALIGNED:
             data.check_frames(model)
+            data.hold("oMf")  # the frame is placed at the call, for its placement may be edited after it
         run = data.run_of(KIND_BY_CODE[code], model, library)
         run.store_inputs(q)
-        run.frames, call = frames, unavailable
+        call = unavailable
         found = call_about_frame("frame_jacobian", Inputs(library, library.state, q), joint, placement, code)
         data.note_call(run)
+        written = {"oMf": data._held["oMf"]} if code == ALIGNED else {}
+        for array in written.values():
+            array[index] = data.array("oMi")[joint] @ placement
         if library.has_builtins:
             fields = {x: data._held.get(x) for x in recorded_calls.HELD if x in run.kind.fills}
-            held = {x: array for x, array in fields.items() if array is not None and library.joints is None}
+            held = {x: array for x, array in fields.items() if array is not None and library.joints is None} | written
             words = {x: held[x].ctypes.data if x in held else 0 for x in recorded_calls.HELD}
             words |= {"code": code, **library.words, **frames.words(rows=True)}
             call = recorded_calls.frame_jacobian_at().bind(words, library, run, frames, held, record=run.recording(1))

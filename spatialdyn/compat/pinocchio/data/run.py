@@ -42,7 +42,6 @@ class Run:
     forces          forces on the library's joints, one after the other; None without: ``fext`` (njoints, 6)
     bound           builtins about the inputs, by name and kind of frame
     contact         factors of the constrained system, of a kind that solves one
-    frames          FramePlacements at that call, of a kind that places frames
     cache           field -> (stamp, array), of fields that were read
     placed_rows     of a call of ``joint_jacobians``, its scratch, from which Jacobians of frames follow
     oMi             the held field that such a call writes, if any
@@ -50,7 +49,7 @@ class Run:
 
     __slots__ = (
         "__weakref__", "_a", "_kept", "_own_result", "_stamp", "_v", "bound", "cache", "call", "contact", "forces",
-        "forces_builtin", "frames", "getters", "kind", "library", "memory", "oMi", "placed_rows",
+        "forces_builtin", "getters", "kind", "library", "memory", "oMi", "placed_rows",
         "q", "recompute", "result", "result_is_held", "tau",
     )  # fmt: skip
 
@@ -60,7 +59,6 @@ class Run:
         # of the call, and of the call that left ``placed_rows``
         self._stamp, self.library = array("q", [0, 0]), library
         self.forces: Array | None = None
-        self.frames: Any = None
         self.contact: Any = None
         self.oMi: Array | None = None
         self.placed_rows: Any = None
@@ -117,8 +115,8 @@ class Run:
     @property
     def state(self) -> bytes:
         """That of the library at the call."""
-        stamp, state = self._kept
-        return state if stamp == self.stamp else self.library.state_at(self.stamp)
+        (kept, state), now = self._kept, self._stamp[0]
+        return state if kept == now else self.library.state_at(now)
 
     @property
     def numbers(self) -> Numbers:
@@ -150,7 +148,7 @@ class Run:
         fits = isinstance(fext, (list, Rows)) and len(fext) == library.words["njoints"] and library.joints is None
         if not fits or {*map(type, fext)} != FORCES:
             return None
-        given = np.concatenate([*map(_NUMBERS, fext)])
+        given = np.frombuffer(b"".join(map(_NUMBERS, fext)))  # twice as fast as np.concatenate
         if self.forces_builtin is None:
             self.forces_builtin = self._bind(True)
         result = self.forces_builtin(*inputs, given)
