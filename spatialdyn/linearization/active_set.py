@@ -83,6 +83,7 @@ class ActiveSet:
         for p in range(self.points):
             t = slice(3 * p + 1, 3 * p + 3)
             self.friction[p] = max(float(np.linalg.eigvalsh(self.J[t] @ answers[:, t])[-1]), SMALL)
+            self.own[t] = self.friction[p]  # one scale, so that no result depends on where the two axes lie
 
     # --- where it is ---
 

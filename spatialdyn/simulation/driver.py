@@ -101,7 +101,7 @@ def _alone(
     p = calls["momentum"](plan.model, q, v) if recorder.moves_p else v
     recorder.put(q, p, torque.held[0])
     try:
-        run_sample(plan, recorder, (q, v, p), torque, lambda done, total: None, sample)
+        run_sample(plan, recorder, (q, v, p), torque, None, sample)
     except SimulationError as error:
         lost = str(error)
     done, whole = int(recorder.at[1]), len(records[0])

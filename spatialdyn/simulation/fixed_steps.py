@@ -175,7 +175,9 @@ class FixedSteps:
                 self._judge()
                 now = time.perf_counter()
                 if report is None and now - start > SLICE:  # it may take long
-                    report = told.enter_context(reporting(False, "simulate"))
+                    long = plan.contact.too_long if plan.contact else ""
+                    doing = f"simulate in plain Python, for {long}" if long else "simulate"
+                    report = told.enter_context(reporting(False, doing))
                 if report is not None:
                     report(int(recorder.at[0]), steps.total)
                 spent = max(now - began, 1e-6)

@@ -189,7 +189,7 @@ class Plan:
             return self.integrator.family is not None and self.bare and self.constrained is None
         contact, constraints = self.contact, self.scene.constraints
         few = constraints is None or constraints.nc <= recording.MOST_EQUATIONS
-        return few and self.force is None and not (contact and contact.is_long)
+        return few and self.force is None and not (contact and contact.too_long)
 
     @cached_property
     def step_values(self) -> list[Array]:

@@ -374,6 +374,28 @@ def test_a_point_that_moves_in_a_plane_bounces(mu: float) -> None:
     assert found.active.tolist() == ["bounces" if mu > 1.0 else "glances"]
 
 
+@pytest.mark.parametrize("angle", [0.0, 1e-9, 1e-3])
+def test_a_planar_robot_stands_at_any_angle_to_the_axes_of_the_ground(angle: float) -> None:
+    """Out of its plane no impulse acts on it, whichever axes say so."""
+    c, s = np.cos(angle), np.sin(angle)
+    made = sd.ModelBuilder("walker").add_body(
+        "a", None, "planar", (-s, c, 0), inertia=(10.0, (0, 0, 0), 0.5 * np.eye(3))
+    )
+    for name, x in (("left", -0.2), ("right", 0.2)):
+        made.add_body(name, "a", "fixed", placement=(x * c, x * s, -0.7), inertia=(1.0, (0, 0, 0), 0.02 * np.eye(3)))
+    model, tau, found = made.build(), np.zeros(3), []
+    contacts = sd.Contacts(model, {"left": 0.02, "right": 0.02}, friction=0.1)
+    up = np.array([0.0, 1.0, 0.0])  # the planar root's own second axis
+    for axis in (up, np.array([1.0, 0.0, 0.0])):
+        lifted = sd.contact_gaps(model, contacts, sd.integrate(model, np.zeros(3), axis)).min()
+        found.append(lifted - sd.contact_gaps(model, contacts, np.zeros(3)).min())
+    q = np.r_[found[1], found[0], 0.0] * -(sd.contact_gaps(model, contacts, np.zeros(3)).min() + IN)
+    by = sd.step_derivatives(sd.Scene(model, contacts=contacts), q, np.zeros(3), tau, DT)
+    assert by.active.tolist() == ["sticks", "sticks"]
+    assert abs(by.A[3:, 3:]).max() < 1e-12  # no velocity is left
+    assert abs(by.B).max() < 1e-12
+
+
 @pytest.mark.parametrize("fall", FALLS)
 @pytest.mark.parametrize(("mu", "e"), [(0.0, 0.0), (0.5, 0.0), (1.0, 0.0), (0.0, 0.5), (0.0, 1.0)])
 def test_a_box_falls_flat_on_four_corners(fall: str, mu: float, e: float) -> None:

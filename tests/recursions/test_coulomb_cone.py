@@ -37,7 +37,7 @@ def solve(B: Any, r: Any, mu: float, least: float = 0.0, held: bool = False) -> 
     """λ, whether it sticks and slides, and what ``point_slope`` takes."""
     C, root, disc = np.full((5, 3), np.nan), np.full(4, np.nan), np.full(5, np.nan)
     factor_block(B, np.trace(B), 6, C)
-    made = point_impulse(B, C, Vec(*r), mu, least, root, disc, held)
+    made = point_impulse(B, C, Vec(*r), mu, least, root, disc, np.full(5, np.nan), held)
     return made, C, root, disc
 
 
@@ -70,7 +70,7 @@ def test_a_point_obeys_the_law_as_brute_force_finds_it(kind: str) -> None:
     for B, r, mu in blocks(150, kind):
         (f, sticks, slides), *_ = solve(B, r, mu)
         u, found = r + B @ np.array(f), np.array(f)
-        assert point_residual(B, Vec(*u), mu, f, 0.0) <= SOLVED
+        assert point_residual(B, Vec(*u), mu, f, 0.0, np.full(1, np.nan)) <= SOLVED
         assert sticks + slides == 1.0
         if slides and mu > 0.0:
             slid += 1

@@ -14,6 +14,7 @@ from slow import slow_but
 
 import spatialdyn as sd
 from spatialdyn.engines.compiled import numba_kernels
+from spatialdyn.engines.numbers import samples
 from spatialdyn.engines.programs.record import recording
 from spatialdyn.recursions.control.control_laws import law_spec
 from spatialdyn.simulation import fixed_steps
@@ -553,8 +554,14 @@ def test_more_than_twelve_points_run_but_not_on_lanes() -> None:
 
 @compiled
 def test_more_heights_than_lanes_take_run_one_by_one(robot: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A few steps wait for no kernel that compiles for half a minute, and calls never do."""
+    """A few steps wait for no kernel that compiles for half a minute, and calls never do. They read the heights below
+    the points alone, and long runs name the heights."""
     model, contacts, q0 = robot
+    rows, told = [], []
+    monkeypatch.setattr(samples, "table", lambda x, number, made=samples.table: rows.append(len(x)) or made(x, number))
+    monkeypatch.setattr(fixed_steps, "SLICE", 0.0)
+    says = fixed_steps.reporting
+    monkeypatch.setattr(fixed_steps, "reporting", lambda given, doing: told.append(doing) or says(given, doing))
     for name in ("sample_kernel", "batch_kernel"):
         made = getattr(numba_kernels, name)
         monkeypatch.setattr(numba_kernels, name, lambda spec, made=made: made(spec) if not spec.large else None)
@@ -571,6 +578,9 @@ def test_more_heights_than_lanes_take_run_one_by_one(robot: Any, monkeypatch: py
     np.testing.assert_array_equal(runs.contacts.gap[1], alone.contacts.gap[1:])
     step = sd.contact_step(model, wide, q0, starts[1], np.zeros(18), DT)
     np.testing.assert_allclose(step.q, alone.q[1], rtol=0.0, atol=1e-12)
+    assert 0 < max(rows) < 64
+    assert {*told} == {"simulate in plain Python, for 4096 heights, more than the 2048 of a program"}
+    assert len(told) == 3
 
 
 def test_a_step_that_is_not_solved_names_sample_time_and_point(robot: Any, monkeypatch: pytest.MonkeyPatch) -> None:

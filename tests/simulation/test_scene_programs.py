@@ -67,6 +67,19 @@ def test_derivatives_of_a_specialized_step_are_those_of_the_step() -> None:
 
 
 @compiled
+def test_a_joint_without_a_motor_has_no_torque_in_derivatives_of_its_program() -> None:
+    """At a torque of 0, where it is at both of its limits."""
+    model, motor = robot("arm"), sd.Motor([0.05, 0.05, 0.0], 1.0, 24.0, 20.0, efficiency=0.8)
+    (q, v), tau, still = start(model), np.array([0.1, 0.2, 0.0]), np.zeros(3)
+    scene = sd.Scene(model, motor=motor)
+    k = sd.specialize(scene, sd.step, fixed={"dt": 1e-3}, derivative="jvp")
+    for i, moves in enumerate([True, True, False]):
+        *_, by_q, by_v = k(q, v, tau, still, still, np.eye(3)[i])
+        assert by_q.any() == by_v.any() == moves
+        np.testing.assert_allclose(by_v, sd.step_derivatives(scene, q, v, tau, 1e-3).B[3:, i], rtol=0.0, atol=1e-12)
+
+
+@compiled
 def test_a_model_is_the_scene_of_nothing_else() -> None:
     model = robot("floating")
     (q, v), tau = start(model), np.zeros(model.nv)

@@ -125,7 +125,7 @@ def write_rows(bodies: Bodies, work: Work, contacts: Record, heights: Record, T:
 def rising(depth: Scalar, dt: Number) -> Scalar:
     """The velocity at which a point in the ground, or a joint beyond a limit, returns; ``depth`` is negative."""
     within = (1.0 / RISE) * dt
-    return depth / select(within - SLOWEST, within, SLOWEST)
+    return depth * (1.0 / select(within - SLOWEST, within, SLOWEST))
 
 
 @inline
@@ -141,8 +141,9 @@ def target(gap: Scalar, before: Scalar, free: Scalar, dt: Number, restitution: N
     """
     pressed = PRESSED * (before - free)
     fast = select(pressed - REST, select(pressed - BOUNCING, BOUNCING, pressed), REST)
-    reaches = select(-(gap / dt + free), select(-before - fast, 1.0, 0.0), 0.0)
-    c = select(restitution * reaches, 0.0, select(gap, gap / dt, rising(gap, dt)))
+    open_ = gap * (1.0 / dt)
+    reaches = select(-(open_ + free), select(-before - fast, 1.0, 0.0), 0.0)
+    c = select(restitution * reaches, 0.0, select(gap, open_, rising(gap, dt)))
     return c, restitution * select(before - fast, 1.0, reaches)
 
 
@@ -182,7 +183,7 @@ def write_point(
     out, s  results and scratch of a step
     """
     u = velocity_of_point(s.Y, s.b, w, p)
-    out.residual[p] = point_residual(B, u, mu, force_of_point(s.force, p), s.lower[p])
+    out.residual[p] = point_residual(B, u, mu, force_of_point(s.force, p), s.lower[p], s.share)
     f = add(force_of_point(s.first, p), force_of_point(s.force, p))
     out.energy[p] = 0.0
     for k in range(3 * p, 3 * p + 3):
@@ -214,7 +215,8 @@ def times(B: Matrix, f: Vec) -> Vec:
 def allowed(c: Record, q: Config, dt: Number) -> tuple[Scalar, Scalar]:
     """The least and the largest velocity at which a joint stays within its limits in the step."""
     above, below = q[c.q_index] - c.lower, c.upper - q[c.q_index]
-    return -select(above, above / dt, rising(above, dt)), select(below, below / dt, rising(below, dt))
+    each = 1.0 / dt
+    return -select(above, above * each, rising(above, dt)), select(below, below * each, rising(below, dt))
 
 
 @inline

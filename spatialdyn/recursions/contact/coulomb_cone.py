@@ -20,7 +20,7 @@ from ...algebra.euclidean import Vec
 from ...algebra.regions import repeat, settled, when
 from ...algebra.scalars import EPS, Scalar, inline, select, sqrt
 from ..constraints.constrained import DEPENDENT
-from ..constraints.dense import factor_dropping, quotient, solve_backward, solve_forward
+from ..constraints.dense import factor_dropping, solve_backward, solve_forward
 from ..signatures import Matrix, Number, Vector
 
 STOPPED = 1e-18  # share of a point's squared velocity that rounding leaves when it stops
@@ -151,19 +151,21 @@ def disc_impulse(B: Matrix, r: Vec, mu: Number, least: Scalar, root: Vector, dis
 
 @inline
 def point_impulse(
-    B: Matrix, C: Matrix, r: Vec, mu: Number, least: Scalar, root: Vector, disc: Vector, held: bool
+    B: Matrix, C: Matrix, r: Vec, mu: Number, least: Scalar, root: Vector, disc: Vector, solved: Vector, held: bool
 ) -> tuple[Vec, Scalar, Scalar]:
     """λ of one point whose velocity is r without an impulse of its own; 1 if it sticks, else 0; 1 if it slides, else 0.
     A point that does neither leaves the ground: its λ_n is its least.
 
-    B, C   its block of G, and the factors, of which rows 3 and 4 are scratch
-    least  least λ_n, complementary to u_n: 0 but in the second phase of a hit
-    root   (4), written: of ``find_root``
-    disc   (5), written: of ``disc_impulse``
-    held   whether constraints may prevent motion of the point in some directions: it then sticks only if the other
-           points' impulses stop it in those too
+    Whether a point sticks is simple to see; what is more is a region, of points that slide or have a least λ_n.
+
+    B, C    its block of G, and the factors, of which rows 3 and 4 are scratch
+    least   least λ_n, complementary to u_n: 0 but in the second phase of a hit
+    root    (4), written: of ``find_root``
+    disc    (5), written: of ``disc_impulse``
+    solved  (5), written: the results
+    held    whether constraints may prevent motion of the point in some directions: it then sticks only if the other
+            points' impulses stop it in those too
     """
-    disc_impulse(B, r, mu, least, root, disc)
     C[3, 0], C[3, 1], C[3, 2] = -r.x, -r.y, -r.z
     solve_forward(C[:3], C[3])
     solve_backward(C[:3], C[3], C[4])
@@ -175,21 +177,30 @@ def point_impulse(
         left2 = r.z + (B[2, 0] * stick.x + B[2, 1] * stick.y + B[2, 2] * stick.z)
         left = left1 * left1 + left2 * left2
         inside = select(left - STOPPED * (r.x * r.x + r.y * r.y + r.z * r.z), -1.0, inside)
-    pushed = select(-disc[0], select(-r.x, 1.0, 0.0), 0.0)
+    pushed = select(-r.x, 1.0, 0.0)
     sticks = select(inside, pushed, 0.0)
-    slides = pushed - sticks
-    s = slide_of(B, C[0, 0], r, mu)
-    find_root(s, slides * mu * s.each, root)
-    x1, x2 = across(s, root[1], s.a1, s.a2)
-    rubs = select(mu * s.each, 1.0, 0.0)
-    x1, x2 = rubs * x1, rubs * x2
-    normal = s.m * s.each - (s.n1 * x1 + s.n2 * x2)
-    solved = Vec(
-        select(pushed, select(sticks, stick.x, normal), least),
-        select(pushed, select(sticks, stick.y, x1), disc[1]),
-        select(pushed, select(sticks, stick.z, x2), disc[2]),
-    )
-    return solved, sticks, slides
+    rubs = mu * C[0, 0]
+    solved[0] = select(pushed, select(sticks, stick.x, -r.x * C[0, 0]), 0.0)  # without friction, if it slides
+    solved[1], solved[2], solved[3], solved[4] = sticks * stick.y, sticks * stick.z, sticks, pushed - sticks
+    for k in range(4):
+        root[k] = 0.0
+    for k in range(5):
+        disc[k] = 0.0
+    for _ in when(select(least, 1.0, (pushed - sticks) * rubs), solved, root, disc):
+        disc_impulse(B, r, mu, least, root, disc)
+        pushed = select(-disc[0], pushed, 0.0)
+        sticks = select(inside, pushed, 0.0)
+        slides = pushed - sticks
+        s = slide_of(B, C[0, 0], r, mu)
+        find_root(s, slides * rubs, root)
+        x1, x2 = across(s, root[1], s.a1, s.a2)
+        x1, x2 = select(rubs, x1, 0.0), select(rubs, x2, 0.0)
+        normal = s.m * s.each - (s.n1 * x1 + s.n2 * x2)
+        solved[0] = select(pushed, select(sticks, stick.x, normal), least)
+        solved[1] = select(pushed, select(sticks, stick.y, x1), disc[1])
+        solved[2] = select(pushed, select(sticks, stick.z, x2), disc[2])
+        solved[3], solved[4] = sticks, slides
+    return Vec(solved[0], solved[1], solved[2]), solved[3], solved[4]
 
 
 @inline
@@ -242,26 +253,28 @@ def point_slope(
 
 
 @inline
-def point_residual(B: Matrix, u: Vec, mu: Number, f: Vec, least: Scalar) -> Scalar:
+def point_residual(B: Matrix, u: Vec, mu: Number, f: Vec, least: Scalar, share: Vector) -> Scalar:
     """The violation of the law by λ, in units of velocity: its distance from its projection, 0 if the law is met.
 
     u      velocity after the step, along the normal with its target
     least  least λ_n, complementary to u_n
+    share  (1), written
     """
-    wide = largest_eigenvalue(B)
-    return off_the_law(B[0, 0], wide, quotient(1.0, wide), u, mu, f, least)
+    return sqrt(squared_residual(B[0, 0], largest_eigenvalue(B), u, mu, f, least, share))
 
 
 @inline
-def off_the_law(
-    along: Scalar, wide: Scalar, narrow: Scalar, u: Vec, mu: Number, f: Vec, least: Scalar
+def squared_residual(
+    along: Scalar, wide: Scalar, u: Vec, mu: Number, f: Vec, least: Scalar, share: Vector
 ) -> Scalar:  # fmt: skip
-    """``point_residual`` of a block's entry of the normal, its largest response across that, and the inverse of it."""
+    """The square of ``point_residual``, of the block's entry of the normal and its largest response across that."""
     pushed = along * (f.x - least)
-    normal = magnitude(select(u.x - pushed, pushed, u.x))
-    a, c = f.y - u.y * narrow, f.z - u.z * narrow
-    s = sqrt(a * a + c * c)
-    share = select(s - mu * f.x, mu * f.x / select(s, s, 1.0), 1.0)
-    a, c = f.y - share * a, f.z - share * c
-    across = wide * sqrt(a * a + c * c)
-    return select(normal - across, normal, across)
+    normal = select(u.x - pushed, pushed, u.x)
+    f1, f2, most = wide * f.y, wide * f.z, wide * (mu * f.x)
+    square = (f1 - u.y) * (f1 - u.y) + (f2 - u.z) * (f2 - u.z)
+    share[0] = select(most, 1.0, 0.0)
+    for _ in when(select(most, square - most * most, 0.0), share):
+        share[0] = most / sqrt(square)
+    a, c = share[0] * u.y + (1.0 - share[0]) * f1, share[0] * u.z + (1.0 - share[0]) * f2
+    across = a * a + c * c
+    return select(normal * normal - across, normal * normal, across)

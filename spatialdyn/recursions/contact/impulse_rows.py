@@ -13,10 +13,9 @@ from typing import NamedTuple
 
 from ...algebra.euclidean import Vec, sub
 from ...algebra.records import mat3_of, put_mat3
-from ...algebra.scalars import EPS, Scalar, inline, select
+from ...algebra.scalars import EPS, Scalar, inline, select, sqrt
 from ..constraints.constrained import DEPENDENT
 from ..constraints.constraint_rows import carry_axes
-from ..constraints.dense import quotient
 from ..signatures import Array, Bodies, Config, Matrix, Number, Vector, Work
 from ..tree.ltdl import solve_inward
 from .contact_rows import (
@@ -33,7 +32,7 @@ from .contact_rows import (
     write_gaps,
     write_rows,
 )
-from .coulomb_cone import factor_block, largest_eigenvalue, magnitude, off_the_law, point_impulse
+from .coulomb_cone import factor_block, largest_eigenvalue, magnitude, point_impulse, squared_residual
 
 ROWS = "np+np+np+nl+nd"
 RES, LEAST, ROUND, EPSILON, COUNT, PHASE, CAREFUL, GRIP, JAMS, SHARE, STOPS = range(11)  # of ``state``
@@ -59,8 +58,7 @@ class Impulses(NamedTuple):
     each: Vector = ("nl+nd",)  # inverse of own, 0 for a joint that no impulse moves
     least: Vector = ("nl",)  # least velocities at which joints stay within their limits in the step
     most: Vector = ("nl",)
-    wide: Vector = ("np",)  # the largest response of a point across its normal, and its inverse
-    narrow: Vector = ("np",)
+    wide: Vector = ("np",)  # the largest response of a point across its normal
     size: Vector = (ROWS,)  # the same without constraints; also of points
     slopes: Array = ("np", 3, 3)  # the axes of the ground at each point, see ``slope_axes``
     B: Array = ("np", 3, 3)  # each point's own block of G
@@ -91,6 +89,8 @@ class Impulses(NamedTuple):
     thrown: Vector = (1,)  # above 0 of a step that is taken back
     phase: Vector = (1,)  # above 0 before a phase
     disc: Vector = (5,)  # of ``disc_impulse``
+    solved: Vector = (5,)  # of ``point_impulse``
+    share: Vector = (1,)  # of ``squared_residual``
 
 
 @inline
@@ -137,11 +137,10 @@ def open_laws(
         write_block(s.Y, s.Z, p, s.B[p])
         factor_block(s.B[p], s.size[k] + s.size[k + 1] + s.size[k + 2], n, s.factors[p])
         s.wide[p] = largest_eigenvalue(s.B[p])
-        s.narrow[p] = quotient(1.0, s.wide[p])
         s.firm[p] = stiffness(s.size[k] * heaviest)
         free = velocity(s.Y, s.b, w, k)
         load = select(s.b[k] - free, s.b[k] - free, 0.0)
-        s.load[p] = load * inverse(s.B[p, 0, 0], s.size[k], n)
+        s.load[p] = load * s.factors[p, 0, 0]
         s.lower[p] = 0.0
         c, s.bounces[p] = target(gap[p], s.b[k], free, dt, contact.restitution[p])
         s.b[k] = s.b[k] + c
@@ -196,7 +195,7 @@ def sweep_points(contact: Contact, held: bool, w: Vector, s: Impulses) -> None:
     for p in range(points):
         now = force_of_point(s.force, p)
         r = sub(velocity_of_point(s.Y, s.b, w, p), times(s.B[p], now))
-        solved, _, _ = point_impulse(s.B[p], s.factors[p], r, contact.mu[p], s.lower[p], s.root, s.disc, held)
+        solved, _, _ = point_impulse(s.B[p], s.factors[p], r, contact.mu[p], s.lower[p], s.root, s.disc, s.solved, held)
         set_point(p, solved, now, w, s)
 
 
@@ -234,9 +233,9 @@ def residual_of_points(contact: Contact, w: Vector, s: Impulses) -> Scalar:
     for p in range(points):
         u = velocity_of_point(s.Y, s.b, w, p)
         f = force_of_point(s.force, p)
-        x = off_the_law(s.B[p, 0, 0], s.wide[p], s.narrow[p], u, contact.mu[p], f, s.lower[p])
+        x = squared_residual(s.B[p, 0, 0], s.wide[p], u, contact.mu[p], f, s.lower[p], s.share)
         worst = select(x - worst, x, worst)
-    return worst
+    return sqrt(worst)
 
 
 @inline
@@ -250,6 +249,18 @@ def residual_of_joints(contact: Contact, w: Vector, s: Impulses) -> Scalar:
         wanted, _, _ = joint_law(j, free, s.own[k] * s.level[j], s)
         s.off[j] = magnitude(u - wanted)
         worst = select(s.off[j] - worst, s.off[j], worst)
+    return worst
+
+
+@inline
+def beyond_limits(contact: Contact, w: Vector, s: Impulses) -> Scalar:
+    """The largest residual of joints without impulses and friction: by how much one passes a limit; 0 if none does."""
+    worst, points = 0.0, contact.contacts[0].np
+    for j in range(len(s.least)):
+        u = velocity(s.Y, s.b, w, 3 * points + j)
+        low, high = s.least[j] - u, u - s.most[j]
+        worst = select(low - worst, low, worst)
+        worst = select(high - worst, high, worst)
     return worst
 
 

@@ -37,6 +37,7 @@ from .impulse_rows import (
     SHARE,
     STOPS,
     Impulses,
+    beyond_limits,
     residual,
     residual_of_joints,
     residual_of_points,
@@ -119,7 +120,8 @@ def solve_phase(
         s.sweeping[0] = 1.0
         state[STOPS] = 1.0
         if not rubs:
-            state[STOPS] = select(residual_of_joints(contact, w, s) - tolerance, 1.0, 0.0)
+            again = state[ROUND] + state[PHASE]
+            state[STOPS] = select(again, 1.0, select(beyond_limits(contact, w, s) - tolerance, 1.0, 0.0))
         for _ in repeat(SWEEPS_AGAIN, s.sweeping, s.force, w, state):
             if settled(s.sweeping[0]):
                 break
@@ -165,21 +167,24 @@ def solve_phase(
 def sweep_stops(contact: Contact, rubs: bool, w: Vector, s: Impulses) -> None:
     """The joints' part of a sweep, and the residual; without dry friction only if a joint would pass a limit.
 
-    Until one does their impulses are 0, and joints are looked at where the points are solved, and after the last sweep.
+    Until one does their impulses are 0, and limits are looked at where the points are solved, and after the last sweep.
     """
     state, tolerance = s.state, contact.contacts[0].tolerance
     if rubs or len(s.level) == 0:
         sweep_joints(contact, w, s)
         state[RES] = residual(contact, w, s)
     else:
-        for _ in when(state[STOPS], s.force, w):
+        state[RES] = 0.0
+        for _ in when(state[STOPS], s.force, w, state):
             sweep_joints(contact, w, s)
-        state[RES] = residual_of_points(contact, w, s)
-        looks = select(state[STOPS], 1.0, select(state[COUNT], tolerance - state[RES], 1.0))
+            state[RES] = residual_of_joints(contact, w, s)
+        of_points = residual_of_points(contact, w, s)
+        state[RES] = select(of_points - state[RES], of_points, state[RES])
+        looks = select(state[STOPS], 0.0, select(state[COUNT], tolerance - state[RES], 1.0))
         for _ in when(looks, state):
-            off = residual_of_joints(contact, w, s)
-            state[STOPS] = select(off - tolerance, 1.0, state[STOPS])
-            state[RES] = select(off - state[RES], off, state[RES])
+            beyond = beyond_limits(contact, w, s)
+            state[STOPS] = select(beyond - tolerance, 1.0, 0.0)
+            state[RES] = select(beyond - state[RES], beyond, state[RES])
 
 
 @inline

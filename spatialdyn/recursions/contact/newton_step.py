@@ -80,7 +80,7 @@ def add_point(p: int, mu: Number, prox: Scalar, held: bool, w: Vector, s: Impuls
     """C and f of a point, and its part of K and x."""
     n, k, now = len(w), 3 * p, force_of_point(s.force, p)
     r = sub(velocity_of_point(s.Y, s.b, w, p), times(s.B[p], now))
-    solved, sticks, slides = point_impulse(s.B[p], s.factors[p], r, mu, s.lower[p], s.root, s.disc, held)
+    solved, sticks, slides = point_impulse(s.B[p], s.factors[p], r, mu, s.lower[p], s.root, s.disc, s.solved, held)
     point_slope(s.B[p], s.factors[p], r, mu, s.lower[p], solved, sticks, slides, s.root, s.disc, s.T)
     T, N = s.T, s.N
     for i in range(3):  # N = ((1 + ε) 1 + T B)⁻¹

@@ -61,9 +61,10 @@ def driven(
     cap = most[i] - limit[i] * passed
     cap = select(cap, limit[i] * passed, most[i])
     size = select(motor, motor, -motor)
-    held = select(size - cap, select(motor, cap, -cap), held)
-    slope = select(size - cap, 0.0, slope)
-    size = select(size - cap, cap, size)
+    over = select(cap, size - cap, 1.0)  # a joint without a motor is at both of its limits, also with a torque of 0
+    held = select(over, select(motor, cap, -cap), held)
+    slope = select(over, 0.0, slope)
+    size = select(over, cap, size)
     half = 0.5 / efficiency[i]
     gain = half + 0.5 * efficiency[i]
     return gain * held, gain * slope, (half - 0.5 * efficiency[i]) * size

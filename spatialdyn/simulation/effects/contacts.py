@@ -109,12 +109,17 @@ class Contact(Effect):
         return {x.name: y[None, None] for x, y in zip(self._coefficients, rows, strict=False)}
 
     @property
-    def is_long(self) -> bool:
-        """Whether programs of its steps are too long: those that hold rows in turn, and those with many points."""
+    def too_long(self) -> str:
+        """Why programs of its steps are too long: of many points, heights, or rows solved for together; "" if not."""
         points, rows = len(self.contacts), len(self.table.rows) - 1
+        together = rows + 2 * points if self.way is not None or self.constrained else 0
         heights = sum(len(x.rows) - 1 for x in self.tables[1:])
-        several = (self.way is not None or self.constrained) and rows + 2 * points > MOST_ROWS
-        return several or points > MOST_POINTS or heights > MOST_TABLE
+        for count, most, what in (
+            (points, MOST_POINTS, "points"), (heights, MOST_TABLE, "heights"), (together, MOST_ROWS, "impulses"),
+        ):  # fmt: skip
+            if count > most:
+                return f"{count} {what}, more than the {most} of a program"
+        return ""
 
     @property
     def solves(self) -> bool:

@@ -24,6 +24,7 @@ from ...polynomials import MAX_ANGLE
 from ..record.kernel_layout import Float32Range, KernelLayout
 from ..record.operations import AGAIN, CARRIED, CONST, FORMS, INPUT, NEXT, REPEAT, signed
 from ..record.program import Program
+from ..record.regions import runs_once
 from ..record.structure import Numbers
 from . import lookups
 from .host_cpu import host, lanes_of, object_code
@@ -72,7 +73,8 @@ class Writer:
         self.poison_slot = self.schedule.slot_count  # followed by the floor's slot, if ranges are checked
         self.stage = self.poison_slot + (1 if layout.range is None else 2)  # slots of rows to be streamed
         staged = [len(places) for places in layout.outputs if stream and len(places) % lanes]
-        carried = dict.fromkeys(k for region in program.regions for k in region.carried)
+        self.once = {r.head: r.carried for r in program.regions if runs_once(program.lines, r)}
+        carried = dict.fromkeys(k for r in program.regions if r.head not in self.once for k in r.carried)
         self.carried = {k: self.stage + max(staged, default=0) + at for at, k in enumerate(carried)}  # their slots
         self.regions = {region.head: region for region in program.regions}
         slots = self.stage + max(staged, default=0) + len(self.carried)
@@ -214,22 +216,27 @@ class Writer:
             return values[k]
 
         before: list[dict[int, str]] = []  # for each region that is being written, the values before it
+        after: list[dict[int, str]] = []  # and of its carried values that are not in the workspace, those at its end
         for k in chunk:
             op = lines[k]
             if op.code == REPEAT:
                 before.append(dict(values))
+                after.append({})
                 t.jump(f"repeat{k}", then=f"repeat{k}")
                 runs = t.put(f"bitcast {t.truth} {t.above_zero(value(op.a))} to i{self.lanes}")
                 some = t.put(f"icmp ne i{self.lanes} {runs}, 0")
                 t.branch(some, f"run{k}", f"behind{k}", then=f"run{k}")
                 continue
             if op.code == NEXT:
-                t.store_vector(value(op.b), "%ws", self.carried[op.a])
+                if op.a in self.carried:
+                    t.store_vector(value(op.b), "%ws", self.carried[op.a])
+                else:
+                    after[-1][op.a] = value(op.b)
                 continue
             if op.code == AGAIN:
-                t.jump(f"repeat{op.a}", then=f"behind{op.a}")
                 values.clear()
                 values |= before.pop()
+                self._leave(t, op.a, after.pop())
                 for held in self.regions[op.a].carried:
                     if inside and held in slots:
                         t.store_vector(value(held), "%ws", slots[held])
@@ -238,7 +245,7 @@ class Writer:
                 if k in self.carried:
                     t.store_vector(value(op.a), "%ws", self.carried[k])
                     continue
-                values[k] = value(op.a)  # no run of the region changes the value
+                values[k] = value(op.a)
                 if inside and k in slots:
                     t.store_vector(values[k], "%ws", slots[k])
                 continue
@@ -260,6 +267,16 @@ class Writer:
         if reach:
             poison = t.poisoned_unless(t.compare("ole", reach, t.constant(self.most_reach)), poison)
         return poison
+
+    def _leave(self, t: Vectors, head: int, after: dict[int, str]) -> None:
+        """End a region; ``after``: carried values at its end, if it runs once."""
+        if head not in self.once:
+            t.jump(f"repeat{head}", then=f"behind{head}")
+            return
+        t.jump(f"again{head}", then=f"again{head}")
+        t.jump(f"behind{head}", then=f"behind{head}")
+        for k, x in after.items():
+            self.values[k] = t.put(f"phi {t.vector} [ {self.values[k]}, %repeat{head} ], [ {x}, %again{head} ]")
 
     def _absent(self, t: Vectors, k: int) -> str:
         """The value of a line that this function has not computed."""

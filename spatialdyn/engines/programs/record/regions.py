@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from ....errors import SpatialDynError
-from .operations import AGAIN, CARRIED, CONST, INPUT, NEXT, REPEAT, arities
+from .operations import AGAIN, CARRIED, CONST, INPUT, NEXT, REPEAT, SELECT, arities
 
 
 class Region(NamedTuple):
@@ -40,6 +40,14 @@ def find(lines: Lines) -> list[Region]:
             head, carried = open_.pop()
             found.append(Region(min(carried, default=head), head, k, tuple(carried)))
     return found
+
+
+def runs_once(lines: Lines, region: Region) -> bool:
+    """Whether no sample needs a second run of a region: its number is 0 after one."""
+    running = lines[region.head][1]
+    after = next(op[2] for op in lines[region.head : region.end] if op[0] == NEXT and op[1] == running)
+    code, _, chosen, _, _ = lines[after]
+    return code == SELECT and lines[chosen][0] == CONST and lines[chosen][4] == 0.0
 
 
 def uses(lines: Lines, roots: Sequence[int]) -> list[int]:
