@@ -7,7 +7,7 @@ For one sample and a batch: the call, and a call with the gradient of a weighted
 taken, values must be the native call's to the last bit, gradients the analytic ones to 1e-10 of the largest entry, and
 CasADi's Jacobian those of ``sd.NAME_derivatives``. Contestants are interleaved; each figure is a median of rounds on
 one thread, in µs, with the ratio to the native call. Of CasADi it counts the instructions of the Jacobian that
-``factory`` makes and of a Hessian, with its own derivatives beside them.
+``factory`` makes and of a Hessian by all inputs, with its own derivatives beside them, and times the Hessians.
 """
 
 from __future__ import annotations
@@ -68,23 +68,31 @@ def instructions(f: Any) -> int:
     return int(total)
 
 
-def of_casadi(model: sd.Model, call: Any, rng: np.random.Generator) -> None:
-    """Print instructions of the Jacobian and Hessian, by our programs and by CasADi's own."""
+def of_casadi(model: sd.Model, call: Any, rng: np.random.Generator, rounds: int) -> None:
+    """Print instructions of the Jacobian and Hessian, by our programs and by CasADi's own, and times of the Hessian."""
+    import casadi
+
     k = sd.specialize(model, call)
     state = sd.random_configuration(model, rng), *rng.standard_normal((2, model.nv))
     weights, made = rng.standard_normal(model.nv), {}
+    sizes = [x.size for x in state]
+    at, ends = np.concatenate(state), np.cumsum([0, *sizes]).tolist()
     for name, own in {"our derivatives": True, "CasADi's": False}.items():
         f = k.to_casadi(jacobian=own)
         (result,), given = f.name_out(), f.name_in()
         jacobian = f.factory("jacobian", given, [f"jac:{result}:{x}" for x in given])
-        hessian = f.factory("hessian", [*given, f"lam:{result}"], [f"hess:s:{given[0]}:{given[0]}"], {"s": [result]})
-        made[name] = [np.asarray(x) for x in jacobian(*state)], np.asarray(hessian(*state, weights))
-        print(f"CasADi with {name:16} Jacobian {instructions(jacobian):8} instructions, Hessian by "
-              f"{given[0]} {instructions(hessian):8}")  # fmt: skip
-    (by, second), (other, same) = made.values()
+        x = casadi.MX.sym("x", at.size)
+        y = casadi.hessian(casadi.dot(weights, f(*casadi.vertsplit(x, ends))), x)[0]
+        made[name] = jacobian, casadi.Function("hessian", [x], [y])
+    times = interleaved({name: lambda f=f: f(at) for name, (_, f) in made.items()}, rounds, 0.01)
+    for name, (jacobian, hessian) in made.items():
+        print(f"CasADi with {name:16} Jacobian {instructions(jacobian):8} instructions, Hessian "
+              f"{instructions(hessian):8} in {1e6 * times[name]:8.1f} µs")  # fmt: skip
     wanted = getattr(sd, call.__name__ + "_derivatives")(model, *state)
-    for one, two, three in zip(by, other, wanted, strict=True):
-        assert max(abs(one - three).max(), abs(two - three).max()) <= CLOSE * abs(three).max()
+    for jacobian, _ in made.values():
+        for one, other in zip(jacobian(*state), wanted, strict=True):
+            assert abs(np.asarray(one) - other).max() <= CLOSE * abs(other).max()
+    second, same = (np.asarray(hessian(at)) for _, hessian in made.values())
     assert abs(second - same).max() <= CLOSE * abs(same).max()
 
 
@@ -106,7 +114,7 @@ def main() -> None:
         print(f'{given.call} of "{model.name}", {n or 1} sample{"s" if n else ""}, one thread:')
         for name, seconds in times.items():
             print(f"  {name:22} {1e6 * seconds:9.2f} µs   {seconds / times['native']:6.2f} x native")
-    of_casadi(model, call, rng)
+    of_casadi(model, call, rng, given.rounds)
 
 
 if __name__ == "__main__":

@@ -21,8 +21,8 @@ import mujoco
 import mujoco.rollout
 import numpy as np
 import pinocchio as pin
+from contestants import mujoco_model
 from measure import interleaved
-from peers import mujoco_model
 from tables import draw
 
 import spatialdyn as sd

@@ -20,8 +20,8 @@ import mujoco.rollout
 import numpy as np
 import pinocchio as pin
 from cases import Case, aligned, case
+from contestants import mujoco_model
 from measure import interleaved
-from peers import mujoco_model
 from tables import draw
 
 import spatialdyn as sd

@@ -11,8 +11,8 @@ from typing import Any
 import numba
 import numpy as np
 import pinocchio as pin
+from contestants import installed
 from measure import per_call
-from peers import installed
 
 from spatialdyn.engines.programs.llvm import host_cpu, llvm_vectors
 

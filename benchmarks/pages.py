@@ -80,6 +80,7 @@ def figures() -> str:
         for robot, calls in results["single"].items() for call, t in calls.items()
     ]  # fmt: skip
     lines += rows(["robot", "call", "spatialdyn", "in @njit", "Pinocchio", "spatialdyn / Pinocchio"], body)
+    lines += peers()
     lines += ["## Before the first answer", "", "Seconds in a new process.", ""]
     body = [[name[:-2].replace("_", " "), f"{t:.2f}"] for name, t in results["start"].items()]
     body += [
@@ -132,6 +133,32 @@ def figures() -> str:
         "robots are too short at this size.", "",
     ]  # fmt: skip
     return "\n".join(lines)
+
+
+def peers() -> list[str]:
+    """The tables of ``benchmarks/peers.py``."""
+    found = read("peers")
+    every = [(robot, call, t) for robot, calls in found["calls"].items() for call, t in calls.items()]
+    timed = [x for x in found["peers"] if any("error" in t.get(x, {}) for _, _, t in every)]
+    lines = [
+        "## Other libraries, each in its own environment", "",
+        f"`benchmarks/peers.py` on {found['machine']['processor']}, on one core: one process a library, which take "
+        f"turns; medians of processor time of {found['rounds']} rounds, after all results were found equal to 1e-10. "
+        "Libraries without a batch of their own take one sample after the other in Python; of MJX and Brax a batch is "
+        "of 512.", "",
+    ]  # fmt: skip
+    for way, what in {"single": "one call from Python", "batch": f"a sample of a batch of {found['samples']}"}.items():
+        us = [[t.get(name, {}).get(f"{way}_us") for name in timed] for _, _, t in every]
+        body = [
+            [robot, f"`{call}`", *("" if x is None else f"{x:.3g}" for x in times)]
+            for (robot, call, _), times in zip(every, us, strict=True)
+        ]
+        lines += rows([f"µs of {what}", "", *timed], body)
+    lines += ["Versions, and what has no figures:", ""]
+    for name, version in found["peers"].items():
+        reasons = dict.fromkeys(t[name]["refused"] for _, _, t in every if "refused" in t.get(name, {}))
+        lines.append(f"* {name}: " + "; ".join([version or "this version", *reasons]))
+    return [*lines, ""]
 
 
 def filled(page: str) -> str:

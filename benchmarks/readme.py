@@ -21,7 +21,7 @@ from spatialdyn.examples import gallery
 
 MEASURED = (  # what README's table and the pages of figures are made of
     "run.py", "lagrange.py", "integrators.py", "forward.py --json forward.json", "tradeoff.py",
-    "studies.py --write", "chips.py",
+    "studies.py --write", "chips.py", "peers.py",
 )  # fmt: skip
 PAGES = ("pages.py", "scale.py --write", "chips.py --page")
 BATCHES = {  # the robots of the table, with their headings

@@ -18,10 +18,10 @@ from typing import Any, NamedTuple
 
 import cases
 import chains
+import contestants
 import costs
 import machine
 import numpy as np
-import peers
 import plots
 from cases import CALLS, INSIDE, ROBOTS, Array, Case, Contestant
 from measure import interleaved
@@ -68,20 +68,20 @@ def of_robot(case: Case, calls: Iterable[str], present: list[str], effort: Effor
     single, batch = {}, {}
     for call in calls:
         bar.step(f"{case.name} {call}")
-        wanted = peers.expected(case, call)
+        wanted = contestants.expected(case, call)
         plain, two, fresh = (
             cases.public(case, call, threads=threads, fresh=new) for threads, new in ((1, False), (2, False), (1, True))
         )
         own, k = cases.specialized(case, call)
         narrow, _ = cases.specialized(case, call, np.float32)
-        pin, pools = peers.pinocchio(case, call), [peers.pool(case, call, threads) for threads in (1, 2)]
+        pin, pools = contestants.pinocchio(case, call), [contestants.pool(case, call, threads) for threads in (1, 2)]
         jitted = cases.jitted(case, call)
         inside = Contestant(jitted, None, read=cases.rows)
         ours = {"sd": plain, "sd on 2 threads": two, "sd afresh": fresh, "k": own, "kernels": inside, "pin": pin}
         for name, one in {**ours, **{f"pool of {n + 1}": p for n, p in enumerate(pools) if p}}.items():
             cases.check(case, call, name, one, wanted)
         error = cases.check(case, call, "float32", narrow._replace(single=None), wanted, FLOAT32)
-        others = {name: optional(case, call, peers.MAKE[name], name, wanted) for name in present}
+        others = {name: optional(case, call, contestants.MAKE[name], name, wanted) for name in present}
         refused = {name: x for name, x in others.items() if isinstance(x, dict)}
         others = {name: x for name, x in others.items() if isinstance(x, Contestant)}
         single[call] = times_of_one(plain, own, jitted, pin, others, effort)
@@ -160,7 +160,7 @@ def measured(robots: list[str], quick: bool) -> dict[str, Any]:
     for robot in robots:
         if not calls[robot]:
             continue
-        asked = peers.FIXED_ARMS[: 1 if quick else None]
+        asked = contestants.FIXED_ARMS[: 1 if quick else None]
         present = [name for name in installed if name == "mujoco" or robot in asked]
         case = cases.case(robot, effort.samples)
         one, many = of_robot(case, calls[robot], present, effort, bar)

@@ -507,7 +507,8 @@ def of_panda(ways: dict[str, Any], runs: list[dict[str, Any]], required: dict[st
         below.remove()
         below = figure.add_subplot(grid[1, :])
         title = f"panda: what lifting 2 kg for {required['horizon']:g} s requires, within {required['tolerance']:g} rad"
-        draw_parts(below, parts(required["rows"]), parts(required["path"]), required["tolerance"], title)
+        rows, path = parts(required["rows"]), parts(required["path"])
+        draw_parts(below, rows, path, required["tolerance"], title, "q [rad | m]")
     ways_panel(left, ways, "panda: forward dynamics of a batch\n")
     left.set(xlabel="ns a sample", ylabel="largest error / largest acceleration", ylim=(1e-16, 1e-3))
     left.set_xlim(right=12 * max(x["ns"] for x in ways["options"]))

@@ -93,20 +93,12 @@ if TYPE_CHECKING:
     )
     from .constraints.table import Constraints
     from .control.adaptive import ExcitationRecord, NaturalAdaptation, SlotineLi
-    from .control.gains import (
-        LQR,
-        ClosedStep,
-        Gains,
-        closed_step,
-        critical_gains,
-        gravity_stiffness_bound,
-        largest_step,
-        lqr,
-    )
+    from .control.control import Control
+    from .control.cost import Cost
+    from .control.gains import LQR, Gains, critical_gains, gravity_stiffness_bound, largest_step, lqr
     from .control.impedance import Impedance, cartesian_damping
     from .control.inverse_kinematics import IKResult, solve_ik
     from .control.laws import PD, ComputedTorque, EnergyShaping, Gravity, Passivity, PDGravity, PDPlus, StateFeedback
-    from .control.monitors import LyapunovRecord, PassivityRecord, lyapunov, passivity
     from .control.motions import fourier, quintic, spline, trapezoid
     from .control.observers import (
         ContactWrench,
@@ -130,11 +122,12 @@ if TYPE_CHECKING:
     from .lagrangian.coriolis_constructions import ChristoffelC, verify_skew_symmetry
     from .lagrangian.hamiltonian import hamilton_equations, poisson_bracket
     from .lagrangian.symbolic_manipulator import SymbolicManipulator
-    from .laws.control import Control
-    from .laws.cost import Cost
+    from .linearization.closed_step import ClosedStep, closed_step
     from .linearization.step_derivatives import linearize, step_derivatives
     from .model.builder import ModelBuilder
     from .model.transmission import Transmission
+    from .monitors.ledger import EnergyLedger, energy_ledger
+    from .monitors.monitors import LyapunovRecord, PassivityRecord, lyapunov, passivity
     from .operational.hierarchy import TaskTorque, task_torque
     from .operational.quadratic import Relaxation
     from .operational.space import OperationalSpace, operational_space, operational_space_coupling
@@ -143,7 +136,6 @@ if TYPE_CHECKING:
     from .pictures.comparison_plots import plot
     from .pictures.view import view
     from .simulation.contact_record import ContactRecord
-    from .simulation.ledger import EnergyLedger, energy_ledger
     from .simulation.methods.methods import integrators
     from .simulation.rollout_result import Rollout
     from .simulation.rollouts import rollout
@@ -219,8 +211,8 @@ _LATE = {  # {module: public names}, imported when one is asked for, so that an 
     "control.observers": "ContactWrench MomentumObserver base_velocity contact_wrench detection_thresholds "
     "momentum_observer_step",
     "control.laws": "ComputedTorque EnergyShaping Gravity PD PDGravity PDPlus Passivity StateFeedback",
-    "control.gains": "ClosedStep Gains LQR closed_step critical_gains gravity_stiffness_bound largest_step lqr",
-    "control.monitors": "LyapunovRecord PassivityRecord lyapunov passivity",
+    "control.gains": "Gains LQR critical_gains gravity_stiffness_bound largest_step lqr",
+    "monitors.monitors": "LyapunovRecord PassivityRecord lyapunov passivity",
     "control.motions": "fourier quintic spline trapezoid", "control.paths": "Path PathPeaks PathPoint",
     "embedded.export": "export", "interop.pinocchio": "from_pinocchio",
     "identification.base": "Base base_parameters", "identification.identified": "Identified Validation",
@@ -231,14 +223,15 @@ _LATE = {  # {module: public names}, imported when one is asked for, so that an 
     "lagrangian.coriolis_constructions": "ChristoffelC verify_skew_symmetry",
     "lagrangian.hamiltonian": "hamilton_equations poisson_bracket",
     "lagrangian.symbolic_manipulator": "SymbolicManipulator",
+    "linearization.closed_step": "ClosedStep closed_step",
     "linearization.step_derivatives": "linearize step_derivatives", "model.builder": "ModelBuilder",
     "model.transmission": "Transmission", "urdf.transmissions": "read_transmissions",
     "operational.hierarchy": "TaskTorque task_torque",
     "operational.space": "OperationalSpace operational_space operational_space_coupling",
     "operational.tasks": "ComTask FrameTask PostureTask",
     "pictures.comparison_plots": "plot", "pictures.view": "view",
-    "laws.control": "Control", "laws.cost": "Cost", "simulation.contact_record": "ContactRecord",
-    "simulation.ledger": "EnergyLedger energy_ledger",
+    "control.control": "Control", "control.cost": "Cost", "simulation.contact_record": "ContactRecord",
+    "monitors.ledger": "EnergyLedger energy_ledger",
     "simulation.methods.methods": "integrators", "simulation.rollout_result": "Rollout",
     "simulation.rollouts": "rollout", "simulation.runs": "hamilton_simulation simulate", "simulation.scene": "Scene",
     "simulation.single_step": "step", "simulation.trajectory": "Trajectory", "sources.load": "load",
@@ -248,8 +241,8 @@ _LATE = {  # {module: public names}, imported when one is asked for, so that an 
 }  # fmt: skip
 _MODULE_OF = {name: module for module, names in _LATE.items() for name in names.split()}
 _ROOMS = (
-    "accuracy", "actuation", "constraints", "control", "embedded", "identification", "interop", "lagrangian", "laws",
-    "linearization", "operational", "pictures", "sources", "simulation", "studies", "validate",
+    "accuracy", "actuation", "constraints", "control", "embedded", "identification", "interop", "lagrangian",
+    "linearization", "monitors", "operational", "pictures", "sources", "simulation", "studies", "validate",
 )  # fmt: skip
 
 

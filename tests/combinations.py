@@ -48,6 +48,8 @@ def start(model: sd.Model, a: float = -0.44) -> tuple[Array, Array]:
     """
     q, v = sd.neutral(model), np.zeros(model.nv)
     values = {"a": (a, -0.9), "b": (0.3, 0.4), "c": (0.3 * -0.5 + 0.1, 0.4 * -0.5)}
+    if model.mimic_matrix is not None:
+        values["b"] = 0.3 - (a + 0.44) / 2.25, 0.4
     for joint in model.joints[1:]:
         if joint.name in values and joint.mimic is None:
             q[joint.idx_q], v[joint.idx_v] = values[joint.name]
@@ -62,7 +64,10 @@ def options(model: sd.Model, name: str) -> dict[str, Any]:
     """The arguments that make one of EFFECTS act, but for springs, which are of the model. Raises what they raise."""
     n = model.nv
     if name in ("couplers", "stabilized"):
-        held = sd.Constraints(model, [sd.CouplerConstraint("c", "b", -0.5, 0.1)])
+        one = sd.CouplerConstraint("c", "b", -0.5, 0.1)
+        if model.mimic_matrix is not None:  # c follows b
+            one = sd.CouplerConstraint("c", "a", 0.7 / 2.25, -0.11 + 0.44 * 0.7 / 2.25)
+        held = sd.Constraints(model, [one])
         return {"constraints": held, **({"stabilization": 0.02} if name == "stabilized" else {})}
     if name == "contacts":
         (gap,) = sd.contact_gaps(model, sd.Contacts(model, {"tip": 0.02}), start(model)[0])

@@ -26,6 +26,7 @@ sys.path.insert(0, str(BENCHMARKS))
 
 import cases  # noqa: E402
 import chains  # noqa: E402
+import contestants  # noqa: E402
 import corpus  # noqa: E402
 import costs  # noqa: E402
 import gpu  # noqa: E402
@@ -76,10 +77,10 @@ def test_contestants_run_in_turn_in_every_round() -> None:
 
 @pytest.mark.parametrize("call", slow_but(["rnea", "crba", "aba"], cases.CALLS))
 def test_pinocchio_and_our_single_and_batched_calls_agree(case: cases.Case, call: str) -> None:
-    wanted = peers.expected(case, call)
+    wanted = contestants.expected(case, call)
     assert len(wanted) == SAMPLES
-    ours = [cases.public(case, call), cases.public(case, call, fresh=True), peers.pinocchio(case, call)]
-    ours += [made for made in [peers.pool(case, call, 1)] if made]
+    ours = [cases.public(case, call), cases.public(case, call, fresh=True), contestants.pinocchio(case, call)]
+    ours += [made for made in [contestants.pool(case, call, 1)] if made]
     for made in ours:
         assert cases.check(case, call, "ours", made, wanted) <= cases.SCALED
 
@@ -87,7 +88,7 @@ def test_pinocchio_and_our_single_and_batched_calls_agree(case: cases.Case, call
 @compiled
 @pytest.mark.parametrize("call", slow_but(["rnea"], ["rnea", "gravity", "kinematics"]))
 def test_programs_and_jitted_loops_answer_the_same(case: cases.Case, call: str) -> None:
-    wanted = peers.expected(case, call)
+    wanted = contestants.expected(case, call)
     own, k = cases.specialized(case, call)
     assert k.engine == "lanes"
     cases.check(case, call, "k", own, wanted)
@@ -100,14 +101,14 @@ def test_programs_and_jitted_loops_answer_the_same(case: cases.Case, call: str) 
 @pytest.mark.parametrize("call", cases.CALLS)
 def test_mujoco_answers_the_same(case: cases.Case, call: str) -> None:
     pytest.importorskip("mujoco")
-    made = peers.mujoco(case, call)
+    made = contestants.mujoco(case, call)
     assert made is not None
-    cases.check(case, call, "MuJoCo", made, peers.expected(case, call))
+    cases.check(case, call, "MuJoCo", made, contestants.expected(case, call))
 
 
 def test_a_wrong_answer_is_found() -> None:
     case = cases.case("2R", SAMPLES)
-    wanted = peers.expected(case, "rnea")
+    wanted = contestants.expected(case, "rnea")
     right = cases.public(case, "rnea")
     assert right.single is not None
     assert right.batch is not None
@@ -125,7 +126,7 @@ def test_a_wrong_answer_is_found() -> None:
 
 def test_a_peer_that_fails_is_recorded_and_one_that_errs_too() -> None:
     case = cases.case("2R", SAMPLES)
-    wanted = peers.expected(case, "gravity")
+    wanted = contestants.expected(case, "gravity")
 
     def fails(case: cases.Case, call: str) -> cases.Contestant:
         raise RuntimeError("cannot hold it\nat all")
@@ -141,7 +142,7 @@ def test_a_peer_that_fails_is_recorded_and_one_that_errs_too() -> None:
 def test_the_two_chains_are_one() -> None:
     ours, theirs = chains.ours(6), chains.theirs(6)
     q = np.linspace(-1.0, 2.0, 6)
-    M = np.array(peers.pin.crba(theirs, theirs.createData(), q))
+    M = np.array(contestants.pin.crba(theirs, theirs.createData(), q))
     assert abs(sd.crba(ours, q) - M).max() <= CONGRUENT * abs(M).max()
 
 
@@ -199,7 +200,55 @@ def test_the_kept_figures_are_of_all_robots_and_calls(results: dict[str, Any]) -
     assert list(results["single"]) == list(cases.ROBOTS)
     for robots in (results["single"], results["batch"], results["compile"]):
         assert all(list(calls) == list(cases.CALLS) for calls in robots.values())
-    assert set(results["machine"]["peers"]) == set(peers.MAKE)
+    assert set(results["machine"]["peers"]) == set(contestants.MAKE)
+
+
+# --- libraries in processes of their own -----------------------------------------------------------------
+
+
+class Turns:
+    """A peer's process that counts its turns."""
+
+    def __init__(self, turns: list[str], name: str, lacks: bool = False) -> None:
+        self.turns, self.name, self.lacks, self.us = turns, name, lacks, iter((3.0, 1.0, 2.0))
+
+    def ask(self, **request: Any) -> dict[str, Any]:
+        if "call" in request:
+            return {} if self.lacks else {"error": 0.0, "count": 1, "ways": ["single"]}
+        self.turns.append(self.name)
+        return {"us": next(self.us)}
+
+
+def test_processes_take_turns_and_figures_are_medians() -> None:
+    turns: list[str] = []
+    running: Any = {name: Turns(turns, name, name == "b") for name in "abc"}
+    found = peers.of_call(running, "ur5", "rnea", 3, 0.0)
+    assert turns == ["a", "c"] * 3
+    assert found["a"] == found["c"] == {"error": 0.0, "count": 1, "single_us": 2.0}
+    assert found["b"] == {"refused": "has no such call"}
+
+
+def test_a_peer_is_checked_and_one_that_ends_is_lost(case: cases.Case, monkeypatch: pytest.MonkeyPatch) -> None:
+    made = peers.pinocchio(case, "rnea")
+    assert peers.checked(case, "rnea", "pinocchio", made)["ways"] == list(peers.WAYS)
+    assert made.single is not None
+    wrong = made._replace(single=lambda right=made.single: 1.001 * right())
+    with pytest.raises(AssertionError, match=r"scaled error .* of pinocchio against Pinocchio"):
+        peers.checked(case, "rnea", "pinocchio", wrong)
+    monkeypatch.setattr(peers, "HERE", Path("nowhere"))
+    process = peers.Process("pinocchio", sys.executable, 1, 60.0)
+    assert process.ask()["refused"] == process.ask(robot="ur5", call="rnea")["refused"] != ""
+    process.end()
+
+
+def test_the_kept_figures_have_a_time_or_a_reason_for_every_peer() -> None:
+    found = json.loads((BENCHMARKS / "peers.json").read_text(encoding="utf-8"))
+    assert list(found["peers"]) == list(peers.PEERS)
+    for calls in found["calls"].values():
+        assert list(calls) == list(peers.CALLS)[: len(calls)]
+        for t in calls.values():
+            assert list(t) == [x for x in peers.PEERS if x in t]
+            assert all("refused" in x or "single_us" in x or "batch_us" in x for x in t.values())
 
 
 @pytest.fixture(scope="module")

@@ -36,18 +36,18 @@ BELOW: dict[str, tuple[str, ...]] = {
     "constraints": ("calls",),
     "lagrangian": ("calls", "urdf"),
     "interop": ("calls",),
-    "laws": ("calls",),
+    "control": ("actuation",),
     "sources": ("constraints", "actuation", "urdf"),
-    "simulation": ("lagrangian", "sources", "laws"),
+    "simulation": ("lagrangian", "sources", "control"),
     "linearization": ("simulation",),
-    "control": ("simulation",),
+    "monitors": ("simulation",),
     "operational": ("simulation",),
     "embedded": ("simulation",),
-    "identification": ("control",),
+    "identification": ("simulation",),
     "studies": ("simulation",),
     "accuracy": ("identification",),
     "validate": ("interop", "urdf"),
-    "pictures": ("validate", "accuracy", "control"),
+    "pictures": ("validate", "accuracy", "monitors"),
     "compat": ("pictures", "accuracy", "interop", "urdf", "sources"),
     "__init__": ("accuracy", "linearization", "operational", "validate", "pictures", "sources", "studies", "embedded"),
     "examples": ("__init__", "compat"),
@@ -68,7 +68,17 @@ LOOSE = {"__init__", "__main__", "errors", "waiting"}  # the only modules at the
 # Imports that go up nonetheless, made by a function when it is called.
 UPWARD: dict[tuple[str, str], str] = {
     (room, "pictures"): "methods that draw"
-    for room in ("calls", "model", "lagrangian", "simulation", "control", "identification", "accuracy", "validate")
+    for room in (
+        "calls",
+        "model",
+        "lagrangian",
+        "simulation",
+        "monitors",
+        "control",
+        "identification",
+        "accuracy",
+        "validate",
+    )
 } | {("calls", "interop"): "methods that hand a program to another framework"}
 # Functions below ``pictures`` that draw: each is a docstring, one import from there, and one call.
 DRAW: dict[str, set[str]] = {
@@ -76,10 +86,10 @@ DRAW: dict[str, set[str]] = {
     "lagrangian.symbolic_manipulator": {"_repr_html_"},
     "simulation.trajectory": {"plot", "report", "_repr_html_"},
     "simulation.rollout_result": {"plot", "_repr_html_"},
-    "simulation.ledger": {"plot"},
+    "monitors.ledger": {"plot"},
     "calls.progress": {"bar"},
     "control.paths": {"plot"},
-    "control.monitors": {"plot"},
+    "monitors.monitors": {"plot"},
     "identification.identified": {"report"},
     "accuracy.requirement": {"plot", "_repr_html_"},
     "accuracy.results": {"plot", "report", "_repr_html_"},
@@ -104,7 +114,7 @@ SHARED = {
     "tree.regressor", "momenta.adaptive_regressors", "control.control_laws",
     "control.adaptive_laws", "control.composite_laws",
     "control.inverse_kinematics", "contact.impulses", "contact.impulse_rows", "contact.newton_step", "control.paths",
-    "coordinates.coordinate_rates",
+    "coordinates.coordinate_rates", "contact.impulse_step",
 }  # fmt: skip
 TOUCH_FILES = {"urdf", "sources", "engines", "pictures", "docs", "studies", "embedded", "waiting"}  # and a fork
 # themselves, a script, and loops in TOML; one reads an environment variable

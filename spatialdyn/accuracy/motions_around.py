@@ -16,8 +16,8 @@ from numpy.typing import DTypeLike, NDArray
 from ..calls.dynamics import calls
 from ..constraints.contact_dynamics import contact_gaps
 from ..constraints.loops import project_configuration, project_velocity
+from ..control.control import Control
 from ..errors import ShapeError, SimulationError, SpatialDynError
-from ..laws.control import Control
 from ..simulation import rollout
 from ..simulation.scene import Scene
 from .lesser_scenes import Lesser

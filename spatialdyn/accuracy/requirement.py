@@ -58,6 +58,7 @@ class Requirement:
     scene      the cheapest Scene that keeps the motion; ``method``, ``dt`` [s] and ``dtype`` are for its ``rollout``
     code       lines of Python that make and run it from ``scene``, ``q0``, ``v0``, ``torque`` and ``control`` as given,
                with ``numpy`` as ``np``
+    observed   what is compared, with its units
     tolerance  the tolerance given
     error      largest change in fresh samples by this scene, method, step and precision
     bound      expected to hold in other samples of the same kind: ``error`` with a margin, plus ``certainty``
@@ -76,6 +77,7 @@ class Requirement:
     dt: float
     dtype: str
     code: str
+    observed: str
     tolerance: float
     error: float
     bound: float
@@ -115,8 +117,9 @@ class Requirement:
         """The title of the table."""
         short = "" if self.horizon == self.duration else f", judged to {self.horizon:g} s of {self.duration:g} s"
         return (
-            f"{self.full.model.name}: {self.duration:g} s within {self.tolerance:g}{short}; the whole scene at "
-            f"{self.fine[0]}, dt {self.fine[1]:.3g} s, is {figure(self.certainty)} from itself at half of it"
+            f"{self.full.model.name}: {self.observed} for {self.duration:g} s within {self.tolerance:g}{short}; the "
+            f"whole scene at {self.fine[0]}, dt {self.fine[1]:.3g} s, is {figure(self.certainty)} from itself at half "
+            "the step"
         )
 
     @property
@@ -126,7 +129,7 @@ class Requirement:
         return (
             f"take {self.method}, dt {self.dt:.3g} s, {self.dtype}, {self.scene.model.nv} of {self.full.model.nv} "
             f"freedoms, on which acts: {acts}; error {figure(self.error)} in {self.samples} fresh samples, expected "
-            f"below {figure(self.bound)} in others; {self.speedup:.3g} times faster"
+            f"below {figure(self.bound)} in others; {self.speedup:.3g} times as fast"
         )
 
     def table(self) -> list[list[str]]:

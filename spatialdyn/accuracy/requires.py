@@ -12,10 +12,10 @@ from numpy.typing import ArrayLike, NDArray
 from ..calls.arguments import as_array, as_count, as_number, as_words
 from ..calls.dynamics import calls
 from ..calls.progress import Progress, Steps, check_progress, reporting
+from ..control.control import Control, check_control
 from ..errors import ModelError, NonFiniteError, ShapeError, SpatialDynError, literal
 from ..identification.motions import motion_of
 from ..identification.recording import Recording
-from ..laws.control import Control, check_control
 from ..model.model import Model
 from ..simulation import integrators
 from ..simulation.methods.methods import EXPLICIT_METHODS
@@ -25,13 +25,14 @@ from .references import error_bound
 from .requirement import Part, Requirement
 from .results import checked_tolerance
 from .scene_parts import KINDS, PARTS, candidates
-from .scene_search import WIDE, Search, Stage, Trial
+from .scene_search import WIDE, WORSE, Search, Stage, Trial
 
 Array = NDArray[np.float64]
 SAMPLES = 32
 MOST = 1 << 12
 EPS = float(np.finfo(np.float64).eps)
 TOLERANCE = 1e-3  # rad | m
+OBSERVED = {"q": "q [rad | m]", "v": "v [rad/s | m/s]"}
 SPREAD = 0.01  # [rad | m], [rad/s | m/s]
 
 
@@ -79,9 +80,10 @@ def requires(
     progress   True for a bar (needs rich), or a function of the number of steps done and their total
 
     First the whole scene is run at its step and at half of it; the difference is the ``certainty``. From the time at
-    which it exceeds a quarter of the tolerance, after impacts or in chaos, nothing is judged; that time is the
-    ``horizon``. Then each part is measured alone, and parts within the tolerance are left out together, greedily. Then
-    each method takes its coarsest step, and the cheapest method float32. The result is verified in fresh samples: its
+    which it exceeds a quarter of the tolerance (0.15 of it for fewer than 32 samples), after impacts or in chaos,
+    nothing is judged; that time is the ``horizon``. Then each part is measured alone, and parts within the tolerance
+    are left out together, greedily. Then each method takes its coarsest step, and the cheapest method float32. The
+    result is verified in fresh samples: its
     bound is the largest change times a margin of 2 or more (4 for fewer than 32 samples), plus the certainty. If that
     exceeds the tolerance, the next cheapest scene is verified, and finally the whole scene remains. A scene with a
     locked joint that is at rest at the start is compared with the whole robot from states with that joint at its
@@ -160,7 +162,7 @@ def _cheapest(
         waiting = [x for x in trials if search.judged(x.change)]
         while waiting:
             trial = waiting.pop(0)
-            if not k and trial.ns * trial.steps > whole.ns * search.steps:
+            if trial.ns * trial.steps > (WORSE if k else 1.0) * whole.ns * search.steps:
                 continue
             error, bound, certainty = search.verified(stages[k], trial)
             if bound <= search.tolerance:
@@ -202,9 +204,10 @@ def _made(
     dtype = np.dtype(trial.dtype).name
     path.append(Part(trial.method, dtype, trial.change, trial.ns, dt, saved, "taken", ""))
     horizon = motion.duration * search.upto / motion.records
+    observed = OBSERVED[motion.observe] if isinstance(motion.observe, str) else "what is observed"
     return Requirement(
-        motion.scene, last.made.scene, trial.method, dt, dtype, _code(search, last, trial), search.tolerance, found[0],
-        found[1], found[2], horizon, motion.duration, len(search.fresh[0]), (search.method, fine), rows, tuple(path),
+        motion.scene, last.made.scene, trial.method, dt, dtype, _code(search, last, trial), observed, search.tolerance,
+        *found, horizon, motion.duration, len(search.fresh[0]), (search.method, fine), rows, tuple(path),
         last.made.embedding,
     )  # fmt: skip
 

@@ -140,11 +140,15 @@ def why(scene: Scene, candidate: Candidate, q: Array, v: Array) -> str:
     """A remark on a part from the motion (samples, records, ...), in words; "" if there is none."""
     model, part = scene.model, candidate.part
     if part == "limits":
-        names = {joint.idx_q: joint.name for joint in model.joints[1:] if joint.nq == 1}
-        room = np.minimum(q - model.lower, model.upper - q).min(axis=(0, 1))
+        stops = scene.unilateral
+        if not stops.stops:
+            return "no joint has limits"
+        rows = stops.table.rows[1 + len(stops) :]
+        x = q[..., rows["q_index"]]
+        room = np.minimum(x - rows["lower"], rows["upper"] - x).min(axis=(0, 1))
         k = int(np.argmin(room))
-        near = float(room[k])
-        return f'reached by "{names[k]}"' if near < NEAR else f'never nearer than {near:.2g}, of "{names[k]}"'
+        near, name = float(room[k]), stops.stops[k]
+        return f'reached by "{name}"' if near < NEAR else f'never nearer than {near:.2g}, of "{name}"'
     if part == "contacts" and scene.contacts is not None:
         gaps = contact_gaps(model, scene.contacts, q).min(axis=(0, 1))
         near = float(

@@ -22,7 +22,7 @@ from .requirement import Part
 from .scene_parts import METHODS, PRECISION, Candidate, touches, why
 
 Array = NDArray[Any]
-PART = 0.25  # of the tolerance: the largest difference of the whole scene between its step and half of it
+PART = 0.75  # of the tolerance: what a change, as often as its margin, and the certainty may be at the whole's step
 FREE = 1e-3  # of the tolerance: parts that change less are left out together
 GAIN = 0.02  # share of the cost: a smaller gain is within the noise of times
 WORSE = 1.1  # times the cost: a simpler scene that costs more is not taken
@@ -96,10 +96,23 @@ class Search:
         made = lesser(self.scene, Choice(), self.q0)
         return Stage(Choice(), made, 0.0, self._ns(made), ("whole scene", self.method))
 
+    @property
+    def margin(self) -> float:
+        """The factor of a change that has to be within the tolerance."""
+        return LEAST if len(self.fresh[0]) >= FEW else FEW_LEAST
+
+    @property
+    def fine(self) -> float:
+        """The largest difference of the whole scene between its step and half of it: its own step is then a trial."""
+        return PART / (1.0 + self.margin) * self.tolerance
+
     def judged(self, change: float) -> bool:
         """Whether a change is below the tolerance with a margin."""
-        margin = LEAST if len(self.fresh[0]) >= FEW else FEW_LEAST
-        return margin * change + self.certainty <= self.tolerance
+        return self.margin * change + self.certainty <= self.tolerance
+
+    def nearly(self, change: float) -> str:
+        """Why a change within the tolerance is too large: in other samples it may be several times as large."""
+        return f"within the tolerance, {self.margin:g} times that is not" if change <= self.tolerance else ""
 
     # --- the whole scene against itself -----------------------------------------------------------------------
 
@@ -130,14 +143,14 @@ class Search:
                 continue
             off = self.motion.change(before, after).max(axis=0)
             spent = time.thread_time() - began
-            if off.max() <= PART * self.tolerance or 4 * steps > FINEST or spent > PATIENCE / 2.0:
+            if off.max() <= self.fine or 4 * steps > FINEST or spent > PATIENCE / 2.0:
                 break
             steps, before = 2 * steps, after
-        far = np.flatnonzero(off > PART * self.tolerance)
+        far = np.flatnonzero(off > self.fine)
         self.upto = int(far[0]) if len(far) else self.motion.records
         if not self.upto:
             at = self.motion.duration / self.motion.records
-            most = f"{PART * self.tolerance:.2g}, {PART:g} of the tolerance"
+            most = f"{self.fine:.2g}, {self.fine / self.tolerance:.2g} of the tolerance"
             raise SimulationError(
                 f"the scene with dt {self.motion.duration / steps:.3g} s differs by {off[0]:.2g} at t = {at:.3g} s "
                 f"from itself with half of it, expected at most {most}; a shorter duration or a larger "
@@ -212,8 +225,9 @@ class Search:
                 continue
             saved = 1.0 - made.ns / whole.ns
             good = self.judged(made.change)
-            verdict = "needed" if not good else "saves nothing"
-            rows.append((x, Part(x.part, x.form, made.change, made.ns, dt, saved, verdict, self._why(x))))
+            verdict, words = "needed" if not good else "saves nothing", self._why(x)
+            words = words if good else "; ".join(x for x in (self.nearly(made.change), words) if x)
+            rows.append((x, Part(x.part, x.form, made.change, made.ns, dt, saved, verdict, words)))
             if good and (x.simpler or saved > GAIN):
                 enough.add(x.part)
         return [row for x in found for row in rows if row[0] is x]
@@ -306,8 +320,8 @@ class Search:
     def _coarsest(self, stage: Stage, method: str, dtype: Any, least: int = 0) -> list[Trial]:
         """The Trial of the fewest steps that is good enough, or of the least change if none is."""
         base, finest, best = max(self.motion.base, least), 2 * self.steps, None
-        doubled = [base << k for k in range(max(0, finest // base).bit_length())]
-        for steps in [*(x for x in doubled if x < finest), finest]:
+        doubled = {base << k for k in range(max(0, finest // base).bit_length())} | {max(base, self.steps)}
+        for steps in [*sorted(x for x in doubled if x < finest), finest]:
             try:
                 change = float(self.changes(stage.made, method, steps, dtype, False, finest).max())
             except SpatialDynError:
@@ -343,7 +357,7 @@ class Search:
             form = f"{x.method}, {'float32, ' if x.dtype == NARROW else ''}dt {dt:.3g}"
             good = self.judged(x.change)
             verdict = "taken" if x is taken else "not taken" if good else "needed"
-            words = "" if good else "at no step that was tried within the tolerance"
+            words = "" if good else self.nearly(x.change) or "at no step that was tried within the tolerance"
             if verdict == "needed":
                 verdict = "not taken"
             rows.append(Part(part, form, x.change, x.ns, dt, 1.0 - x.ns * x.steps / full, verdict, words))

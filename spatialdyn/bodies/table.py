@@ -39,7 +39,7 @@ the table of the joints with coordinates of their own.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -95,3 +95,16 @@ def independent(bodies: NDArray[Any]) -> NDArray[Any]:
     own["parent"], own["last_row"] = np.maximum(np.arange(len(own)) - 1, 0), len(own) - 1  # a chain
     own["q_index"] -= np.searchsorted(np.sort(bodies["q_index"][follows]), own["q_index"])
     return own
+
+
+class JointTable(NamedTuple):
+    """The ``independent`` rows, as kernels that walk no tree take them. Keep it as long as kernels read it."""
+
+    bodies: NDArray[Any]
+    address: int
+
+
+def joint_table(bodies: NDArray[Any]) -> JointTable:
+    """The JointTable of a table; without mimic joints it is the table itself."""
+    own = independent(bodies)
+    return JointTable(own, own.ctypes.data)

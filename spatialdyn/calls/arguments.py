@@ -174,9 +174,22 @@ def broadcast(names: list[str], shapes: list[tuple[int, ...]]) -> tuple[int, ...
     """The common batch shape. Raises ShapeError listing the shapes if there is none."""
     try:
         return np.broadcast_shapes(*shapes)
+    except TypeError:  # JAX exports functions of sizes that are symbols
+        return _broadcast_symbols(names, shapes)
     except ValueError:
         listed = ", ".join(f"{n} {s}" for n, s in zip(names, shapes, strict=True))
         raise ShapeError(f"batch shapes do not broadcast: {listed}") from None
+
+
+def _broadcast_symbols(names: list[str], shapes: list[tuple[Any, ...]]) -> tuple[Any, ...]:
+    rank, common = max(map(len, shapes), default=0), []
+    for sizes in zip(*((1,) * (rank - len(shape)) + shape for shape in shapes), strict=True):
+        own = set(sizes) - {1} or {1}
+        if len(own) > 1:
+            listed = ", ".join(f"{n} ({', '.join(map(str, s))})" for n, s in zip(names, shapes, strict=True))
+            raise ShapeError(f"batch shapes do not broadcast: {listed}")
+        common.append(own.pop())
+    return tuple(common)
 
 
 def aligned(

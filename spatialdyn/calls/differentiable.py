@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ..engines.programs.run import batch_kernels
 from ..errors import SpatialDynError
 from . import specialize_fallback
-from .arguments import aligned
+from .arguments import aligned, broadcast
 
 if TYPE_CHECKING:
     from ..engines.programs.run.xla_handler import Registered
@@ -97,18 +97,26 @@ class Node:
 
     def lead(self, shapes: Sequence[tuple[int, ...]]) -> tuple[int, ...]:
         """The leading axes of the results for inputs of these shapes."""
-        leads = (tuple(shape[: len(shape) - len(core)]) for shape, core in zip(shapes, self.cores, strict=True))
-        return np.broadcast_shapes(*leads)
+        leads = [tuple(shape[: len(shape) - len(core)]) for shape, core in zip(shapes, self.cores, strict=True)]
+        return broadcast(self.inputs, leads)
 
     def shapes(self, shapes: Sequence[tuple[int, ...]]) -> list[tuple[int, ...]]:
         """The shapes of the results for inputs of these shapes."""
         lead = self.lead(shapes)
         return [(*lead, *core) for core in self.results]
 
-    def compute(self, inputs: Sequence[NDArray[Any]]) -> list[NDArray[Any]]:
-        """The results, in the program's dtype."""
+    def compute(self, inputs: Sequence[NDArray[Any]], dtype: Any) -> list[NDArray[Any]]:
+        """The results in a dtype. Raises SpatialDynError for a number beyond the range of float32."""
         found = self.program(*inputs)
-        return [np.asarray(x) for x in (found if isinstance(found, tuple) else (found,))]
+        results = [np.asarray(x) for x in (found if isinstance(found, tuple) else (found,))]
+        if np.dtype(dtype) == results[0].dtype:
+            return results
+        with np.errstate(over="ignore"):
+            narrow = [x.astype(dtype) for x in results]
+        if any((np.isinf(y) & np.isfinite(x)).any() for x, y in zip(results, narrow, strict=True)):
+            has = f"a result of {self.name} is beyond the range of {np.dtype(dtype)}"
+            raise SpatialDynError(f"{has}, expected inputs of {results[0].dtype}")
+        return narrow
 
     def handler(self, dtype: Any) -> Registered | None:
         """The function that XLA calls for arrays of a dtype.

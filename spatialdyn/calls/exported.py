@@ -8,14 +8,15 @@ from ..engines.compiled.numba_kernels import variant
 from ..engines.programs.record.program import Program
 from ..engines.programs.record.recording import Recording
 from ..engines.programs.record.tracer import Tape
-from ..engines.programs.transform.derivative import jacobian, jvp, vjp
-from ..engines.programs.transform.derived import record
+from ..engines.programs.transform.derivative import hessian, jacobian, jvp, vjp
+from ..engines.programs.transform.derived import record, second_derivatives
 from ..engines.programs.transform.source_code import Shapes, has_meaning
 from ..errors import SpatialDynError, literal
 from ..recursions import SPECS
 from .specialize_request import SpecializeRequest
 
 MOST_DERIVATIVES = 1 << 17  # those of rnea with 209 joints, a dozen lines each, which CasADi reads in seconds
+MOST_TWICE = 36  # input entries of a Hessian: those of aba with 12 joints, recorded in some seconds; grows as the cube
 
 
 class Exported(NamedTuple):
@@ -92,24 +93,29 @@ class Derivatives(NamedTuple):
     jacobian  from the inputs: derivatives of each output entry with respect to each input entry, row by row
     along     from inputs, directions and outputs: the derivative of the outputs along the directions
     weighted  from inputs, weights and outputs: the derivative of Σ weight · output with respect to each input
+    hessian   from inputs, weights and outputs: the second derivatives of Σ weight · output, row by row; None for more
+              than MOST_TWICE entries of the inputs
     """
 
     jacobian: Program
     along: Program
     weighted: Program
+    hessian: Program | None
 
 
 def derivatives_of(request: SpecializeRequest, given: Exported) -> Derivatives:
     """The programs of a request's derivatives. Raises as ``jacobian_of``."""
-    first = [jacobian_of(request, given)]
+    first, twice = jacobian_of(request, given), given.program.inputs <= MOST_TWICE
+    if request.derivative or request.bounds:
+        along, weighted = (_by_lines(given.program, forward) for forward in (True, False))
+        return Derivatives(first, along, weighted, hessian(weighted, first.inputs) if twice else None)
+    found = []
     for derivative in ("along 1", "along 0 weighted"):
-        if request.derivative or request.bounds:
-            first.append(_by_lines(given.program, derivative == "along 1"))
-            continue
         options = request.options._replace(derivative=derivative, ranged=False)
-        found, layout = record(request.specs, request.model.bodies, tuple(request.static.values()), options)
-        first.append(found.only(k for part in layout.outputs for k in part))
-    return Derivatives(*first)
+        recorded, layout = record(request.specs, request.model.bodies, tuple(request.static.values()), options)
+        found.append(recorded.only(k for part in layout.outputs for k in part))
+    known = request.specs, request.model.bodies, request.options, first, found[1]
+    return Derivatives(first, found[0], found[1], second_derivatives(*known) if twice else None)
 
 
 def _by_lines(program: Program, forward: bool) -> Program:

@@ -82,7 +82,7 @@ def specialize(
     model     Model; for ``sd.step`` also a Scene
     calls     a public call such as ``sd.rnea``, or several, whose common subexpressions are computed once. Or
               ``sd.step``, or ``functools.partial(sd.step, method="rk4")``: all effects of the scene become part of the
-              program, their coefficients constants; inputs are q, v, states, dt and tau, and names of results end in
+              program, their coefficients constants; inputs are q, v, tau, dt and states, and names of results end in
               "_after". A step takes no further arguments but dtype, fixed and derivative
     dtype     float64 or float32, of inputs and results; see ``Specialized`` for the range of float32
     fixed     constant inputs of the calls, folded into the program: name -> a number, an array of the input's shape, or

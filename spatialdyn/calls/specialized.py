@@ -236,13 +236,14 @@ class Specialized:
         It takes numbers, SX and MX. In MX graphs, nested ones and those of ``factory`` too, it is one node, whose
         Jacobian is that of ``c_code``: for rnea and aba by their own recursions, in about half the operations of
         CasADi's. A derivative along one direction, forward or reverse, is a program of its own with the operations of
-        two to three calls; a Hessian is CasADi's derivative of the reverse one. Inputs are named as in ``c_code``: a
-        payload as fourth input is ``payload_4``. There are no argument checks and no range: a joint with zero
-        articulated inertia divides by zero. The same holds for ``bounded``: where its program has an infinite bound
-        (angles above 1e5, joints of hardly any articulated inertia, numbers beyond the range), the exported function
-        returns a finite number that bounds nothing. Derivatives with respect to a configuration are by its entries, as
-        always in CasADi: with quaternions or (cos, sin) pairs export the next configuration too, by ``sd.integrate``,
-        so that everything stays in coordinates.
+        two to three calls. A Hessian of functions of the results is a program too, with a quarter (rnea) to a sixth
+        (aba) of CasADi's instructions, if the inputs have at most 36 entries (12 joints); for more it is CasADi's
+        derivative of the reverse one. Inputs are named as in ``c_code``: a payload as fourth input is ``payload_4``.
+        There are no argument checks and no range: a joint with zero articulated inertia divides by zero. The same holds
+        for ``bounded``: where its program has an infinite bound (angles above 1e5, joints of hardly any articulated
+        inertia, numbers beyond the range), the exported function returns a finite number that bounds nothing.
+        Derivatives with respect to a configuration are by its entries, as always in CasADi: with quaternions or (cos,
+        sin) pairs export the next configuration too, by ``sd.integrate``, so that everything stays in coordinates.
 
         name      as in ``c_code``
         jacobian  False leaves the derivatives to CasADi, also in an MX graph; the export takes a fraction of the time
@@ -264,8 +265,10 @@ class Specialized:
         float64, with respect to the entries of a configuration, by programs that are compiled at their first use; one
         of second order is some six times as long. A third derivative raises. Samples beyond the program's range are
         recomputed as in a call; errors of values, such as a joint without inertia, reach the caller as a
-        JaxRuntimeError whose last line is this library's message. Programs passed to XLA stay in memory until the
-        process ends.
+        JaxRuntimeError whose last line is this library's message, and so does a result beyond the range of float32 for
+        inputs of float32. ``jax.export`` takes it, symbolic sizes too, once its check of the custom call that its error
+        names is disabled; a process that runs the export must first have run the function. Programs passed to XLA stay
+        in memory until the process ends: XLA frees none.
 
         >>> import spatialdyn as sd
         >>> import jax  # doctest: +SKIP
@@ -286,7 +289,8 @@ class Specialized:
         Inputs that are all float32 give float32; all others are promoted to float64, float32 beside float64 as in
         torch's own operations. Derivatives are computed in float64, with respect to the entries of a configuration, and
         have the dtype of their input, by programs that are compiled at their first use; one of second order is some
-        six times as long. A third derivative raises, and so does a second one within ``torch.compile``.
+        six times as long. A third derivative raises, and so does a second one within ``torch.compile``, and a result
+        beyond the range of float32 for float32 inputs.
 
         Raises SpatialDynError without a program, for a program with bounds or derivatives, for tensors that are not on
             the CPU, and if PyTorch is not installed (extra "torch")

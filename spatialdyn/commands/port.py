@@ -11,7 +11,7 @@ import sys
 from collections.abc import Iterable, Iterator
 from importlib.util import decode_source
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from ..compat.pinocchio.coverage.porting import Change, Use, changes, uses
 from ..compat.pinocchio.coverage.stops import FOREIGN, KINDS, LIBRARY, OLD, Stop, stops
@@ -47,11 +47,20 @@ class Script(NamedTuple):
         """The number of names that work."""
         return sum(use.works for use in self.uses)
 
+    def listed(self) -> dict[str, object]:
+        """Whether it runs, with its uses, stops and changes, as names and numbers."""
+        parts: dict[str, list[Any]] = {"uses": self.uses, "stops": self.stops, "changes": self.changes}
+        return {"runs": self.runs, **{name: [x._asdict() for x in part] for name, part in parts.items()}}
+
 
 def add(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments to its parser."""
     parser.add_argument("path", nargs="+", help="a Python file or notebook, or a folder of them")
-    parser.add_argument("--json", action="store_true", help="print JSON")
+    parser.add_argument(
+        "--json",
+        action="store_true",
+        help="print JSON: for each file its names, what stops it, and the lines to change",
+    )
     parser.set_defaults(run=_run)
 
 
@@ -73,7 +82,7 @@ def _run(arguments: argparse.Namespace) -> int:
         else:
             _print(read[0])
     if arguments.json:
-        print(json.dumps({script.path: [use._asdict() for use in script.uses] for script in scripts}, indent=2))
+        print(json.dumps({script.path: script.listed() for script in scripts}, indent=2))
     return int(any(script.changes and (not script.runs or OLD in script.kinds) for script in scripts))
 
 

@@ -20,16 +20,16 @@ from ..constraints.loops import close_loops
 from ..constraints.table import Constraints
 from ..errors import SimulationInterrupt, SpatialDynError, literal
 from ..model.model import Model
+from ..monitors.ledger import EnergyLedger, energy_ledger
 from ..pictures.markup import PAGE_FILES
 from ..pictures.stage import viser_module
 from ..pictures.view import view
 from ..simulation import Trajectory, integrators, simulate
 from ..simulation.effects.friction import STEPPED, WAYS
-from ..simulation.ledger import EnergyLedger, energy_ledger
 from ..simulation.recorder import scale_of
 from ..simulation.scene import Scene
-from ..simulation.trajectory import ARRAY_FILES
 from ..sources.declared_scene import couplers_of
+from ..sources.run_files import ARRAY_FILES
 from .printing import shown
 from .robots import add_quiet, add_robot, load, parse_numbers, text_of
 from .targets import check_file, check_plot, check_report

@@ -11,6 +11,8 @@ from ..algebra.scalars import EPS
 from ..bodies.static_table import StaticTable
 from ..calls.arguments import core_shape
 from ..calls.one_sample import of_model
+from ..engines.programs.record import tracer
+from ..engines.programs.record.mimic_rows import rows_of
 from ..errors import ConstraintError
 from ..model.model import Model
 from ..recursions.constraints.constrained import CHOSEN, DEPENDENT, ROWS, UNSURE
@@ -102,6 +104,7 @@ def _dropped(spec: Spec, constraints: Constraints, sample: list[Any]) -> tuple[A
     chosen = call(ROWS, model, constraints, sample[0], None)[:-1]
     values = {"constraints": constraints.table.rows} | dict(zip(varying, [*sample, chosen], strict=True))
     out = np.empty(core_shape(model, spec.output, (constraints.table,)))
+    rows = rows_of(tracer.table(model.bodies))
     with np.errstate(all="ignore"):
-        _, s = spec.run(model.bodies, np.zeros(model.nv + 1, spec.work), values, out)
+        _, s = spec.run(rows, np.zeros(len(model.bodies), spec.work), values, out)
     return s.kept, s.gamma, s.size

@@ -11,13 +11,14 @@ from typing import Any, NamedTuple, TypeVar, overload
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..calls.arguments import as_array, as_number, batch_shape, broadcast, check_model
+from ..bodies.table import joint_table
+from ..calls.arguments import as_array, as_number, batch_shape, broadcast
 from ..calls.dynamics import calls
 from ..calls.failures import raise_if_singular
 from ..engines import threads
 from ..engines.compiled import numba_kernels
 from ..engines.compiled.table_kernels import kernel
-from ..errors import ConstraintError, InertiaError, ModelError, ShapeError, literal
+from ..errors import ConstraintError, InertiaError, ShapeError, literal
 from ..model.model import Model
 from ..recursions.constraints.constrained import CHOSEN, MOTION
 from ..recursions.constraints.kkt import bordered_inverse, constrained_samples
@@ -107,7 +108,7 @@ def constrained_dynamics(model: Model, *given: Any, **named: Any) -> Constrained
     Raises
         ConstraintError naming the constraints that contradict others, and the sample; for constraints of another model;
             with J, naming the rank, if rows are dependent and there is no damping
-        InertiaError for a singular M, ModelError for mimic joints, ShapeError
+        InertiaError for a singular M, ShapeError
 
     >>> import numpy as np, spatialdyn as sd
     >>> model, q, v = sd.load_urdf("two_link"), [0.5, -0.3], [1.0, 2.0]
@@ -241,7 +242,8 @@ def solve(model: Model, M: Array, r: Array, J: Array, gamma: Array, damping: flo
     out, force, rank = np.empty((count, n)), np.empty((count, m)), np.empty(count)
     factors = np.empty((n, n)), np.empty((m, n)), np.empty((m, m))
     run = kernel(constrained_samples, *RANKS)
-    table, soft = getattr(without_mimic(model), numba_kernels.TABLE), np.array([softness])
+    rows, soft = joint_table(model.bodies), np.array([softness])
+    table = getattr(rows, numba_kernels.TABLE)
     with watch.work(f"a batch of {count} samples"):
         for first, end in threads.slices(count, n + 1, n * n + m * (n + m)):
             given = (x[first:end] for x in (Ms, Js, rs, gammas))
@@ -255,9 +257,9 @@ def inverse(model: Model, solved: Solved) -> Array:
     """Inverse (nv + m, nv + m) of [M Jᵀ; J -μ 1] for the last sample of ``solved``, from its factors."""
     m, n = solved.Y.shape
     out = np.empty((n + m, n + m))
-    run = kernel(bordered_inverse, 2, 2, 2, 1, 1, 1, 2)
+    run, rows = kernel(bordered_inverse, 2, 2, 2, 1, 1, 1, 2), joint_table(model.bodies)
     run(
-        getattr(without_mimic(model), numba_kernels.TABLE),
+        getattr(rows, numba_kernels.TABLE),
         solved.L,
         solved.Y,
         solved.C,
@@ -267,13 +269,6 @@ def inverse(model: Model, solved: Solved) -> Array:
         out,
     )
     return out
-
-
-def without_mimic(model: Model) -> Model:
-    """The model, if it has no mimic joints: the zeros of M are then those of the tree. Raises ModelError."""
-    if check_model(model).mimic_matrix is not None:
-        raise ModelError(f'model "{model.name}" has mimic joints, expected one without (mimic=False) for constraints')
-    return model
 
 
 def _samples(x: Array, batch: tuple[int, ...], core: tuple[int, ...]) -> Array:

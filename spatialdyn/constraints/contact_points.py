@@ -124,7 +124,7 @@ class Contacts:
     Bodies have no shapes here, so there is no collision detection: each point is the centre of a sphere at a frame that
     the caller names (a foot, a corner, a wheel's rim), and touches the ground only, no other body.
 
-    model        Model; if it has mimic joints, only limits are possible
+    model        Model
     points       {frame: radius of its sphere [m]}, 0 for the frame's origin itself
     friction     Coulomb's coefficient μ: a number, or {frame: number} for all points
     restitution  from 0 to 1, in the same form, by Poisson's law: a point that hits receives, in addition to the impulse
@@ -145,7 +145,7 @@ class Contacts:
     ground                    the StaticTable of heights, for each radius; None on a plane
 
     Raises
-        ModelError for a name that is not in the robot, with similar names, and for points of a robot with mimic joints
+        ModelError for a name that is not in the robot, with similar names
         ConstraintError naming the point for a frame that does not move, a radius or friction below 0, a restitution
             outside 0 to 1; for another terrain, a tolerance that is not a positive number, and steps or rounds outside
             1 to 100
@@ -204,9 +204,6 @@ class Contacts:
         check_model(model)
         if not isinstance(points, Mapping):
             raise ConstraintError(f"points are {literal(points)}, expected {{frame: radius}}")
-        if points and model.mimic_matrix is not None:
-            what = f'model "{model.name}" has mimic joints, expected one without (mimic=False) for points'
-            raise ModelError(f"{what}; limits act alone")
         ground = Plane() if terrain is None else terrain
         if not isinstance(ground, (Plane, Heightfield)):
             raise ConstraintError(f"terrain is {literal(terrain)}, expected a Plane or a Heightfield")
@@ -365,11 +362,27 @@ def _of_points(what: str, given: Any, names: tuple[str, ...], most: float) -> Ar
 
 
 def _stops(model: Model) -> list[dict[str, Any]]:
-    """Columns of the row of each joint of one coordinate that has a limit."""
+    """Columns of the row of each joint of one coordinate that has a limit, or is led to one by a joint that mimics it.
+
+    Raises ModelError for a joint that mimics another whose limits no position of that one meets.
+    """
+    ranges = {k: (model.lower[k], model.upper[k]) for k in range(model.nq)}
+    given = {x.name: x for x in model.robot.joints}
+    for joint in model.joints[1:]:
+        if joint.mimic is not None and joint.mimic[1]:
+            leader, ratio, offset = joint.mimic
+            k, own = joint.idx_q, given[joint.name]
+            ends = sorted(((own.lower - offset) / ratio, (own.upper - offset) / ratio))
+            ranges[k] = max(ranges[k][0], ends[0]), min(ranges[k][1], ends[1])
+            if not ranges[k][0] <= ranges[k][1]:
+                raise ModelError(
+                    f'joint "{joint.name}" mimics "{model.joints[leader].name}" with limits {own.lower:g} to '
+                    f"{own.upper:g}, expected some that a position within the limits of that one meets"
+                )
     made = []
     for joint in model.joints[1:]:
-        k = joint.idx_q
-        own = joint.mimic is None and int(model.bodies[joint.row]["kind"]) in R1
-        if own and np.isfinite([model.lower[k], model.upper[k]]).any():
-            made.append({"row": joint.idx_v + 1, "q_index": k, "lower": model.lower[k], "upper": model.upper[k]})
+        lower, upper = ranges[joint.idx_q]
+        own_row = joint.mimic is None and int(model.bodies[joint.row]["kind"]) in R1
+        if own_row and np.isfinite([lower, upper]).any():
+            made.append({"row": joint.idx_v + 1, "q_index": joint.idx_q, "lower": lower, "upper": upper})
     return made

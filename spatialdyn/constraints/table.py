@@ -48,7 +48,7 @@ class Equation(NamedTuple):
 class Constraints:
     """Constraints on a robot: immutable, hashed by its content, checked against the robot's names when it is made.
 
-    model  Model, without mimic joints
+    model  Model; a joint that mimics another is held where it follows to
     items  ``PointConstraint``, ``WeldConstraint``, ``HingeConstraint``, ``DistanceConstraint``, ``CouplerConstraint``,
            ``RollingConstraint`` and ``VelocityConstraint``
 
@@ -57,7 +57,7 @@ class Constraints:
     table      the StaticTable of recursions
 
     Raises
-        ModelError for a name that is not in the robot, with similar names, and for mimic joints
+        ModelError for a name that is not in the robot, with similar names
         ConstraintError for two frames on one body, a coupled joint whose position is not one number, rows of another
             length, and an item that is not a constraint
 
@@ -78,10 +78,7 @@ class Constraints:
 
     def __init__(self, model: Model, items: Iterable[Constraint]) -> None:
         """See the class."""
-        if check_model(model).mimic_matrix is not None:
-            raise ModelError(
-                f'model "{model.name}" has mimic joints, expected one without (mimic=False) for constraints'
-            )
+        check_model(model)
         try:
             given = tuple(items)
         except TypeError:
@@ -251,13 +248,13 @@ def _rows(model: Model, x: Constraint) -> list[tuple[dict[str, Any], list[str]]]
             ({"factor": -x.ratio, **_coordinate(model, x, x.to), "positions": 1}, []),
         ]
     if isinstance(x, VelocityConstraint):
-        found = []
+        found, own = [], np.flatnonzero(model.bodies["leader"][1:] == 0)  # rows of the whole tree
         for k, row in enumerate(np.array(x.A)):
             if len(row) != model.nv:
                 raise ConstraintError(
                     f"{x.label} has rows of {len(row)}, expected {model.nv}, the velocities of the robot"
                 )
-            terms = [{"kind": TERM, "row_a": int(i) + 1, "factor": row[i]} for i in np.flatnonzero(row)]
+            terms = [{"kind": TERM, "row_a": int(own[i]) + 1, "factor": row[i]} for i in np.flatnonzero(row)]
             found += [(term, [str(k)] if n == 0 else []) for n, term in enumerate(terms)]
         return found
     if isinstance(x, RollingConstraint):
@@ -305,7 +302,7 @@ def _coordinate(model: Model, x: Constraint, name: str) -> dict[str, Any]:
         raise ConstraintError(
             f'{x.label} couples joint "{name}" ({joint.kind}), expected a position that is one number'
         )
-    return {"kind": TERM, "row_a": joint.row, "q_index": joint.idx_q}
+    return {"kind": TERM, "row_a": joint.row, "q_index": model.bodies[joint.row]["q_index"]}
 
 
 def _put_matrix(record: Any, A: Array) -> None:

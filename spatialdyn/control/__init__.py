@@ -1,5 +1,4 @@
-"""Control: paths to follow, control laws by name and their gains, inverse kinematics, observers, monitors of stability.
+"""Control: laws and costs that a run takes, laws by name and their gains, paths, inverse kinematics, observers.
 
-This package imports ``simulation``: it makes runs and examines them. The package ``laws``, which ``simulation``
-imports, defines what a run takes as a law: any Spec with values.
+A law is any Spec with values (``Control``); ``simulation`` imports this package and records laws into its steps.
 """

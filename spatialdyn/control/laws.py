@@ -14,12 +14,12 @@ from numpy.typing import ArrayLike, NDArray
 from ..calls.arguments import as_array, as_word, within_range
 from ..calls.dynamics import calls
 from ..errors import NonFiniteError, ShapeError, SimulationError, literal
-from ..laws.control import Control
-from ..laws.law_specs import RATE, evaluated, in_step, kept, with_values
 from ..model.model import Model
 from ..recursions.control.control_laws import GRAVITY, STATE_FEEDBACK, law_spec
 from ..recursions.control.paths import CLOCK
 from ..recursions.spec import TAU, Argument, Q, Spec, V, made_once
+from .control import Control
+from .law_specs import RATE, evaluated, in_step, kept, with_values
 from .paths import Path
 
 Array = NDArray[np.float64]

@@ -151,7 +151,7 @@ GROUPS = {
 # where a name that no group lists goes, by the package that it is of
 BY_PACKAGE = {
     "accuracy": "accuracy", "actuation": "actuation", "calls": "dynamics", "constraints": "constraints",
-    "control": "control", "interop": "conversion", "laws": "control", "lagrangian": "mechanics",
+    "control": "control", "interop": "conversion", "monitors": "control", "lagrangian": "mechanics",
     "linearization": "derivatives", "model": "robots",
     "pictures": "pictures", "recursions": "dynamics", "simulation": "simulation", "sources": "robots",
     "urdf": "robots", "identification": "identification", "studies": "studies", "operational": "tasks",

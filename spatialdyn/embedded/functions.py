@@ -21,12 +21,12 @@ from ..calls.specialize import specialize
 from ..calls.specialize_request import SpecializeRequest, dtype_of
 from ..calls.specialized import Specialized, check_program, of_request, results_of_rows
 from ..calls.states import random_configuration
+from ..control.control import Control
+from ..control.law_specs import RATE, begun_of, check_recordable
 from ..engines.programs.record.operations import INPUT
 from ..engines.programs.record.program import Program
 from ..engines.programs.transform.source_code import C_WORDS, Shapes, has_meaning
 from ..errors import SimulationError, SpatialDynError, literal
-from ..laws.control import Control
-from ..laws.law_specs import RATE, begun_of, check_recordable
 from ..model.model import Model
 from ..recursions.control.control_laws import law_spec
 from ..recursions.control.paths import CLOCK

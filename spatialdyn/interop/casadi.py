@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -86,6 +87,17 @@ class _Arrays:
 
 def _jacobian(casadi: Any, name: str, ins: Sequence[_Arrays], outs: _Arrays, entries: Sequence[Any]) -> Any:
     """The CasADi function of derivatives of results by inputs; ``entries`` are the derivatives, result by result."""
+    blocks = _blocks(casadi, ins, outs, entries)
+    names = [x for group in ins for x in group.names]
+    nominal = [casadi.SX.sym(f"out_{x}", *shape) for x, shape in zip(outs.names, outs.shapes, strict=True)]
+    return casadi.Function(
+        f"jac_{name}", [*(x for group in ins for x in group.symbols), *nominal], blocks,
+        [*names, *(f"out_{x}" for x in outs.names)], [f"jac_{x}_{y}" for x in outs.names for y in names],
+    )  # fmt: skip
+
+
+def _blocks(casadi: Any, ins: Sequence[_Arrays], outs: _Arrays, entries: Sequence[Any]) -> list[Any]:
+    """The derivatives of each result by each input, in CasADi's order; ``entries`` likewise in C order."""
     columns, first = [], 0
     for group in ins:
         columns += [[first + k for k in places] for places in group.places()]
@@ -95,19 +107,14 @@ def _jacobian(casadi: Any, name: str, ins: Sequence[_Arrays], outs: _Arrays, ent
         for order in columns:
             part = casadi.vertcat(*(entries[first * i + j] for j in order for i in taken))
             blocks.append(casadi.reshape(part, len(taken), len(order)))
-    names = [x for group in ins for x in group.names]
-    nominal = [casadi.SX.sym(f"out_{x}", *shape) for x, shape in zip(outs.names, outs.shapes, strict=True)]
-    return casadi.Function(
-        f"jac_{name}", [*(x for group in ins for x in group.symbols), *nominal], blocks,
-        [*names, *(f"out_{x}" for x in outs.names)], [f"jac_{x}_{y}" for x in outs.names for y in names],
-    )  # fmt: skip
+    return blocks
 
 
 def _derivatives(casadi: Any, given: Exported, derivatives: Derivatives) -> dict[str, Any]:
     """Options of a function: its Jacobian, and, in CasADi's cache of derivatives, one direction of each mode.
 
     The penalty makes CasADi use the cached derivatives for one direction, and the Jacobian for as many directions as
-    there are results.
+    there are results. The reverse derivative, which Hessians differentiate, has a Jacobian of its own.
     """
     ins, outs, n = _Arrays(casadi, given.inputs), _Arrays(casadi, given.outputs), given.program.inputs
     known, m = _Arrays(casadi, given.outputs, "out_"), len(given.program.outputs)
@@ -121,8 +128,40 @@ def _derivatives(casadi: Any, given: Exported, derivatives: Derivatives) -> dict
         symbols = [*ins.symbols, *known.symbols, *seeds.symbols]
         found = results.stacked(walk(casadi, program, [*ins.entries, *seeds.entries, *known.entries]))
         name, names = f"{mode}1_{given.name}", [*ins.names, *known.names, *seeds.names]
-        cache[name] = casadi.Function(name, symbols, found, names, results.names)
+        second: dict[str, Any] = {}
+        if mode == "adj" and derivatives.hessian is not None:
+            second = _second(casadi, name, [ins, known, weights], slopes, jacobian, derivatives.hessian)
+        cache[name] = casadi.Function(name, symbols, found, names, results.names, second)
     return {"custom_jacobian": jacobian, "jac_penalty": max(1.0 / m, 2.1 / n), "cache": cache}
+
+
+def _second(
+    casadi: Any, name: str, given: Sequence[_Arrays], slopes: _Arrays, jacobian: Any, program: Program
+) -> dict[str, Any]:
+    """Options of the reverse derivative of a function: its Jacobian, used from two directions on.
+
+    Its derivatives by the inputs are a program, which takes the results as they follow from the inputs, so those by the
+    results are 0; those by the weights are the function's Jacobian. It is inlined: a graph calls only what it needs.
+    """
+    ins, known, weights = given
+    entries = walk(casadi, program, [*ins.entries, *weights.entries, *known.entries])
+    symbols, names = [x for group in given for x in group.symbols], [x for group in given for x in group.names]
+    n, count = len(ins.names), sum(math.prod(x) for group in given for x in group.shapes)
+    blocks = _blocks(casadi, [ins], slopes, entries)
+    hessian = casadi.Function(f"hess_{name}", symbols, blocks, names, [f"hess_{k}" for k in range(len(blocks))])
+    at = [casadi.MX.sym(x, *shape) for group in given for x, shape in zip(group.names, group.shapes, strict=True)]
+    nominal = [casadi.MX.sym(f"out_{x}", *shape) for x, shape in zip(slopes.names, slopes.shapes, strict=True)]
+    m = len(known.names)
+    by_inputs, by_each = hessian.call(at, False, True), jacobian.call(at[: n + m], False, True)
+    made = []
+    for k, shape in enumerate(slopes.shapes):
+        made += by_inputs[n * k : n * k + n]
+        made += [casadi.MX(math.prod(shape), math.prod(x)) for x in known.shapes]
+        made += [by_each[n * j + k].T for j in range(m)]
+    passed = [*names, *(f"out_{x}" for x in slopes.names)]
+    by = [f"jac_{x}_{y}" for x in slopes.names for y in names]
+    own = casadi.Function(f"jac_{name}", [*at, *nominal], made, passed, by, {"always_inline": True})
+    return {"custom_jacobian": own, "jac_penalty": 1.5 / count}
 
 
 def walk(casadi: Any, program: Program, inputs: Sequence[Any]) -> list[Any]:

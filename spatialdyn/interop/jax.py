@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from ..calls.differentiable import Differentiable, Node
+from ..engines.programs.run import xla_handler
 from ..errors import SpatialDynError
 from .frameworks import framework
 
@@ -83,19 +84,20 @@ def primitive() -> Any:
     ad.primitive_jvps[made] = _jvp
     ad.primitive_transposes[made] = _transpose
     batching.primitive_batchers[made] = _batched
-    atexit.register(finish)  # registered after JAX's own hook, so it runs before that one
+    atexit.register(end)  # registered after JAX's own hook, so it runs before that one
     return made
 
 
-def finish() -> None:
-    """Wait for the arrays that are being computed.
+def end() -> None:
+    """Wait for the arrays that are being computed, and let no sample be recomputed after that.
 
-    At exit JAX waits for these arrays while it holds the GIL. Samples that Python recomputes need the GIL, so without
-    this wait neither would end.
+    At exit JAX waits for computations while it holds the GIL, which samples that Python recomputes need. Arrays that
+    the process still holds are computed to their end; a result that it dropped is an error then, and nothing reads it.
     """
     for x in framework("jax").live_arrays():
         with suppress(Exception):  # the error of an array that nothing has read, or of an array deleted meanwhile
             x.block_until_ready()
+    xla_handler.end()
 
 
 @cache
@@ -131,8 +133,7 @@ def _called_back(*arrays: Any, node: Node) -> Any:
     jax = framework("jax")
 
     def on_host(*given: Any) -> Any:
-        found = node.compute([np.asarray(x) for x in given])
-        return tuple(np.asarray(x, given[0].dtype) for x in found)
+        return tuple(node.compute([np.asarray(x) for x in given], given[0].dtype))
 
     shapes = node.shapes([x.shape for x in arrays])
     wanted = tuple(jax.ShapeDtypeStruct(shape, arrays[0].dtype) for shape in shapes)

@@ -14,8 +14,6 @@ from functools import cache
 from inspect import signature
 from typing import Any
 
-import numpy as np
-
 from ..calls.differentiable import Differentiable, Node
 from ..errors import ShapeError, SpatialDynError
 from .frameworks import framework
@@ -72,9 +70,8 @@ def operator(node: Node) -> Any:
         return _operators()[name]
 
     def run(*tensors: Any) -> Any:
-        found = node.program(*[(x.detach() if x.requires_grad else x).numpy() for x in tensors])
-        arrays = found if isinstance(found, tuple) else (found,)
-        return [torch.from_numpy(np.asarray(x)).to(tensors[0].dtype) for x in arrays]
+        given = [(x.detach() if x.requires_grad else x).numpy() for x in tensors]
+        return [torch.from_numpy(x) for x in node.compute(given, given[0].dtype)]
 
     def shaped(*tensors: Any) -> Any:
         lead = torch.broadcast_shapes(*_leads(node, tensors))

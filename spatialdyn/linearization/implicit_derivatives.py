@@ -9,7 +9,7 @@ A step of ``variational`` solves p⁻(q, ξ, τ) = p for ξ, and then q⁺ = q �
 Programs compute F, G and the derivatives of p⁻, p⁺, M v and M⁻¹ p along unit directions, which are lanes of one batch:
 one for each freedom of each sample. Springs and smooth friction are torques τ(q, v), which add G ∂τ/∂z to F. The
 program of a run computes the step itself, or, with springs, smooth friction or constraints, its loop;
-``held_methods`` has the steps under constraints.
+``constrained_methods`` has the steps under constraints.
 
 Source: Hairer, Lubich, Wanner, Geometric Numerical Integration (2006), VI.4, for derivatives of symplectic methods.
 """
@@ -41,10 +41,10 @@ from ..simulation.methods.call_kernels import call_kernels
 from ..simulation.methods.methods import DISCRETE, Method, integrators
 from ..simulation.methods.symplectic import GAUSS2, GAUSS4, GAUSS6, Tableau
 from ..simulation.momenta_steps import begun as begun_rows
-from ..simulation.momenta_steps import momenta_specs, rows_kept
+from ..simulation.momenta_steps import kept, momenta_specs
 from ..simulation.system import State, System, units
-from . import held_methods
-from .held_methods import Rows, Slopes, rows_of
+from . import constrained_methods
+from .constrained_methods import Rows, Slopes, rows_of
 from .step_torques import smooth_torques
 
 Array = NDArray[Any]
@@ -129,7 +129,7 @@ def derivatives(
     if rows is None or ahead is None:
         back = along(model, SPECS["velocity_from_momentum"], [solved.q, solved.p], [moved, changed])
     else:
-        back = held_methods.met(model, solved.q, ahead, solved.p, moved, changed, rows[1])
+        back = constrained_methods.met(model, solved.q, ahead, solved.p, moved, changed, rows[1])
     return np.concatenate([moved, back], axis=1)
 
 
@@ -166,7 +166,7 @@ def _variational(
         values = run(model, spec, "", states)
         left = values[:, :nv] - p - (0.0 if push is None else half[:, 0] * push[0])
         slopes = by_state[:, :nv] - of_p, by_xi[:, :nv], (by_q, by_step)
-        d_xi = held_methods.variational(left, *slopes, of_q, *rows)
+        d_xi = constrained_methods.variational(left, *slopes, of_q, *rows)
     moved = by_q @ of_q + by_step @ d_xi
     changed = by_state[:, nv:] + by_xi[:, nv:] @ d_xi
     more = smooth_torques(model, effects, solved.q, mean, moved, d_xi / h[:, None, None])
@@ -217,7 +217,7 @@ def _canonical(
     if rows is not None:  # of joints whose charts are themselves
         middle = solved.work[:, 2, nv:]
         start, end = (slopes(np.concatenate([x, middle], axis=1)) for x in (q, solved.q))
-        return held_methods.rattle(p, middle, start, end, 0.5 * step, given, *rows)
+        return constrained_methods.rattle(p, middle, start, end, 0.5 * step, given, *rows)
     begin = to_chart(z0, of_q, of_p)
     if method.name in TABLEAUX:
         made = _gauss(TABLEAUX[method.name], solved, slopes, begin, of_tau, step)
@@ -297,8 +297,8 @@ def _solve(
         specs = momenta_specs(name, acting)
         forces = [] if fext is None else [fext.reshape((n, -1))]
         given = [q, p, *start, h[:, None], tau, *forces, units(model)[None]]
-        q1, p1, *kept = run(model, specs, "", given, outputs=len(specs))
-        for x, at in zip(kept, rows_kept(name), strict=True):
+        q1, p1, *found = run(model, specs, "", given, outputs=len(specs))
+        for x, at in zip(found, kept(name).values(), strict=True):
             if at is None:
                 centres[:] = x.reshape(centres.shape)
             else:

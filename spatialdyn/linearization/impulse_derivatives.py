@@ -37,7 +37,7 @@ from ..simulation.effects.effect import find
 from ..simulation.effects.friction import DryFriction, LuGreFriction, dry
 from .active_set import ActiveSet
 from .bounces import Phase, hits_of, last_phase
-from .held_methods import jacobian_slopes
+from .constrained_methods import jacobian_slopes
 from .step_ends import Closing, led
 from .step_torques import Torques
 

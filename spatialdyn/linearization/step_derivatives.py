@@ -7,8 +7,8 @@ A displacement of a state is δx = (δq, δv), with δq in the frame of each joi
 
 is exact. ``recursions.derivatives.step_derivatives`` has the explicit methods, each one recursion and so one program on
 SIMD lanes; ``implicit_derivatives`` has the others. Under constraints, explicit methods use the derivative of the
-program of their step, and ``held_methods`` has the symplectic ones; ``impulse_derivatives`` has steps with impulses of
-contacts, limits and dry friction.
+program of their step, and ``constrained_methods`` has the symplectic ones; ``impulse_derivatives`` has steps with
+impulses of contacts, limits and dry friction.
 """
 
 from __future__ import annotations

@@ -18,7 +18,7 @@ from ..calls.dynamics import calls
 from ..constraints.dynamics import constraint_error, constraint_jacobian
 from ..constraints.table import Constraints
 from ..model.model import Model
-from .held_methods import jacobian_slopes
+from .constrained_methods import jacobian_slopes
 
 Array = NDArray[Any]
 

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..control.monitors import LyapunovRecord, PassivityRecord
 from ..control.paths import Path
 from ..errors import ShapeError
+from ..monitors.monitors import LyapunovRecord, PassivityRecord
 from .figures import check_path, dash, new_figure, written
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ..calls.arguments import as_word
 from ..errors import SpatialDynError
-from ..simulation.ledger import EnergyLedger
+from ..monitors.ledger import EnergyLedger
 from .figures import DASHES, FAINT, check_path, dash, legend, plain, tidy, written
 from .panels import Panel, fit_legends, least_span, logarithmic, padded, shades, stacked, time_axis
 

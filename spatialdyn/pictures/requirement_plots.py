@@ -30,11 +30,13 @@ def plot_requirement(found: Requirement, ax: Any, path: Any) -> Figure:
 def draw_requirement(axes: Axes, found: Requirement) -> None:
     """Draw into axes."""
     title = f"{found.full.model.name}: what {found.horizon:g} s require within {found.tolerance:g}"
-    draw_parts(axes, found.rows, found.path, found.tolerance, title)
+    draw_parts(axes, found.rows, found.path, found.tolerance, title, found.observed)
 
 
-def draw_parts(axes: Axes, rows: Sequence[Part], path: Sequence[Part], tolerance: float, title: str) -> None:
-    """Draw parts and the path of a search into axes."""
+def draw_parts(
+    axes: Axes, rows: Sequence[Part], path: Sequence[Part], tolerance: float, title: str, observed: str
+) -> None:
+    """Draw parts and the path of a search into axes; ``observed`` is what changes, in words."""
     tidy(axes)
     shades = dict(zip(KINDS, colours(len(KINDS)), strict=True))
     least = LEAST * tolerance
@@ -55,7 +57,7 @@ def draw_parts(axes: Axes, rows: Sequence[Part], path: Sequence[Part], tolerance
     names.append("from the whole scene\nto the one that is taken")
     handles.append(axes.axhline(tolerance, color=FAINT, linestyle="--", linewidth=1.2))
     names.append("tolerance")
-    by_logarithms(axes, "ms of computing for a second of motion", "largest change of what is observed", x=0.12, y=0.08)
+    by_logarithms(axes, "ms of computing for a second of motion", f"largest change of {observed}", x=0.12, y=0.08)
     axes.set_title(plain(f"{title}\n"), fontsize="medium")
     real_time(axes)
     legend(axes, handles, names, f"points at {least:.0e}: that or less")

@@ -10,6 +10,15 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
+from .constraints.constraint_rows import (
+    carry_axes,
+    place_bias,
+    place_rows,
+    write_drift,
+    write_error,
+    write_jacobian,
+)
+from .contact.contact_rows import write_gaps, write_point_rows
 from .derivatives.derivatives import aba_derivatives_by_factor, aba_derivatives_through_M
 from .signatures import Array, Bodies, Matrix, Vector
 from .spec import MassMatrix
@@ -22,6 +31,8 @@ class Reduction(NamedTuple):
 
     mass_matrix  name of the call of M
     on_tree      names of calls that run on the whole tree
+    parts        parts of recursions that run on the whole tree, on the scratch that these calls leave: of their
+                 arguments q, v and J are those of the model
     through_M    names of calls that solve with M
     factor, solve  ``factor(bodies, M)`` and ``solve(bodies, L, x)`` in place, by the parents of the rows
     by_factor    ``(bodies, work, q, v, tau, fext, D, pivots, a, inverse)``, a recursion that factors M itself
@@ -30,6 +41,7 @@ class Reduction(NamedTuple):
 
     mass_matrix: str
     on_tree: tuple[str, ...]
+    parts: tuple[Any, ...]
     through_M: tuple[str, ...]
     factor: Callable[[Bodies, Matrix], None]
     solve: Callable[[Bodies, Matrix, Vector], None]
@@ -47,5 +59,6 @@ def accelerations_and_derivatives(
 REDUCTION = Reduction(
     "crba",
     ("crba", "rnea", "modified_rnea", "momentum_rate", "frame_placement", "frame_jacobian", "frame_jacobian_dot"),
+    (carry_axes, place_bias, place_rows, write_drift, write_error, write_gaps, write_jacobian, write_point_rows),
     ("aba", "hamilton_field"), factor_tree, solve_tree, aba_derivatives_by_factor, accelerations_and_derivatives,
 )  # fmt: skip

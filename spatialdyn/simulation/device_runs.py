@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..control.control import recorded
 from ..engines.compiled import numba_kernels
 from ..engines.programs.gpu import arrays as device_arrays
 from ..engines.programs.gpu.arrays import View
@@ -20,7 +21,6 @@ from ..engines.programs.gpu.device import Device
 from ..engines.programs.gpu.gpu_kernel import GpuKernel, Rows, StepRows
 from ..engines.programs.record import recording
 from ..errors import NonFiniteError, ShapeError, SimulationError
-from ..laws.control import recorded
 from ..model.model import Model
 from ..recursions.spec import FEXT
 from .driver import check_solved, run_alone

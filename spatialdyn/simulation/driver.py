@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..calls.dynamics import calls
+from ..control.cost import is_of_cost
+from ..control.law_specs import own_name
 from ..engines.compiled import numba_kernels
 from ..errors import SimulationError
-from ..laws.cost import is_of_cost
-from ..laws.law_specs import own_name
 from .fixed_steps import run_sample
 from .plan import Plan
 from .program_steps import on_lanes

@@ -15,22 +15,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..calls.dynamics import calls
+from ..control.law_specs import own_name
 from ..errors import SimulationError
-from ..laws.law_specs import own_name
 from ..recursions.control.paths import CLOCK
 from ..recursions.joints.friction import DT
 from ..recursions.spec import FEXT
 from .arithmetic import Computed
-from .effects import work
-from .effects.effect import Effect
+from .effects.effect import Effect, torques_of
 from .effects.external import external_torque
 from .methods import constrained_variational, rattle
 from .methods.call_kernels import call_kernels
+from .methods.explicit import ExplicitKernels
 from .methods.methods import DISCRETE, EXPLICIT, Family
 from .methods.symplectic import GAUSS2, GAUSS4, GAUSS6
 from .plan import Plan
 from .recorder import Recorder
-from .steps import advance
+from .steps import advance, driven, free_of
 from .system import OK, State, System
 from .torques import forces_at
 
@@ -99,11 +99,6 @@ class KernelSteps:
 
     # --- methods in momenta -----------------------------------------------------------------------------
 
-    def _torques(self, q: Any, v: Any) -> list[tuple[str, Any]]:
-        """The torques of effects at a state, by names of states of work."""
-        made = ((x.work, x.torque(self.at, q, v)) for x in self.plan.effects)
-        return [(x.name, torque) for x, torque in made if torque is not None and x is not None]
-
     def _field(self, field: Callable[..., int]) -> Callable[..., int]:
         """The field of v and ṗ, with the torques of effects added."""
         if all(type(x).torque is Effect.torque for x in self.plan.effects):
@@ -112,7 +107,7 @@ class KernelSteps:
 
         def with_torques(system: System, q: Any, p: Any, rates: Any) -> int:
             code = field(system._replace(kernels=kernels), q, p, rates)
-            for _, torque in reversed(self._torques(q, rates[0])):
+            for _, torque in reversed(torques_of(self.plan.effects, self.at, q, rates[0])):
                 rates[1] += torque
             return code
 
@@ -146,12 +141,12 @@ class KernelSteps:
             if plan.force is not None:
                 at.given[FEXT.name] = forces_at(plan.force, when, q, v, self.forces.shape)
             if works:
-                stages.append(self._powers(q, v, tau))
+                stages.append(driven(plan.effects, works, at, q, v, tau)[1])
             system.tau[:] = tau
             if plan.force is not None:
                 system.tau[:] += external_torque(at, q)
             if discrete:
-                for _, torque in self._torques(q, v):
+                for _, torque in torques_of(plan.effects, at, q, v):
                     system.tau[:] += torque
 
         def power(when: float) -> dict[str, Any]:
@@ -191,21 +186,20 @@ class KernelSteps:
 
         return after(0.5 * h, law(q, v, tau, after(0.25 * h, law(q, v, tau, own)[1]))[1])
 
-    def _powers(self, q: Any, v: Any, tau: Any) -> dict[str, Any]:
-        """Powers by names of states of work."""
-        found = {work.TORQUE.name: tau * v, **{name: x * v for name, x in self._torques(q, v)}}
-        if work.EXTERNAL in self.plan.work:
-            found[work.EXTERNAL.name] = external_torque(self.at, q) * v
-        return found
-
 
 def rates_of(
     plan: Plan, recorder: Recorder, sample: int = 0
 ) -> Callable[[int, float, Array, Array, Array, Array], tuple[Array, Array]]:
     """``(step, t, q, v, states, tau) -> a, rates of the states``, flat, for SciPy's methods. It may raise."""
-    model, constrained = plan.model, plan.constrained
-    at, names, works = Computed(model, {}), [x.name for x in recorder.states.arguments], plan.work
-    feedback, system = plan.feedback, System(*(None,) * 9, np.zeros(3))
+    model, feedback = plan.model, plan.feedback
+    at, names = Computed(model, {}), [x.name for x in recorder.states.arguments]
+    system = System(*(None,) * 9, np.zeros(3))
+
+    def accelerate(system: System, q: Array, v: Array, a: Array) -> int:
+        a[:] = calls["aba"](model, q, v, system.tau, at.given.get(FEXT.name))
+        return OK
+
+    kernels = ExplicitKernels(accelerate, *(None,) * 4)
 
     def rates(step: int, t: float, q: Array, v: Array, x: Array, tau: Array) -> tuple[Array, Array]:
         at.begin(system, t)
@@ -217,21 +211,9 @@ def rates_of(
             states = dict(zip(names, recorder.states.views(x), strict=True))
             wanted, found = feedback.law(at)(q, v, tau, states)
             tau = tau + wanted
-        found[work.TORQUE.name] = tau * v
-        if work.EXTERNAL in works:
-            found[work.EXTERNAL.name] = external_torque(at, q) * v
-        for effect in plan.effects:
-            made = effect.torque(at, q, v)
-            if made is not None and effect.work is not None:
-                found[effect.work.name] = made * v
-                tau = tau + made
-        if constrained is None:
-            a = calls["aba"](model, q, v, tau, at.given.get(FEXT.name))
-        else:
-            a = np.empty(model.nv)
-            force = constrained.accelerate(at, q, v, tau, a)
-            if work.CONSTRAINTS in works:
-                found[work.CONSTRAINTS.name] = force * constrained.rates(at, q, v)
+        a = np.empty(model.nv)
+        _, powers = free_of(plan.effects, plan.work, at, kernels, system._replace(tau=tau), q, v, a)
+        found = {**found, **powers}
         return a, np.concatenate([np.empty(0), *(found[name].ravel() for name in names)])
 
     return rates

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..algebra.scalars import select
+from ..calls.arguments import core_shape
 from ..calls.by_program import run
 from ..engines.programs.record.tracer import scratch
 from ..model.model import Model
@@ -48,48 +49,35 @@ STAGES = {"implicit_midpoint": 1, "gauss4": 2, "gauss6": 3}
 
 
 @lru_cache(maxsize=16)
-def kept(method: str) -> tuple[Argument, ...]:
-    """The arrays that a method keeps from step to step."""
+def kept(method: str) -> dict[Argument, slice | None]:
+    """The arrays that a method keeps from step to step, and their rows of a State's ``work``; None for ``by_row``."""
     if integrators[method].family is DISCRETE:
-        return (Argument("displacements", (2, "nv"), "rad | m", "of the last two steps"),)
-    if method in STAGES:
-        more: tuple[Argument, ...] = (
-            Argument("remainder", ("nv+nv",), "", "of the compensated sum"),
-            Argument("increments", (STAGES[method], "nv+nv"), "", "of the stages"),
-        )
-    else:
-        more = (Argument("middle", ("nv+nv",), "", "z where the last equations are solved"),)
-    return (Z, CENTRES, *more)
-
-
-def rows_kept(method: str) -> list[slice | None]:
-    """The rows of a State's ``work`` that are kept; None for the centres, ``by_row``."""
-    if integrators[method].family is DISCRETE:
-        return [slice(0, 2)]
-    more = [slice(1, 2), slice(7, 7 + STAGES[method])] if method in STAGES else [slice(2, 3)]
-    return [slice(0, 1), None, *more]
+        return {Argument("displacements", (2, "nv"), "rad | m", "of the last two steps"): slice(0, 2)}
+    if method not in STAGES:
+        middle = Argument("middle", ("nv+nv",), "", "z where the last equations are solved")
+        return {Z: slice(0, 1), CENTRES: None, middle: slice(2, 3)}
+    remainder = Argument("remainder", ("nv+nv",), "", "of the compensated sum")
+    increments = Argument("increments", (STAGES[method], "nv+nv"), "", "of the stages")
+    return {Z: slice(0, 1), CENTRES: None, remainder: slice(1, 2), increments: slice(7, 7 + STAGES[method])}
 
 
 def places(method: str, state: State) -> list[Any]:
     """Views of a State's arrays that the method keeps, each as one row."""
     centres = state.by_row[: len(state.w) + 1]
-    return [(centres if at is None else state.work[at]).reshape(-1) for at in rows_kept(method)]
+    return [(centres if at is None else state.work[at]).reshape(-1) for at in kept(method).values()]
 
 
 def begun(model: Model, method: str, q: Array, p: Array) -> list[Array]:
     """The arrays (n, columns) that the method keeps, for samples that begin in states q (n, nq) and p (n, nv)."""
-    n, nv = len(q), model.nv
-    if integrators[method].family is DISCRETE:
-        return [np.zeros((n, 2 * nv))]
-    z, centres = run(model, START, "", [q, p], outputs=2)
-    more = [2 * nv, STAGES[method] * 2 * nv] if method in STAGES else [2 * nv]
-    return [z, centres, *(np.zeros((n, width)) for width in more)]
+    first = [] if integrators[method].family is DISCRETE else run(model, START, "", [q, p], outputs=2)
+    others = [*kept(method)][len(first) :]
+    return [*first, *(np.zeros((len(q), math.prod(core_shape(model, x)))) for x in others)]
 
 
 @lru_cache(maxsize=256)
 def momenta_specs(method: str, acting: tuple[Effect, ...] = (), forced: bool = True) -> tuple[Spec, ...]:
     """As ``steps.step_specs``: Specs of q, p and what the method keeps; the last input is UNITS."""
-    family, own = integrators[method].family, kept(method)
+    family, own = integrators[method].family, tuple(kept(method))
     advance = integrators[method].advance
     assert family is not None
     assert advance is not None
@@ -130,7 +118,7 @@ def _end(system: System, t: Any, s: Sweeps, y: Any) -> None:
 
 def _field(n: int, system: System, q: Any, p: Any, rates: Any) -> int:
     still = np.full(n, 0.0, object)
-    hamilton_rows(system.table, scratch(HAMILTON, n + 1), q, p, still, system.fext, rates, still.copy())
+    hamilton_rows(system.table, scratch(HAMILTON, system.table), q, p, still, system.fext, rates, still.copy())
     return OK
 
 
@@ -142,13 +130,13 @@ def _discrete(n: int, fext: Any) -> VariationalKernels:
     still = np.full(n, 0.0, object)
 
     def load(system: System, q: Any, g: Any) -> int:
-        momentum_rate(system.table, scratch(WORK, n + 1), q, still, None, fext, g)
+        momentum_rate(system.table, scratch(WORK, system.table), q, still, None, fext, g)
         g[:] = [-x for x in g]
         return OK
 
     def velocity(rows: Any, q: Any, p: Any, v: Any) -> int:
         rates = np.full((2, n), 0.0, object)
-        hamilton_rows(rows, scratch(HAMILTON, n + 1), q, p, still, None, rates, still.copy())
+        hamilton_rows(rows, scratch(HAMILTON, rows), q, p, still, None, rates, still.copy())
         v[:] = rates[0]
         return OK
 
@@ -157,12 +145,12 @@ def _discrete(n: int, fext: Any) -> VariationalKernels:
         return OK
 
     def before(rows: Any, q: Any, xi: Any, by_row: Any, out: Any) -> int:
-        least = sum_before(rows, scratch(WORK_BEFORE, n + 1), q, xi, by_row, out)
+        least = sum_before(rows, scratch(WORK_BEFORE, rows), q, xi, by_row, out)
         out[0] = select(least - TURN, out[0], math.nan)
         return OK
 
     def after(rows: Any, q: Any, xi: Any, by_row: Any, out: Any) -> int:
-        momenta_after(rows, scratch(WORK_AFTER, n + 1), q, xi, by_row, out)
+        momenta_after(rows, scratch(WORK_AFTER, rows), q, xi, by_row, out)
         return OK
 
     return VariationalKernels(load, None, velocity, moved, before, after, _end)

@@ -13,13 +13,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..bodies.table import JointTable, joint_table
 from ..calls.arguments import core_shape
 from ..calls.dynamics import python_calls
 from ..calls.specialize import specialize
 from ..calls.specialized import Specialized
+from ..control.control import recorded
 from ..engines.programs.record import recording
 from ..engines.programs.run import batch_kernels
-from ..laws.control import recorded
 from ..model.model import Model
 from ..recursions.spec import Argument, Spec
 from .effects import of_run, work
@@ -34,7 +35,7 @@ from .momenta_steps import momenta_specs
 from .scene import Scene, check_method
 from .states import RunStates, run_states
 from .steps import step_specs
-from .system import JointTable, joint_table, units
+from .system import units
 
 Array = NDArray[Any]
 Force = Callable[[float, Array, Array], Array]
@@ -89,7 +90,7 @@ class Plan:
     @cached_property
     def table(self) -> JointTable:
         """The table of joints for kernels."""
-        return joint_table(self.model)
+        return joint_table(self.model.bodies)
 
     @cached_property
     def units(self) -> Array:

@@ -12,8 +12,8 @@ from ..actuation.springs import spring_energy
 from ..calls.arguments import as_number
 from ..calls.dynamics import calls
 from ..calls.specialized import Specialized, results_of_rows
+from ..control.control import Control, law_torques
 from ..errors import NonFiniteError, SpatialDynError, literal
-from ..laws.control import Control, law_torques
 from ..model.model import Model
 from .plan import Plan
 from .states import RunStates

@@ -16,19 +16,18 @@ from numpy.typing import ArrayLike, DTypeLike, NDArray
 from ..calls.arguments import as_array, as_flag, as_number, broadcast
 from ..calls.devices import as_device
 from ..calls.dynamics import calls
+from ..control.control import Control, check_control
+from ..control.cost import Cost, check_cost, with_cost
 from ..errors import NonFiniteError, ShapeError, SimulationError, literal
-from ..laws.control import Control, check_control
-from ..laws.cost import Cost, check_cost, with_cost
 from ..model.model import Model
 from ..model.robot_checks import masked
 from .driver import run_samples
 from .effects.control import Feedback, check_law
-from .effects.friction import check_stable
-from .effects.springs import check_springs
 from .methods.methods import SCIPY_METHODS
 from .plan import Inputs, plan_of, way_of
 from .rollout_result import Rollout
 from .scene import Scene, effects_in_scene, scene_of, warn_of_friction
+from .stable_steps import check_smooth_friction, check_springs
 from .states import run_states
 from .stiff_laws import warn_of_stiff_law
 
@@ -119,7 +118,7 @@ def rollout(
     if not (_is_number(dt) and math.isfinite(dt) and dt > 0.0):
         raise SimulationError(f"dt is {literal(dt)}, expected a positive number of seconds")
     if way.bounded:
-        check_stable(model, scene.effects, method, float(dt))
+        check_smooth_friction(model, scene.effects, method, float(dt))
     check_control(control)
     kept, record = _of_contacts(record)
     if cost is not None:

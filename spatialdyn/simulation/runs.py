@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..calls.arguments import as_array, as_number
 from ..calls.dynamics import calls
 from ..calls.progress import Progress, check_progress, reporting
+from ..control.control import Control, check_control
 from ..engines.compiled import numba_kernels
 from ..errors import (
     NonFiniteError,
@@ -26,15 +27,13 @@ from ..errors import (
     SpatialDynError,
     literal,
 )
-from ..laws.control import Control, check_control
 from ..model.model import Model
 from .effects.control import Feedback, check_law
-from .effects.friction import check_stable
-from .effects.springs import check_springs
 from .fixed_steps import run_sample
 from .plan import Inputs, Way, plan_of, way_of
 from .recorder import Recorder, Steps, exploded, scale_of
 from .scene import Scene, effects_in_scene, scene_of, warn_of_friction
+from .stable_steps import check_smooth_friction, check_springs
 from .states import run_states
 from .stiff_laws import warn_of_stiff_law
 from .torques import Torque, check_force, torque_of
@@ -289,7 +288,7 @@ def _run(run: _Run, duration: float, dt: float, torque: Any, fext: Any) -> Traje
     if run.progress is not False:
         check_progress(run.progress)
     if run.way.bounded:
-        check_stable(model, scene.effects, method.name, steps.dt)
+        check_smooth_friction(model, scene.effects, method.name, steps.dt)
         check_springs(model, method.name, q, steps.dt)
     inputs = _varying(scene, fext, steps.total)
     if run.control is not None:

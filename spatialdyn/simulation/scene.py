@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import warnings
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
@@ -184,7 +184,7 @@ class Scene:
             given["drive"] = CURRENT
         if given["motor"] is None and given["friction"] is None and "friction_method" not in changes:
             given["friction_method"] = IMPLICIT
-        return Scene(given.pop("model"), **given)
+        return Scene(**given)
 
     @property
     def acts(self) -> tuple[str, ...]:
@@ -244,7 +244,7 @@ class Scene:
         return hash(self._content())
 
     def __reduce__(self) -> tuple[Callable[..., Scene], tuple[Any, ...]]:
-        return _made, (self._given(),)
+        return functools.partial(Scene, **self._given()), ()
 
     def __str__(self) -> str:
         from .scene_text import described
@@ -253,11 +253,6 @@ class Scene:
 
     def __repr__(self) -> str:
         return f"<Scene of {self.model.name}: {', '.join(self.acts) or 'nothing acts'}>"
-
-
-def _made(given: Mapping[str, Any]) -> Scene:
-    options = dict(given)
-    return Scene(options.pop("model"), **options)
 
 
 def scene_of(given: Any) -> Scene:

@@ -40,7 +40,7 @@ def step_request(given: Any, calls: Any, dtype: Any, fixed: Any, derivative: str
     model = scene.model
     effects = tuple(_at_a_closed_one(scene, x) if isinstance(x, Constrained) else x for x in of_structure(scene))
     plan = Plan(scene, method, effects)
-    specs = step_specs(method, plan.structure, ())
+    specs = step_specs(method, plan.structure, called=True)
     hidden = [x for x in plan.states if x.name in HIDDEN]
     constants = {name: x[0, 0] for name, x in plan.values.items()}
     constants |= {x.name: np.full(core_shape(model, x, plan.tables), float(x.start or 0.0)).ravel() for x in hidden}

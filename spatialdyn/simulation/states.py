@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..calls.arguments import as_array, core_shape
+from ..control.law_specs import own_name
 from ..errors import NonFiniteError, ShapeError, SimulationError, literal
-from ..laws.law_specs import own_name
 from ..model.model import Model
 from ..recursions.spec import Argument
 
@@ -52,7 +52,7 @@ class RunStates:
 
     def shown(self, row: Array) -> dict[str, Array]:
         """The states in rows (..., size) by name, without HIDDEN ones."""
-        return {name: x for name, x in zip(self.names, self.views(row), strict=True) if name not in HIDDEN}
+        return self.named([row[..., at] for at in self.slices])
 
     def named(self, parts: Sequence[Any]) -> dict[str, Any]:
         """As ``shown``, from a list of states (..., entries), in the memory of any device."""

@@ -27,7 +27,7 @@ from .effects import work
 from .effects.constraints import Constrained
 from .effects.contacts import Contact
 from .effects.control import Feedback
-from .effects.effect import Effect, find
+from .effects.effect import Effect, find, torques_of
 from .effects.external import external_torque
 from .methods import explicit
 from .methods.methods import EXPLICIT_METHODS
@@ -86,24 +86,25 @@ def free_of(
     acting: tuple[Effect, ...], works: Works, at: Any, kernels: Any, system: System, q: Any, v: Any, a: Any
 ) -> tuple[int, Power]:
     """Write the acceleration of all effects but the control law; returns a status, and powers by states of work."""
-    tau = system.tau
-    powers = {work.TORQUE.name: tau * v}
-    if work.EXTERNAL in works:
-        powers[work.EXTERNAL.name] = external_torque(at, q) * v
-    constrained = None
-    for effect in acting:
-        made = effect.torque(at, q, v)
-        if made is not None:
-            tau = tau + made
-            powers |= {} if effect.work is None else {effect.work.name: made * v}
-        if isinstance(effect, Constrained):
-            constrained = effect
+    tau, powers = driven(acting, works, at, q, v, system.tau)
+    constrained = find(acting, Constrained)
     if constrained is None:
         return kernels.accelerate(system._replace(tau=tau, kernels=kernels), q, v, a), powers
     force = constrained.accelerate(at, q, v, tau, a)
     if work.CONSTRAINTS in works:
         powers[work.CONSTRAINTS.name] = force * constrained.rates(at, q, v)
     return OK, powers
+
+
+def driven(acting: tuple[Effect, ...], works: Works, at: Any, q: Any, v: Any, tau: Any) -> tuple[Any, dict[str, Any]]:
+    """tau plus the torques of all effects but the control law, and powers by names of states of work."""
+    powers = {work.TORQUE.name: tau * v}
+    if work.EXTERNAL in works:
+        powers[work.EXTERNAL.name] = external_torque(at, q) * v
+    for effect, made in torques_of(acting, at, q, v):
+        tau = tau + made
+        powers |= {} if effect.work is None else {effect.work.name: made * v}
+    return tau, powers
 
 
 def _sound(system: System, state: State) -> bool:
@@ -242,7 +243,7 @@ class _Kernels(NamedTuple):
 
 def _accelerate(system: System, q: Any, v: Any, a: Any) -> int:
     n = len(a)
-    aba(system.table, scratch(WORK, n + 1), q, v, system.tau, system.fext, a, np.zeros(n, object))
+    aba(system.table, scratch(WORK, system.table), q, v, system.tau, system.fext, a, np.zeros(n, object))
     return OK
 
 
@@ -258,13 +259,14 @@ def _displacement_rate(rows: Any, u: Any, v: Any, out: Any) -> int:
 
 @lru_cache(maxsize=256)  # bounded, because callers may make new laws in a loop
 def step_specs(
-    method: str, acting: tuple[Effect, ...] = (), works: Works = (), forced: bool = True
+    method: str, acting: tuple[Effect, ...] = (), works: Works = (), forced: bool = True, called: bool = False
 ) -> tuple[Spec, ...]:
     """Specs of the positions, velocities and carried states after a step, with inputs states, dt, tau and of effects.
 
     forced  whether there is a torque tau
+    called  whether inputs are in the order of ``sd.step``: q, v, tau, dt, states carried, those of effects
 
-    The states carried come third, in inputs and among the Specs.
+    The states carried come third, in other inputs and among the Specs.
     """
     own = (*(x for effect in acting for x in effect.states), *works)
 
@@ -282,9 +284,10 @@ def step_specs(
         return state.q, state.w, *(owned[x.name] for x in own)
 
     beside = (x for effect in acting for x in effect.inputs)
-    given = (Q, V, *own, DT, *((TAU,) if forced else ()), *beside)
+    first = (Q, V, TAU, DT, *own) if called else (Q, V, *own, DT, *((TAU,) if forced else ()))
+    given = (*first, *beside)
     feedback = find(acting, Feedback)
-    label = "_".join(["rollout", method, *(x.name for x in acting if x.name != "control")])
+    label = "_".join(["step" if called else "rollout", method, *(x.name for x in acting if x.name != "control")])
     return specs_of(label, given, (Q, V, *own), after, acting, feedback is None or feedback.spec.regroup)
 
 

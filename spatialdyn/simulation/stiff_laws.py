@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from ..actuation.friction import Friction
 from ..calls.dynamics import calls
+from ..control.control import Control, recorded
+from ..control.law_specs import in_step
 from ..engines.programs.record.program import Program
 from ..engines.programs.run import time_loop
-from ..laws.control import Control, recorded
-from ..laws.law_specs import in_step
 from ..model.model import Model
 from .effects.friction import IMPLICIT
 from .plan import Plan

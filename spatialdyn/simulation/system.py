@@ -71,19 +71,6 @@ class State(NamedTuple):
     work: Any
 
 
-class JointTable(NamedTuple):
-    """The rows of a model's independent joints as kernels on the joints' group take them; see ``bodies.table``."""
-
-    bodies: NDArray[Any]
-    address: int
-
-
-def joint_table(model: Model) -> JointTable:
-    """The JointTable of a model; without mimic joints its whole table. Keep it as long as kernels read it."""
-    own = independent(model.bodies)
-    return JointTable(own, own.ctypes.data)
-
-
 @lru_cache(maxsize=64)
 def units(model: Model) -> NDArray[np.float64]:
     """(2 nv,) weights: 1 for rotations, 1 / length of the robot for translations; the reciprocals for momenta.

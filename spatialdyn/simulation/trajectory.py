@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Mapping, Sequence
-from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from os import PathLike
 from typing import IO, TYPE_CHECKING, Any
@@ -13,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..calls.arguments import check_model
-from ..calls.files import check_ending
 from ..errors import ModelError, SpatialDynError, literal
 from ..model.model import Model
+from ..sources import run_files
 from ..waiting import watch
 from .contact_record import ContactRecord
 
@@ -23,13 +21,6 @@ if TYPE_CHECKING:
     from .scene import Scene
 
 Array = NDArray[np.float64]
-ARRAY_FILES = (".npz",)
-ARRAYS = ("t", "q", "v", "p", "tau", "energy")
-AXES = (1, 2, 2, 2, 2, 1)  # number of axes of each
-WORDS = {"method": str, "dt": float, "robot": str, "interrupted": bool}
-STATE, CONTACT = "state ", "contact "  # prefixes, in a file, of states and of records of contacts
-SPRINGS = "spring_energy"
-SCENE = "scene"  # entry of a file: the key of the scene's model and its TOML text
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -103,20 +94,7 @@ class Trajectory:
 
         Raises SpatialDynError for another ending, or if the file cannot be written.
         """
-        check_ending("path", path, ARRAY_FILES)
-        parts = {part: np.asarray(getattr(self, part)) for part in (*ARRAYS, *WORDS)}
-        parts |= {STATE + part: x for part, x in self.states.items()}
-        if self.contacts is not None:
-            parts |= {CONTACT + part: x for part, x in self.contacts._asdict().items()}
-        if self.spring_energy is not None:
-            parts[SPRINGS] = self.spring_energy
-        if self.scene is not None:
-            parts[SCENE] = np.array([self.scene.model.key, self.scene.to_toml()])
-        try:
-            with nullcontext(path) if hasattr(path, "write") else open(path, "wb") as file:
-                np.savez_compressed(file, allow_pickle=False, **parts)
-        except (OSError, ValueError) as error:  # ValueError for an invalid name
-            raise SpatialDynError(f"{literal(path)} cannot be written: {error}") from error
+        run_files.write(self, path)
 
     @classmethod
     @watch.call("Trajectory.load")
@@ -128,23 +106,10 @@ class Trajectory:
         Raises SpatialDynError if the file cannot be read, is damaged or holds something else; ModelError for another
         model than that of the run.
         """
-        name = _file_name(path)
         if model is not None:
             check_model(model)
-        try:
-            parts = _read(name)
-            values: list[Any] = [*(parts.pop(x) for x in ARRAYS), *(parts.pop(x).item() for x in WORDS)]
-            made = cls(*values)
-            springs = parts.pop(SPRINGS, None)
-            states = {x.removeprefix(STATE): parts.pop(x) for x in [*parts] if x.startswith(STATE)}
-            fields = {x.removeprefix(CONTACT): parts.pop(x) for x in [*parts] if x.startswith(CONTACT)}
-            contacts = ContactRecord(**fields) if fields else None
-            made = replace(made, states=states, contacts=contacts, spring_energy=springs)
-            key, text = _scene_of(parts.pop(SCENE, None))
-            _check_parts(made, parts)
-        except Exception as error:  # for damaged bytes zipfile, zlib and NumPy raise undocumented errors
-            why = f"it has no part {error}" if isinstance(error, KeyError) else error or type(error).__name__
-            raise SpatialDynError(f"{literal(path)} holds no trajectory: {why}") from error
+        read: tuple[Trajectory, str | None, str] = run_files.read(path, cls, ContactRecord)
+        made, key, text = read
         if model is None:
             return made
         if key is None or key != model.key:
@@ -207,48 +172,3 @@ class Trajectory:
         from ..pictures.notebook import trajectory_html
 
         return trajectory_html(self)
-
-
-def _file_name(path: Any) -> str | PathLike[str]:
-    """The name of a file. Raises SpatialDynError, also for a number, which ``open`` takes for a file descriptor."""
-    if not isinstance(path, (str, PathLike)):
-        raise SpatialDynError(f"path is {literal(path)}, expected the name of a file")
-    return path
-
-
-def _read(path: str | PathLike[str]) -> dict[str, Array]:
-    """The arrays of an npz file, each verified by its checksum, which ``np.load`` may not reach."""
-    import zipfile
-
-    with open(path, "rb") as file, zipfile.ZipFile(file) as archive:
-        files = {name.removesuffix(".npy"): io.BytesIO(archive.read(name)) for name in archive.namelist()}
-    return {name: np.lib.format.read_array(data, allow_pickle=False) for name, data in files.items()}
-
-
-def _scene_of(part: Array | None) -> tuple[str | None, str]:
-    """The key of the model of a run and the text of its scene; None without one."""
-    if part is None:
-        return None, ""
-    if part.dtype.kind != "U" or part.shape != (2,):
-        raise ValueError(f"scene is {part.dtype} of shape {part.shape}, expected two texts")
-    return str(part[0]), str(part[1])
-
-
-def _check_parts(run: Trajectory, unknown: Mapping[str, Array]) -> None:
-    """Raise ValueError naming a part of a file that no trajectory has, or that has another form."""
-    for name in unknown:
-        raise ValueError(f"{literal(name)} is no part of one")
-    for name, kind in WORDS.items():
-        if type(getattr(run, name)) is not kind:
-            raise ValueError(f"{name} is {literal(getattr(run, name))}, expected a {kind.__name__}")
-    parts: dict[str, tuple[Any, int]] = {name: (getattr(run, name), n) for name, n in zip(ARRAYS, AXES, strict=True)}
-    if run.spring_energy is not None:
-        parts[SPRINGS] = run.spring_energy, 1
-    more = {**run.states, **({} if run.contacts is None else run.contacts._asdict())}
-    for name, (x, axes) in {**parts, **{name: (x, max(1, x.ndim)) for name, x in more.items()}}.items():
-        if x.dtype != np.float64 or x.ndim != axes or len(x) != len(run.t):
-            raise ValueError(
-                f"{name} is {x.dtype} of shape {x.shape}, expected float64 of {axes} axes, {len(run.t)} rows"
-            )
-    if not run.v.shape == run.p.shape == run.tau.shape:
-        raise ValueError(f"v, p and tau have shapes {run.v.shape}, {run.p.shape}, {run.tau.shape}, expected one")

@@ -14,6 +14,7 @@ import spatialdyn as sd
 from spatialdyn.accuracy import motions_around, scene_search
 from spatialdyn.accuracy.lesser_scenes import Choice, lesser
 from spatialdyn.accuracy.requirement import Requirement
+from spatialdyn.accuracy.scene_search import WORSE
 from spatialdyn.commands import cli
 from spatialdyn.engines.compiled import numba_kernels
 from spatialdyn.recursions.spec import TAU, Argument, Q, Spec, V
@@ -391,9 +392,10 @@ def test_it_is_text_json_html_and_a_plot(tmp_path: Any) -> None:
     pytest.importorskip("matplotlib")
     found = required(sd.Scene(MODEL, friction=sd.Friction(viscous=1e-7)), kinds=("friction", "gravity", "methods"))
     text = str(found)
+    assert text.startswith("arm: q [rad | m] for ")
     assert "verdict" in text
     assert "never" not in text
-    assert f"{found.speedup:.3g} times faster" in text
+    assert f"{found.speedup:.3g} times as fast" in text
     assert json.loads(found.to_json())["rows"][0]["part"] == "friction"
     assert "friction" in found._repr_html_()
     figure = found.plot(tmp_path / "r.png")
@@ -402,6 +404,25 @@ def test_it_is_text_json_html_and_a_plot(tmp_path: Any) -> None:
     drawn = [tuple(x) for line in axes.lines for x in np.array(line.get_data(), float).T]
     for x in found.rows:
         assert any(y == pytest.approx(max(x.change, 1e-8), rel=1e-9) for _, y in drawn)
+
+
+def test_a_part_within_the_tolerance_by_less_than_the_margin_says_so() -> None:
+    scene, given = sd.Scene(MODEL, friction=sd.Friction(viscous=3e-3)), {"kinds": ("friction", "methods")}
+    (change,) = (x.change for x in required(scene, **given).rows if x.part == "friction")
+    found = required(scene, **given, tolerance=1.5 * change)
+    (row,) = (x for x in found.rows if x.part == "friction")
+    assert (row.verdict, row.why.partition(";")[0]) == ("needed", "within the tolerance, 4 times that is not")
+
+
+def test_the_step_of_the_whole_scene_is_tried_so_that_less_of_it_never_costs_more() -> None:
+    dt = 0.2 / 140  # others that are tried have 40, 80, 160 steps
+    scene = sd.Scene(MODEL, friction=sd.Friction(coulomb=0.05), fext=np.full((MODEL.njoints, 6), 1e-12))
+    given = {"kinds": ("fext", "methods"), "dt": dt}
+    certainty = required(scene, **given, tolerance=1.0).certainty
+    found = required(scene, **given, tolerance=8.0 * certainty)
+    assert found.scene.acts == ("friction",)
+    assert found.dt == pytest.approx(dt)
+    assert found.speedup > 1.0 / WORSE
 
 
 def test_the_command_line_says_it(capsys: pytest.CaptureFixture[str]) -> None:

@@ -78,8 +78,8 @@ OPTIONS: list[tuple[Any, dict[str, Any], Any]] = [
     (sd.frame_acceleration, {"frame": "tip", "classical": True}, 3),
     (sd.rnea, {"derivative": "jvp"}, 6),
     (sd.rnea, {"derivative": "vjp"}, 4),
-    (sd.step, {}, lambda: [*states(2), np.full((), 1e-3), *states(1)]),
-    (partial(sd.step, method="rk4"), {}, lambda: [*states(2), np.full((), 1e-3), *states(1)]),
+    (sd.step, {}, lambda: [*states(3), np.full((), 1e-3)]),
+    (partial(sd.step, method="rk4"), {}, lambda: [*states(3), np.full((), 1e-3)]),
 ]
 
 

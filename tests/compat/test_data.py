@@ -95,6 +95,20 @@ def test_a_frames_jacobian_leaves_the_places_its_reference_takes(case: Any) -> N
             close(getattr(data, name)[at].homogeneous, expected)
 
 
+def test_a_frames_jacobian_places_its_frame_alone_as_it_was_at_the_call(case: Any) -> None:
+    pin, model, data, (q, *_) = case
+    model, k = model.copy(), model.nframes - 1
+    placed = model.createData()
+    pin.framesForwardKinematics(model, data, pin.neutral(model))
+    before = data.copy()
+    pin.framesForwardKinematics(model, placed, q)
+    for _ in range(2):  # by checked arguments, by a builtin
+        pin.computeFrameJacobian(model, data, q, k, pin.LOCAL_WORLD_ALIGNED)
+    model.frames[k].placement.translation[:] += 1.0
+    close(data.oMf[k].homogeneous, placed.oMf[k].homogeneous)
+    close(data.oMf[k - 1].homogeneous, before.oMf[k - 1].homogeneous)
+
+
 def test_held_placements_follow_a_frames_jacobian(case: Any) -> None:
     pin, model, data, (q, *_) = case
     k = model.nframes - 1

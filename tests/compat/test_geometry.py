@@ -217,6 +217,11 @@ def test_lists_take_their_own_type_and_copies_are_equal(drawn: Path) -> None:
         ours.updateGeometryPlacements(model, model.createData(), visual, visual.createData(), np.zeros(1))
 
 
+def test_an_se3_is_made_of_coals_own_transform() -> None:
+    X = ours.SE3.Random()
+    assert ours.SE3(coal.Transform3s(X.rotation, X.translation)).isApprox(X)
+
+
 def test_a_height_field_is_drawn_upwards_and_a_cloud_of_points_is_not() -> None:
     heights = np.array([[0.0, 1.0, 2.0], [3.0, 4.0, 5.0]])
     found = triangles(coal.HeightFieldOBBRSS(2.0, 1.0, heights, 0.0))

@@ -322,12 +322,17 @@ def test_files_are_counted_by_what_stops_them(tmp_path: Path, capsys: pytest.Cap
     assert "pink imports pinocchio itself: spatialdyn run" in capsys.readouterr().out
 
 
-def test_json_holds_every_use(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_json_holds_every_use_and_stop_and_change(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     script = tmp_path / "good.py"
-    script.write_text(GOOD)
-    assert cli.main(["port", "--json", str(script)]) == 0
+    script.write_text(f"import tsid, pink{GOOD}")
+    assert cli.main(["port", "--json", str(script)]) == 1
     (listed,) = json.loads(capsys.readouterr().out).values()
-    assert {"name": "rnea", "lines": [8], "status": SUPPORTED, "note": "", "raises": ""} in listed
+    assert {"name": "rnea", "lines": [8], "status": SUPPORTED, "note": "", "raises": ""} in listed["uses"]
+    assert listed["stops"] == [
+        {"kind": LIBRARY, "what": "tsid", "lines": [1]}, {"kind": FOREIGN, "what": "pink", "lines": [1]}
+    ]  # fmt: skip
+    assert [change["line"] for change in listed["changes"]] == [3]
+    assert not listed["runs"]
 
 
 def test_files_that_cannot_be_read_are_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

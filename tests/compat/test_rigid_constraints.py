@@ -253,6 +253,21 @@ def test_factors_hold_settings_of_their_own() -> None:
     assert models[0].m_baumgarte_parameters == p.BaumgarteCorrectorParameters(0, 0)
 
 
+def test_factors_of_a_data_keep_what_was_computed_until_the_next_call() -> None:
+    case, found = Case("CONTACT_3D", "LOCAL"), []
+    for p, model, data, models, datas in case.made:
+        p.computeJointJacobians(model, data, case.q)
+        p.crba(model, data, case.q)
+        for contact, own in zip(models, datas, strict=True):
+            contact.calc(model, data, own)
+        data.constraint_chol.compute(model, data, models, datas, 1e-8)
+        first = data.constraint_chol.getInverseOperationalSpaceInertiaMatrix()
+        p.constraintDynamics(model, data, case.q, case.v, case.tau, models, datas, p.ProximalSettings(1e-10, 0.5, 1))
+        found.append((first, data.constraint_chol.getInverseOperationalSpaceInertiaMatrix()))
+    for one, other in zip(*found, strict=True):
+        np.testing.assert_allclose(one, other, rtol=0.0, atol=1e4 * EPS * abs(other).max())
+
+
 def test_a_contact_places_its_frames_and_the_factors_are_pinocchios() -> None:
     case = Case("CONTACT_6D", "LOCAL", loop=True)
     sizes, found = [], []

@@ -156,14 +156,6 @@ def test_what_toml_cannot_be(text: Any, wanted: str) -> None:
         sd.Constraints.of_toml(four_bar(), text)
 
 
-def test_mimic_joints_are_refused() -> None:
-    made = sd.ModelBuilder("mimic")
-    made.add_body("a", None, "revolute", inertia=(1.0, (0, 0, 0), np.eye(3)))
-    made.add_body("b", "a", "revolute", inertia=(1.0, (0, 0, 0), np.eye(3)), mimic={"leader": "a_joint"})
-    with pytest.raises(sd.ModelError, match=r"has mimic joints, expected one without \(mimic=False\)"):
-        sd.Constraints(made.build(mimic=True), [])
-
-
 # --- closing --------------------------------------------------------------------------------------------
 
 

@@ -9,10 +9,11 @@ import pytest
 
 MODULES = (
     "control.adaptive", "control.gains", "control.impedance", "control.inverse_kinematics", "control.laws",
-    "control.monitors", "control.motions", "control.observers", "control.paths", "laws.control", "accuracy.requires",
+    "monitors.monitors", "control.motions", "control.observers", "control.paths", "control.control",
+    "accuracy.requires",
     "operational.hierarchy", "operational.space", "operational.tasks", "operational.whole_body",
     "identification.base", "identification.excitation", "identification.identify", "identification.recording",
-    "constraints.contact_dynamics", "linearization.step_derivatives",
+    "constraints.contact_dynamics", "linearization.step_derivatives", "linearization.closed_step",
 )  # fmt: skip
 
 

@@ -166,13 +166,13 @@ def test_a_step_may_write_over_its_state(tmp_path: Path) -> None:
     model = robot("floating")
     sd.export(model, {"step": partial(sd.step, method="explicit_euler")}, tmp_path)
     header = (tmp_path / "src" / "robot.h").read_text()
-    assert "const double v[9], double dt, const double tau[9], double q_after[10], double v_after[9]" in header
+    assert "const double v[9], const double tau[9], double dt, double q_after[10], double v_after[9]" in header
     function = library(tmp_path, *FUSED).robot_step
     rng = np.random.default_rng(1)
     q, v, tau = sd.random_configuration(model, rng), rng.normal(size=9), np.zeros(9)
     expected = sd.step(model, q, v, tau, 1e-3, "explicit_euler")
     pointers = [ctypes.c_void_p(x.ctypes.data) for x in (q, v, tau)]
-    assert function(*pointers[:2], ctypes.c_double(1e-3), pointers[2], *pointers[:2]) == 0
+    assert function(*pointers, ctypes.c_double(1e-3), *pointers[:2]) == 0
     for x, y in zip((q, v), expected, strict=True):
         np.testing.assert_allclose(x, y, rtol=0.0, atol=1e-14)
 

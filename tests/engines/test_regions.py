@@ -205,7 +205,7 @@ def test_exact_numbers_run_the_loop_itself() -> None:
 def test_a_program_in_several_functions_keeps_a_region_whole(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(schedule, "MOST_WHOLE", 4)
     monkeypatch.setattr(schedule, "CHUNK_LENGTH", 3)
-    assert len(schedule.Schedule(program().program, False).chunks) == 2
+    assert len(schedule.Schedule(*program(), whole=False).chunks) == 2
     assert np.array_equal(bits(on_lanes(inputs())), bits(wanted(inputs())))
 
 

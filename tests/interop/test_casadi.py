@@ -15,6 +15,7 @@ from inputs import random_inputs
 from trees import random_tree
 
 import spatialdyn as sd
+from spatialdyn.calls import exported
 from spatialdyn.engines.compiled import numba_kernels
 from spatialdyn.recursions import SPECS
 
@@ -138,18 +139,39 @@ def test_one_direction_of_either_mode_is_a_program(model: sd.Model, call: str) -
 
 
 @compiled
-def test_second_derivatives_are_of_the_program_of_the_first(model: sd.Model) -> None:
-    f, (q, v, a) = sd.specialize(model, sd.rnea).to_casadi(), states(model, "rnea")
-    x = casadi.MX.sym("x", model.nv)
-    half = casadi.Function("half", [x], [casadi.hessian(casadi.dot(f(x, v, a), f(x, v, a)), x)[0]])
-    assert any(name.endswith("_adj1_rnea") for name in called(half))
-    k, h = sd.specialize(model, sd.rnea, derivative="vjp"), 1e-4
+@pytest.mark.parametrize("call", ["rnea", "aba", "crba"])
+def test_hessians_are_a_program_and_equal_casadis(model: sd.Model, call: str) -> None:
+    """Of a sum with given weights, and of a square, whose weights depend on the inputs too; by all inputs together."""
+    k, given = sd.specialize(model, getattr(sd, call)), np.concatenate(states(model, call))
+    x, found = casadi.MX.sym("x", given.size), []
+    for f in (k.to_casadi(), k.to_casadi(jacobian=False)):
+        y = casadi.vec(f(*casadi.vertsplit(x, model.nv)))
+        scalars = casadi.dot(np.sin(np.arange(y.numel()) + 1.0), y), casadi.sumsqr(y)
+        found.append([casadi.Function("h", [x], [casadi.hessian(s, x)[0]]) for s in scalars])
+    for k, (own, theirs) in enumerate(zip(*found, strict=True)):
+        wanted = np.asarray(theirs(given))
+        np.testing.assert_allclose(own(given), wanted, rtol=0.0, atol=1e-11 * abs(wanted).max())
+        assert set(called(own)) == {call, f"hess_adj1_{call}", *([f"jac_{call}"] if k else [])}
+        assert sum(called(own).values()) < 0.7 * instructions(theirs)
 
-    def slope(q: np.ndarray) -> np.ndarray:
-        return np.asarray(k(q, v, a, 2.0 * sd.rnea(model, q, v, a))[1])
 
-    wanted = np.array([(slope(q + h * e) - slope(q - h * e)) / (2.0 * h) for e in np.eye(model.nv)])
-    np.testing.assert_allclose(np.asarray(half(q)), wanted, rtol=0.0, atol=1e-6 * abs(wanted).max())
+def instructions(f: Any) -> int:
+    """The instructions of a function of CasADi and of all that it calls."""
+    return int(f.n_instructions()) + sum(called(f).values())
+
+
+@compiled
+def test_a_hessian_of_many_inputs_is_left_to_casadi(model: sd.Model, monkeypatch: pytest.MonkeyPatch) -> None:
+    k, given = sd.specialize(model, sd.aba), np.concatenate(states(model, "aba"))
+    x, found = casadi.MX.sym("x", given.size), []
+    for most in (12, 11):
+        monkeypatch.setattr(exported, "MOST_TWICE", most)
+        f = k.to_casadi()
+        y = casadi.hessian(casadi.sum1(f(*casadi.vertsplit(x, model.nv))), x)[0]
+        found.append(casadi.Function("h", [x], [y]))
+    assert ["hess_adj1_aba" in called(f) for f in found] == [True, False]
+    own, theirs = (np.asarray(f(given)) for f in found)
+    np.testing.assert_allclose(own, theirs, rtol=0.0, atol=1e-11 * abs(theirs).max())
 
 
 def test_parameters_forces_and_several_results_are_named(model: sd.Model) -> None:

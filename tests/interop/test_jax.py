@@ -17,6 +17,7 @@ from trees import random_tree
 import spatialdyn as sd
 from spatialdyn.engines.compiled import numba_kernels
 from spatialdyn.engines.programs.llvm import xla_text
+from spatialdyn.engines.programs.run import xla_handler
 from spatialdyn.engines.threads import thread_pool
 from spatialdyn.interop import jax as bridge
 
@@ -170,26 +171,61 @@ def test_samples_that_lanes_reject_are_those_of_the_native_call(case: Case) -> N
     assert np.isnan(by).any(1).tolist() == [False, False, True]
 
 
-def test_at_exit_python_waits_for_samples_that_it_recomputes(case: Case) -> None:
-    """JAX, which waits then too, would hold the lock that they need."""
+def test_at_exit_python_waits_and_then_recomputes_nothing(case: Case) -> None:
+    """JAX, which waits then too, holds the lock that samples need which Python recomputes."""
     f, (q, v, tau) = jax.jit(sd.specialize(case.model, sd.aba).to_jax()), (x[0] for x in case.given)
     given = np.stack([q + 1e6] * 2000), v, tau
     f(*given).block_until_ready()
     found = f(*given)
-    bridge.finish()
-    assert found.is_ready()
+    try:
+        bridge.end()
+        assert found.is_ready()
+        assert np.isfinite(f(q, v, tau)).all()
+        with pytest.raises((ValueError, jax.errors.JaxRuntimeError), match="are not recomputed while Python ends"):
+            f(*given).block_until_ready()
+        assert not xla_handler.RECOMPUTING[1]
+    finally:
+        xla_handler.RECOMPUTING[0] = 0
+    np.testing.assert_array_equal(f(*given), found)
 
 
-@pytest.mark.slow(quick="test_at_exit_python_waits_for_samples_that_it_recomputes")
-def test_a_process_ends_while_samples_are_recomputed() -> None:
-    text = """
+@pytest.mark.slow(quick="test_at_exit_python_waits_and_then_recomputes_nothing")
+@pytest.mark.parametrize("kept", ["x = ", ""])
+def test_a_process_ends_while_samples_are_recomputed(kept: str) -> None:
+    text = f"""
 import jax, numpy as np, spatialdyn as sd
 f = jax.jit(sd.specialize(sd.load_urdf("ur5"), sd.aba).to_jax())
 q = np.full((30_000, 6), 2.0**24)
 f(q, q, q).block_until_ready()
-x = f(q, q, q)
+{kept}f(q, q, q)
 """
     subprocess.run([sys.executable, "-c", text], check=True, timeout=120)
+
+
+def test_an_exported_function_takes_batches_of_any_size(case: Case) -> None:
+    k = sd.specialize(case.model, sd.aba)
+    f, name = k.to_jax(), k._differentiable.node().handler(np.float64).name
+    sizes = jax.export.symbolic_shape("b, c")
+    shapes = [jax.ShapeDtypeStruct(x, np.float64) for x in ((*sizes, 3), (sizes[1], 3), (3,))]
+    checks = [jax.export.DisabledSafetyCheck.custom_call(name)]
+    made = jax.export.export(jax.jit(f), disabled_checks=checks)(*shapes)
+    given = np.stack(case.given[:1] * 2), case.given[1], case.given[2][0]
+    np.testing.assert_array_equal(made.call(*given), k(*given))
+    with pytest.raises(sd.ShapeError, match=re.escape("batch shapes do not broadcast: q (b), v (c), tau ()")):
+        jax.export.export(jax.jit(f))(
+            *(jax.ShapeDtypeStruct((*x, 3), np.float64) for x in ([sizes[0]], [sizes[1]], []))
+        )
+
+
+def test_a_number_beyond_float32_is_an_error(case: Case) -> None:
+    f, (q, v, a) = sd.specialize(case.model, sd.rnea).to_jax(), (np.float32(x) for x in case.given)
+    for n in (1, 5):  # of a tail, of whole vectors
+        with pytest.raises(
+            jax.errors.JaxRuntimeError, match="a result is beyond the range of float32, expected inputs"
+        ):
+            f(q[:n], v[:n], np.float32(3e38) + 0.0 * a[:n]).block_until_ready()
+    a[0, 0] = np.inf
+    assert not np.isfinite(f(q, v, a)[0]).all()
 
 
 def test_long_batches_are_shared_with_xlas_threads(case: Case) -> None:

@@ -142,6 +142,12 @@ def test_float32_in_gives_float32_out(case: Case) -> None:
     assert f(given[0], *tensors(case.given[1:])).dtype == torch.float64
 
 
+def test_a_number_beyond_float32_is_an_error(case: Case) -> None:
+    f, given = sd.specialize(case.model, sd.rnea).to_torch(), tensors(np.float32(x) for x in case.given)
+    with pytest.raises(sd.SpatialDynError, match="a result of rnea is beyond the range of float32, expected inputs of"):
+        f(*given[:2], 3e38 + 0.0 * given[2])
+
+
 @FORWARD
 def test_second_derivatives_agree_in_every_mode(case: Case) -> None:
     """Forwards and backwards over either, and with differences of the gradient, where samples share an input."""

@@ -35,7 +35,6 @@ REASONS = (
     r'"(dop853|radau)" and .*constraints.* act.*, expected one of explicit_',  # they end no step with a projection
     "it keeps φ = 0$",
     "expected joints whose position is one number; method variational takes all$",
-    r"mimic joints, expected one without \(mimic=False\) for (constraints|points)",
 )
 
 

@@ -18,7 +18,7 @@ from spatialdyn.errors import SpatialDynError
 from spatialdyn.pictures.figures import ENDINGS
 from spatialdyn.pictures.markup import PAGE_FILES
 from spatialdyn.pictures.viewer import View
-from spatialdyn.simulation.trajectory import ARRAY_FILES
+from spatialdyn.sources.run_files import ARRAY_FILES
 
 pytest.importorskip("matplotlib")
 pytest.importorskip("viser")

@@ -253,7 +253,7 @@ def test_regrouped_inertias_change_nothing_on_any_kind_of_joint() -> None:
         regroup(rows)
         out = np.zeros([model.nv] * len(spec.output.shape))
         inputs = [given[x.name] for x in spec.present]
-        spec.recursion(rows, scratch(spec.work, len(rows)), *inputs, out)
+        spec.recursion(rows, scratch(spec.work, rows), *inputs, out)
         close(out, getattr(sd, name)(model, *inputs))
 
 

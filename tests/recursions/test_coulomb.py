@@ -171,7 +171,7 @@ def test_the_weights_are_those_of_the_inverse_mass_matrix() -> None:
     model = random_tree(7, 5, floating=True).model
     s = states(model, 1, 1.0)
     n, rows = model.nv, table(model.bodies)
-    work, after, pivots = scratch(friction.WORK, n + 1), np.zeros((3, n)), np.zeros(n)
+    work, after, pivots = scratch(friction.WORK, rows), np.zeros((3, n)), np.zeros(n)
     given = [x[0] for x in s.values()]
     given[3] = DT
     beside = friction.StepScratch(np.zeros((n, n)), np.zeros((n, n)))

@@ -28,7 +28,6 @@ REASONS = (
     "it keeps φ = 0$",  # nothing is left to stabilize
     "expected joints whose position is one number; method variational takes all$",  # RATTLE in q̇
     "(is held over a step|change at the end of a step), expected a fixed step for it",  # SciPy's adapt theirs
-    r"mimic joints, expected one without \(mimic=False\) for (constraints|points)",  # couplers are their constraints
 )
 
 

@@ -279,10 +279,10 @@ def observing(bodies: Any, q: Any, v: Any, tau: Any, momentum: Any, nothing: Any
     """p̂' = Cᵀ v - g + tau + r with r = 20 (M v - p̂), which follows the torque that no motor gave (De Luca, 2006)."""
     n = len(nothing)
     M = np.zeros((n, n), object)
-    back, gravity, rows = np.zeros(n, object), np.zeros(n, object), len(bodies)
-    crba.recursion(bodies, scratch(crba.work, rows), q, M)
-    transposed.recursion(bodies, scratch(transposed.work, rows), q, v, back)
-    rnea(bodies, scratch(WORK, rows), q, None, None, None, gravity)
+    back, gravity = np.zeros(n, object), np.zeros(n, object)
+    crba.recursion(bodies, scratch(crba.work, bodies), q, M)
+    transposed.recursion(bodies, scratch(transposed.work, bodies), q, v, back)
+    rnea(bodies, scratch(WORK, bodies), q, None, None, None, gravity)
     for i in range(n):
         nothing[i] = 0.0
         residual = 20.0 * (sum(M[i, j] * v[j] for j in range(n)) - momentum[i])

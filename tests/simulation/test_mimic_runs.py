@@ -275,11 +275,113 @@ def test_work_is_recorded_and_closes_the_ledger() -> None:
     assert abs(sd.energy_ledger(ran).error).max() < 1e-9
 
 
-def test_what_is_not_there_is_refused_by_name() -> None:
-    with pytest.raises(sd.ModelError, match=r"has mimic joints, expected one without .* for points"):
-        sd.Contacts(MODEL, {"jaw": 0.0})
-    with pytest.raises(sd.ModelError, match=r"has mimic joints, expected one without .* for constraints"):
-        sd.Constraints(MODEL, [sd.CouplerConstraint("lift", "turn")])
+HELD = [
+    sd.PointConstraint("jaw", axes="y", at_b=sd.frame_placement(MODEL, Q0, "jaw")[:3, 3]),
+    sd.VelocityConstraint([[0.3, 1.0, 0.2]]),
+]
+
+
+def held(model: sd.Model) -> sd.Constraints:
+    """A finger that follows stays in a plane, and joints with coordinates of their own turn together."""
+    if model is MODEL:
+        return sd.Constraints(MODEL, HELD)
+    A = np.zeros((1, FREE.nv))
+    A[0, OWN] = np.asarray(HELD[1].A)[0, SAME]  # type: ignore[union-attr]
+    return sd.Constraints(FREE, [HELD[0], sd.VelocityConstraint(A), *COUPLERS])
+
+
+def ground(model: sd.Model, **more: Any) -> sd.Contacts:
+    """A slope into which one finger runs, and along it; another is just above it."""
+    here, ahead = (sd.frame_placement(MODEL, x, "jaw")[:3, 3] for x in (Q0, Q0 + 1e-6 * V0))
+    way = (here - ahead) / np.linalg.norm(here - ahead)
+    normal = way + 0.5 * np.cross(way, [0.6, 0.0, 0.8])
+    flat, points = sd.Plane(normal / np.linalg.norm(normal), 0.0), {"jaw": 0.02, "thumb": 0.01}
+    gap = sd.contact_gaps(MODEL, sd.Contacts(MODEL, points, terrain=flat), Q0).min()
+    return sd.Contacts(model, points, 0.5, terrain=sd.Plane(flat.normal, gap - 1e-3), tolerance=1e-12, **more)
+
+
+@pytest.mark.parametrize("method", slow_but(("semi_implicit_euler",), EXPLICIT))
+@pytest.mark.parametrize("stabilization", [None, 0.02])
+def test_constraints_hold_joints_that_follow(method: str, stabilization: float | None) -> None:
+    """As on the free tree under couplers beside them; nothing is gained or lost."""
+    scenes_of = [sd.Scene(x, friction=False, constraints=held(x), stabilization=stabilization) for x in (MODEL, FREE)]
+    v0 = sd.project_velocity(MODEL, held(MODEL), Q0, V0)
+    q, v = whole(Q0, v0)
+    ours = sd.simulate(scenes_of[0], Q0, v0, STEPS * DT, DT, method)
+    theirs = sd.simulate(scenes_of[1], q, v, STEPS * DT, DT, method)
+    scale = 1.0 if stabilization is None else 1e4  # the couplers there are open by what a stage leaves
+    assert abs(ours.q[:, SAME] - theirs.q[:, OWN]).max() < scale * COUPLED
+    assert abs(ours.v[:, SAME] - theirs.v[:, OWN]).max() < 10 * scale * COUPLED
+    many = sd.rollout(scenes_of[0], Q0, v0, dt=DT, steps=STEPS, method=method)
+    np.testing.assert_allclose(many.q, ours.q[1:], rtol=0.0, atol=1e-13)
+
+
+def test_rows_of_constraints_are_of_the_whole_tree() -> None:
+    """Where the joint that follows comes first."""
+    made = sd.ModelBuilder("pair").add_body("a", axis=(0, 1, 0), inertia=BODY, joint_name="z")
+    follow = {"leader": "z", "multiplier": -0.5, "offset": 0.1}
+    model = made.add_body("b", axis=(1, 0, 0), inertia=BODY, joint_name="b", mimic=follow).build(mimic=True)
+    held = sd.Constraints(model, [sd.VelocityConstraint([[2.0]]), sd.CouplerConstraint("b", "z", 0.25, 0.3)])
+    np.testing.assert_allclose(sd.constraint_jacobian(model, held, [0.4]), [[2.0], [-0.75]])
+    np.testing.assert_allclose(sd.constraint_error(model, held, [0.4]), [0.0, -0.75 * 0.4 + 0.1 - 0.3])
+
+
+def test_constrained_dynamics_are_those_of_the_tree_under_couplers() -> None:
+    (q, v), G, load = whole(Q0, V0), np.asarray(MODEL.mimic_matrix), np.zeros(FREE.nv)
+    load[OWN] = TAU0[SAME]
+    ours = sd.constrained_dynamics(MODEL, held(MODEL), Q0, V0, TAU0)
+    theirs = sd.constrained_dynamics(FREE, held(FREE), q, v, load)
+    np.testing.assert_allclose(G @ ours.a, theirs.a, rtol=1e-11)
+    np.testing.assert_allclose(ours.force, theirs.force[:2], rtol=1e-11)
+    J, drift = sd.constraint_jacobian(MODEL, held(MODEL), Q0), sd.constraint_drift(MODEL, held(MODEL), Q0, V0)
+    np.testing.assert_allclose(J, sd.constraint_jacobian(FREE, held(FREE), q)[:2] @ G, atol=1e-15)
+    np.testing.assert_allclose(sd.constrained_dynamics(MODEL, Q0, V0, TAU0, J, drift).a, ours.a, rtol=1e-11)
+    exact = sd.exact(MODEL, sd.constrained_dynamics, 100, constraints=held(MODEL))(Q0, V0, TAU0)
+    np.testing.assert_allclose(ours.a, np.array(exact[0], float), rtol=1e-12)
+    found, e = sd.constrained_dynamics_derivatives(MODEL, held(MODEL), Q0, V0, TAU0), 1e-6
+    for k, unit in enumerate(e * np.eye(3)):
+        ends = [sd.constrained_dynamics(MODEL, held(MODEL), Q0 + s * unit, V0, TAU0) for s in (1, -1)]
+        np.testing.assert_allclose(found.da_dq[:, k], (ends[0].a - ends[1].a) / (2 * e), rtol=1e-6, atol=1e-6)
+        np.testing.assert_allclose(
+            found.dforce_dq[:, k], (ends[0].force - ends[1].force) / (2 * e), rtol=1e-6, atol=1e-6
+        )
+
+
+@pytest.mark.parametrize("restitution", [0.0, 0.5])
+def test_fingers_that_follow_touch_the_ground(restitution: float) -> None:
+    """As on the free tree under couplers, impulses included."""
+    q, v = whole(Q0, V0)
+    given: dict[str, Any] = {"record": "contacts"}
+    ours, theirs = (sd.Scene(x, friction=False, contacts=ground(x, restitution=restitution)) for x in (MODEL, FREE))
+    theirs = theirs.with_(constraints=sd.Constraints(FREE, COUPLERS))
+    mine, other = sd.simulate(ours, Q0, V0, STEPS * DT, DT, **given), sd.simulate(theirs, q, v, STEPS * DT, DT, **given)
+    assert abs(mine.contacts.impulse).max() > 0.01
+    np.testing.assert_allclose(mine.contacts.impulse, other.contacts.impulse, atol=1e-11)
+    np.testing.assert_allclose(whole(mine.q, mine.v)[0], other.q, atol=1e-12)
+    one = sd.contact_step(MODEL, ground(MODEL, restitution=restitution), Q0, V0, np.zeros(3), DT)
+    np.testing.assert_allclose(one.q, mine.q[1], atol=1e-14)
+
+
+def test_a_gripper_with_all_that_acts_is_the_tree_under_couplers_with_all_that_acts() -> None:
+    """A held finger, contact, dry friction, limits and a motor; what rubs in a follower rubs in its leader."""
+    q, v = whole(Q0, sd.project_velocity(MODEL, held(MODEL), Q0, V0))
+    runs = []
+    for model, start in ((MODEL, (Q0, v[OWN])), (FREE, (q, v))):
+        rest = {"contacts": ground(model), "constraints": held(model), "friction": True, "limits": True}
+        runs.append(sd.simulate(sd.Scene(model, **rest), *start, STEPS * DT, DT))
+    assert abs(runs[0].q[:, SAME] - runs[1].q[:, OWN]).max() < 1e-9
+
+
+def test_a_joint_that_follows_stops_its_leader_at_its_own_limits() -> None:
+    made = sd.ModelBuilder("pair").add_body("a", axis=(0, 1, 0), inertia=BODY, joint_name="a", limits=(-1.0, 1.0))
+    follow = {"leader": "a", "multiplier": -0.5, "offset": 0.1}
+    made.add_body("b", axis=(1, 0, 0), inertia=BODY, joint_name="b", mimic=follow, limits=(-0.1, 3.0))
+    model = made.build(mimic=True)
+    ran = sd.simulate(sd.Scene(model, limits=True), [0.3], [2.0], 0.3, DT)
+    assert ran.q.max() == pytest.approx(0.4, abs=1e-6)
+    made.add_body("c", axis=(1, 0, 0), inertia=BODY, joint_name="c", mimic=follow, limits=(2.0, 3.0))
+    with pytest.raises(sd.ModelError, match='joint "c" mimics "a" with limits 2 to 3, expected some that a position'):
+        sd.simulate(sd.Scene(made.build(mimic=True), limits=True), [0.3], [2.0], 0.3, DT)
 
 
 def test_trade_and_recommend_measure_them() -> None:

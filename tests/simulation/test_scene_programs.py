@@ -33,10 +33,10 @@ def test_a_specialized_step_is_the_step(effect: str) -> None:
     k = sd.specialize(scene, sd.step, fixed={"dt": 1e-3})
     own = [np.full(3, 1e-4)] if effect == "lugre" else []
     states = {"states": {"bristles": own[0]}} if own else {}
-    for x, y in zip(k(q, v, *own, tau), sd.step(scene, q, v, tau, 1e-3, **states), strict=True):
+    for x, y in zip(k(q, v, tau, *own), sd.step(scene, q, v, tau, 1e-3, **states), strict=True):
         np.testing.assert_allclose(x, y["bristles"] if isinstance(y, dict) else y, rtol=0.0, atol=1e-15)
-    many = k(np.tile(q, (5, 1)), v, *own, tau)
-    np.testing.assert_array_equal(many[1][3], k(q, v, *own, tau)[1])
+    many = k(np.tile(q, (5, 1)), v, tau, *own)
+    np.testing.assert_array_equal(many[1][3], k(q, v, tau, *own)[1])
 
 
 @compiled
@@ -84,8 +84,8 @@ def test_a_model_is_the_scene_of_nothing_else() -> None:
     model = robot("floating")
     (q, v), tau = start(model), np.zeros(model.nv)
     k = sd.specialize(model, sd.step)
-    assert k.signature == "(q (nq,), v (nv,), dt (), tau (nv,)) -> (q_after (nq,), v_after (nv,))"
-    for x, y in zip(k(q, v, 1e-3, tau), sd.step(model, q, v, tau, 1e-3), strict=True):
+    assert k.signature == "(q (nq,), v (nv,), tau (nv,), dt ()) -> (q_after (nq,), v_after (nv,))"
+    for x, y in zip(k(q, v, tau, 1e-3), sd.step(model, q, v, tau, 1e-3), strict=True):
         np.testing.assert_allclose(x, y, rtol=0.0, atol=1e-15)
 
 

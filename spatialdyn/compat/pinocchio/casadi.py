@@ -20,56 +20,15 @@ from .types.arguments import all_expected, expected
 from .types.frame import LOCAL, LOCAL_WORLD_ALIGNED, WORLD, ReferenceFrame
 
 __all__ = [
-    "LOCAL",
-    "LOCAL_WORLD_ALIGNED",
-    "SE3",
-    "WORLD",
-    "ContactType",
-    "Data",
-    "Force",
-    "Model",
-    "Motion",
-    "ProximalSettings",
-    "ReferenceFrame",
-    "RigidConstraintModel",
-    "StdVec_Force",
-    "aba",
-    "centerOfMass",
-    "computeABADerivatives",
-    "computeAllTerms",
-    "computeCoriolisMatrix",
-    "computeFrameJacobian",
-    "computeGeneralizedGravity",
-    "computeJointJacobians",
-    "computeKineticEnergy",
-    "computeMechanicalEnergy",
-    "computeMinverse",
-    "computePotentialEnergy",
-    "computeRNEADerivatives",
-    "constraintDynamics",
-    "crba",
-    "difference",
-    "exp3",
-    "exp3_quat",
-    "exp6",
-    "forwardDynamics",
-    "forwardKinematics",
-    "framesForwardKinematics",
-    "getFrameAcceleration",
-    "getFrameClassicalAcceleration",
-    "getFrameJacobian",
-    "getFrameVelocity",
-    "initConstraintDynamics",
-    "integrate",
-    "jacobianCenterOfMass",
-    "liegroups",
-    "log3",
-    "log6",
-    "log6_quat",
-    "nle",
-    "nonLinearEffects",
-    "rnea",
-    "updateFramePlacements",
+    "LOCAL", "LOCAL_WORLD_ALIGNED", "SE3", "WORLD", "ContactType", "Data", "Force", "Model", "Motion",
+    "ProximalSettings", "ReferenceFrame", "RigidConstraintModel", "StdVec_Force", "aba", "centerOfMass",
+    "computeABADerivatives", "computeAllTerms", "computeCoriolisMatrix", "computeFrameJacobian",
+    "computeGeneralizedGravity", "computeJointJacobians", "computeKineticEnergy", "computeMechanicalEnergy",
+    "computeMinverse", "computePotentialEnergy", "computeRNEADerivatives", "constraintDynamics", "crba",
+    "difference", "exp3", "exp3_quat", "exp6", "forwardDynamics", "forwardKinematics", "framesForwardKinematics",
+    "getFrameAcceleration", "getFrameClassicalAcceleration", "getFrameJacobian", "getFrameVelocity",
+    "initConstraintDynamics", "integrate", "jacobianCenterOfMass", "liegroups", "log3", "log6", "log6_quat", "nle",
+    "nonLinearEffects", "rnea", "updateFramePlacements",
 ]  # fmt: skip
 
 
@@ -228,17 +187,21 @@ def computeJointJacobians(model: Model, data: Data, q: Any) -> Any:
 
 def getFrameJacobian(model: Model, data: Data, frame_id: int, reference_frame: Any) -> Any:
     """Jacobian (6, nv) of a frame, from ``data.J`` and ``data.oMi``."""
-    casadi, frame = framework("casadi"), model.frames[frame_id]
+    frame = model.frames[frame_id]
     expected(reference_frame, ReferenceFrame, "reference_frame")
-    carries = casadi.DM.zeros(1, model.nv)
-    for k in model.supports[frame.parentJoint]:
-        first = model.idx_vs[k]
-        carries[0, first : first + model.nvs[k]] = 1.0
-    X = data.oMi[frame.parentJoint] * SE3(frame.placement)
-    J = data.J * casadi.repmat(carries, 6, 1)
-    if reference_frame == WORLD:
+    return _jacobian_at(model, data, frame.parentJoint, frame.placement, reference_frame)
+
+
+def _jacobian_at(model: Model, data: Data, joint: int, placement: Any, reference: ReferenceFrame) -> Any:
+    """Jacobian (6, nv) of a frame on a joint."""
+    casadi = framework("casadi")
+    carries = casadi.DM.zeros(6, model.nv)
+    for k in model.supports[joint]:
+        carries[:, model.idx_vs[k] : model.idx_vs[k] + model.nvs[k]] = 1.0
+    J, X = data.J * carries, data.oMi[joint] * SE3(placement)
+    if reference == WORLD:
         return J
-    return (X.inverse() if reference_frame == LOCAL else SE3(casadi.DM.eye(3), -X.translation)).action @ J
+    return (X.inverse() if reference == LOCAL else SE3(casadi.DM.eye(3), -X.translation)).action @ J
 
 
 def computeFrameJacobian(model: Model, data: Data, q: Any, frame_id: int, reference_frame: Any = LOCAL) -> Any:
@@ -316,26 +279,21 @@ def constraintDynamics(
     """Accelerations (nv,) under contacts, damped by the mu of ``settings``; also ``data.ddq``, ``data.lambda_c``."""
     casadi, blocks, drifts = framework("casadi"), [], []
     forwardKinematics(model, data, q, v, casadi.DM.zeros(model.nv, 1))
-    J = computeJointJacobians(model, data, q)
+    computeJointJacobians(model, data, q)
     motions = _value(model, "joint_velocities", q, v), _value(model, "joint_accelerations", q, v, [0.0] * model.nv)
     joints = library_model(model._model).joint_map
     for x in all_expected(contact_models, RigidConstraintModel, "contacts"):
         place, k = SE3(x.joint1_placement), int(joints[x.joint1_id])
-        X = data.oMi[x.joint1_id] * place
-        carries = casadi.DM.zeros(1, model.nv)
-        for joint in model.supports[x.joint1_id]:
-            first = model.idx_vs[joint]
-            carries[0, first : first + model.nvs[joint]] = 1.0
-        local = X.inverse().action @ (J * casadi.repmat(carries, 6, 1))
+        aligned = x.reference_frame == LOCAL_WORLD_ALIGNED
+        J = _jacobian_at(model, data, x.joint1_id, place, LOCAL_WORLD_ALIGNED if aligned else LOCAL)
         velocity, acceleration = (place.actInv(Motion(rows[k, :].T)) for rows in motions)
         drift = acceleration.vector
         if x.residualSize() == 3:
             drift = acceleration.linear + casadi.cross(velocity.angular, velocity.linear)
-            local = local[:3, :]
-        if x.reference_frame == LOCAL_WORLD_ALIGNED:
-            turn = casadi.diagcat(*[X.rotation] * (x.residualSize() // 3))
-            local, drift = turn @ local, turn @ drift
-        blocks.append(local)
+        if aligned:
+            turn = (data.oMi[x.joint1_id] * place).rotation
+            drift = casadi.diagcat(*[turn] * (x.residualSize() // 3)) @ drift
+        blocks.append(J[: x.residualSize(), :])
         drifts.append(drift)
     mu = 0.0 if settings is None else settings.mu
     return forwardDynamics(model, data, q, v, tau, casadi.vertcat(*blocks), casadi.vertcat(*drifts), mu)

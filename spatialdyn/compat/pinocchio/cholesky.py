@@ -7,13 +7,20 @@ from typing import Any
 import numpy as np
 
 from ...calls.failures import raise_if_singular
-from ...constraints.contact import without_mimic
-from ...errors import InertiaError
+from ...errors import InertiaError, ModelError
+from ...model.model import Model as Robot
 from ..native import tree_kernels
 from .data.data import Data, library_of
 from .data.dispatch import vector
 from .model.model import Model
 from .types.arguments import Array
+
+
+def without_mimic(model: Robot) -> Robot:
+    """The model, if it has no mimic joints: the zeros of M are then those of the tree. Raises ModelError."""
+    if model.mimic_matrix is not None:
+        raise ModelError(f'model "{model.name}" has mimic joints, expected one without (mimic=False) for constraints')
+    return model
 
 
 def decompose(model: Model, data: Data) -> Array:

@@ -288,26 +288,26 @@ MOTION = Spec(
     "constrained_motion", constrained_motion, WORK, (Q, V, TAU, FEXT_OPTIONAL, CONSTRAINTS_ARGUMENT, RATE, CHOSEN),
     Argument("result", ("nv+nc+2",), "", "a, force, residual, rank"),
     "Forward dynamics under constraints: a, their forces, residual and rank.", _SOURCE,
-    pivots=True, regroup=True, scratch=(ConstraintScratch(),),
+    pivots=True, regroup=True, composed=True, scratch=(ConstraintScratch(),),
     parts=(A, FORCE, RESIDUAL, RANK),
 )  # fmt: skip
 RESPONSE = Spec(
     "constraint_response", constraint_response, WORK, (Q, RHS, CONSTRAINTS_ARGUMENT, CHOSEN),
     Argument("result", ("nv+nc+2",), "", "change, impulse, residual, rank"),
     "The least change of velocities that changes J v by rhs, its impulses, residual and rank.", _SOURCE,
-    pivots=True, regroup=True, scratch=(ConstraintScratch(),),
+    pivots=True, regroup=True, composed=True, scratch=(ConstraintScratch(),),
     parts=(CHANGE, IMPULSE, RESIDUAL, RANK),
 )  # fmt: skip
 ROWS = Spec(
     "independent_rows", independent_rows, WORK, (Q, CONSTRAINTS_ARGUMENT, KNOWN),
     Argument("result", ("nc+1",), "", "chosen, rank"),
     "Equations to keep, by elimination with the largest pivot, and the number of independent ones.", _SOURCE,
-    pivots=True, regroup=True, scratch=(RowScratch(),),
+    pivots=True, regroup=True, composed=True, scratch=(RowScratch(),),
     parts=(replace(CHOSEN, optional=False), RANK),
 )  # fmt: skip
 DELASSUS = Spec(
     "delassus", delassus, WORK, (Q, CONSTRAINTS_ARGUMENT),
     Argument("G", ("nc", "nc"), "1/kg | 1/(kg m²)", "inverse inertia that the constraints feel, symmetric"),
     "Delassus' matrix G = J M⁻¹ Jᵀ of constraints.", _SOURCE,
-    pivots=True, regroup=True, scratch=(("nv", "nv"), ("nc", "nv")),
+    pivots=True, regroup=True, composed=True, scratch=(("nv", "nv"), ("nc", "nv")),
 )  # fmt: skip

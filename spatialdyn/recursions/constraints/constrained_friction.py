@@ -61,7 +61,7 @@ HELD_BRISTLES = Spec(
     (Q, V, BRISTLES, TAU, FEXT_OPTIONAL, DT, BRISTLE_LAW, CONSTRAINTS_ARGUMENT, RATE, CHOSEN),
     Argument("result", ("nv+nv+nc+2",), "", "velocities and bristles after a step, force, residual, rank"),
     "A step of the velocities under LuGre friction and constraints.", "see ``recursions.joints.friction``",
-    pivots=True, regroup=True, scratch=(ConstraintScratch(),),
+    pivots=True, regroup=True, composed=True, scratch=(ConstraintScratch(),),
     parts=HeldBristles(
         Argument("ahead", ("nv",), "rad/s | m/s", "velocities after a step"),
         Argument("bristles", ("nv",), "rad | m", "deflection of the bristles after a step"), FORCE, RESIDUAL, RANK,

@@ -32,7 +32,7 @@ from ...algebra.euclidean import (
     zero,
 )
 from ...algebra.records import mat3_of, motion_of, pose_of, put_mat3, put_vec, table_dtype, vec_of
-from ...algebra.scalars import Scalar, inline, sqrt
+from ...algebra.scalars import Scalar, inline, inline_or_by_rows, sqrt
 from ...algebra.spatial import Force, Pose
 from ...bodies.constraint_table import ALIGN, CONSTRAINTS, DISTANCE, ORIENT, POINT, TERM
 from ...bodies.joints import place_joint
@@ -69,7 +69,7 @@ class Rates(NamedTuple):
     wa: Vec
 
 
-@inline
+@inline_or_by_rows
 def place_rows(bodies: Bodies, work: Work, q: Config) -> None:
     """Write X, R and o of every row."""
     for i in range(1, len(bodies)):
@@ -84,7 +84,7 @@ def turn_rows(bodies: Bodies, work: Work) -> None:
     carry_axes(bodies, work)
 
 
-@inline
+@inline_or_by_rows
 def carry_axes(bodies: Bodies, work: Work) -> None:
     """As ``turn_rows``, in the axes given by R of row 0, whose columns are the world's axes."""
     for i in range(1, len(bodies)):
@@ -93,7 +93,7 @@ def carry_axes(bodies: Bodies, work: Work) -> None:
         put_vec(work[i].o, rotate(R, X.p))
 
 
-@inline
+@inline_or_by_rows
 def place_bias(bodies: Bodies, work: Work, v: Vector) -> None:
     """Write w, dw and dv of every row at zero joint acceleration, as ``rnea`` does without gravity; X is written."""
     put_vec(work[0].w, zero())
@@ -183,7 +183,7 @@ def wrench(c: Record, s: Seen, k: int) -> Force:
     return Force(cross(to_ground(c, s), e), e)
 
 
-@inline
+@inline_or_by_rows
 def write_jacobian(bodies: Bodies, work: Work, constraints: Record, J: Matrix) -> None:
     """J (nc, nv), from R and o of every row."""
     for k in range(len(J)):
@@ -219,7 +219,7 @@ def pair(F: Force, bodies: Bodies, work: Work, i: int, arm: Vec) -> Scalar:
     return dot(F.n, w) + dot(F.f, add(rotate(R, S.v), cross(w, arm)))
 
 
-@inline
+@inline_or_by_rows
 def write_error(bodies: Bodies, work: Work, constraints: Record, q: Config, phi: Vector) -> None:
     """φ (nc), 0 for equations of velocities, from R and o of every row."""
     for m in range(1, len(constraints)):
@@ -278,7 +278,7 @@ def rates(bodies: Bodies, work: Work, c: Record, s: Seen, v: Vector) -> Rates:
     return Rates(u, du, sub(wa, wb), sub(sub(aa, ab), cross(wb, wa)), wa)
 
 
-@inline
+@inline_or_by_rows
 def write_drift(bodies: Bodies, work: Work, constraints: Record, v: Vector, gamma: Vector) -> None:
     """J̇ v (nc): the second derivative of φ at zero joint acceleration."""
     for m in range(1, len(constraints)):

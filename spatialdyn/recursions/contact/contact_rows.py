@@ -11,7 +11,7 @@ from typing import NamedTuple
 from ...algebra.euclidean import Mat3, Vec, add, cross, rotate, sub, unrotate
 from ...algebra.heights import bilinear
 from ...algebra.records import mat3_of, motion_of, table_dtype, vec_of
-from ...algebra.scalars import Scalar, inline, select, sqrt
+from ...algebra.scalars import Scalar, inline, inline_or_by_rows, select, sqrt
 from ...algebra.spatial import Force, Inertia, Pose
 from ...bodies.contact_table import CONTACTS, HEIGHTS
 from ..signatures import Array, Bodies, Config, Matrix, Number, Record, Vector, Work
@@ -47,7 +47,7 @@ PRESSED = 10.0  # is above PRESSED times the velocity that forces add in the ste
 REST = 1e-5  # [m/s] and above REST
 
 
-@inline
+@inline_or_by_rows
 def write_gaps(bodies: Bodies, work: Work, contacts: Record, heights: Record, gap: Vector, T: Array) -> None:
     """gap (np), from R and o of every row; over heights T is written too.
 
@@ -95,10 +95,18 @@ def untilted(T: Matrix, f: Vec) -> Vec:
 def write_rows(bodies: Bodies, work: Work, contacts: Record, heights: Record, T: Array, J: Matrix) -> None:
     """J (3 np + nl, nv) of the lowest points, in the ground's axes, then of joints; from R and o of every row."""
     points = contacts[0].np
+    write_point_rows(bodies, work, contacts, heights, T, J)
+    for l in range(contacts[0].nl + contacts[0].nd):
+        J[3 * points + l, contacts[1 + points + l].row - 1] = 1.0
+
+
+@inline_or_by_rows
+def write_point_rows(bodies: Bodies, work: Work, contacts: Record, heights: Record, T: Array, J: Matrix) -> None:
+    """The rows of points, as of ``write_rows``; those of joints are 0."""
     for k in range(len(J)):
         for i in range(len(bodies) - 1):
             J[k, i] = 0.0
-    for p in range(points):
+    for p in range(contacts[0].np):
         c = contacts[1 + p]
         i = c.row
         to = rotate(mat3_of(work[i].R), vec_of(c.p))  # from row i's origin
@@ -114,8 +122,6 @@ def write_rows(bodies: Bodies, work: Work, contacts: Record, heights: Record, T:
             J[3 * p, i - 1], J[3 * p + 1, i - 1], J[3 * p + 2, i - 1] = u.x, u.y, u.z
             to = add(to, vec_of(work[i].o))
             i = bodies[i].parent
-    for l in range(contacts[0].nl + contacts[0].nd):
-        J[3 * points + l, contacts[1 + points + l].row - 1] = 1.0
 
 
 # --- the law --------------------------------------------------------------------------------------------

@@ -1,4 +1,4 @@
-"""The control law of a run as an effect; ``laws.control`` has laws and their values."""
+"""The control law of a run as an effect; ``control.control`` has laws and their values."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...control.control import Control
+from ...control.law_specs import Law, begun_of, in_step, inputs_of, law_on, moved_states, states_of, static_rows
 from ...errors import SimulationError
-from ...laws.control import Control
-from ...laws.law_specs import Law, begun_of, in_step, inputs_of, law_on, moved_states, states_of, static_rows
 from ...model.model import Model
 from ...recursions.spec import Spec
 from ..arithmetic import Arithmetic

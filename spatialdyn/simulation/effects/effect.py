@@ -130,6 +130,12 @@ class Effect:
         return hash(self._key)
 
 
+def torques_of(acting: tuple[Effect, ...], at: Arithmetic, q: Any, v: Any) -> list[tuple[Effect, Any]]:
+    """The effects that have torques at a state, with these (nv)."""
+    found = ((x, x.torque(at, q, v)) for x in acting)
+    return [(x, torque) for x, torque in found if torque is not None]
+
+
 def find(acting: tuple[Effect, ...], kind: type[Kind]) -> Kind | None:
     """The effect of this class; None if there is none."""
     return next((x for x in acting if isinstance(x, kind)), None)

@@ -18,8 +18,6 @@ from numpy.typing import NDArray
 from ...actuation.friction import Friction, check_friction
 from ...actuation.motors import Motor, check_motor
 from ...algebra.scalars import select
-from ...calls.dynamics import calls
-from ...calls.failures import joint_of_velocity
 from ...errors import SimulationError, literal
 from ...model.model import Model
 from ...recursions.joints.friction import (
@@ -36,14 +34,12 @@ from ...recursions.spec import Argument
 from ..arithmetic import Arithmetic
 from . import work
 from .constraints import Constrained
-from .effect import Effect, Forces, find
+from .effect import Effect, Forces, find, torques_of
 from .motor import CURRENT, DRIVES, Drive, Law, geared
 
 Array = NDArray[Any]
 IMPLICIT, LUGRE, SMOOTH = WAYS = ("implicit", "lugre", "smooth")
 STEPPED = "semi_implicit_euler"  # the method for "implicit" and "lugre", and for all impulses
-# largest h λ at which v⁺ of v̇ = -λ v stays bounded
-STABLE = {"explicit_euler": 2.0, "semi_implicit_euler": 2.0, "velocity_verlet": 2.0, "rk4": 2.785293563405282}
 UNSOLVED = 1e-2  # [rad/s | m/s] violation of Coulomb's law that is an error
 
 VIOLATION = Argument("violation", (1,), "rad/s | m/s", "largest violation of Coulomb's law so far", start=0.0)
@@ -171,10 +167,9 @@ KINDS: dict[str, type[JointFriction]] = {IMPLICIT: DryFriction, LUGRE: LuGreFric
 def with_torques(at: Arithmetic, acting: tuple[Effect, ...], push: Any) -> tuple[Any, Forces]:
     """tau plus the torques of effects at the beginning of a step, and these torques by their states of work."""
     forces: Forces = {}
-    for effect in acting:
-        made = effect.torque(at, at.given["q"], at.given["v"])
-        if made is not None and effect.work is not None:
-            push, forces[effect.work.name] = push + made, made
+    for effect, made in torques_of(acting, at, at.given["q"], at.given["v"]):
+        push = push + made
+        forces |= {} if effect.work is None else {effect.work.name: made}
     return push, forces
 
 
@@ -248,24 +243,3 @@ def _needed(value: Array | None, name: str, way: str) -> Array:
             f'friction has no {name}, expected some for friction_method="{way}": sd.Friction.of(model, {name}=...)'
         )
     return value
-
-
-def check_stable(model: Model, effects: tuple[Effect, ...], method: str, dt: float) -> None:
-    """Refuse a step at which smooth friction is unstable near v = 0, where v̇ = -M⁻¹ K v, in the neutral configuration.
-
-    Raises SimulationError with the largest stable step.
-    """
-    effect = find(effects, SmoothFriction)
-    if effect is None or method not in STABLE or not model.nv:
-        return
-    _, viscous, static, _ = effect.friction.law
-    slope = static / effect.coefficients[0] + viscous
-    root = np.sqrt(slope)
-    rates, modes = np.linalg.eigh(root[:, None] * calls["minverse"](model, calls["neutral"](model)) * root)
-    k = int(np.argmax(abs(modes[:, -1])))
-    if dt * rates[-1] > STABLE[method]:
-        raise SimulationError(
-            f"dt is {dt:g} s, expected at most {STABLE[method] / rates[-1]:.3g} s, where {method} is stable with the "
-            f'smooth friction of joint "{joint_of_velocity(model, k).name}", {slope[k]:.3g} N m s/rad at rest; a '
-            'larger smoothing allows more, and friction_method="implicit" any'
-        )

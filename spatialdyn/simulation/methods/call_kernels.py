@@ -19,13 +19,11 @@ from ...calls.dynamics import calls
 from ...calls.one_sample import of_model
 from ...engines.programs.record import tracer
 from ...engines.programs.record.mimic_rows import MimicRows, rows_of
-from ...engines.programs.record.tracer import scratch
 from ...model.model import Model
 from ...recursions.coordinates.coordinate_rates import DISPLACEMENT_RATE
 from ...recursions.coordinates.coordinate_rates import TURN as TURN_STEP
 from ...recursions.momenta.canonical_coordinates import chart_rate, from_canonical, recenter, to_canonical
-from ...recursions.momenta.discrete_momenta import ENDS, WORK_AFTER, WORK_BEFORE, momenta_after, sum_before
-from ...recursions.momenta.hamilton import P
+from ...recursions.momenta.discrete_momenta import ENDS, momenta_after, sum_before
 from ..arithmetic import answered, finite
 from ..system import NONFINITE, OK, TURNED, System
 from .explicit import HALF_TURN, ExplicitKernels
@@ -133,17 +131,17 @@ def _ends(model: Model) -> tuple[Callable[..., int], Callable[..., int]]:
 def _before(bodies: MimicRows, work: Any, q: Any, xi: Any, moved: Any, out: Any) -> Any:
     """``sum_before`` with mimic joints: the twists of the whole tree, more than ``moved`` has rows, are its entry 0."""
     moved[0, 0] = np.full((len(bodies.tree), 6), 0.0, object)
-    return _momenta(sum_before, WORK_BEFORE, bodies, q, xi, moved, out)
+    return _momenta(sum_before, work, bodies, q, xi, moved, out)
 
 
 def _after(bodies: MimicRows, work: Any, q: Any, xi: Any, moved: Any, out: Any) -> None:
-    _momenta(momenta_after, WORK_AFTER, bodies, q, xi, moved, out)
+    _momenta(momenta_after, work, bodies, q, xi, moved, out)
 
 
-def _momenta(sweep: Any, work: np.dtype, rows: MimicRows, q: Any, xi: Any, moved: Any, out: Any) -> Any:
+def _momenta(sweep: Any, work: Any, rows: MimicRows, q: Any, xi: Any, moved: Any, out: Any) -> Any:
     whole = np.full(len(rows.tree) - 1, 0.0, object)
-    found = sweep(rows.tree, scratch(work, len(rows.tree)), rows.q_of_tree(q), rows.v_of_tree(xi), moved[0, 0], whole)
-    out[:] = rows.output_of_model(P, whole)
+    found = sweep(rows.tree, work, rows.q_of_tree(q), rows.v_of_tree(xi), moved[0, 0], whole)
+    out[:] = rows.times_G(whole)
     return found
 
 

@@ -351,7 +351,7 @@ def test_squares_of_angles_are_summed_as_compiled_code_sums_them(
     if not late:
         monkeypatch.setattr(schedule, "MOST_LATE", len(program.lines) - 1)
     assert schedule.late(program, layout) == late
-    groups = schedule.angles(program, late)
+    groups = schedule.angles(program, layout)
     assert (len(groups) == 1) == whole
     x = np.random.default_rng(1).normal(size=(7, 3000))
     only_angles = copy(program)
@@ -369,16 +369,19 @@ def test_squares_of_angles_are_summed_as_compiled_code_sums_them(
 @pytest.mark.parametrize("most", [40, 12000])
 def test_angles_are_those_of_the_schedule(name: str, late: bool, most: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """Function by function, each in the order of its first sine or cosine."""
-    monkeypatch.setattr(schedule, "MOST_WHOLE", most)
+    for name_of_most in ("MOST_WHOLE", "MOST_SOLVED"):
+        monkeypatch.setattr(schedule, name_of_most, most)
+    monkeypatch.setattr(schedule, "MOST_LATE", 3000 if late else 0)
     monkeypatch.setattr(schedule, "CHUNK_LENGTH", 30)
     for call in ("aba", "crba"):
-        program, _ = recording.record((SPECS[call],), robot(name).bodies)
-        lines = program.lines
+        program, layout = recording.record((SPECS[call],), robot(name).bodies)
+        lines, whole = program.lines, schedule.is_whole(program, layout)
+        assert whole == (most > 40)
         wanted = [
             list(dict.fromkeys(lines[k].a for k in chunk if lines[k].code in FORMS and FORMS[lines[k].code].angle))
-            for chunk in schedule.Schedule(program, late).chunks
+            for chunk in schedule.Schedule(program, layout, whole).chunks
         ]
-        assert schedule.angles(program, late) == wanted
+        assert schedule.angles(program, layout) == wanted
         assert sum(map(len, wanted))
 
 

@@ -22,7 +22,7 @@ import spatialdyn as sd
 from spatialdyn.algebra import scalars
 from spatialdyn.engines.compiled import numba_kernels
 from spatialdyn.engines.polynomials import MAX_ANGLE
-from spatialdyn.engines.programs.llvm import host_cpu, schedule, simd
+from spatialdyn.engines.programs.llvm import columns, host_cpu, schedule, simd
 from spatialdyn.engines.programs.llvm.host_cpu import LoadedCode
 from spatialdyn.engines.programs.record import recording
 from spatialdyn.engines.programs.record.kernel_layout import Float32Range, KernelLayout
@@ -172,6 +172,26 @@ def test_sine_and_cosine_are_within_one_and_a_half_ulp(sines: tuple[NDArray[np.f
     off = abs((found - high) - low)
     assert (off / np.spacing(abs(high))).max() <= ULPS
     assert within_the_analysis(x, found, off, shape).all()
+
+
+@pytest.mark.parametrize("shape", SHAPES, ids=name_of)
+def test_sines_in_step_have_the_bits_of_each_alone(shape: Shape) -> None:
+    """Of two groups of inputs, and of angles that are no inputs; in the text the groups' operations alternate."""
+
+    def turns(*q: Number) -> list[Any]:
+        return [f(x) for x in (*q, q[0] + q[1]) for f in (scalars.sin, scalars.cos)]
+
+    x = np.random.default_rng(shape.lanes).uniform(-9.0, 9.0, (32, 8))
+    program, layout = program_of(turns, 8)
+    (found,), valid = Runner(program, layout, shape)(x)
+    alone = Runner(*program_of(sin_and_cos, 1), shape)
+    for k, angle in enumerate([*x.T, x[:, 0] + x[:, 1]]):
+        np.testing.assert_array_equal(found[:, 2 * k : 2 * k + 2], alone(angle)[0][0])
+    assert valid.all()
+    text = simd.Writer(program, layout, np.float64, shape.lanes, True).text()
+    shifts = [k for k, line in enumerate(text.split("\n")) if "0x3FE45F306DC9C883" in line]  # products with 2/π
+    together = 6 if shape.lanes in (1, 8) else 3
+    assert np.diff(shifts)[: together - 1].max() <= 2 < np.diff(shifts)[together - 1]
 
 
 def within_the_analysis(x: NDArray[Any], found: NDArray[Any], off: NDArray[Any], shape: Shape) -> NDArray[np.bool_]:
@@ -489,9 +509,9 @@ def test_a_program_of_constants_alone_is_written_to_every_sample(shape: Shape) -
 
 @pytest.mark.parametrize("width", WIDTHS)
 def test_blocks_cover_the_columns_and_no_more(width: int) -> None:
-    for columns in range(1, 70):
-        blocks = list(simd._blocks(columns, width))
-        assert {c for first, size in blocks for c in range(first, first + size)} == set(range(columns))
+    for count in range(1, 70):
+        blocks = list(columns.blocks(count, width))
+        assert {c for first, size in blocks for c in range(first, first + size)} == set(range(count))
         assert all(size <= width and size & (size - 1) == 0 for _, size in blocks)
 
 
@@ -527,6 +547,7 @@ def test_streamed_results_are_the_stored_ones(monkeypatch: pytest.MonkeyPatch, s
         for whole in (schedule.MOST_WHOLE, 0) if c == 17 else (schedule.MOST_WHOLE,):
             with monkeypatch.context() as patch:
                 patch.setattr(schedule, "MOST_WHOLE", whole)
+                patch.setattr(simd, "STORED", 8)
                 found, valid = Runner(program, layout, shape, dtype, stream=True)(values)
             assert valid.all()
             for one, other in zip(found, wanted, strict=True):
@@ -579,6 +600,7 @@ def test_a_program_cut_into_functions_gives_the_same_bits(
         (whole,), valid = Runner(program, layout, shape)(*values)
         monkeypatch.setattr(schedule, "MOST_WHOLE", 0)
         monkeypatch.setattr(schedule, "CHUNK_LENGTH", chunk)
+        monkeypatch.setattr(simd, "STORED", max(8, chunk))
         cut = Runner(program, layout, shape)
         (found,), also = cut(*values)
         assert cut.workspace > shape.lanes * 8
@@ -625,6 +647,20 @@ def test_slots_of_the_workspace_are_reused(monkeypatch: pytest.MonkeyPatch) -> N
     writer = simd.Writer(*program_of(chain, 2), np.float64, 4, False)
     assert len(writer.schedule.chunks) >= 50
     assert writer.schedule.slot_count < 20
+
+
+def test_forward_dynamics_is_cut_earlier_than_other_programs() -> None:
+    """As soon as values are not computed near their readers, or a little before; its derivatives are not."""
+    tape = Tape()
+    x, y = tape.input(0), tape.input(1)
+    for _ in range(schedule.MOST_SOLVED):
+        x = x * y
+    program = Program(tape, [x, y], 2)
+    solved, not_solved = (KernelLayout((2,), (places,), pivots=((1, 0.0),)) for places in ((0,), (0, 0)))
+    assert len(program.lines) > schedule.MOST_SOLVED
+    assert not schedule.is_whole(program, solved)
+    assert schedule.is_whole(program, not_solved)
+    assert schedule.is_whole(program, KernelLayout((2,), ((0, 1),)))
 
 
 # --- the bit of a sample --------------------------------------------------------------------------------

@@ -11,6 +11,7 @@ from slow import slow_but
 from trees import random_tree
 
 import spatialdyn as sd
+from spatialdyn.algebra import scalars
 from spatialdyn.engines import run
 from spatialdyn.engines.compiled import numba_kernels
 from spatialdyn.engines.programs.llvm import simd
@@ -82,6 +83,16 @@ def test_a_structure_is_without_values_and_with_all_else() -> None:
     assert len({known, *names}) == len(names) + 1
     bounds = [KernelLayout((2,), ((0,),), pivots=((0, least),)) for least in (0.5, 2.0)]
     assert len({structure.digest(made, layout) for layout in bounds}) == 1
+
+
+def test_code_without_checks_of_results_is_for_bounded_programs_only() -> None:
+    """A sine times a constant: the code of a small one, which cannot overflow, is not that of a large one."""
+
+    def of(factor: float) -> str:
+        tape = Tape()
+        return structure.digest(Program(tape, [factor * scalars.sin(tape.input(0))], 1), KernelLayout((1,), ((0,),)))
+
+    assert of(2.0) == of(3.0) != of(1e31)
 
 
 def test_numbers_are_constants_then_bounds() -> None:

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from math import hypot
 from typing import Any
 
 import numpy as np
 
+from ....algebra.rotations import NORM_ROUNDING
 from ....bodies.kinds import kind_of
-from ....engines.compiled.cpython import READY
 from ....engines.compiled.generated import function_from_text
+from ....engines.programs.run.single_call import READY
 from ....errors import ShapeError, SpatialDynError
 from ...native import operator_kernels, operators
 from ..coverage.strictness import strict
@@ -112,7 +113,7 @@ def squaredDistance(model: Model, q1: Any, q2: Any) -> Array:
 def distance(model: Model, q1: Any, q2: Any) -> float:
     """Norm of the difference."""
     v = difference(model, q1, q2)
-    return math.hypot(*v.tolist())
+    return hypot(*v.tolist())
 
 
 def isNormalized(model: Model, q: Any, prec: float = 1e-12) -> bool:
@@ -121,7 +122,7 @@ def isNormalized(model: Model, q: Any, prec: float = 1e-12) -> bool:
     """
     prec = _precision(prec)
     parts = _unit_parts(expected(model, Model, "model"), vector("q", q, model.nq))
-    return all(abs(math.hypot(*part.tolist()) - 1.0) < prec for part in parts)
+    return all(abs(hypot(*part.tolist()) - 1.0) < prec for part in parts)
 
 
 def _precision(prec: Any) -> float:
@@ -136,19 +137,38 @@ def _unit_parts(model: Model, q: Array) -> list[Array]:
     return [q[unit] for unit in (model._library or library_model(model)).unit_parts]
 
 
+def _off_norm(units: Sequence[slice], q: list[float]) -> bool:
+    """Whether a part of unit norm, in one of two configurations, is off it by more than rounding."""
+    for at in units:
+        for x in (q[at], q[at.start + len(q) // 2 : at.stop + len(q) // 2]):
+            if not abs(hypot(*x) - 1.0) <= NORM_ROUNDING:
+                return True
+    return False
+
+
 def isSameConfiguration(model: Model, q1: Any, q2: Any, prec: float) -> bool:
     """Whether two configurations agree to prec; a quaternion and its negative are one rotation.
 
     Quaternions and pairs off their unit norm agree if their numbers do, to prec of the smaller norm. Raises as
     ``isNormalized``.
     """
+    try:
+        library = model._library
+        apart = library.difference(q1, q2).tolist()
+        if prec >= 0.0 and not (library.unit_parts and _off_norm(library.unit_parts, q1.tolist() + q2.tolist())):
+            if hypot(*apart) <= prec:
+                return True
+            if max(apart) > prec or min(apart) < -prec:
+                return False
+    except (AttributeError, TypeError):  # the fast path does not apply
+        pass
     prec = _precision(prec)
     units = (expected(model, Model, "model")._library or library_model(model)).unit_parts
     if units:
         q1, q2 = (vector(name, q, model.nq) for name, q in (("q1", q1), ("q2", q2)))
     for x, y in ((q1[unit], q2[unit]) for unit in units):
-        norms = [math.hypot(*part.tolist()) for part in (x, y)]
-        apart = [math.hypot(*(x - s * y).tolist()) for s in ((1.0, -1.0) if len(x) == 4 else (1.0,))]
+        norms = [hypot(*part.tolist()) for part in (x, y)]
+        apart = [hypot(*(x - s * y).tolist()) for s in ((1.0, -1.0) if len(x) == 4 else (1.0,))]
         if max(abs(n - 1.0) for n in norms) > 1e-6 and min(apart) > prec * min(norms):
             return False
     if units:
@@ -196,7 +216,7 @@ def randomConfiguration(model: Model, lower_bound: Any = None, upper_bound: Any 
     library = library_model(expected(model, Model, "model"))
     lower = model.lowerPositionLimit if lower_bound is None else vector("lower_bound", lower_bound, model.nq)
     upper = model.upperPositionLimit if upper_bound is None else vector("upper_bound", upper_bound, model.nq)
-    q: Array | None = operator_kernels.draw_between(GENERATOR, library.units)(lower, upper) if READY else None
+    q: Array | None = operator_kernels.draw_between(GENERATOR, model.nq, library.units)(lower, upper) if READY else None
     if q is None:
         q = np.array([*map(operators.between, lower.tolist(), upper.tolist(), GENERATOR.random(model.nq))])
         for first, size in library.units:

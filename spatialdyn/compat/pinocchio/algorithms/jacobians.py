@@ -10,9 +10,9 @@ import numpy as np
 
 from ....calls import dynamics
 from ....engines.compiled import numba_kernels
-from ....engines.compiled.cpython import unavailable
 from ....engines.compiled.generated import function_from_text
 from ....engines.compiled.tiers import table_kernel
+from ....engines.programs.run.single_call import unavailable
 from ....recursions import SPECS
 from ...native import recorded_calls
 from ..data.data import Data, library_of
@@ -43,7 +43,7 @@ __all__ = [
     "getJointJacobianTimeVariation",
 ]  # fmt: skip
 
-KIND_BY_CODE = {IN_FRAME: "frame_jacobian_local", IN_WORLD: "frame_jacobian_world", ALIGNED: "frame_jacobian_aligned"}
+KIND_BY_CODE = {IN_FRAME: "frame_jacobian_local", IN_WORLD: "frame_jacobian_world", ALIGNED: "frame_jacobian_world"}
 _dynamics: Any = dynamics  # Any: its stub names the public calls alone
 
 
@@ -102,18 +102,21 @@ def _at(name: str, doc: str) -> Callable[..., Array]:
         frames = joints_as_frames(model) if of_joints else frame_placements(model)
         if code == ALIGNED:
             data.check_frames(model)
+            data.hold("oMf")  # the frame is placed at the call, for its placement may be edited after it
         run = data.run_of(KIND_BY_CODE[code], model, library)
         run.store_inputs(q)
-        run.frames, call = frames, unavailable
+        call = unavailable
         found = call_about_frame("frame_jacobian", Inputs(library, library.state, q), joint, placement, code)
         data.note_call(run)
+        written = {"oMf": data._held["oMf"]} if code == ALIGNED else {}
+        for array in written.values():
+            array[index] = data.array("oMi")[joint] @ placement
         if library.has_builtins:
             fields = {x: data._held.get(x) for x in recorded_calls.HELD if x in run.kind.fills}
-            held = {x: array for x, array in fields.items() if array is not None and library.joints is None}
+            held = {x: array for x, array in fields.items() if array is not None and library.joints is None} | written
             words = {x: held[x].ctypes.data if x in held else 0 for x in recorded_calls.HELD}
-            words |= {"six": 6, "memory": run.memory.ctypes.data, "code": code, **run.stamp_words, **library.words}
-            words |= frames.words(rows=True)
-            call = recorded_calls.frame_jacobian_at().bind(library, run, frames, held, **words)
+            words |= {"code": code, **library.words, **frames.words(rows=True)}
+            call = recorded_calls.frame_jacobian_at().bind(words, library, run, frames, held, record=run.recording(1))
         data._bound[name if of_joints else id(reference)] = run, frames, call
         return found
 
@@ -166,9 +169,9 @@ def _recorded(name: str, doc: str) -> Callable[..., Array]:
         if library.has_builtins:
             words = {"q_address": run.q.ctypes.data} | ({"v_address": run.v.ctypes.data} if rate else {})
             rows = 0 if rate or run.placed_rows is None else run.placed_rows.ctypes.data
-            words |= {"six": 6, "placed_rows": rows, "time": run.stamp_words["time"]}
+            words |= {"placed_rows": rows, "time": run.stamp_words["time"]}
             words |= {**library.words, **REFERENCES, **frames.words(rows=True)}
-            call = recorded_calls.frame_jacobian(call_name).bind(library, run, frames, **words)
+            call = recorded_calls.frame_jacobian(call_name).bind(words, library, run, frames)
         run.bound[key] = frames, call
         return found
 

@@ -16,8 +16,10 @@ from ....constraints.contact import Solved, inverse, solve
 from ....engines.compiled import numba_kernels, table_kernels
 from ....errors import ConstraintError, ShapeError, SimulationError
 from ....recursions.tree.kinematics import WORK
+from ...native.recorded_calls import record
 from ...native.recorded_constraints import scratch_of
 from ...native.recorded_contacts import FOUND, GIVEN, contact_dynamics, put_contacts
+from ..cholesky import without_mimic
 from ..data.data import Data, library_of
 from ..data.dispatch import IN_FRAME, forces, last_call, vector
 from ..data.run import Run
@@ -111,7 +113,7 @@ def _pairs(models: Any, datas: Any) -> list[tuple[RigidConstraintModel, RigidCon
 
 def _system(at: Any, pairs: Any, write: bool = True) -> tuple[Array, Array]:
     """J (m, nv) and γ (m,) of contacts; ``write``: placements, velocities and errors are written to their data."""
-    model, (n, m) = at.library.model, (len(pairs), sum(x.residualSize() for x, _ in pairs))
+    model, (n, m) = without_mimic(at.library.model), (len(pairs), sum(x.residualSize() for x, _ in pairs))
     given, found = np.array([x._x for x, _ in pairs]).reshape(n, GIVEN), np.empty((n, FOUND))
     J, gamma, rows = np.empty((m, model.nv)), np.empty(m), at.library.row_numbers
     run = table_kernels.kernel(put_contacts, 1, 1, 1, 2, 2, 2, 1, work=WORK)
@@ -170,7 +172,7 @@ def constraintDynamics(
                 data.note_builtin_call(before)
                 data.note_builtin_call(run)
                 return found
-    except (AttributeError, KeyError, TypeError, SystemError):  # the fast path does not apply
+    except (AttributeError, KeyError, TypeError):  # the fast path does not apply
         pass
     pairs, settings = _pairs(contact_models, contact_datas), _settings(prox_settings)
     computeAllTerms(model, data, q, v)
@@ -194,12 +196,13 @@ def _bind(data: Data, every: Run, run: Run, pairs: Any) -> None:
         return
     models, datas = [x for x, _ in pairs], [own for _, own in pairs]
     addresses: list[Any] = [np.array([one._x.ctypes.data for one in some], np.int64) for some in (models, datas)]
-    arrays = {"memory": every.memory, "bias": every.result, "result": run.result, "rows": library.row_numbers}
+    arrays = {"bias": every.result, "rows": library.row_numbers}
     arrays |= {"L": f.L, "Y": f.Y, "C": f.C, "force": f.force, "contacts": addresses[0], "datas": addresses[1]}
     arrays["scratch"] = scratch_of(len(f.L), len(f.force))
-    words = {**library.words, **run.stamp_words, **{name: x.ctypes.data for name, x in arrays.items()}}
-    words |= {"m": len(f.force), "count": len(pairs), "before": every.stamp_words["time"]}
-    call = contact_dynamics().bind(library, arrays, models, datas, every, run, **words)
+    words = {**library.words, **every.stamp_words, **{name: x.ctypes.data for name, x in arrays.items()}}
+    words |= {"m": len(f.force), "count": len(pairs), "before": words.pop("time")}
+    noted = record(2, every.memory, run.result, run._stamp, library.table)
+    call = contact_dynamics().bind(words, library, arrays, models, datas, every, run, record=noted)
     data._bound["contacts"] = library, models, datas, every, run, f, call
 
 

@@ -41,7 +41,7 @@ GeometryData: collision_functors, contactPatchRequests and their kin, radius | m
 RigidConstraintModel, RigidConstraintData: setCompliance, retrieveCompliance; lambdas_joint1,
     extended_motion_propagators_joint1 and _joint2 | one contact's part of a solver, its scratch | OutOfScopeError, an
     AttributeError
-data.constraint_chol, data.contact_chol | the factors of the last call, written in place | new factors at each read
+data.constraint_chol, data.contact_chol | the factors of the last call, written in place | new factors after a call
 RigidConstraintData: contact_acceleration and its kin, contact1_acceleration_drift, contact2_acceleration_drift |
     written by constraintDynamics | zero
 constraintDynamics, impulseDynamics of contacts that depend on each other with mu = 0, the default | nan |
@@ -131,8 +131,8 @@ computeJointTorqueRegressor, computeKineticEnergyRegressor of models with mimic 
 jointBodyRegressor, frameBodyRegressor of an index that is not there | memory is read | ModelError naming the index
 appendModel where the name of a frame's parent is that of several frames | an error | the result: frames are
     identified by index
-computeJointJacobian, computeFrameJacobian: joints and frames that do not carry the given one | liMi, oMi, oMf are not
-    written | liMi, oMi, oMf are written at q, unless the field was read before
+computeJointJacobian, computeFrameJacobian: joints that do not carry the given one | liMi, oMi are not written | liMi,
+    oMi are written at q, unless the field was read before
 framesForwardKinematics, updateFramePlacements with a data made before a frame was added | memory is overwritten |
     ShapeError
 writing data fields that a later call reads: J, dJ before getFrameJacobian, v before computeKineticEnergy | the

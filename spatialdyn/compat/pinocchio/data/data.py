@@ -95,6 +95,7 @@ class Data(Stored, Registered, Copied):
     """
 
     contacts: Any = None  # of the last initConstraintDynamics or constraintDynamics, with its ProximalSettings
+    _factors: Any = None, None, 0  # those of ``constraint_chol``, the contacts and the time that they are of
     # each call reads these: a slot is faster to read than a __dict__ that was written to
     __slots__ = ("_bound", "_held", "_latest", "_nframes", "_runs", "_sizes", "_sources", "model")
     _format = "spatialdyn.compat.pinocchio data 1"
@@ -227,8 +228,14 @@ class Data(Stored, Registered, Copied):
 
     @property
     def constraint_chol(self) -> Any:
-        """The ConstraintCholeskyDecomposition of the contacts of the last constraintDynamics."""
-        return Registered.classes["ConstraintCholeskyDecomposition"].of(self)
+        """The ConstraintCholeskyDecomposition of the contacts of the last constraintDynamics, one until the next."""
+        run = self._runs.get("contacts")
+        contacts, stamp = self.contacts, 0 if run is None else run.stamp
+        found, of_contacts, then = self._factors
+        if found is None or of_contacts is not contacts or then != stamp:
+            found = Registered.classes["ConstraintCholeskyDecomposition"].of(self)
+            self._factors = found, contacts, stamp
+        return found
 
     contact_chol = constraint_chol
 

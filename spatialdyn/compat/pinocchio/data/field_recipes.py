@@ -121,11 +121,6 @@ def oMi(run: Any) -> Array:
     return joint_placements(run)
 
 
-def oMf(run: Any) -> Array:
-    """Poses of the frames in the world."""
-    return _rows(recorded_calls.compose_all, oMi(run), run.frames.joints, run.frames.placements)
-
-
 def liMi(run: Any) -> Array:
     """Poses of the joints in their parents."""
     X = oMi(run)
@@ -268,8 +263,11 @@ def Ig(run: Any) -> Array:
 
 def mechanical_energy(run: Any) -> float:
     """Kinetic and potential energy."""
-    fills = run.kind.fills
-    return float(sum(np.asarray(fills[name](run)).item() for name in ("kinetic_energy", "potential_energy")))
+    fills, library = run.kind.fills, run.library
+    potential = library.potential_energy(run.q) if run.state is library.state else None
+    if potential is None:
+        potential = np.asarray(fills["potential_energy"](run))
+    return float(np.asarray(fills["kinetic_energy"](run)).item() + potential.item())
 
 
 def momentum_rate_and_weight(run: Any) -> Array:
@@ -366,7 +364,6 @@ CALL_KINDS: dict[str, Kind] = {
     "global_placements": _kind("", "q", oMi=result),
     "frame_jacobian_local": _path(),
     "frame_jacobian_world": _path(oMi=oMi),
-    "frame_jacobian_aligned": _path(oMi=oMi, oMf=oMf),
     "jacobians": _kind("joint_jacobians", "q", PLACES, J=result),
     "jacobians_dot": _kind("joint_jacobians_dot", "q v", f"{PLACES} J v ov", dJ=result),
     "com0": _kind("center_of_mass", "q", MASSES),

@@ -270,6 +270,17 @@ class GeometryModel(_Bookkeeping):
         return self.collisionPairs.index(pair) if pair in self.collisionPairs else len(self.collisionPairs)
 
 
+_COAL = {
+    "collisionRequests": "CollisionRequest", "collisionResults": "CollisionResult",
+    "distanceRequests": "DistanceRequest", "distanceResults": "DistanceResult",
+}  # fmt: skip
+
+
+def _per_pair(name: str) -> property:
+    """The attribute of a GeometryData that holds coal's objects of this kind."""
+    return property(lambda self: self._of_pairs(name), doc=f"coal's {_COAL[name]}s, one for each pair.")
+
+
 class GeometryData(_Bookkeeping):
     """Data of a GeometryModel: placements of its objects, and requests and results for its pairs at the time.
 
@@ -349,25 +360,10 @@ class GeometryData(_Bookkeeping):
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "_kept": {}}
 
-    @property
-    def collisionRequests(self) -> list[Any]:
-        """coal's CollisionRequests."""
-        return self._of_pairs("collisionRequests")
-
-    @property
-    def collisionResults(self) -> list[Any]:
-        """coal's CollisionResults, of ``computeCollisions``."""
-        return self._of_pairs("collisionResults")
-
-    @property
-    def distanceRequests(self) -> list[Any]:
-        """coal's DistanceRequests."""
-        return self._of_pairs("distanceRequests")
-
-    @property
-    def distanceResults(self) -> list[Any]:
-        """coal's DistanceResults, of ``computeDistances``."""
-        return self._of_pairs("distanceResults")
+    collisionRequests = _per_pair("collisionRequests")
+    collisionResults = _per_pair("collisionResults")
+    distanceRequests = _per_pair("distanceRequests")
+    distanceResults = _per_pair("distanceResults")
 
 
 def _shown(x: GeometryObject) -> str:
@@ -382,12 +378,6 @@ def _shown(x: GeometryObject) -> str:
 
 class PerPair(list[Any]):
     """coal's objects, one for each pair; scripts set attributes of the list too, which Pinocchio accepts."""
-
-
-_COAL = {
-    "collisionRequests": "CollisionRequest", "collisionResults": "CollisionResult",
-    "distanceRequests": "DistanceRequest", "distanceResults": "DistanceResult",
-}  # fmt: skip
 
 
 def _low_high(pair: CollisionPair) -> tuple[int, int]:

@@ -71,6 +71,8 @@ GRAVITY = (0.0, 0.0, -9.81)
 class Indices(list[int], Listed):
     """A list of indices."""
 
+    __slots__ = ()
+
 
 class Joints(OwnedList[JointModel]):
     """The joints of a model, each of the class JointModel, as in Pinocchio."""
@@ -94,8 +96,35 @@ class Tree:
     gravity                                             Motion
     """
 
+    name: str
+    nq: int
+    nv: int
+    nvExtended: int
+    nbodies: int
+    names: list[str]
+    parents: list[int]
+    joints: list[JointModel]
+    idx_qs: Indices
+    nqs: Indices
+    idx_vs: Indices
+    nvs: Indices
+    idx_vExtendeds: Indices
+    nvExtendeds: Indices
+    supports: list[Indices]
+    subtrees: list[Indices]
+    children: list[Indices]
+    mimicking_joints: Indices
+    mimicked_joints: Indices
+    mimic_joint_supports: list[Indices]
     jointPlacements: Rows
     inertias: Rows
+    _arrays: dict[str, Array]
+    _numbers: Numbers
+    _gravity: Motion
+    _library: Any  # LibraryModel, None after an edit of the tree and where norms are checked anew
+    _library_before: Any  # the last LibraryModel, None after an edit of the tree
+    _frame_placements: Any  # FramePlacements, None after an edit of a frame
+    _edited: Any  # whether it is the copy of one that was edited; None after an edit of the tree
 
     lowerPositionLimit = Entries(-NO_LIMIT, "(nq,) least coordinates.", "min_config")
     upperPositionLimit = Entries(NO_LIMIT, "(nq,) largest coordinates.", "max_config")
@@ -114,37 +143,37 @@ class Tree:
     gravity981.flags.writeable = False
 
     def __init__(self) -> None:
-        self._arrays: dict[str, Array] = {name: np.empty(0) for name in ARRAYS}
-        self._library: Any = None  # LibraryModel, None after an edit of the tree and where norms are checked anew
-        self._frame_placements: Any = None  # FramePlacements, None after an edit of a frame
-        self._library_before: Any = None  # the last LibraryModel, None after an edit of the tree
-        self._edited: Any = None  # whether it is the copy of one that was edited; None after an edit of the tree
-        MODELS.add(self)
-        on_tree_edit = self._owner_of("_library", "_frame_placements", "_library_before", "_edited")
-        self.name = ""
-        self.nq = self.nv = self.nvExtended = 0
-        self.nbodies = 1
-        self.names: list[str] = OwnedList(on_tree_edit, str, ["universe"])
-        self.parents: list[int] = OwnedList(on_tree_edit, (int, np.integer), [0])
-        self.joints: list[JointModel] = Joints(on_tree_edit, JointModel, [JointModelRX()])
-        self.idx_qs, self.nqs = Indices([0]), Indices([0])
-        self.idx_vs, self.nvs = Indices([0]), Indices([0])
-        self.idx_vExtendeds, self.nvExtendeds = Indices([0]), Indices([0])
-        self.supports, self.subtrees, self.children = [Indices([0])], [Indices()], [Indices()]
-        self.mimicking_joints, self.mimicked_joints = Indices(), Indices()
-        self.mimic_joint_supports = [Indices([0])]
+        owner, own = self._begin(), vars(self)
+        own["_arrays"] = {name: np.empty(0) for name in ARRAYS}
+        own.update(name="", nq=0, nv=0, nvExtended=0, nbodies=1)
+        own["names"] = OwnedList(owner, str, ["universe"])
+        own["parents"] = OwnedList(owner, (int, np.integer), [0])
+        own["joints"] = Joints(owner, JointModel, [JointModelRX()])
+        own |= {name: Indices([0]) for name in ("idx_qs", "nqs", "idx_vs", "nvs", "idx_vExtendeds", "nvExtendeds")}
+        own |= {"supports": [Indices([0])], "subtrees": [Indices()], "children": [Indices()]}
+        own |= {"mimicking_joints": Indices(), "mimicked_joints": Indices(), "mimic_joint_supports": [Indices([0])]}
         numbers = Numbers(1, 0)
         numbers.gravity[:3], numbers.placements[0] = GRAVITY, np.eye(4)
-        self._gravity = Motion.over(numbers.gravity)
-        own = vars(self)
-        own["jointPlacements"], own["inertias"] = Rows(numbers.placements, SE3), Rows(numbers.inertias, Inertia)
         self._hold(numbers)
+
+    def _begin(self) -> Owner:
+        """Note the model, without anything yet; returns the owner of the values of its tree."""
+        MODELS.add(self)
+        caches = ("_library", "_library_before", "_frame_placements", "_edited")
+        vars(self).update(dict.fromkeys(caches))
+        return self._owner_of(*caches)
 
     def _hold(self, numbers: Numbers) -> None:
         """Have the numbers be those of the model, and its values views of them."""
-        self._numbers, self._gravity._x, self._arrays["armature"] = numbers, numbers.gravity, numbers.armature
-        self.jointPlacements.move(numbers.placements)
-        self.inertias.move(numbers.inertias)
+        own = vars(self)
+        if "_numbers" in own:
+            self._gravity._x = numbers.gravity
+            self.jointPlacements.move(numbers.placements)
+            self.inertias.move(numbers.inertias)
+        else:
+            own["_gravity"] = Motion.over(numbers.gravity)
+            own["jointPlacements"], own["inertias"] = Rows(numbers.placements, SE3), Rows(numbers.inertias, Inertia)
+        own["_numbers"], own["_arrays"]["armature"] = numbers, numbers.armature
 
     def _owner_of(self, *caches: str) -> Owner:
         """The owner of values of which these cached attributes are made; a write sets them to None."""

@@ -15,7 +15,7 @@ from ..types.bases import Copied, Registered
 from ..types.containers import StdMap_String_VectorXd
 from ..types.frame import ANY_FRAME, BODY, FIXED_JOINT, JOINT, Frame, FrameType
 from ..types.se3 import SE3
-from ..types.tracked_list import OwnedList, Rows
+from ..types.tracked_list import OwnedList
 from .from_pinocchio import pinocchio_state
 from .joint import JointModel
 from .joint_tree import ARRAYS, BY_LIMIT, LIMITS, Indices, Tree, limit
@@ -32,6 +32,7 @@ FIXED = {  # attributes derived from others, and lists whose entries alone are a
          "mimicked_joints", "mimic_joint_supports", "supports", "subtrees"), "Indices that follow from the joints.",
     ),
 }  # fmt: skip
+COPIED = [name for name in (*FIXED, "name") if name != "inertias"]  # one by one; inertias are of the numbers
 OTHERS = dict.fromkeys(("name", "frames", "jointPlacements", "referenceConfigurations"), "An attribute of each model.")
 
 
@@ -76,6 +77,9 @@ class Model(Tree, Stored, Copied):
 
         Raises ModelError for a joint of Pinocchio's whose kind is not here.
         """
+        if isinstance(clone, Model):
+            self._copy(clone)
+            return
         self._sealed = False
         super().__init__()
         universe = Frame("universe", 0, 0, SE3.Identity(), FIXED_JOINT)
@@ -86,28 +90,32 @@ class Model(Tree, Stored, Copied):
         if of_pinocchio(clone, "Model"):
             fill(self, pinocchio_state(clone))
         elif clone is not None:
-            self._copy(expected(clone, Model, "clone"))
+            expected(clone, Model, "clone")
 
     def _copy(self, other: Model) -> None:
         """Take over copies of all that another model has, and of its LibraryModel."""
-        own, given = vars(self), vars(other)
-        for name in (*FIXED, "name", "frames"):
+        own, given, owner = vars(self), vars(other), self._begin()
+        for name in COPIED:
             x = given[name]
-            if isinstance(x, Rows):
-                continue
-            if isinstance(x, OwnedList):
-                own[name].clear()
-                own[name].extend(x)
+            kind = type(x)
+            if kind is Indices:
+                own[name] = Indices(x)
+            elif kind is list:
+                own[name] = [*map(Indices, x)]
             else:
-                own[name] = Indices(x) if type(x) is Indices else [*map(Indices, x)] if type(x) is list else x
-        self._arrays = {name: x.copy() for name, x in other._arrays.items()}
+                own[name] = x.for_owner(owner) if isinstance(x, OwnedList) else x
+        own["_frames_by_name"] = None  # frame indices; None after an edit
+        own["frames"] = given["frames"].for_owner(self._owner_of("_frame_placements", "_frames_by_name"))
+        own["_arrays"] = {name: x.copy() for name, x in other._arrays.items()}
         self._hold(Numbers(other.njoints, other.nv, other._numbers.block.copy()))
-        for name, q in other.referenceConfigurations.items():
-            self.referenceConfigurations[name] = np.array(q)
+        own["referenceConfigurations"] = Configurations(
+            {name: np.array(q) for name, q in other.referenceConfigurations.items()}
+        )
         library, before = given["_library"], given["_library_before"]
         own["_edited"] = other._edited or (before is not None and before.edited)
         if library is not None:
             own["_library"] = own["_library_before"] = library.copy(self._numbers.block)
+        own["_sealed"] = True
 
     def __setattr__(self, name: str, value: Any) -> None:
         if name in FIXED and self._sealed:

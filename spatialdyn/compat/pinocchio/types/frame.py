@@ -86,6 +86,13 @@ _FIELDS: tuple[tuple[str, Callable[[Any, Any], Any], str], ...] = (
 _CONTENT = attrgetter(*(f"_{row[0]}" for row in _FIELDS))
 
 
+def _like(value: Any) -> Any:
+    """A copy of a Value; its own ``copy`` checks more."""
+    made = object.__new__(type(value))
+    made._x = value._x.copy()
+    return made
+
+
 class Frame(OwnedValue):
     """A named frame fixed to the body of a joint: ``Frame()``, ``Frame(other)``, also of Pinocchio's own class,
     ``Frame(name, joint[, parent frame], placement, type[, inertia])``.
@@ -124,10 +131,11 @@ class Frame(OwnedValue):
 
     def copy(self) -> Frame:
         """An independent copy that belongs to no model."""
+        own: Any = self
         made: Any = Frame.__new__(Frame)
-        made._owner = None
-        made._name, made._parentJoint, made._parentFrame, placement, made._type, inertia = self._content()
-        made._placement, made._inertia = SE3.over(placement._x.copy()), Inertia.over(inertia._x.copy())
+        made._owner, made._name, made._type = None, own._name, own._type
+        made._parentJoint, made._parentFrame = own._parentJoint, own._parentFrame
+        made._placement, made._inertia = _like(own._placement), _like(own._inertia)
         return made  # type: ignore[no-any-return]
 
     cast = copy  # the only scalar type is float64

@@ -192,9 +192,11 @@ matrix(self: Body) -> inertia = inertia_about_origin(self)
     @staticmethod
     def FromDynamicParameters(params: Any) -> Inertia:
         """The body of ten parameters as ``toDynamicParameters`` gives them. Raises InertiaError for zero mass."""
-        sound = type(params) is np.ndarray and params.shape == (10,)
-        made: Inertia = _of_parameters(params if sound else ten(params))
-        if made._x[0] == 0.0:
+        try:
+            made: Inertia = _of_parameters(params)
+        except ArgumentError:
+            made = _of_parameters(ten(params))  # raises what it lacks
+        if not made._x.item(0):
             raise InertiaError("mass is 0, expected one that has a centre")
         return made
 

@@ -31,8 +31,8 @@ class SE3(
     same="same(self.R, other.R) * same(self.p, other.p)",
 ):
     """The pose of a frame in a reference frame: ``SE3(rotation (3, 3), translation (3,))``,
-    ``SE3(quaternion, translation)``, ``SE3(homogeneous (4, 4))``, ``SE3(other)``, also of Pinocchio's own class,
-    ``SE3(1)`` for the identity.
+    ``SE3(quaternion, translation)``, ``SE3(homogeneous (4, 4))``, ``SE3(other)``, also of Pinocchio's own class or
+    coal's Transform3s, ``SE3(1)`` for the identity.
 
     ``A * B`` composes, ``A * x`` takes a point (3,), Motion, Force or Inertia from the frame to the reference frame,
     ``A.actInv(x)`` takes it back. ``rotation`` and ``translation`` are writable views. ``SE3()`` is the identity.
@@ -138,6 +138,8 @@ def _homogeneous(given: Any) -> Array:
         x[...] = given._x
     elif of_pinocchio(given, "SE3"):
         x[:3] = given.homogeneous[:3]
+    elif of_pinocchio(given, "Transform3s"):  # coal's
+        x[:3, :3], x[:3, 3] = given.getRotation(), given.getTranslation()
     elif isinstance(given, np.ndarray):
         x[:3] = array(given, (4, 4), "homogeneous matrix")[:3]
     elif given is not None and not isinstance(given, int):

@@ -58,6 +58,17 @@ class OwnedList(list[Value], Listed):
             return owned_copy(value, self._owner)
         return value.copy() if isinstance(value, Numbers) else value
 
+    def for_owner(self, owner: Any) -> OwnedList[Value]:
+        """A copy of the list, and of its values, that belongs to another owner."""
+        made = type(self).__new__(type(self))
+        made._owner, made._kind = owner, self._kind
+        list.extend(made, self)
+        for k, x in enumerate(self):
+            if not isinstance(x, OwnedValue):
+                break
+            list.__setitem__(made, k, owned_copy(x, owner))
+        return made
+
     def __setitem__(self, at: Any, value: Any) -> None:
         """Replace an entry; a Value is written in place, so that references to it see the new numbers."""
         there = self[at]

@@ -60,10 +60,10 @@ class ThreadWriter(Writer):
         self, program: Program, layout: KernelLayout, dtype: Any, order: Sequence[int] | None = None, states: int = 0
     ) -> None:
         """``order`` of the program's lines, by default the program's own."""
-        super().__init__(program, layout, dtype, 1, True)
+        super().__init__(program, layout, dtype, 1, True, whole=True)
         lines = range(len(program.lines)) if order is None else order
         self.schedule.chunks = [[k for k in lines if program.lines[k].code not in (INPUT, CONST)]]
-        self.afresh = False
+        self.afresh, self.together = False, 1
         self.states = states
         self.most_reach *= 1.0 - MARGIN[self.scalar]
         self.places = [(a, c) for a, width in enumerate(layout.inputs) for c in range(width)]  # array, column in it

@@ -35,7 +35,7 @@ from ..record.operations import (
     arities,
 )
 from ..record.program import Program
-from .schedule import angles, late
+from .schedule import angles
 
 # Codes in addition to those of FORMS. ALSO is no instruction: it follows a TURN and stands for the cosine's value.
 ALSO, TURN, NEGATE, FINITE, WITHIN, ABOVE, END = range(-7, 0)
@@ -178,7 +178,7 @@ class _Encoder:
     def behind(self) -> list[Row]:
         """The checks of angles and results, then END."""
         rows: list[Row] = []
-        for group in angles(self.program, late(self.program, self.layout)):
+        for group in angles(self.program, self.layout):
             rows += self.reach([self.value(line) for line in group])
         lines, outputs = self.program.lines, self.program.outputs
         for place, least in self.layout.pivots:

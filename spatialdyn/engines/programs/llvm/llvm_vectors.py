@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
@@ -156,38 +156,57 @@ class Vectors(Body):
     def sincos(self, x: str) -> tuple[str, str]:
         """(sin x, cos x), computed once for each x."""
         if x not in self._turns:
-            self._turns[x] = self._sincos(x)
+            self.turn([x])
         return self._turns[x]
 
-    def _sincos(self, x: str) -> tuple[str, str]:
+    def turn(self, angles: Sequence[str]) -> None:
+        """Compute the sines and cosines of several angles, in step.
+
+        A sine is a chain of operations, each of which waits for the one before. A CPU looks ahead over few operations
+        that wait, so it runs chains side by side only if their text alternates.
+        """
+        for _ in zip(*map(self._sincos, angles), strict=True):
+            pass
+
+    def _sincos(self, x: str) -> Iterator[None]:
+        """The steps of one angle."""
         s, v, k = self.scalar, self.vector, self.constant
         shifted = self.fused(x, k(2.0 / math.pi), k(MAGIC[s]))
+        yield
         n = self.binary("fsub", shifted, k(MAGIC[s]))
+        yield
         r, low = self._reduced(x, n)
+        yield
         z = self.binary("fmul", r, r)
         p, q = k(SINE[s][-1]), k(COSINE[s][-1])
-        for c in reversed(SINE[s][:-1]):
-            p = self.fused(z, p, k(c))
-        for c in (*reversed(COSINE[s][:-1]), -0.5):
-            q = self.fused(z, q, k(c))
+        ps, qs = list(reversed(SINE[s][:-1])), [*reversed(COSINE[s][:-1]), -0.5]
+        while ps or qs:
+            yield
+            if len(ps) >= len(qs):
+                p = self.fused(z, p, k(ps.pop(0)))
+            else:
+                q = self.fused(z, q, k(qs.pop(0)))
+        yield
         # r differs from the reduced angle by low, at most half an ulp of r; where |r| > 1/2 that is up to one ulp of
         # the sine. Adding z low keeps the sine within 1.5 ulp; it vanishes near 0, where low has no digits
-        sine = self.fused(z, self.fused(r, p, low), r)
+        sine = self.fused(r, p, low)
+        yield
         cosine = self.fused(z, q, k(1.0))  # one rounding: if 1 - z/2 were rounded too, the error would be 1.6 ulp
+        yield
+        sine = self.fused(z, sine, r)
+        yield
         quadrant = self.put(f"bitcast {v} {shifted} to {self.bits}")
         one, top = self.integer(1), 62 if s == "double" else 30
-        sign = self.integer(-(2 << top))
         odd = self.put(f"icmp ne {self.bits} {self.put(f'and {self.bits} {quadrant}, {one}')}, zeroinitializer")
+        flip = self.put(f"shl {self.bits} {quadrant}, {self.integer(top)}")
+        flip = self.put(f"and {self.bits} {flip}, {self.integer(-(2 << top))}")
+        yield
         results = []
-        for swapped, straight, turn in (
-            (cosine, sine, quadrant),
-            (sine, cosine, self.put(f"add {self.bits} {quadrant}, {one}")),
-        ):
-            value = self.select(odd, swapped, straight)
-            flip = self.put(f"and {self.bits} {self.put(f'shl {self.bits} {turn}, {self.integer(top)}')}, {sign}")
-            bits = self.put(f"bitcast {v} {value} to {self.bits}")
+        for swapped, straight in ((cosine, sine), (self.negative(sine), cosine)):
+            bits = self._bits(self.select(odd, swapped, straight))
             results.append(self.put(f"bitcast {self.bits} {self.put(f'xor {self.bits} {bits}, {flip}')} to {v}"))
-        return results[0], results[1]
+        self._turns[x] = results[0], results[1]
+        yield
 
     def exp(self, x: str) -> str:
         """exp x within one ulp, with gradual underflow; infinite where it overflows.

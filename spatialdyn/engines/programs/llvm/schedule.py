@@ -8,10 +8,11 @@ from ..record.kernel_layout import KernelLayout
 from ..record.operations import CONST, FORMS, INPUT, arities, operands
 from ..record.program import Program
 
-CHUNK_LENGTH = 8000  # operations of one function, in programs longer than MOST_WHOLE; shorter functions are slower
+CHUNK_LENGTH = 500  # operations of one function of several: LLVM takes twice as long for 8000, to code no faster
 MOST_LATE = 3000  # most operations of a program whose values are computed near their readers
+MOST_SOLVED = 2000  # most operations of one function of forward dynamics
 MOST_HELD = 3050  # most operations of a program with bounds whose numbers are held in registers, see ``held``
-MOST_WHOLE = 12000  # most operations of one function: aba of talos, 9600, is faster whole
+MOST_WHOLE = 12000  # most operations of one function: rnea of talos, 3760, and derivatives of aba are faster whole
 
 
 class Schedule:
@@ -23,10 +24,10 @@ class Schedule:
     slot_count  number of slots
     """
 
-    def __init__(self, program: Program, late: bool) -> None:
-        """``late``: one function computes values near their readers; else lines are in the program's order."""
-        self.whole = len(program.lines) <= MOST_WHOLE
-        self.chunks = _chunks(program, late)
+    def __init__(self, program: Program, layout: KernelLayout, whole: bool) -> None:
+        """Of a program with its checks; ``whole``: in one function."""
+        self.whole = whole
+        self.chunks = _chunks(program, layout, whole)
         self.slots, self.slot_count = ({}, 0) if self.whole else self._slots(program)
 
     def _slots(self, program: Program) -> tuple[dict[int, int], int]:
@@ -59,6 +60,15 @@ class Schedule:
         return slots, count
 
 
+def is_whole(program: Program, layout: KernelLayout) -> bool:
+    """Whether a program is one function.
+
+    Forward dynamics, with a pivot for each result, has three sweeps over the robot, between which few values are used.
+    """
+    solved = layout.pivots and sum(map(len, layout.outputs)) <= len(layout.pivots)
+    return len(program.lines) <= (MOST_SOLVED if solved else MOST_WHOLE)
+
+
 def late(program: Program, layout: KernelLayout) -> bool:
     """Whether a program's values are computed near their readers.
 
@@ -78,11 +88,10 @@ def held(program: Program, layout: KernelLayout) -> bool:
     return not layout.bounds or len(program.lines) <= MOST_HELD
 
 
-def _chunks(program: Program, late: bool) -> list[list[int]]:
-    """The lines of each function, in order; ``late`` as of Schedule."""
+def _chunks(program: Program, layout: KernelLayout, whole: bool) -> list[list[int]]:
+    """The lines of each function, in order; ``whole`` as of Schedule."""
     lines = program.lines
-    whole = len(lines) <= MOST_WHOLE
-    order = depth_first(program) if late and whole else range(len(lines))
+    order = depth_first(program) if whole and late(program, layout) else range(len(lines))
     work = [k for k in order if lines[k].code not in (INPUT, CONST)]
     if whole or not work:
         return [work]
@@ -99,17 +108,18 @@ def _chunks(program: Program, late: bool) -> list[list[int]]:
     return chunks
 
 
-def angles(program: Program, late: bool) -> list[list[int]]:
+def angles(program: Program, layout: KernelLayout) -> list[list[int]]:
     """The angles of each function, in the order of their first readers; an angle is a line with a sine or cosine.
 
-    Compiled code sums the squares of the angles in this order; ``late`` as of Schedule.
+    Compiled code sums the squares of the angles in this order.
     """
     lines = program.lines
     readers = {code for code, form in FORMS.items() if form.angle}
-    if late and len(lines) <= MOST_WHOLE:
+    whole = is_whole(program, layout)
+    if whole and late(program, layout):
         return [_angles_depth_first(program, readers)]
     within = {k for region in program.regions for k in range(region.head, region.end)}  # NaN if out of range
-    chunks: Iterable[Iterable[int]] = _chunks(program, late) if len(lines) > MOST_WHOLE else [range(len(lines))]
+    chunks: Iterable[Iterable[int]] = [range(len(lines))] if whole else _chunks(program, layout, whole)
     return [
         list(dict.fromkeys(lines[k].a for k in chunk if lines[k].code in readers and k not in within))
         for chunk in chunks

@@ -7,41 +7,32 @@ several functions, between which values are spilled to the workspace.
 
 The code computes only ordinary samples. In addition to the results it writes one bit per sample: whether every input is
 finite, every quaternion has unit norm, every angle is in the range of the short sine, every pivot is regular and every
-result is finite; in float32, with ``ranged``, also whether underflow cannot matter. The recursion in NumPy recomputes
-samples whose bit is 0 and finds the fault.
+result is finite; in float32, with ``ranged``, also whether underflow cannot matter. Checks that others make needless
+are left out, see ``finite``. The recursion in NumPy recomputes samples whose bit is 0 and finds the fault.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from functools import partial
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from ....algebra.rotations import UNIT_TOLERANCE
 from ...polynomials import MAX_ANGLE
+from ..record import finite
 from ..record.kernel_layout import Float32Range, KernelLayout
 from ..record.operations import AGAIN, CARRIED, CONST, FORMS, INPUT, NEXT, REPEAT, signed
 from ..record.program import Program
 from ..record.regions import runs_once
 from ..record.structure import Numbers
-from . import lookups
+from . import columns, lookups
 from .host_cpu import host, lanes_of, object_code
 from .llvm_module import module
 from .llvm_vectors import ZERO, Vectors
-from .schedule import Schedule, held, late
+from .schedule import Schedule, held, is_whole
 
-
-def _blocks(columns: int, lanes: int) -> Iterator[tuple[int, int]]:
-    """(first column, width) of blocks that cover the columns; widths are powers of two, and the last block overlaps."""
-    width = lanes
-    while width > columns:
-        width //= 2
-    for first in range(0, columns - width + 1, width):
-        yield first, width
-    if columns % width:
-        yield columns - width, width
+STORED = 128  # most columns that one function of a long program writes
 
 
 def _common(program: Program, layout: KernelLayout) -> dict[int, tuple[int, int]]:
@@ -55,18 +46,28 @@ class Writer:
     """The LLVM module of one program.
 
     most_reach  largest sum of squares of the angles of a function
+    together    most angles whose sines and cosines are computed in step: more need more registers than there are
     """
 
     most_reach = MAX_ANGLE * MAX_ANGLE
 
     def __init__(
-        self, program: Program, layout: KernelLayout, dtype: Any, lanes: int, fma: bool, stream: bool = False
+        self,
+        program: Program,
+        layout: KernelLayout,
+        dtype: Any,
+        lanes: int,
+        fma: bool,
+        stream: bool = False,
+        whole: bool | None = None,
     ) -> None:
+        """``whole``: in one function; by default unless ``schedule.is_whole`` says no."""
         self.program, self.layout = program, layout
         self.scalar = "double" if np.dtype(dtype) == np.float64 else "float"
         self.lanes, self.fma, self.stream = lanes, fma, stream
-        self.schedule = Schedule(program, late(program, layout))
+        self.schedule = Schedule(program, layout, is_whole(program, layout) if whole is None else whole)
         self.numbers = Numbers(program, layout)
+        self.bounded = layout.range is None and finite.bounded(program)
         self.afresh = not held(program, layout)
         self.common = _common(program, layout)
         self.whole = self.schedule.whole
@@ -82,7 +83,9 @@ class Writer:
         if self.lookups.tables:  # only in programs of one function, whose values have no other slots
             self.schedule.slots |= {end: slots + at for at, end in enumerate(self.lookups.of_end)}
             slots += len(self.lookups.of_end)
-        self.workspace = slots * lanes * (8 if self.scalar == "double" else 4)
+        size = 8 if self.scalar == "double" else 4
+        self.workspace = slots * lanes * size
+        self.together = 6 if lanes == 1 or lanes * size == 64 else 3
 
     def text(self) -> str:
         """The module."""
@@ -101,7 +104,7 @@ class Writer:
                 main.do(f"call void @chunk{i}(ptr %ws, ptr %numbers)")
             poison = main.load_vector("%ws", self.poison_slot)
             floor = main.load_vector("%ws", self.poison_slot + 1) if floor else floor
-        self._epilogue(main, poison, floor)
+        self._epilogue(main, functions, poison, floor)
         return module(main, functions, self.layout, self.workspace, self.stream)
 
     # -- the parts of a tile
@@ -118,31 +121,23 @@ class Writer:
                 t.store_vector(t.spread(f"%in{a}", column), "%ws", self.schedule.slots[k])
         zero = t.constant(0.0)
         poison = [ZERO] * 4
-        columns: list[str] = []
+        given: list[str] = []
         wide = self.layout.range
+        implied = frozenset() if wide else finite.implied(self.program, self.layout)
         driving: list[str] = []
         for a, width in enumerate(self.layout.inputs):
             if a in self.layout.common:
-                columns += [""] * width
+                given += [""] * width
                 continue
-            row = [t.add("%first", r) for r in range(self.lanes)]
-            starts = [t.number(f"%in{a}", t.times(r, f"%step{a}")) for r in row]
-            found = [""] * width
-            for first, size in _blocks(width, self.lanes):
-                loaded = []
-                for i in range(size):
-                    parts = []
-                    for g in range(self.lanes // size):
-                        parts.append(t.load(t.kind(size), t.number(starts[g * size + i], first), t.size))
-                    loaded.append(self._joined(t, parts, size))
-                found[first : first + size] = t.transposed(loaded)
-            columns += found
+            found = columns.read(t, f"%in{a}", f"%step{a}", width)
+            given += found
             if wide and a in (wide.driving or ()):
                 driving += found
-        for i, x in enumerate(columns):
+        for i, x in enumerate(given):
             if not x:
                 continue
-            poison[i % 4] = t.fused(x, x if wide else zero, poison[i % 4])
+            if i not in implied:
+                poison[i % 4] = t.fused(x, x if wide else zero, poison[i % 4])
             if i in index:
                 self.values[index[i]] = x
                 if not self.whole:
@@ -154,7 +149,7 @@ class Writer:
             base = t.poisoned_unless(small, ZERO)
             floor = self._floor(t, wide, driving)
         for group in self.layout.units:
-            base = t.poisoned_unless(self._unit(t, [columns[i] for i in group]), base)
+            base = t.poisoned_unless(self._unit(t, [given[i] for i in group]), base)
         return base, floor
 
     def _floor(self, t: Vectors, wide: Float32Range, driving: Sequence[str]) -> str:
@@ -178,14 +173,6 @@ class Writer:
             total = t.fused(x, x, total)
         return t.compare("ole", t.unary("fabs", total), t.constant(UNIT_TOLERANCE))
 
-    def _joined(self, t: Vectors, parts: list[str], size: int) -> str:
-        """Concatenate vectors of ``size`` numbers."""
-        while len(parts) > 1:
-            pairs = zip(parts[::2], parts[1::2], strict=True)
-            parts = [t.shuffle(t.kind(size), a, b, range(2 * size)) for a, b in pairs]
-            size *= 2
-        return parts[0]
-
     def _chunk(self, i: int, chunk: list[int]) -> str:
         """One function of a long program, which loads values from the workspace and spills values to it."""
         t = Vectors(self.scalar, self.lanes, self.fma)
@@ -202,6 +189,7 @@ class Writer:
         angles: set[int] = set()
         tables: set[tuple[int, ...]] = set()  # tables that have been looked up
         reach = ""
+        waiting = self._input_angles(chunk)
 
         def value(k: int) -> str:
             if k < 0:
@@ -262,6 +250,10 @@ class Writer:
                 angles.add(op.a)
                 x = given[0]
                 reach = t.fused(x, x, reach) if reach else t.binary("fmul", x, x)
+            if form.angle and op.a in waiting:
+                at = waiting.index(op.a)
+                t.turn([value(angle) for angle in waiting[at : at + self.together]])
+                del waiting[at : at + self.together]
             values[k] = form.llvm(t, *given)
             self._computed(t, k, inside)
         if reach:
@@ -277,6 +269,17 @@ class Writer:
         t.jump(f"behind{head}", then=f"behind{head}")
         for k, x in after.items():
             self.values[k] = t.put(f"phi {t.vector} [ {self.values[k]}, %repeat{head} ], [ {x}, %again{head} ]")
+
+    def _input_angles(self, chunk: Sequence[int]) -> list[int]:
+        """The angles that are inputs, in the order of their first readers, without those read in regions only."""
+        lines, depth = self.program.lines, 0
+        found: dict[int, None] = {}
+        for k in chunk:
+            op = lines[k]
+            depth += (op.code == REPEAT) - (op.code == AGAIN)
+            if op.code in FORMS and FORMS[op.code].angle and not depth and op.a >= 0 and lines[op.a].code == INPUT:
+                found[op.a] = None
+        return list(found)
 
     def _absent(self, t: Vectors, k: int) -> str:
         """The value of a line that this function has not computed."""
@@ -309,57 +312,82 @@ class Writer:
                 t.store(self.scalar, x, t.number("%ws", slots[end] * self.lanes + lane), t.size)
         t.jump(f"{name}.done", then=f"{name}.done")
 
-    def _epilogue(self, t: Vectors, poison: str, floor: str) -> None:
+    def _epilogue(self, t: Vectors, functions: list[str], poison: str, floor: str) -> None:
         """Transpose the results into their rows and write the tile's bits."""
-        lines, zero, result = self.program.lines, t.constant(0.0), partial(self._result, t)
         if not self.whole:
             self.values = {}
         sums = [self._checked_results(t, poison), ZERO, ZERO, ZERO]
+        apart, per = not self.whole and not floor, max(1, STORED // self.lanes)
+        if apart:
+            t.store_vector(sums[0], "%ws", self.poison_slot)
         seen: set[int] = set()
-        squares = [ZERO] * 4
         for a, places in enumerate(self.layout.outputs):
-            columns = len(places)
-            if floor:
-                seen, squares = set(), [t.spread("%numbers", self.numbers.squares[a]), *[ZERO] * 3]
-            staged = self.stream and columns % self.lanes > 0
-            if staged:
-                to = t.at(t.vector, "%ws", self.stage)
-                starts = [t.number(to, r * columns) for r in range(self.lanes)]
+            blocks = list(columns.blocks(len(places), self.lanes))
+            if apart:
+                for at in range(0, len(blocks), per):
+                    functions.append(self._output_function(len(functions), a, blocks[at : at + per], seen))
+                    t.do(f"call void @chunk{len(functions) - 1}(ptr %ws, ptr %numbers, ptr %out{a}, i64 %first)")
             else:
-                row = [t.add("%first", r) for r in range(self.lanes)]
-                starts = [t.number(f"%out{a}", t.times(r, columns)) for r in row]
-            past = self.stream and not staged  # whether stores bypass the CPU caches
-            align = t.size * (self.lanes if past else 1)
-            for first, size in _blocks(columns, self.lanes):
-                vectors = []
-                for c in range(first, first + size):
-                    x = result(places[c])
-                    line = self.program.outputs[places[c]][0]
-                    if a < len(self.layout.checked) and line not in seen and lines[line].code != CONST:
-                        seen.add(line)
-                        i = len(seen) % 4
-                        if floor:
-                            squares[i] = t.fused(x, x, squares[i])
-                        else:
-                            sums[i] = t.fused(x, zero, sums[i])
-                    vectors.append(x)
-                for i, x in enumerate(t.transposed(vectors)):
-                    for g in range(self.lanes // size):
-                        part = x
-                        if size < self.lanes:
-                            part = t.shuffle(t.vector, x, x, range(g * size, (g + 1) * size))
-                        t.store(t.kind(size), part, t.number(starts[g * size + i], first), align, past)
-            if staged:
-                t.do(f"call void @stream(ptr %out{a}, i64 %tile, i64 {columns}, ptr {to})")
-            if floor and seen:
+                squares = self._write_columns(t, a, blocks, set() if floor else seen, sums, bool(floor))
+            if self._staged(a):
+                to = t.at(t.vector, "%ws", self.stage)
+                t.do(f"call void @stream(ptr %out{a}, i64 %tile, i64 {len(places)}, ptr {to})")
+            if floor and squares:
                 total = self._added(t, squares)
                 sums[0] = t.poisoned_unless(t.compare("oge", total, floor), sums[0])
-                sums[1] = t.fused(total, zero, sums[1])
-        total = self._added(t, sums)
+                sums[1] = t.fused(total, t.constant(0.0), sums[1])
+        total = t.load_vector("%ws", self.poison_slot) if apart else self._added(t, sums)
         bits = t.put(f"bitcast {t.truth} {t.compare('oeq', total, ZERO)} to i{self.lanes}")
         if self.lanes < 16:
             bits = t.put(f"zext i{self.lanes} {bits} to i16")
         t.store("i16", bits, t.at("i16", "%bits", "%tile"), 2)
+
+    def _staged(self, a: int) -> bool:
+        """Whether the rows of an output are written by ``stream``."""
+        return self.stream and len(self.layout.outputs[a]) % self.lanes > 0
+
+    def _output_function(self, i: int, a: int, blocks: Sequence[tuple[int, int]], seen: set[int]) -> str:
+        """The function of some blocks of an output of a long program: its results are in the workspace."""
+        t = Vectors(self.scalar, self.lanes, self.fma)
+        self.values = {}
+        sums = [t.load_vector("%ws", self.poison_slot), ZERO, ZERO, ZERO]
+        self._write_columns(t, a, blocks, seen, sums, False)
+        t.store_vector(self._added(t, sums), "%ws", self.poison_slot)
+        t.do("ret void")
+        given = f"ptr noalias %ws, ptr noalias %numbers, ptr noalias %out{a}, i64 %first"
+        return t.function(f"define internal void @chunk{i}({given})", " noinline #0")
+
+    def _write_columns(
+        self, t: Vectors, a: int, blocks: Sequence[tuple[int, int]], seen: set[int], sums: list[str], floor: bool
+    ) -> list[str]:
+        """Write blocks of an output's columns, and add results that are not ``seen`` to ``sums``, which are NaN if one
+        is not finite; returns four sums of their squares if there is a floor and there are such results.
+        """
+        lines, zero, places = self.program.lines, t.constant(0.0), self.layout.outputs[a]
+        squares = [t.spread("%numbers", self.numbers.squares[a]), *[ZERO] * 3] if floor else []
+        if self._staged(a):
+            to = t.at(t.vector, "%ws", self.stage)
+            starts = [t.number(to, r * len(places)) for r in range(self.lanes)]
+        else:
+            starts = columns.starts(t, f"%out{a}", len(places))
+        past = self.stream and not self._staged(a)  # whether stores bypass the CPU caches
+        align = t.size * (self.lanes if past else 1)
+        for first, size in blocks:
+            vectors = []
+            for c in range(first, first + size):
+                x = self._result(t, places[c])
+                line = self.program.outputs[places[c]][0]
+                checked = a < len(self.layout.checked) and not self.bounded
+                if checked and line not in seen and lines[line].code != CONST:
+                    seen.add(line)
+                    i = len(seen) % 4
+                    if floor:
+                        squares[i] = t.fused(x, x, squares[i])
+                    else:
+                        sums[i] = t.fused(x, zero, sums[i])
+                vectors.append(x)
+            columns.write(t, starts, first, vectors, align, past)
+        return squares if seen else []
 
     def _result(self, t: Vectors, place: int) -> str:
         """The result at an index of the program's outputs."""

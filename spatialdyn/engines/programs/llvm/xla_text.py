@@ -48,6 +48,7 @@ class Handler(NamedTuple):
     callback         address of ``i64 callback(words)``, which recomputes rejected samples: 0, or a message's address
     allocate, free, give_way  addresses of functions like malloc, free and sched_yield
     threads          address of a word, the most threads
+    recomputing      address of two words: whether callbacks are refused, and how many are running
     """
 
     inputs: tuple[tuple[int, int], ...]
@@ -64,6 +65,7 @@ class Handler(NamedTuple):
     free: int
     give_way: int
     threads: int
+    recomputing: int
 
 
 class _Writer(Body):
@@ -321,11 +323,19 @@ def _entry(made: Handler) -> str:
     pointers = {flags, dims, *(data[x] for x in arrays)}
     for k, word in enumerate(told):
         c.store("ptr" if word in pointers else "i64", word, c.at("i64", words, k))
+    ending, running = c.address(made.recomputing), c.address(made.recomputing + 8)
+    c.atomic("add", running, 1)  # before the other word is read, which ``end`` writes first
+    ended = c.put(f"load atomic i64, ptr {ending} seq_cst, align 8")
+    c.branch(c.compare("eq", ended, 0), "recompute", "late", then="recompute")
     message = c.put(f"call i64 {c.address(made.callback)}(ptr {words})")
+    c.atomic("sub", running, 1)
     c.branch(c.compare("eq", message, 0), "fine", "wrong", then="fine")
+    beyond = "0"
     for x in outs if converts else ():
         numbers = c.times(rows[x], arrays[x][0])
-        _converted(c, f"write.{x}", data[x], made.size, data[f"{x}.buffer"], made.buffers, numbers)
+        wide = _converted(c, f"write.{x}", data[x], made.size, data[f"{x}.buffer"], made.buffers, numbers)
+        beyond = c.put(f"or i8 {beyond}, {wide}")
+    c.branch(c.compare("eq", beyond, 0, "i8"), "free", "beyond", then="free")
     c.do(f"call void @release(ptr {state})")
     c.jump("none", then="none")
     c.do("ret ptr null")
@@ -333,9 +343,14 @@ def _entry(made: Handler) -> str:
     text = c.put(f"inttoptr i64 {message} to ptr")
     c.do(f"call void @release(ptr {state})")
     c.do(f"ret ptr {c.put(f'call ptr @failure(ptr {api}, ptr {text}, i32 {INVALID_ARGUMENT})')}")
-    c.label("overlap")
-    c.do(f"call void @release(ptr {state})")
-    c.do(f"ret ptr {c.put(f'call ptr @failure(ptr {api}, ptr @overlap.text, i32 {INVALID_ARGUMENT})')}")
+    c.label("late")
+    c.atomic("sub", running, 1)
+    c.jump("ending", then="ending")
+    for label in ("ending", "overlap", "beyond"):
+        if label != "ending":
+            c.label(label)
+        c.do(f"call void @release(ptr {state})")
+        c.do(f"ret ptr {c.put(f'call ptr @failure(ptr {api}, ptr @{label}.text, i32 {INVALID_ARGUMENT})')}")
     for label, name, errc in (("unknown", "frame", INVALID_ARGUMENT), ("full", "memory", OUT_OF_MEMORY)):
         c.label(label)
         c.do(f"ret ptr {c.put(f'call ptr @failure(ptr {api}, ptr @{name}.text, i32 {errc})')}")
@@ -366,24 +381,36 @@ def _rows(c: _Writer, name: str, buffer: str, axes: int) -> str:
     return f"%{name}.rows"
 
 
-def _converted(c: _Writer, name: str, source: str, size: int, to: str, into: int, count: str) -> None:
-    """Convert so many numbers, eight at a time and the rest one by one."""
+def _converted(c: _Writer, name: str, source: str, size: int, to: str, into: int, count: str) -> str:
+    """Convert so many numbers, eight at a time and the rest one by one; an i8 above 0 if a finite one gets infinite."""
     one, other = FLOATS[size][0], FLOATS[into][0]
-    how = "fpext" if into > size else "fptrunc"
+    narrows = into < size
     eights = c.put(f"and i64 {count}, -8")
-    before = _block(c)
+    before, beyond = _block(c), "0"
     for step, end in ((8, eights), (1, count)):
         start = "0" if step == 8 else f"%{name}.8"
         a, b = (one, other) if step == 1 else (f"<8 x {one}>", f"<8 x {other}>")
+        found = f"%{name}.{step}.beyond"
         c.jump(f"{name}.{step}.loop", then=f"{name}.{step}.loop")
         c.do(f"%{name}.{step} = phi i64 [ {start}, %{before} ], [ %{name}.{step}.next, %{name}.{step}.one ]")
+        c.do(f"{found} = phi i8 [ {beyond}, %{before} ], [ {found}.next, %{name}.{step}.one ]")
         more = c.compare("slt", f"%{name}.{step}", end)
         c.branch(more, f"{name}.{step}.one", f"{name}.{step}.end", then=f"{name}.{step}.one")
         x = c.load(a, c.at(one, source, f"%{name}.{step}"), size)
-        c.store(b, c.put(f"{how} {a} {x} to {b}"), c.at(other, to, f"%{name}.{step}"), into)
+        y = c.put(f"{'fptrunc' if narrows else 'fpext'} {a} {x} to {b}")
+        c.store(b, y, c.at(other, to, f"%{name}.{step}"), into)
+        here = "0"
+        if narrows:  # x - x is 0 for finite numbers, else NaN
+            finite = c.put(f"fcmp ord {a} {c.put(f'fsub {a} {x}, {x}')}, zeroinitializer")
+            other_is_not = c.put(f"fcmp uno {b} {c.put(f'fsub {b} {y}, {y}')}, zeroinitializer")
+            flags = "i1" if step == 1 else "<8 x i1>"
+            lost = c.put(f"and {flags} {finite}, {other_is_not}")
+            here = c.put(f"zext i1 {lost} to i8" if step == 1 else f"bitcast <8 x i1> {lost} to i8")
+        c.do(f"{found}.next = or i8 {found}, {here}")
         c.do(f"%{name}.{step}.next = add i64 %{name}.{step}, {step}")
         c.jump(f"{name}.{step}.loop", then=f"{name}.{step}.end")
-        before = f"{name}.{step}.end"
+        before, beyond = f"{name}.{step}.end", found
+    return beyond
 
 
 def _text(name: str, text: str) -> str:
@@ -397,4 +424,6 @@ _COPY = (
     + _text("frame", "a call of a program has other buffers than the program's")
     + _text("memory", "no memory is left for a program's workspace")
     + _text("overlap", "a result overlaps another array in memory")
+    + _text("beyond", "a result is beyond the range of float32, expected inputs of float64")
+    + _text("ending", "samples beyond a program's range are not recomputed while Python ends")
 )

@@ -7,6 +7,7 @@ are the reference.
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import Any
@@ -81,14 +82,28 @@ class MimicRows(list[Row]):
             return made
         return self.v_of_tree(x) if argument.shape == ("nv",) else x
 
-    def output_of_model(self, argument: Argument, x: NDArray[Any]) -> NDArray[Any]:
-        """An output of the whole tree as an output of the model: axes "nv" times G, or the independent entries."""
+    def output_of_model(self, argument: Argument, x: NDArray[Any], sizes: Mapping[str, int]) -> NDArray[Any]:
+        """An output of the whole tree as an output of the model: axes "nv" times G, or the independent entries.
+
+        sizes  of the whole tree, and of static tables
+        """
         for axis, size in enumerate(argument.shape):
-            if size == "nq" or (size == "nv" and argument.per_coordinate):
-                x = np.take(x, self._own_q if size == "nq" else [moved[0][0] - 1 for moved in self.moving], axis)
-            elif size == "nv":
-                x = np.stack([self._sum(np.moveaxis(x, axis, 0), moved) for moved in self.moving], axis)
+            names = str(size).split("+")
+            blocks = np.split(x, np.cumsum(shape_in(names, sizes))[:-1], axis)
+            x = np.concatenate([self._block(argument, *of, axis) for of in zip(names, blocks, strict=True)], axis)
         return x
+
+    def _block(self, argument: Argument, size: str, x: NDArray[Any], axis: int) -> NDArray[Any]:
+        """The part of an output that has one of the sizes of an axis."""
+        if size == "nq" or (size == "nv" and argument.per_coordinate):
+            return np.take(x, self._own_q if size == "nq" else [moved[0][0] - 1 for moved in self.moving], axis)
+        if size == "nv":
+            return np.moveaxis(self.times_G(np.moveaxis(x, axis, -1)), -1, axis)
+        return x
+
+    def times_G(self, J: NDArray[Any]) -> NDArray[Any]:
+        """J G (..., nv), of J (..., nv of the whole tree)."""
+        return np.stack([self._sum(np.moveaxis(J, -1, 0), moved) for moved in self.moving], axis=-1)
 
     @staticmethod
     def _sum(x: NDArray[Any], moved: Sequence[tuple[int, float]]) -> NDArray[Any]:
@@ -137,7 +152,7 @@ def evaluate(
             given_tree[x.name] = rows.input_of_tree(x, inputs[x.name])
     sizes = sizes_of(rows.tree, [(x, inputs[x.name]) for x in spec.present if x.table is not None])
     found = tracer.evaluate(spec, rows.tree, shape_in(spec.output.shape, sizes), given_tree, None, start)
-    return rows.output_of_model(spec.output, found)
+    return rows.output_of_model(spec.output, found, sizes)
 
 
 def _one(x: Any) -> NDArray[Any]:
@@ -196,18 +211,42 @@ def _on_tree(name: str) -> None:
     recursion: Any = spec.recursion
     inputs = spec.present
 
-    def reduced(rows: MimicRows, *arrays: Any) -> None:
-        given, out = arrays[spec.work is not None : -1], arrays[-1]
+    def reduced(rows: MimicRows, work: Any, *arrays: Any) -> None:
+        *given, out = arrays
         taken = [None if x is None else rows.input_of_tree(of, x) for of, x in zip(inputs, given, strict=True)]
-        whole = np.full(shape_in(spec.output.shape, sizes_of(rows.tree)), 0.0, object)
-        recursion(rows.tree, tracer.scratch(spec.work, len(rows.tree)), *taken, whole)
-        out[...] = rows.output_of_model(spec.output, whole)
+        sizes = sizes_of(rows.tree)
+        whole = np.full(shape_in(spec.output.shape, sizes), 0.0, object)
+        recursion(rows.tree, work, *taken, whole)
+        out[...] = rows.output_of_model(spec.output, whole, sizes)
 
     recursion.register(MimicRows)(reduced)
 
 
 for _name in REDUCTION.on_tree:
     _on_tree(_name)
+
+
+def _part_on_tree(part: Any) -> None:
+    """Register that a part of recursions, called on MimicRows, runs on the whole tree; its J is reduced."""
+    names = [*inspect.signature(part).parameters][1:]
+
+    def reduced(rows: MimicRows, *arrays: Any) -> None:
+        given = dict(zip(names, arrays, strict=True))
+        for name, of_tree in (("q", rows.q_of_tree), ("v", rows.v_of_tree)):
+            if name in given:
+                given[name] = of_tree(given[name])
+        J = given.get("J")
+        if J is not None:
+            given["J"] = np.full((len(J), len(rows.tree) - 1), 0.0, object)
+        part(rows.tree, *given.values())
+        if J is not None:
+            J[...] = rows.times_G(given["J"])
+
+    part.register(MimicRows)(reduced)
+
+
+for _part in REDUCTION.parts:
+    _part_on_tree(_part)
 
 
 def _through_M(name: str) -> None:

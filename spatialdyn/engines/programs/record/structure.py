@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .finite import bounded
 from .kernel_layout import KernelLayout
 from .operations import CONST
 from .program import Program
@@ -61,5 +62,5 @@ def digest(program: Program, layout: KernelLayout) -> str:
     pivots = [place for place, _ in layout.pivots]
     checks = (layout.units, pivots, layout.norms, wide and ("range", wide.driving), layout.bounds, layout.common)
     found = hashlib.sha256(program.table.astype(np.int32).tobytes())
-    found.update(repr((program.outputs, layout.inputs, layout.outputs, checks)).encode())
+    found.update(repr((program.outputs, layout.inputs, layout.outputs, checks, bounded(program))).encode())
     return found.hexdigest()

@@ -329,9 +329,12 @@ def table(records: NDArray[Any], number: Callable[[float], Any] = float) -> list
     return [_row(fields, record, number) for record in records.tolist()]
 
 
-def scratch(dtype: np.dtype | None, rows: int) -> list[Row] | None:
-    """Scratch of a recursion: a table of zeros; None if the recursion needs none."""
-    return None if dtype is None else [_row(_fields(dtype), None, float) for _ in range(rows)]
+def scratch(dtype: np.dtype | None, rows: Sequence[Any]) -> list[Row] | None:
+    """Scratch of a recursion: a table of zeros; None if the recursion needs none.
+
+    rows  of the table of bodies; if they have a ``tree``, all its rows have scratch
+    """
+    return None if dtype is None else [_row(_fields(dtype), None, float) for _ in getattr(rows, "tree", rows)]
 
 
 def evaluate(
@@ -347,7 +350,7 @@ def evaluate(
     start   value of entries that the recursion does not write
     """
     out = np.full(shape or (1,), start, dtype=object)
-    beside = spec.run(rows, scratch(spec.work, len(rows)), inputs, out, lambda size: np.empty(size, dtype=object))
+    beside = spec.run(rows, scratch(spec.work, rows), inputs, out, lambda size: np.empty(size, dtype=object))
     if spec.pivots and pivots is not None:
         pivots[:] = beside[0]
     return out

@@ -11,6 +11,7 @@ import ctypes
 import hashlib
 import sys
 import threading
+import time
 from collections.abc import Callable, Sequence
 from functools import cache
 from typing import Any, NamedTuple
@@ -28,6 +29,7 @@ from .batches import rejected
 
 Recompute = Callable[[Sequence[NDArray[Any]], Sequence[NDArray[Any]], tuple[int, ...], NDArray[np.intp]], None]
 _lock = locks.new()
+RECOMPUTING = np.zeros(2, np.int64)  # whether the process ends; number of calls that recompute samples
 
 
 class Registered(NamedTuple):
@@ -97,10 +99,18 @@ def _made(
             free=object_layout.api("PyMem_RawFree"),
             give_way=give_way,
             threads=thread_pool.most.ctypes.data,
+            recomputing=RECOMPUTING.ctypes.data,
         )
     )
     loaded = LoadedCode(object_code(text))
     return Registered(name, loaded.address("handler"), (kernel, called, owner, loaded, thread_pool.most))
+
+
+def end() -> None:
+    """Let handlers recompute no more samples: such a call is an error. Waits for those that do so now."""
+    RECOMPUTING[0] = 1
+    while RECOMPUTING[1]:
+        time.sleep(1e-3)
 
 
 @cache

@@ -16,6 +16,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from ....algebra import scalars
 from ..record.operations import (
     ABS,
@@ -79,10 +81,23 @@ def jvp(
     tangents  one per input, then one per turn: Numbers or floats; a float of 0 costs nothing. The tangents of the
               inputs that a turn changes include the turn, for values that the turn does not name
     """
+    values, (rates,) = jvps(tape, program, inputs, [tangents], turns)
+    return values, rates
+
+
+def jvps(
+    tape: Tape, program: Program, inputs: Sequence[Any], directions: Sequence[Sequence[Any]], turns: Sequence[Turn] = ()
+) -> tuple[list[Any], list[list[Any]]]:
+    """``jvp`` along several directions, each with its own tangents."""
     lines: list[Any] = []
-    moved: list[Any] = []
     walked = list(_replayed(tape, program, inputs, lines))
     turned = _Turned(tape, program, walked, turns)
+    return _outputs(program, lines), [_rates(program, walked, turned, tangents) for tangents in directions]
+
+
+def _rates(program: Program, walked: Sequence[Any], turned: _Turned, tangents: Sequence[Any]) -> list[Any]:
+    """The derivatives of the outputs along one direction."""
+    moved: list[Any] = []
     for at, (code, places, given, x) in enumerate(walked):
         if code == INPUT:
             moved.append(tangents[places[0]])
@@ -104,7 +119,7 @@ def jvp(
             k = source - len(walked)
             total = total + slope * (moved[source] if k < 0 else tangents[program.inputs + k])
         moved.append(total)
-    return _outputs(program, lines), _outputs(program, moved)
+    return _outputs(program, moved)
 
 
 def vjp(
@@ -116,14 +131,27 @@ def vjp(
 
     Values that a turn names count in the derivative by the turn, and not in the derivatives by the turn's inputs.
     """
+    values, (found,) = vjps(tape, program, inputs, [weights], turns)
+    return values, found
+
+
+def vjps(
+    tape: Tape, program: Program, inputs: Sequence[Any], sums: Sequence[Sequence[Any]], turns: Sequence[Turn] = ()
+) -> tuple[list[Any], list[list[Any]]]:
+    """``vjp`` of several sums, each with its own weights."""
     lines: list[Any] = []
     walked = list(_replayed(tape, program, inputs, lines))
     turned = _Turned(tape, program, walked, turns)
-    adjoints: list[Any] = [0.0] * (len(lines) + len(turns))
+    return _outputs(program, lines), [_slopes(program, walked, turned, weights, len(turns)) for weights in sums]
+
+
+def _slopes(program: Program, walked: Sequence[Any], turned: _Turned, weights: Sequence[Any], turns: int) -> list[Any]:
+    """The derivatives of one sum by each input and turn."""
+    adjoints: list[Any] = [0.0] * (len(walked) + turns)
     for (at, minus), weight in zip(program.outputs, weights, strict=True):
         adjoints[at] = adjoints[at] + (-weight if minus else weight)
-    found: list[Any] = [0.0] * len(inputs)
-    for at in range(len(lines) - 1, -1, -1):
+    found: list[Any] = [0.0] * program.inputs
+    for at in range(len(walked) - 1, -1, -1):
         code, places, given, x = walked[at]
         weight = adjoints[at]
         if not _counts(weight):  # no weighted output depends on this line
@@ -147,7 +175,7 @@ def vjp(
                 adjoints[k] = adjoints[k] + share
             else:
                 adjoints[-k - 1] = adjoints[-k - 1] - share
-    return _outputs(program, lines), found + adjoints[len(lines) :]
+    return found + adjoints[len(walked) :]
 
 
 def jacobian(program: Program) -> Program:
@@ -156,14 +184,25 @@ def jacobian(program: Program) -> Program:
     They are derivatives along each input (jvp) or of each output (vjp), whichever are fewer.
     """
     tape, n, m = Tape(), program.inputs, len(program.outputs)
-    inputs = [tape.input(k) for k in range(n)]
-    units = [[float(k == at) for k in range(max(n, m))] for at in range(max(n, m))]
+    inputs, units = [tape.input(k) for k in range(n)], np.eye(min(n, m)).tolist()
     if n <= m:
-        columns = [jvp(tape, program, inputs, units[k][:n])[1] for k in range(n)]
-        entries = [column[k] for k in range(m) for column in columns]
-    else:
-        entries = [x for k in range(m) for x in vjp(tape, program, inputs, units[k][:m])[1]]
-    return Program(tape, entries, n)
+        columns = jvps(tape, program, inputs, units)[1]
+        return Program(tape, [column[k] for k in range(m) for column in columns], n)
+    return Program(tape, [x for row in vjps(tape, program, inputs, units)[1] for x in row], n)
+
+
+def hessian(weighted: Program, n: int) -> Program:
+    """The program of the second derivatives of a sum by its first n inputs, row by row.
+
+    weighted  the program of the first derivatives by these inputs
+
+    Each entry is recorded once for both triangles: it is the derivative along the input that comes first.
+    """
+    tape = Tape()
+    inputs, units = [tape.input(k) for k in range(weighted.inputs)], np.eye(n, weighted.inputs).tolist()
+    columns = jvps(tape, weighted, inputs, units)[1]
+    entries = [columns[min(i, j)][max(i, j)] for i in range(n) for j in range(n)]
+    return Program(tape, entries, weighted.inputs)
 
 
 def _replayed(tape: Tape, program: Program, inputs: Sequence[Any], lines: list[Any]) -> Any:

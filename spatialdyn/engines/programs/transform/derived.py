@@ -26,7 +26,7 @@ from ..record.parameters import shape as parameter_shape
 from ..record.program import Program
 from ..record.recording import ALL, ProgramOptions, Recording, along, shape_of
 from ..record.tracer import Tape
-from .derivative import Turn, jvp, vjp
+from .derivative import Turn, hessian, jvp, vjp
 from .error_bound import Bounded, Bounding
 
 MOST_PRODUCT = 12  # most freedoms for which the residual M M⁻¹ - 1 bounds the error of M⁻¹: it takes n³ products
@@ -176,11 +176,8 @@ def inverse_of(specs: Sequence[Spec], bodies: NDArray[Any], options: ProgramOpti
 
 def _by_inverse(spec: Spec, bodies: NDArray[Any], weighted: bool) -> Recording:
     """The first derivative of a call that solves rnea(q, v, a) = tau: M da = dtau - ∂rnea/∂q dq - ∂rnea/∂v dv."""
-    still = bodies.copy()
-    still[0]["gravity"] = 0.0
-    n = len(independent(bodies)) - 1
-    solver, layout = recording.record((spec,), still, (), ProgramOptions(fixed=(("v", (0.0,) * n),)))
-    checks, nq = _checks(layout), layout.inputs[0]
+    solver, layout = _solver(spec, bodies)
+    n, checks, nq = len(independent(bodies)) - 1, _checks(layout), layout.inputs[0]
     solver = solver.only([*checks, *layout.outputs[0]])
     forces = recording.record((variant(SPECS[spec.residual[0]], frozenset()),), bodies).program
     forces = forces.only(range(n))
@@ -203,6 +200,57 @@ def _by_inverse(spec: Spec, bodies: NDArray[Any], weighted: bool) -> Recording:
         rates = jvp(tape, forces, [*q, *v, *a], [*parts[3], *parts[4], *[0.0] * n])[1]
         results, columns = solved([x - y for x, y in zip(parts[5], rates, strict=True)]), (n,)
     return Recording(Program(tape, results, sum(given)), _behind_checks(layout, given, columns))
+
+
+def _solver(spec: Spec, bodies: NDArray[Any]) -> Recording:
+    """From q and a force at rest without gravity to M⁻¹ force."""
+    still = bodies.copy()
+    still[0]["gravity"] = 0.0
+    n = len(independent(bodies)) - 1
+    return recording.record((spec,), still, (), ProgramOptions(fixed=(("v", (0.0,) * n),)))
+
+
+def second_derivatives(
+    specs: Sequence[Spec], bodies: NDArray[Any], options: ProgramOptions, jacobian: Program, weighted: Program
+) -> Program:
+    """The second derivatives of Σ weight · result by the entries of the inputs: from inputs, weights and results.
+
+    jacobian  the program of the first derivatives, row by row
+    weighted  the program of the first derivatives of Σ weight · result
+
+    Of a call that solves rnea(q, v, a) = tau, with λ = M⁻¹ weight and the Jacobian J of a, they are
+    -(1 J)ᵀ ∂²(λ·rnea) (1 J): λ·rnea(q, v, a) = λ·tau is differentiated twice at constant λ.
+    """
+    n = len(independent(bodies)) - 1
+    if not inverse_of(specs, bodies, options):
+        return hessian(weighted, jacobian.inputs)
+    (spec,), inverse = specs, variant(SPECS[specs[0].residual[0]], frozenset())
+    solver, layout = _solver(spec, bodies)
+    slopes, beside = record((inverse,), bodies, (), ProgramOptions(derivative="along 0 weighted"))
+    slopes = slopes.only(itertools.chain.from_iterable(beside.outputs))
+    tape, given = Tape(), (n, n, n, n, n)  # q, v, tau, weights, a
+    q, v, tau, weights, a = (
+        [tape.input(k) for k in range(first, end)]
+        for first, end in itertools.pairwise(itertools.accumulate(given, initial=0))
+    )
+
+    def replayed(program: Program, inputs: Sequence[Any]) -> list[Any]:
+        return jvp(tape, program, inputs, [0.0] * len(inputs))[0]
+
+    J = replayed(jacobian, [*q, *v, *tau])
+    force = replayed(solver.only(layout.outputs[0]), [*q, *weights])
+    F = replayed(hessian(slopes, 3 * n), [*q, *v, *a, *force])
+    upper = {}
+    for i in range(3 * n):
+        for j in range(i, 3 * n):
+            total = F[3 * n * i + j] if j < 2 * n else 0.0
+            for k in range(n):
+                for by, other in ((i, j), (j, i)):
+                    if by < n:  # rnea has a and its other inputs together in a product with q alone
+                        total = total + F[3 * n * by + 2 * n + k] * J[3 * n * k + other]
+            upper[i, j] = -total
+    entries = [upper[min(i, j), max(i, j)] for i in range(3 * n) for j in range(3 * n)]
+    return Program(tape, entries, sum(given))
 
 
 def _checks(layout: KernelLayout) -> list[int]:

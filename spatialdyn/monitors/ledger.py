@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 
 from ..errors import SimulationError
 from ..model.model import Model
+from ..simulation.effects import work as works
+from ..simulation.trajectory import Trajectory
 from ..waiting import watch
-from .effects import work as works
-from .trajectory import Trajectory
 
 Array = NDArray[np.float64]
 

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from ..calls.arguments import as_array, as_number
 from ..errors import NonFiniteError, ShapeError, SimulationError, literal
-from ..simulation.ledger import energy_ledger
 from ..simulation.trajectory import Trajectory
 from ..waiting import watch
+from .ledger import energy_ledger
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
