@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from fractions import Fraction
 from functools import cache
 from typing import Any
@@ -27,7 +27,8 @@ from spatialdyn.recursions.tree.operational_inertia import COUPLING
 pytestmark = pytest.mark.skipif(PLAIN or not lane_names.fits(SPECS["crba"]), reason="no lanes here")
 COUNT = 13  # samples: no multiple of a width
 ROUNDING = 1e-13  # of the largest entry of a result, over 15 random joints; measured 3e-15
-SCALES = {"aba": 1e3, "aba_derivatives": 1e3}  # a solve in a badly conditioned tree
+NOTHING = 1e-16  # as the coupling of frames whose branches meet in the ground alone, but for rounding
+SCALES = {"aba": 1e3, "aba_derivatives": 1e3, "crba_solve": 1e3}  # a solve in a badly conditioned tree
 EVERY_WIDTH = ("rnea", "aba", "crba")
 PLACEMENT = np.array([[0, -1, 0, 0.3], [1, 0, 0, 0.2], [0, 0, 1, 0.1], [0, 0, 0, 1.0]])
 STATIC = {"placement": PLACEMENT, "other_placement": np.eye(4), "classical": 1}
@@ -69,9 +70,9 @@ def result(
     return out, status
 
 
-def check(spec: Spec, width: int) -> None:
+def check(spec: Spec, width: int, seeds: Sequence[int] = range(12)) -> None:
     lanes, one = lane_kernels.kernel(spec, width), numba_kernels.batch_kernel(spec)
-    for seed in range(12):
+    for seed in seeds:
         given, static = inputs(spec, model(seed), seed), static_inputs(spec, model(seed), seed % 3)
         wanted, _ = result(one, spec, model(seed), given, static)
         found, status = result(lanes, spec, model(seed), given, static)
@@ -79,7 +80,7 @@ def check(spec: Spec, width: int) -> None:
         np.testing.assert_array_equal(found, wanted)
         exact, statuses = np.empty((COUNT, wanted[0].size)), np.empty(COUNT, np.int8)
         Evaluation(spec, model(seed).bodies, static)(given, exact, statuses)
-        bound = SCALES.get(spec.name, 1.0) * ROUNDING * abs(exact).max()
+        bound = SCALES.get(spec.name, 1.0) * ROUNDING * (abs(exact).max() + NOTHING)
         np.testing.assert_allclose(found.reshape(exact.shape), exact, rtol=0.0, atol=bound)
 
 
@@ -91,9 +92,10 @@ def test_lanes_have_the_bits_of_one_sample_and_are_right(name: str) -> None:
 @pytest.mark.slow(quick="test_lanes_have_the_bits_of_one_sample_and_are_right")
 @pytest.mark.parametrize("of", [x for x in (*SPECS.values(), COUPLING) if x.on_lanes], ids=lambda x: x.name)
 def test_every_call_on_lanes(of: Spec) -> None:
+    every = of.name in EVERY_WIDTH
     for present in {(), tuple(x.name for x in of.present if x.optional)}:
-        for width in (2, 4, 8) if of.name in EVERY_WIDTH else (lane_names.width(),):
-            check(numba_kernels.variant(of, present), width)
+        for width in (2, 4, 8) if every else (lane_names.width(),):
+            check(numba_kernels.variant(of, present), width, range(12) if every else range(len(of.name) % 3, 12, 3))
 
 
 def test_calls_run_on_lanes_unless_they_branch_on_values_or_are_made_of_others() -> None:
