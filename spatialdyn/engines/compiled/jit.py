@@ -29,7 +29,7 @@ try:
     from .inlining import PIPELINES, Plain
 except ImportError:  # in this version of Numba these parts are elsewhere: compiling takes several times as long
     from .lane_typing import WITHOUT_PASSES as PIPELINES
-    from .lane_typing import TypedAsNumba as Plain
+    from .lane_typing import TypedAsNumba as Plain  # type: ignore[assignment]
 OWN: dict[str, Any] = {"pipeline_class": Plain}
 
 ON_STACK = 1 << 13  # most bytes of a kernel's scratch array on the stack; larger arrays are allocated

@@ -16,6 +16,7 @@ from numba.core.compiler import Compiler, CompilerBase
 from numba.extending import lower_cast
 
 _NAMED: Any = types.BaseNamedTuple
+_TUPLE: Any = types.BaseTuple
 
 
 @cache
@@ -31,8 +32,8 @@ def _class_of(base: Any) -> Any:
                 or first.instance_class is not second.instance_class
             ):
                 return super().unify_pairs(first, second)
-            parts = [self.unify_pairs(a, b) for a, b in zip(first, second, strict=True)]  # type: ignore[call-overload]
-            return None if None in parts else types.BaseTuple.from_types(parts, first.instance_class)
+            parts = [self.unify_pairs(a, b) for a, b in zip(first, second, strict=True)]
+            return None if None in parts else _TUPLE.from_types(parts, first.instance_class)
 
         def can_convert(self, fromty: Any, toty: Any) -> Any:
             """How a type converts to another, or None; a named tuple to the common type of it and others."""
@@ -50,19 +51,23 @@ class Typed(CompilerBase):
         """Set up as every pipeline is."""
         super().__init__(typingctx, *rest)  # type: ignore[no-untyped-call]
         self.state.typingctx = shared = copy(typingctx)
-        shared.__class__ = _class_of(type(typingctx))
+        base: Any = type(typingctx)
+        shared.__class__ = _class_of(base)
 
 
 class TypedAsNumba(Typed, Compiler):
     """Numba's own pipeline, in such a copy."""
 
 
-WITHOUT_PASSES = {"inline": TypedAsNumba, "inline_unoptimized": TypedAsNumba}  # where ``inlining`` cannot be imported
+WITHOUT_PASSES: dict[str, Any] = {
+    "inline": TypedAsNumba,
+    "inline_unoptimized": TypedAsNumba,
+}  # where ``inlining`` cannot be imported
 
 
-@lower_cast(types.BaseNamedTuple, types.BaseNamedTuple)
+@lower_cast(_NAMED, _NAMED)  # type: ignore[no-untyped-call, untyped-decorator]
 def _cast(context: Any, builder: Any, given: Any, kind: Any, x: Any) -> Any:
-    parts = cgutils.unpack_tuple(builder, x, len(given))
+    parts = cgutils.unpack_tuple(builder, x, len(given))  # type: ignore[no-untyped-call]
     return context.make_tuple(
         builder, kind, [context.cast(builder, p, a, b) for p, a, b in zip(parts, given, kind, strict=True)]
     )
