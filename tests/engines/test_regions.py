@@ -202,11 +202,41 @@ def test_exact_numbers_run_the_loop_itself() -> None:
     assert [ExactRational(x).value for x in found] == by_hand(v)
 
 
-def test_a_program_in_several_functions_keeps_a_region_whole(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(("most", "cut"), [(1000, 0), (12, 1), (0, 3)])
+def test_a_program_in_several_functions_cuts_long_regions(most: int, cut: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Short regions are within a function; of those that are cut, one is within another, and one ends the program."""
     monkeypatch.setattr(schedule, "MOST_WHOLE", 4)
     monkeypatch.setattr(schedule, "CHUNK_LENGTH", 3)
-    assert len(schedule.Schedule(*program(), whole=False).chunks) == 2
+    monkeypatch.setattr(schedule, "MOST_REGION", most)
+    assert len(schedule.Schedule(*program(), whole=False).cut) == cut
     assert np.array_equal(bits(on_lanes(inputs())), bits(wanted(inputs())))
+    assert np.array_equal(bits(on_one_lane(inputs()[:9])), bits(wanted(inputs()[:9])))
+
+
+def adding(bodies: Any, v: Any, out: Any, x: Any, left: Any) -> None:
+    """Passes, v[1] in all, that begin with what is computed before them."""
+    before = v[0] + v[1]
+    x[0], left[0] = 0.0, v[1]
+    for _ in repeat(CAP, left, x):
+        if settled(left[0]):
+            break
+        x[0] = x[0] + before
+        x[0] = (x[0] + 1.0) * 0.5 + (x[0] - 3.0) * 0.25
+        left[0] = left[0] - 1.0
+    out[0] = x[0]
+
+
+def test_every_pass_in_functions_reads_what_was_before(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its place in the workspace is not given to values of the body."""
+    spec = Spec(
+        "adding", adding, None, (V,), Argument("out", (1,), "", "sum"), "Adds.", "a toy", scratch=((1,), (1,))
+    )  # fmt: skip
+    made = recording.record((spec,), model().bodies)
+    for name in ("MOST_WHOLE", "CHUNK_LENGTH", "MOST_REGION"):
+        monkeypatch.setattr(schedule, name, 1)
+    v, out = inputs(), np.empty((N, 1))
+    batch_kernels.compiled(*made)([v], [out])
+    assert np.array_equal(bits(out[:, 0]), bits(made.program.run(list(v.T))[0]))
 
 
 def test_bodies_are_recorded_once_and_dead_ones_dropped() -> None:
@@ -306,8 +336,12 @@ TURNING = Spec(
 )  # fmt: skip
 
 
-def test_a_sine_of_a_region_is_of_the_samples_that_run_it() -> None:
+@pytest.mark.parametrize("cut", [False, True])
+def test_a_sine_of_a_region_is_of_the_samples_that_run_it(cut: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     """Angles beyond the lanes' range reject their sample, but not one whose passes have ended before."""
+    if cut:
+        for name in ("MOST_WHOLE", "CHUNK_LENGTH", "MOST_REGION"):
+            monkeypatch.setattr(schedule, name, 3)
     made = recording.record((TURNING,), model().bodies)
     v = np.zeros((11, model().nv))
     v[:, 0], v[:, 1] = 0.7, np.arange(11) - 1.0

@@ -2,8 +2,8 @@
 
 A Program becomes one LLVM function over tiles of W samples, where W is the host's vector width. The rows of a tile are
 read with whole-vector loads and transposed in registers, the program runs on <W x double>, and the results are
-transposed back; memory is used only for a small workspace. Longer programs (``schedule.MOST_WHOLE``) are cut into
-several functions, between which values are spilled to the workspace.
+transposed back; memory is used only for a small workspace. Longer programs (``schedule.MOST_WHOLE``), and their long
+regions, are cut into several functions, between which values are spilled to the workspace.
 
 The code computes only ordinary samples. In addition to the results it writes one bit per sample: whether every input is
 finite, every quaternion has unit norm, every angle is in the range of the short sine, every pivot is regular and every
@@ -74,10 +74,11 @@ class Writer:
         self.poison_slot = self.schedule.slot_count  # followed by the floor's slot, if ranges are checked
         self.stage = self.poison_slot + (1 if layout.range is None else 2)  # slots of rows to be streamed
         staged = [len(places) for places in layout.outputs if stream and len(places) % lanes]
-        self.once = {r.head: r.carried for r in program.regions if runs_once(program.lines, r)}
-        carried = dict.fromkeys(k for r in program.regions if r.head not in self.once for k in r.carried)
+        kept = [r for r in program.regions if r in self.schedule.cut or not runs_once(program.lines, r)]
+        carried = dict.fromkeys(k for region in kept for k in region.carried)
         self.carried = {k: self.stage + max(staged, default=0) + at for at, k in enumerate(carried)}  # their slots
         self.regions = {region.head: region for region in program.regions}
+        self.once = self.regions.keys() - {region.head for region in kept}
         slots = self.stage + max(staged, default=0) + len(self.carried)
         self.lookups = lookups.find(program, self.common if self.whole else {})
         if self.lookups.tables:  # only in programs of one function, whose values have no other slots
@@ -100,8 +101,11 @@ class Writer:
             if floor:
                 main.store_vector(floor, "%ws", self.poison_slot + 1)
             for i, chunk in enumerate(self.schedule.chunks):
-                functions.append(self._chunk(i, chunk))
-                main.do(f"call void @chunk{i}(ptr %ws, ptr %numbers)")
+                if i in self.schedule.control:
+                    self._control(main, chunk)
+                    continue
+                functions.append(self._chunk(len(functions), chunk))
+                main.do(f"call void @chunk{len(functions) - 1}(ptr %ws, ptr %numbers)")
             poison = main.load_vector("%ws", self.poison_slot)
             floor = main.load_vector("%ws", self.poison_slot + 1) if floor else floor
         self._epilogue(main, functions, poison, floor)
@@ -183,12 +187,35 @@ class Writer:
         t.do("ret void")
         return t.function(f"define internal void @chunk{i}(ptr noalias %ws, ptr noalias %numbers)", " noinline #0")
 
+    def _control(self, t: Vectors, chunk: Sequence[int]) -> None:
+        """Write the first or last lines of regions whose bodies are functions."""
+        for k in chunk:
+            op = self.program.lines[k]
+            if op.code == CARRIED:
+                t.store_vector(self._kept(t, op.a), "%ws", self.carried[k])
+            elif op.code == NEXT:
+                t.store_vector(self._kept(t, op.b), "%ws", self.carried[op.a])
+            elif op.code == REPEAT:
+                t.jump(f"repeat{k}", then=f"repeat{k}")
+                self._enter(t, k, self._kept(t, op.a))
+            else:
+                self._leave(t, op.a, {})
+
+    def _kept(self, t: Vectors, k: int) -> str:
+        """The value of an operand that is a number, or in the workspace."""
+        if k < 0:
+            return t.negative(self._kept(t, -k - 1))
+        if self.program.lines[k].code == CONST:
+            return t.spread("%numbers", self.numbers.of_line[k])
+        return self._absent(t, k)
+
     def _operations(self, t: Vectors, chunk: Sequence[int], poison: str, inside: bool) -> str:
         """Write some lines; ``inside``: in one of several functions, which spills values that others need."""
         lines, values, slots = self.program.lines, self.values, self.schedule.slots
         angles: set[int] = set()
         tables: set[tuple[int, ...]] = set()  # tables that have been looked up
         reach = ""
+        within = self.schedule.within(chunk)
         waiting = self._input_angles(chunk)
 
         def value(k: int) -> str:
@@ -211,9 +238,7 @@ class Writer:
                 before.append(dict(values))
                 after.append({})
                 t.jump(f"repeat{k}", then=f"repeat{k}")
-                runs = t.put(f"bitcast {t.truth} {t.above_zero(value(op.a))} to i{self.lanes}")
-                some = t.put(f"icmp ne i{self.lanes} {runs}, 0")
-                t.branch(some, f"run{k}", f"behind{k}", then=f"run{k}")
+                self._enter(t, k, value(op.a))
                 continue
             if op.code == NEXT:
                 if op.a in self.carried:
@@ -226,7 +251,7 @@ class Writer:
                 values |= before.pop()
                 self._leave(t, op.a, after.pop())
                 for held in self.regions[op.a].carried:
-                    if inside and held in slots:
+                    if inside and held in slots and held not in self.carried:
                         t.store_vector(value(held), "%ws", slots[held])
                 continue
             if op.code == CARRIED:
@@ -246,7 +271,7 @@ class Writer:
                     self._look_up(t, [value(c) for c in conditions], self.lookups.tables[conditions])
                 continue
             form, given = FORMS[op.code], [value(operand) for operand in signed(op)]
-            if form.angle and not before and op.a not in angles:  # in regions an angle out of range is NaN
+            if form.angle and not (before or within) and op.a not in angles:  # in regions, out of range is NaN
                 angles.add(op.a)
                 x = given[0]
                 reach = t.fused(x, x, reach) if reach else t.binary("fmul", x, x)
@@ -260,6 +285,12 @@ class Writer:
             poison = t.poisoned_unless(t.compare("ole", reach, t.constant(self.most_reach)), poison)
         return poison
 
+    def _enter(self, t: Vectors, head: int, running: str) -> None:
+        """Begin a run of a region if some lane needs it."""
+        runs = t.put(f"bitcast {t.truth} {t.above_zero(running)} to i{self.lanes}")
+        some = t.put(f"icmp ne i{self.lanes} {runs}, 0")
+        t.branch(some, f"run{head}", f"behind{head}", then=f"run{head}")
+
     def _leave(self, t: Vectors, head: int, after: dict[int, str]) -> None:
         """End a region; ``after``: carried values at its end, if it runs once."""
         if head not in self.once:
@@ -272,7 +303,7 @@ class Writer:
 
     def _input_angles(self, chunk: Sequence[int]) -> list[int]:
         """The angles that are inputs, in the order of their first readers, without those read in regions only."""
-        lines, depth = self.program.lines, 0
+        lines, depth = self.program.lines, int(self.schedule.within(chunk))
         found: dict[int, None] = {}
         for k in chunk:
             op = lines[k]
@@ -398,7 +429,7 @@ class Writer:
             x = t.spread(f"%in{self.common[line][0]}", self.common[line][1])
         else:
             if line not in self.values:
-                kept = self.carried[line] if self.whole and line in self.carried else self.schedule.slots[line]
+                kept = self.carried[line] if line in self.carried else self.schedule.slots[line]
                 self.values[line] = t.load_vector("%ws", kept)
             x = self.values[line]
         return t.negative(x) if minus else x
