@@ -183,9 +183,9 @@ def test_at_exit_python_waits_and_then_recomputes_nothing(case: Case) -> None:
         assert np.isfinite(f(q, v, tau)).all()
         with pytest.raises((ValueError, jax.errors.JaxRuntimeError), match="are not recomputed while Python ends"):
             f(*given).block_until_ready()
-        assert not xla_handler.RECOMPUTING[1]
+        assert not xla_handler.recomputing()[1]
     finally:
-        xla_handler.RECOMPUTING[0] = 0
+        xla_handler.recomputing()[0] = 0
     np.testing.assert_array_equal(f(*given), found)
 
 

@@ -12,8 +12,7 @@ from ...algebra.rotations import ROTATION_ZERO
 from ...algebra.scalars import inline, sqrt
 from ...algebra.spatial import Pose
 from ...bodies.kinds import CONTINUED, SCREWS, TURNS
-from ...engines.compiled.cpython import Builtin
-from ...engines.compiled.tiers import NATIVE
+from ...engines.programs.run.routine import Routine
 from .operators import inertia_about_origin
 
 MOST = 1e100  # of numbers whose products stay finite
@@ -121,13 +120,13 @@ def _put_numbers(bodies: Any, rows: Any, now: Any, then: Any, sums: Any) -> floa
 
 
 @cache
-def put_numbers() -> Builtin:
+def put_numbers() -> Routine:
     """``() -> float``: writes what differs between two blocks of ``Numbers`` of a Model to its table, and ``now`` to
     ``then``; MOVED if placements differ, else WRITTEN. REFUSED, with nothing written, if the numbers need checks.
 
     Words: table, addresses of both, their size, rows (njoints,) of the joints' bodies, scratch (count, 3).
     """
     words = ["table", "now", "then", "size", "rows", "njoints", "sums", "count"]
-    given = "places(rows, njoints), at(now, (size,)), at(then, (size,)), at(sums, (count, 3))"
-    body = [f"return new_real(plan, put(table_at(table), {given}))"]
-    return Builtin("put_numbers", [], words, body, {"put": _put_numbers, "table_at": NATIVE["table_at"]})
+    given = "places(rows, (njoints,)), at(now, (size,)), at(then, (size,)), at(sums, (count, 3))"
+    body = [f"out[0] = put(table_at(table), {given})", "return 1"]
+    return Routine("put_numbers", words, {}, body, {"put": _put_numbers}, ())

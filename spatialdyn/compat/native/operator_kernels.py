@@ -2,7 +2,7 @@
 
 ``compose(A, B, out)`` and its like take arrays as ``algebra.public_arrays`` lays them out and write ``out`` in place;
 it may be an input. Arrays have to be float64, C-ordered, writable and of the right size: nothing is checked.
-``value_builtin`` makes functions of Python's own calling convention that check their arguments and make the result.
+``bind_values`` makes builtins of Python that check their arguments and make the result.
 
 A call is much faster than the operator in plain Python, which answers until compiling pays.
 """
@@ -20,13 +20,15 @@ import numpy as np
 
 from ...algebra import euclidean, lie, public_arrays, spatial
 from ...engines.compiled import numba_kernels
+from ...engines.compiled.entries import of_memory
 from ...engines.compiled.tiers import Tiered, Twin, real_of
-from ...engines.object_layout import DATA, RANK, SHAPE, TYPE
+from ...engines.programs.run.routine import Held, Kind, Routine, Shape, Truth
+from ...engines.programs.run.single_call import unavailable
 from . import operators
 
 Operation = Callable[..., Any]
 SCOPE: dict[str, Any] = {**vars(euclidean), **vars(spatial), **vars(lie), **vars(operators), **vars(public_arrays)}
-SCOPE["rotation_matrix"] = SCOPE.pop("matrix")  # of a quaternion; builtins have another ``matrix``
+SCOPE["rotation_matrix"] = SCOPE.pop("matrix")  # of a quaternion
 SHAPES: dict[str, tuple[int, ...]] = {
     "pose": (4, 4), "motion": (6,), "force": (6,), "vec": (3,), "rot": (3, 3), "quat": (4,), "seven": (7,),
     "body": (10,), "inertia": (6, 6), "tangent": (6, 6), "number": (), "truth": (),
@@ -136,63 +138,43 @@ quat_matrix = on_arrays(Formula.parsed("matrix(q: quat) -> rot", "rotation_matri
 # --- on objects --------------------------------------------------------------------------------------------
 
 
-def value_builtin(formula: Formula) -> Any:
-    """A builtin ``(*inputs) -> output`` of a formula that returns None if not applicable.
+def value_routine(formula: Formula) -> Routine:
+    """``(*inputs) -> output`` of a formula.
 
     Inputs that are arrays may have any strides, results are new. Words: ``slot``, the offset of the slot; ``class0``,
-    ... the classes of the inputs, 0 for arrays; ``made``, that of the output; ``extent0``, ... the axes of its array.
+    ... the classes of the inputs, 0 for arrays; ``made``, that of the output.
     """
-    from ...engines.compiled.cpython import Builtin, dims
 
-    output, extents = formula.output.lower(), SHAPES[formula.output.lower()]
-    words = ["slot", *(f"class{k}" for k in range(len(formula.inputs))), "made"]
-    words += [f"extent{k}" for k in range(len(extents))]
-    body = [line for k, (x, kind) in enumerate(formula.inputs.items()) for line in _check_and_view(k, x, kind)]
-    body += formula.statements()
-    if not extents:
-        body.append("return new_real(plan, result)")
-    else:
-        body += [
-            f"answer = new_array(plan, {len(extents)}, {dims(words, 'extent0')})",
-            "if answer == 0: return 0",
-            f"write_{output}(at(word(answer, {DATA}), {extents}), result)",
-            "return new_object(plan, made, slot, answer)" if formula.output[0].isupper() else "return answer",
-        ]
-    return Builtin(f"value_{formula.label}", [f"{x}_object" for x in formula.inputs], words, body, SCOPE)
+    def kind(x: str, word: str) -> Shape | Held:
+        shape = SHAPES[array_kind(x)]
+        return Held(shape, word, "slot", "|" in x) if x[0].isupper() else shape
+
+    inputs: dict[str, Kind] = {
+        f"{x}_in": kind(given, f"class{k}") for k, (x, given) in enumerate(formula.inputs.items())
+    }
+    output = formula.output.lower()
+    last = f"write_{output}(out, result)" if SHAPES[output] else "out[0] = result"
+    body = [*formula.statements(), last, "return 1"]
+    result: Shape | Held | Truth = Truth() if output == "truth" else kind(formula.output, "made")
+    return Routine(f"value_{formula.label}", [], inputs, body, SCOPE, result)
 
 
-def _check_and_view(k: int, name: str, kind: str) -> list[str]:
-    """Statements that check the argument object k and view it as an array or number ``name_in``."""
-    x, shape, out = f"{name}_object", SHAPES[array_kind(kind)], f"{name}_in"
-    if kind == "number":
-        return [f"if not is_real(plan, {x}): return return_none(plan)", f"{out} = real({x})"]
-    lines = []
-    if kind[0].isupper():
-        if "|" not in kind:
-            lines = [f"if word({x}, {TYPE}) != class{k}: return return_none(plan)"]
-        lines.append(f"if word({x}, {TYPE}) == class{k}: {x} = word({x} + slot, 0)")
-        lines.append(f"if {x} == 0: return return_none(plan)")  # a slot without a value
-    if len(shape) == 1:
-        fits, view = f"is_vector(plan, {x}, {shape[0]})", f"vector({x}, {shape[0]})"
-    else:
-        fits, view = f"is_matrix(plan, {x}, {shape[1]}) and word(word({x}, {SHAPE}), 0) == {shape[0]}", f"matrix({x})"
-    return [*lines, f"if not ({fits}): return return_none(plan)", f"{out} = {view}"]
-
-
-def bind_values(builtin: Any, formula: Formula, slot: int, classes: Mapping[str, type]) -> Any:
-    """A ``value_builtin`` bound to the classes of its kinds and the offset of their slot."""
+def bind_values(
+    formula: Formula, slot: int, classes: Mapping[str, type], otherwise: Operation = unavailable
+) -> Operation:
+    """The builtin of a ``value_routine`` for the classes of its kinds and the offset of their slot."""
 
     def address(kind: str) -> int:
         return id(classes[kind.partition("|")[0]]) if kind[0].isupper() else 0
 
     words = {f"class{k}": address(kind) for k, kind in enumerate(formula.inputs.values())}
-    words |= {f"extent{k}": n for k, n in enumerate(SHAPES[formula.output.lower()])}
-    return builtin.bind(*classes.values(), slot=slot, made=address(formula.output), **words)
+    words |= {"slot": slot, "made": address(formula.output)}
+    return value_routine(formula).bind(words, *classes.values(), otherwise=otherwise)
 
 
 @cache
-def draw_between(generator: Any, units: tuple[tuple[int, int], ...] = ()) -> Any:
-    """A builtin ``(lower, upper) -> (n,)`` of ``operators.between`` with draws of a generator of NumPy.
+def draw_between(generator: Any, size: int, units: tuple[tuple[int, int], ...] = ()) -> Callable[..., Any]:
+    """A builtin ``(lower, upper) -> (size,)`` of ``operators.between`` with draws of a generator of NumPy.
 
     units  first index and size of parts of unit norm, drawn by ``operators.put_direction``
 
@@ -200,33 +182,26 @@ def draw_between(generator: Any, units: tuple[tuple[int, int], ...] = ()) -> Any
     """
     interface = generator.bit_generator.ctypes  # NumPy offers it for compiled code
     address = ctypes.cast(interface.next_double, ctypes.c_void_p).value or 0
-    parts, builtin = np.array(units, np.int64).ravel(), _draw_between()
-    words = {"units": parts.ctypes.data, "count": len(units)}
-    return builtin.bind(generator, parts, next_double=address, state=interface.state_address, **words)
+    parts = np.array(units, np.int64).ravel()
+    words = {"units": parts.ctypes.data, "count": len(units), "n": size}
+    words |= {"next_double": address, "state": interface.state_address}
+    return _draw_between().bind(words, generator, parts)
 
 
 @cache
-def _draw_between() -> Any:
-    from ...engines.compiled.cpython import NDARRAY, Builtin, real_function
-
+def _draw_between() -> Routine:
     body = [
-        f"if word(lower, {TYPE}) != word(plan, {NDARRAY}) or word(lower, {RANK}) & 0xFFFFFFFF != 1:",
-        "    return return_none(plan)",
-        f"n = word(word(lower, {SHAPE}), 0)",
-        "if not (is_vector(plan, lower, n) and is_vector(plan, upper, n)): return return_none(plan)",
-        f"answer = new_array(plan, 1, word(lower, {SHAPE}))",
-        "if answer == 0: return 0",
-        f"low, high, out = vector(lower, n), vector(upper, n), at(word(answer, {DATA}), (n,))",
-        "for k in range(n): out[k] = between(low[k], high[k], draw(next_double, state))",
+        "for k in range(n): out[k] = between(lower[k], upper[k], draw(next_double, state))",
         "for k in range(count):",
         "    first, size = word(units, 2 * k), word(units, 2 * k + 1)",
         "    share, one, two = draw(next_double, state), draw(next_double, state), draw(next_double, state)",
         "    put_direction(out, first, size, share, one, two)",
-        "return answer",
+        "return 1",
     ]
     scope = {
         "between": operators.between,
         "put_direction": operators.put_direction,
-        "draw": Twin(real_of, lambda: real_function),
+        "draw": Twin(real_of, of_memory("real_function")),
     }
-    return Builtin("draw_between", ["lower", "upper"], ["next_double", "state", "units", "count"], body, scope)
+    inputs: dict[str, Kind] = {"lower": ("n",), "upper": ("n",)}
+    return Routine("draw_between", ["next_double", "state", "units", "count", "n"], inputs, body, scope, ("n",))

@@ -1,17 +1,16 @@
 """Library calls that record their inputs and result, and operators on rows of arrays.
 
 The caller of ``rnea`` may read the joint forces later, when q has changed in place: so inputs and result are copied to
-memory of the Data. Each function here returns a builtin (see ``engines.compiled.cpython``), compiled once, that the
-caller binds to a plan of words: the addresses of the table of bodies, memory and result, and sizes.
+memory of the Data. A call is a builtin of its program or table kernel; what is no call of the library is a Routine,
+which the caller binds to words: the addresses of the table of bodies and of arrays, and sizes.
 """
 
 from __future__ import annotations
 
 import math
 from array import array
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache
-from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -23,13 +22,18 @@ from ...algebra.scalars import inline
 from ...algebra.spatial import Motion, Pose, identity_pose
 from ...bodies.joints import place_joint
 from ...bodies.kinds import CONTINUED
-from ...engines.compiled import numba_kernels
+from ...engines.compiled import entries, numba_kernels
 from ...engines.compiled.checks import all_finite, unit_norm
-from ...engines.compiled.cpython import Builtin, Entry, dims
-from ...engines.compiled.tiers import NATIVE, Twin, array_of, table_kernel, word
-from ...engines.object_layout import DATA
+from ...engines.compiled.tiers import Twin, array_of, table_kernel
+from ...engines.object_layout import Words
+from ...engines.programs.llvm.single_call_text import ARRAY as INPUT
+from ...engines.programs.llvm.single_call_text import FIXED, NUMBER
+from ...engines.programs.run import single_call
+from ...engines.programs.run.call_code import CallCode
+from ...engines.programs.run.routine import Choice, Held, Index, Kind, Routine
+from ...engines.programs.run.single_call import Parameter, unavailable
 from ...recursions import SPECS
-from ...recursions.spec import LOCAL, LOCAL_WORLD_ALIGNED, WORLD, Argument, Spec
+from ...recursions.spec import LOCAL, WORLD
 from ...recursions.steps import placed_in_world
 from ...recursions.tree import kinematics
 from ...recursions.tree.kinematics import classical_acceleration, express_in
@@ -37,79 +41,33 @@ from . import operator_kernels
 
 SIZES = ("nq", "nv", "njoints")  # words of a plan
 ARRAY, PARTS, RESULT = range(3)  # what a recorded call returns
+NOT_OWN = 0, 0, 0  # the code of a plan that reads that of a CallCode
+Array = NDArray[np.float64]
+Builtin = Callable[..., Any]
 HEAD = 64  # bytes before a table
-REFERENCES = ("in_frame", "in_world", "aligned")  # words of a plan: ids of the ReferenceFrame objects
-
-
-def _shape_text(argument: Argument) -> str:
-    """Shape of an array, as source text."""
-    return f"({', '.join(map(str, numba_kernels.kernel_shape(argument)))},)"
-
-
-def _check_arguments(inputs: Sequence[Argument]) -> list[str]:
-    """Statements that check the argument objects ``x`` and read them as arrays and numbers ``x_in``."""
-    checks = [f"is_vector(plan, {x.name}, {x.shape[0]})" if x.shape else f"is_real(plan, {x.name})" for x in inputs]
-    lines = [f"if not ({' and '.join(checks)}): return return_none(plan)"] if checks else []
-    return lines + [
-        f"{x.name}_in = vector({x.name}, {x.shape[0]})" if x.shape else f"{x.name}_in = real({x.name})" for x in inputs
-    ]
-
-
-def make_answer(words: Sequence[str], first: str, rank: int) -> list[str]:
-    """Statements that make the array ``answer``, whose axes are words from ``first`` on."""
-    return [f"answer = new_array(plan, {rank}, {dims(words, first)})", "if answer == 0: return 0"]
-
-
-def record(**sizes: str) -> list[str]:
-    """Statements that copy inputs ``x_in`` of these sizes to ``memory``, one after the other."""
-    lines = [(f"copy({x}_in, at(memory, ({size},)))", f"memory += 8 * {size}") for x, size in sizes.items()]
-    return [*chain.from_iterable(lines)]
-
-
-def _edited_in_plain_python(table: int) -> bool:
-    now, then = (array_of(word(table, k), (word(table, -1),), np.int64) for k in (-3, -2))
-    return bool((now != then).any())
-
-
-def _compiled_edited() -> Any:
-    from ...engines.compiled.cpython import places
-    from ...engines.compiled.cpython import word as read
-
-    @inline
-    def edited(table: int) -> Any:
-        now, then = places(read(table, -3), read(table, -1)), places(read(table, -2), read(table, -1))
-        different = 0
-        for k in range(len(now)):  # without a branch: in vectors
-            different |= now[k] ^ then[k]
-        return different != 0
-
-    return edited
+REFERENCES = ("in_frame", "in_world", "aligned")  # words: ids of the ReferenceFrame objects, in the order of codes
+FRAMES = ("frames", "joints", "placements")  # words: number of frames; addresses, of addresses for placements
+OF_FRAME: dict[str, Kind] = {"k": Index("frames"), "code": Choice(REFERENCES)}
 
 
 class Table:
-    """A copy of a table of bodies, before which four words stand: the time when joints moved, and addresses and size of
-    two blocks of numbers: those of a Model, which edits write, and those of the table.
+    """A copy of a table of bodies, and two blocks of numbers: those of a Model, which edits write, and the table's own.
 
-    bytes    of the table; ``address`` theirs
+    bytes    of the table, before which stands the time when joints moved; ``address`` theirs
     """
 
-    def __init__(self, bodies: Any, now: NDArray[np.float64], then: NDArray[np.float64]) -> None:
+    def __init__(self, bodies: Any, now: Array, then: Array) -> None:
         """Of a table as bytes."""
         memory = np.empty(HEAD + len(bodies), np.uint8)
-        self.bytes, memory[HEAD:] = memory[HEAD:], bodies
+        self.now, self.then, self.bytes = now, then, memory[HEAD:]
+        self.bytes[:] = bodies
         self.address = memory.ctypes.data + HEAD
-        self._words = memory[HEAD - 32 : HEAD].view(np.int64)
-        self._words[:] = 0, now.ctypes.data, then.ctypes.data, len(now)
-        self._alive = now, then
+        self._moved = memory[HEAD - 8 : HEAD].view(np.int64)
+        self._moved[0] = 0
 
     def note_move(self) -> None:
         """Note that joints were moved: places of calls before are no longer computed on this table."""
-        self._words[0] = clock.now[0] + 1
-
-
-# whether the numbers of a Model are other than those of its Table
-EDITED = {"edited": Twin(_edited_in_plain_python, _compiled_edited)}
-IF_EDITED = "if edited(table): return return_none(plan)"
+        self._moved[0] = clock.now[0] + 1
 
 
 class Clock:
@@ -132,180 +90,108 @@ def address(x: array[int]) -> int:
     return x.buffer_info()[0]
 
 
-def put_stamp(time: str = "time") -> list[str]:
-    """Statements that write a new stamp to an address."""
-    return ["advance(clock)", f"places({time}, 1)[0] = places(clock, 1)[0]"]
+STAMP = ["places(clock, (1,))[0] += 1", "places(time, (1,))[0] = word(clock, 0)"]  # write a new stamp to an address
 
 
-class RecordedCall:
-    """A builtin that runs an ``Entry``: of a program, or of a table kernel. Calls whose arguments are alike share it.
+def record(count: int, memory: Array, result: Array | None, stamp: array[int], table: Table) -> Words:
+    """The words of a builtin that records its first inputs, this many, in memory, its result, if given, and its stamp.
 
-    unused  vectors (nv,) that follow the inputs and are recorded only
-    words   of its plan: those that do not depend on the model
+    stamp  array whose first word is written
+    table  the Table of the call: if the numbers of the Model are other than its own, the call is not answered
     """
-
-    def __init__(self, make: Callable[..., Builtin], spec: Spec, unused: int = 0, **words: int) -> None:
-        inputs = [x for x in spec.present if x.name != "fext"]
-        self.sizes = [*(x.shape[0] if x.shape else 0 for x in inputs), *["nv"] * unused]
-        self.spec, self.words, self.axes = spec, words, numba_kernels.kernel_shape(spec.output)
-        self.inputs, self.own = len(spec.present), len(inputs)
-        kinds = "".join("v" if x else "r" for x in self.sizes)
-        self.builtin = make(kinds, len(self.axes), unused, len(inputs) < len(spec.present))
-
-    def bind(self, *alive: Any, entry: Entry | None = None, **given: int) -> Callable[..., Any]:
-        """The function for the table and the sizes ``nq, nv, njoints`` of a model, and other words of its plan.
-
-        entry  runs the call, by default on the table
-        """
-        entry = entry or Entry(self.spec)
-        names = {name: given.pop(name) for name in SIZES}
-        sizes, axes = ([int(names.get(str(x), x)) for x in of] for of in (self.sizes, self.axes))
-        staged = np.empty(sum(n or 1 for n in sizes) + math.prod(axes))
-        places, first = [], staged.ctypes.data
-        for n in sizes:  # numbers behind the vectors, which are recorded
-            places.append(first if n else 0)
-            first += 8 * n
-        for k, n in enumerate(sizes):
-            if not n:
-                places[k], first = first, first + 8
-        pointers = np.zeros(self.inputs + 1, np.int64)
-        pointers[: self.own] = places[: self.own]
-        words = {"program": entry.address, "clock": address(clock.now), "tuple": id(tuple)} | self.words
-        words |= {f"size{k}": n for k, n in enumerate(sizes)} | {f"axis{k}": n for k, n in enumerate(axes)}
-        words |= {"staged": staged.ctypes.data, "given": sum(sizes), "forces": 6 * names["njoints"]}
-        words |= {"pointers": pointers.ctypes.data, "inputs": self.inputs, "parts": first}
-        words |= {"memory": 0, "result": 0, "time": 0, "out": 0, **given}
-        for k in range(self.inputs):  # of a call on recorded inputs
-            pointers[k] = words.pop(f"address{k}", pointers[k])
-        pointers[self.inputs] = words["out"]
-        return self.builtin.bind(*alive, staged, pointers, entry, **{x: words[x] for x in self.builtin.words})
+    places = {"memory": memory.ctypes.data, "result": 0 if result is None else result.ctypes.data}
+    places |= {"now": table.now.ctypes.data, "then": table.then.ctypes.data, "bytes": table.now.nbytes}
+    made = single_call.record(count=count, clock=address(clock.now), time=address(stamp), **places)
+    made.alive = memory, result, stamp, table, clock
+    return made
 
 
-def recorded_call(name: str, unused: int = 0, returns: int = ARRAY, forces: bool = False) -> RecordedCall:
-    """``(*inputs, *unused) -> result`` of a public call for one sample that records its inputs and result, if bound to
-    memory for them.
+def recorded_call(
+    code: CallCode,
+    sizes: Mapping[str, int],
+    recorded: Words | None = None,
+    unused: int = 0,
+    returns: int = ARRAY,
+    result: Array | None = None,
+) -> Builtin:
+    """``(*inputs, *unused) -> result`` of the code of a public call for one sample, a builtin that may record.
 
-    unused   vectors (nv,) that are recorded only
-    returns  ARRAY, a new one; PARTS, a tuple of the parts of a result of three axes; RESULT: the recorded result is
-             written in place while the kernel runs, and True returned
-    forces   a last argument holds the external forces, one after the other, and is not recorded
+    sizes     nq, nv, njoints
+    recorded  words of ``record``
+    unused    number of vectors (nv,) that are recorded only
+    returns   ARRAY, a new one; PARTS, a tuple of the parts of a result of three axes; RESULT: ``result`` is written in
+              place, and True returned
 
-    Returns None if not applicable. Words: table, sizes, memory for the inputs, result, time.
+    External forces are a last argument (6 njoints,). Returns None if not applicable.
     """
-    spec = numba_kernels.variant(SPECS[name], frozenset(["fext"] if forces else []))
-    return RecordedCall(_call, spec, unused, returns=returns)
+    given: list[single_call.Described] = []
+    for x in code.spec.present:
+        shape = tuple(int(sizes.get(str(n), n)) for n in x.shape)
+        given.append((math.prod(shape),) if x.name == "fext" else shape)
+    given += [(sizes["nv"],)] * unused
+    shape = tuple(int(sizes.get(str(n), n)) for n in numba_kernels.kernel_shape(code.spec.output))
+    place = np.empty(shape) if returns == PARTS else result if returns == RESULT else None
+    output = single_call.array(shape) if place is None else single_call.placed(shape, place.ctypes.data)
+    several = single_call.PARTS if returns == PARTS else single_call.ONE
+    plan = single_call.plan(NOT_OWN, [output], given, several, (code, place), code.address, recorded)
+    kinds = [Parameter(f"x{k}", NUMBER if x == () else INPUT) for k, x in enumerate(given)]
+    return single_call.bound(unavailable, kinds, plan)
 
 
-@cache
-def _call(kinds: str, rank: int, unused: int, forces: bool) -> Builtin:
-    """A call of an entry; kinds: of each input, "v" a vector, "r" a number. Inputs are copied first."""
-    arguments, axes = [f"x{k}" for k in range(len(kinds))], [f"axis{k}" for k in range(rank)]
-    words = ["table", "program", *(f"size{k}" for k in range(len(kinds))), *axes]
-    words += ["given", "forces", "inputs", "pointers", "staged", "parts", "memory", "result", "returns", "clock"]
-    words += ["time", "tuple"]
-    checks = [
-        f"is_vector(plan, x{k}, size{k})" if kind == "v" else f"is_real(plan, x{k})" for k, kind in enumerate(kinds)
-    ]
-    count = " * ".join(axes)
-    if forces:
-        arguments, checks = [*arguments, "fext"], [*checks, "is_vector(plan, fext, forces)"]
-    body = [f"if not ({' and '.join(checks)}): return return_none(plan)"] if checks else []
-    body += ["if memory != 0 and edited(table): return return_none(plan)", "first = staged"]
-    for k, kind in enumerate(kinds):
-        if kind == "r":
-            body.append(f"at(word(pointers, {k}), (1,))[0] = real(x{k})")
-        else:
-            body += [f"copy(vector(x{k}, size{k}), at(first, (size{k},)))", f"first += 8 * size{k}"]
-    if forces:
-        body.append(f"places(pointers, inputs)[inputs - 1] = word(fext, {DATA})")
-    body += [
-        "answer, out = 0, result",
-        f"if returns == {PARTS}: out = parts",
-        f"if returns == {ARRAY}:",
-        *(f"    {line}" for line in make_answer(words, "axis0", rank)),
-        f"    out = word(answer, {DATA})",
-        "places(pointers, inputs + 1)[inputs] = out",
-        "if not run_entry(program, table, pointers, pointers + 8 * inputs):",
-        "    return discard(plan, answer) if answer != 0 else return_none(plan)",
-        "if memory != 0:",
-        "    copy(at(staged, (given,)), at(memory, (given,)))",
-        f"    if out != result: copy(at(out, ({count},)), at(result, ({count},)))",
-        *(f"    {line}" for line in put_stamp()),
-        *([f"if returns == {PARTS}: return new_tuple(plan, tuple, out, {dims(words, 'axis0')})"] if rank == 3 else []),
-        "return answer if answer != 0 else return_true(plan)",
-    ]
-    label = f"call_{kinds}_{rank}_{unused}" + "_forces" * forces
-    return Builtin(label, arguments, words, body, {"copy": copy, **EDITED})
+def rerun(code: CallCode, inputs: Sequence[Array], out: Array) -> Builtin:
+    """``() -> True``: a builtin that writes a call's result at the numbers that are in ``inputs`` to ``out``."""
+    return _in_place(NOT_OWN, inputs, out, code.address, code)
 
 
-@inline
-def copy(x: Any, out: Any) -> None:
-    """Copy a vector."""
-    for i in range(len(x)):
-        out[i] = x[i]
+def copier(x: Array, out: Array) -> Builtin:
+    """``() -> True``: a builtin that copies numbers."""
+    program = single_call.copy_entry(), x.nbytes, entries.NO_LIMIT.ctypes.data
+    return _in_place(program, [x], out, 0, None)
 
 
-def recompute(name: str) -> RecordedCall:
-    """``() -> True``: writes a public call's result at the recorded inputs in place. Words: table, sizes, addresses."""
-    return RecordedCall(lambda *_: _recompute(), numba_kernels.variant(SPECS[name], frozenset()))
-
-
-@cache
-def _recompute() -> Builtin:
-    run = "run_entry(program, table, pointers, pointers + 8 * inputs)"
-    body = [f"return return_true(plan) if {run} else return_none(plan)"]
-    return Builtin("recompute", [], ["table", "program", "pointers", "inputs"], body, {})
-
-
-@cache
-def copy_builtin() -> Builtin:
-    """``() -> True``: copies numbers. Words: their addresses, and how many."""
-    body = ["copy(at(source, (count,)), at(target, (count,)))", "return return_true(plan)"]
-    return Builtin("copy", [], ["source", "target", "count"], body, {"copy": copy})
+def _in_place(program: tuple[int, int, int], inputs: Sequence[Array], out: Array, shared: int, alive: Any) -> Builtin:
+    places = [single_call.placed(x.shape, x.ctypes.data) for x in inputs]
+    plan = single_call.plan(
+        program, [single_call.placed(out.shape, out.ctypes.data)], places, alive=(inputs, out, alive), shared=shared
+    )
+    return single_call.bound(unavailable, [Parameter(f"x{k}", FIXED) for k in range(len(places))], plan)
 
 
 # --- frames ----------------------------------------------------------------------------------------------
 
-FRAMES = ("frames", "joints", "placements")  # words: number of frames; addresses, of addresses for placements
-
 
 @cache
-def place_frames(joints_too: bool) -> Builtin:
+def place_frames(joints_too: bool) -> Routine:
     """``() -> True``: poses of all frames from those of their joints; ``joints_too``: ``(q) -> True`` computes both.
 
-    Words: table, sizes, memory for q, poses of the joints, result, frames.
+    Words: table, sizes, poses of the joints, result, clock and stamps, frames. q is recorded.
     """
-    words = ["table", *SIZES, "memory", "poses", "result", "clock", "time", "time_of_joints", *FRAMES]
-    spec = SPECS["forward_kinematics"]
-    body = ["X = at(poses, (njoints, 4, 4))"]
+    words = ["table", *SIZES, "poses", "result", "clock", "time", *FRAMES]
+    spec, body = SPECS["forward_kinematics"], ["X = at(poses, (njoints, 4, 4))"]
     if joints_too:
-        run = f"if sample_kernel(table, q_in, X) != {numba_kernels.OK}: return return_none(plan)"
-        body = [IF_EDITED, *_check_arguments(spec.present), *body, run, *record(q="nq"), *put_stamp("time_of_joints")]
+        body.append(f"if sample_kernel(table, q, X) != {numba_kernels.OK}: return 0")
     body += [
         "for k in range(frames):",
         "    there = read_pose(at(word(placements, k), (4, 4)))",
         "    there = compose(read_pose(X[word(joints, k)]), there)",
         "    write_pose(at(result + 128 * k, (4, 4)), there)",
     ]
-    scope = {**vars(public_arrays), **EDITED, "sample_kernel": table_kernel(spec).twin}
-    scope |= {"compose": spatial.compose, "copy": copy}
+    scope = {**vars(public_arrays), "sample_kernel": table_kernel(spec).twin, "compose": spatial.compose}
     label = "place_joints_and_frames" if joints_too else "place_frames"
-    return Builtin(label, ["q"] * joints_too, words, [*body, *put_stamp(), "return return_true(plan)"], scope)
+    return Routine(label, words, {"q": ("nq",)} if joints_too else {}, [*body, *STAMP, "return 1"], scope)
 
 
 @cache
-def place_frame() -> Builtin:
+def place_frame() -> Routine:
     """``(frame) -> True``: pose of one frame from that of its joint. Words: poses, result, frames."""
     body = [
-        "k = index(plan, frame, frames)",
-        "if k < 0: return return_none(plan)",
-        "X = at(poses + 128 * places(joints, frames)[k], (4, 4))",
-        "there = read_pose(at(word(placements, k), (4, 4)))",
-        "write_pose(at(result + 128 * k, (4, 4)), compose(read_pose(X), there))",
-        "return return_true(plan)",
+        "X = at(poses + 128 * word(joints, frame), (4, 4))",
+        "there = read_pose(at(word(placements, frame), (4, 4)))",
+        "write_pose(at(result + 128 * frame, (4, 4)), compose(read_pose(X), there))",
+        "return 1",
     ]
     scope = {**vars(public_arrays), "compose": spatial.compose}
-    return Builtin("place_frame", ["frame"], ["poses", "result", *FRAMES], body, scope)
+    return Routine("place_frame", ["poses", "result", *FRAMES], {"frame": Index("frames")}, body, scope)
 
 
 @inline
@@ -330,44 +216,28 @@ def _write_frame_motion(X: Any, placement: Any, v: Any, a: Any, classical: Any, 
 write_frame_motion = operator_kernels.compiled(_write_frame_motion)
 
 
-@inline
-def _reference_code(x: int, in_frame: int, in_world: int, aligned: int) -> int:
-    """Code of the ReferenceFrame with id x; -1 if none has it."""
-    if x == in_frame:
-        return LOCAL
-    if x == in_world:
-        return WORLD
-    return LOCAL_WORLD_ALIGNED if x == aligned else -1
-
-
 @cache
-def frame_motion(classical: bool) -> Builtin:
-    """``(frame[, reference]) -> Motion``: velocity or acceleration of a frame from that of its joint.
+def frame_motion(classical: bool) -> Routine:
+    """``(frame, reference) -> Motion``: velocity or acceleration of a frame from that of its joint.
 
-    Words: six (6), class and slot of the Motion, poses, velocities, motions of the joints, reference ids, frames.
+    Words: class and slot of the Motion, poses, velocities, motions of the joints, reference ids, frames.
     """
-    words = ["six", "made", "slot", "poses", "velocities", "motions", *REFERENCES, *FRAMES]
+    words = ["made", "slot", "poses", "velocities", "motions", *REFERENCES, *FRAMES]
     body = [
-        "k, code = index(plan, frame, frames), 0",
-        "if n > 1: code = coded(reference, in_frame, in_world, aligned)",
-        "if k < 0 or code < 0: return return_none(plan)",
-        *make_answer(words, "six", 1),
-        "i, p = places(joints, frames)[k], at(word(placements, k), (4, 4))",
+        "i, p = word(joints, k), at(word(placements, k), (4, 4))",
         "X, v, m = at(poses + 128 * i, (4, 4)), at(velocities + 48 * i, (6,)), at(motions + 48 * i, (6,))",
-        f"write(X, p, v, m, {int(classical)}, code, at(word(answer, {DATA}), (6,)))",
-        "return new_object(plan, made, slot, answer)",
+        f"write(X, p, v, m, {int(classical)}, code, out)",
+        "return 1",
     ]
     label = "frame_classical_motion" if classical else "frame_motion"
-    scope = {"write": _write_frame_motion, "coded": _reference_code}
-    return Builtin(label, ["frame", "reference"], words, body, scope, optional=1)
+    return Routine(label, words, OF_FRAME, body, {"write": _write_frame_motion}, Held((6,), "made", "slot"))
 
 
 ON_TABLE = {  # names that bodies of builtins on the table use
-    **NATIVE, **EDITED, "memory_of": NATIVE["memory"], "unit_norm": unit_norm, "all_finite": all_finite, "copy": copy,
-    "FLOAT": numba_kernels.FLOAT,
+    "unit_norm": unit_norm, "all_finite": all_finite, "FLOAT": numba_kernels.FLOAT,
 }  # fmt: skip
 # q beside its cosines and sines, as a recursion takes ``TURNED_Q``
-TURN_Q = ["angles = memory_of(24 * nq)", "q_turned = turned(q_in, array_at(angles, (3, nq), FLOAT))"]
+TURN_Q = ["angles = memory(24 * nq)", "q_turned = turned(q, array_at(angles, (3, nq), FLOAT))"]
 
 
 def _rows_in_plain_python(bodies: Any, address: int) -> Any:
@@ -390,34 +260,28 @@ ROWS_AT = Twin(_rows_in_plain_python, _compiled_rows)  # the scratch rows of ``j
 
 
 @cache
-def frame_jacobian(name: str) -> Builtin:
+def frame_jacobian(name: str) -> Routine:
     """``(frame, reference) -> (6, nv)``: ``frame_jacobian`` or ``frame_jacobian_dot`` at the recorded q, v.
 
-    Returns None also if joints were moved after that call. Words: table, six (6), sizes, addresses of the inputs,
-    reference ids, the rows of ``jacobians`` (0: none) and the stamps, which are equal if the rows are those of the
-    call, frames; joints are rows of the table.
+    Returns None also if joints were moved after that call. Words: table, sizes, addresses of the inputs, reference ids,
+    the rows of ``jacobians`` (0: none) and the stamps, which are equal if the rows are those of the call, frames, whose
+    joints are rows of the table.
     """
     spec = SPECS[name]
     inputs = [x for x in spec.present if not x.static]
-    words = ["table", *SIZES[::2], "six", "nv", *(f"{x.name}_address" for x in inputs), *REFERENCES]
-    words += ["placed_rows", "time", *FRAMES]
-    passed = "".join(f"at({x.name}_address, {_shape_text(x)}), " for x in inputs)
+    words = ["table", *SIZES, *(f"{x.name}_address" for x in inputs), *REFERENCES, "placed_rows", "time", *FRAMES]
+    passed = "".join(f"at({x.name}_address, ({x.shape[0]},)), " for x in inputs)
     body = [
-        "k, code = index(plan, frame, frames), coded(reference, in_frame, in_world, aligned)",
-        "if k < 0 or code < 0 or word(time, 0) < word(table, -4): return return_none(plan)",
-        *make_answer(words, "six", 2),
-        "i, p, out = places(joints, frames)[k], at(word(placements, k), (4, 4)), "
-        + f"at(word(answer, {DATA}), (6, nv))",
+        "if word(time, 0) < word(table, -1): return 0",
+        "i, p = word(joints, k), at(word(placements, k), (4, 4))",
         "if placed_rows != 0 and word(time, 0) == word(time, 1):",
         "    bodies = table_at(table)",
         "    placed(bodies, rows_at(bodies, placed_rows), i, p, code, out)",
-        f"elif sample_kernel(table, {passed}i, p, code, out) != {numba_kernels.OK}:",
-        "    return discard(plan, answer)",
-        "return answer",
+        "    return 1",
+        f"return 1 if sample_kernel(table, {passed}i, p, code, out) == {numba_kernels.OK} else 0",
     ]
-    scope = {**ON_TABLE, "sample_kernel": table_kernel(spec).twin, "coded": _reference_code}
-    scope |= {"placed": kinematics.placed_frame_jacobian, "rows_at": ROWS_AT}
-    return Builtin(name, ["frame", "reference"], words, body, scope)
+    scope = {"sample_kernel": table_kernel(spec).twin, "placed": kinematics.placed_frame_jacobian, "rows_at": ROWS_AT}
+    return Routine(name, words, OF_FRAME, body, scope, (6, "nv"))
 
 
 @inline
@@ -429,33 +293,27 @@ def _write_poses(bodies: Any, work: Any, X: Any) -> None:
 
 
 @cache
-def jacobians() -> Builtin:
-    """``(q) -> (6, nv)``: ``joint_jacobians``; records q and the result, keeps its rows and writes poses of the joints.
+def jacobians() -> Routine:
+    """``(q) -> (6, nv)``: ``joint_jacobians``; it keeps its rows and writes poses of the joints.
 
-    Words: table, six (6), sizes, memory for q, result, rows, held oMi (0: none), stamps of the call and of the rows.
+    Words: table, sizes, rows, held oMi (0: none), clock, stamps of the call and of the rows. It is to be recorded.
     """
-    words = ["table", *SIZES[::2], "six", "nv", "memory", "result", "placed_rows", "oMi", "clock", "time"]
     body = [
-        IF_EDITED,
-        *_check_arguments(SPECS["joint_jacobians"].present),
         "bodies = table_at(table)",
-        "if not unit_norm(bodies, q_in): return return_none(plan)",
-        *make_answer(words, "six", 2),
+        "if not unit_norm(bodies, q): return 0",
         *TURN_Q,
-        f"out, work = at(word(answer, {DATA}), (6, nv)), rows_at(bodies, placed_rows)",
-        "places(time, 2)[1] = 0",
+        "work = rows_at(bodies, placed_rows)",
+        "places(time, (2,))[1] = 0",
         "jacobians(bodies, work, q_turned, out)",
         "release(angles, 24 * nq)",
-        "if not all_finite(out): return discard(plan, answer)",
+        "if not all_finite(out): return 0",
         "if oMi != 0: write_poses(bodies, work, at(oMi, (njoints, 4, 4)))",
-        *record(q="nq"),
-        f"copy(at(word(answer, {DATA}), (6 * nv,)), at(result, (6 * nv,)))",
-        *put_stamp(),
-        "places(time, 2)[1] = word(time, 0)",
-        "return answer",
+        "places(time, (2,))[1] = word(clock, 0) + 1",  # the stamp that is recorded next
+        "return 1",
     ]
     scope = {**ON_TABLE, "rows_at": ROWS_AT, "jacobians": kinematics.joint_jacobians, "write_poses": _write_poses}
-    return Builtin("joint_jacobians", ["q"], words, body, scope)
+    words = ["table", *SIZES, "placed_rows", "oMi", "clock", "time"]
+    return Routine("joint_jacobians_and_rows", words, {"q": ("nq",)}, body, scope, (6, "nv"))
 
 
 @inline
@@ -471,45 +329,30 @@ def _compose_rows(bodies: Any, work: Any, X: Any, V: Any) -> None:
 
 
 @cache
-def motions(name: str) -> Builtin:
-    """``(q, v[, a]) -> True``: ``joint_velocities`` or ``joint_accelerations``, and velocities and poses in the world;
-    records the inputs. ``() -> True``: at the recorded inputs.
+def motions(name: str) -> Routine:
+    """``(q, v[, a]) -> True``: ``joint_velocities`` or ``joint_accelerations``, and velocities and poses in the world.
 
-    Words: table, sizes, memory, stamp, addresses of poses, velocities and the result.
+    Words: table, sizes, addresses of poses, velocities and the result.
     """
     spec = SPECS[name]
-    words = ["table", *SIZES, "memory", "clock", "time", "oMi", "v_out", "out"]
-    sizes = {x.name: str(x.shape[0]) for x in spec.present}
-    firsts = [" + ".join(["0", *[*sizes.values()][:k]]) for k in range(len(sizes))]
-    taken = [f"at(first + 8 * ({k}), ({size},))" for k, size in zip(firsts, sizes.values(), strict=True)]
-    new = [
-        IF_EDITED,
-        *_check_arguments(spec.present),
-        "if not unit_norm(bodies, q_in): return return_none(plan)",
-        *record(**sizes),
-    ]
+    inputs: dict[str, Kind] = {x.name: (str(x.shape[0]),) for x in spec.present}
     body = [
-        "first, bodies = memory, table_at(table)",
-        "if n > 0:",
-        *(f"    {line}" for line in new),
-        "X, found, space = at(oMi, (njoints, 4, 4)), at(out, (njoints, 6)), len(bodies) * WORK_SIZE",
-        "scratch = memory_of(space)",
+        "bodies = table_at(table)",
+        "if not unit_norm(bodies, q): return 0",
+        "X, found, space = at(oMi, (njoints, 4, 4)), at(found_at, (njoints, 6)), len(bodies) * WORK_SIZE",
+        "scratch = memory(space)",
         "work = array_at(scratch, (len(bodies),), WORK)",
-        f"q_in = {taken[0]}",
         *TURN_Q,
-        f"recursion(bodies, work, q_turned, {', '.join(taken[1:])}, found)",
+        f"recursion(bodies, work, q_turned, {', '.join([*inputs][1:])}, found)",
         "compose_rows(bodies, work, X, at(v_out, (njoints, 6)))",
         "release(angles, 24 * nq)",
         "release(scratch, space)",
-        "if not (all_finite(X) and all_finite(found)): return return_none(plan)",
-        "if n > 0:",
-        *(f"    {line}" for line in put_stamp()),
-        "return return_true(plan)",
+        "return 1 if all_finite(X) and all_finite(found) else 0",
     ]
     work: Any = spec.work
     scope = {**ON_TABLE, "WORK": work, "WORK_SIZE": work.itemsize, "recursion": spec.recursion}
     scope["compose_rows"] = _compose_rows
-    return Builtin(f"{name}_and_poses", [*sizes], words, body, scope, optional=len(sizes))
+    return Routine(f"{name}_and_poses", ["table", *SIZES, "oMi", "v_out", "found_at"], inputs, body, scope)
 
 
 HELD = ("oMi", "liMi", "oMf")  # words: addresses of fields of Data that were read; 0 for the others
@@ -531,38 +374,32 @@ def _place_path(bodies: Any, work: Any, q: Any, row: int, poses: Any, local: Any
 
 
 @cache
-def frame_jacobian_at() -> Builtin:
-    """``(q, frame) -> (6, nv)``: ``frame_jacobian`` in one reference; records q.
+def frame_jacobian_at() -> Routine:
+    """``(q, frame) -> (6, nv)``: ``frame_jacobian`` in one reference, to be recorded.
 
-    In the held fields it writes the poses of the joints that carry the frame, and that of the frame. Words: table, six
-    (6), sizes, memory, code of the reference, addresses of held fields, frames; joints are rows of the table.
+    In the held fields it writes the poses of the joints that carry the frame, and that of the frame. Words: table,
+    sizes, code of the reference, addresses of held fields, frames; joints are rows of the table.
     """
-    words = ["table", *SIZES[::2], "six", "nv", "memory", "clock", "time", "code", *HELD, *FRAMES]
     body = [
-        IF_EDITED,
-        *_check_arguments(SPECS["frame_jacobian"].present[:1]),
-        "k, bodies = index(plan, frame, frames), table_at(table)",
-        "if k < 0 or not unit_norm(bodies, q_in): return return_none(plan)",
-        *make_answer(words, "six", 2),
-        "i, p, out = places(joints, frames)[k], at(word(placements, k), (4, 4)), "
-        + f"at(word(answer, {DATA}), (6, nv))",
+        "bodies = table_at(table)",
+        "if not unit_norm(bodies, q): return 0",
+        "i, p = word(joints, k), at(word(placements, k), (4, 4))",
         "space, held = len(bodies) * WORK_SIZE, (1 if oMi != 0 else 0) + (2 if liMi != 0 else 0)",
-        "scratch = memory_of(space)",
+        "scratch = memory(space)",
         "work = array_at(scratch, (len(bodies),), WORK)",
-        "place_path(bodies, work, q_in, i, at(oMi, (njoints, 4, 4)), at(liMi, (njoints, 4, 4)), held)",
+        "place_path(bodies, work, q, i, at(oMi, (njoints, 4, 4)), at(liMi, (njoints, 4, 4)), held)",
         "jacobian(bodies, work, i, p, code, out)",
         "if oMf != 0: write_pose(at(oMf + 128 * k, (4, 4)), compose(pose_of(work[i].X), read_pose(p)))",
         "release(scratch, space)",
-        "if not all_finite(out): return discard(plan, answer)",
-        *record(q="nq"),
-        *put_stamp(),
-        "return answer",
+        "return 1 if all_finite(out) else 0",
     ]
     scope = {
         **vars(public_arrays), **ON_TABLE, "jacobian": kinematics.placed_frame_jacobian, "place_path": _place_path,
         "compose": spatial.compose, "pose_of": pose_of, "WORK": kinematics.WORK, "WORK_SIZE": kinematics.WORK.itemsize,
     }  # fmt: skip
-    return Builtin("frame_jacobian_at", ["q", "frame"], words, body, scope)
+    words = ["table", *SIZES, "code", *HELD, *FRAMES]
+    inputs: dict[str, Kind] = {"q": ("nq",), "k": Index("frames")}
+    return Routine("frame_jacobian_at", words, inputs, body, scope, (6, "nv"))
 
 
 # --- rows -----------------------------------------------------------------------------------------------

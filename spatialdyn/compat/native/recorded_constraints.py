@@ -10,16 +10,15 @@ from numpy.typing import NDArray
 
 from ...algebra.scalars import inline
 from ...engines.compiled import numba_kernels
-from ...engines.compiled.cpython import Builtin
-from ...engines.compiled.tiers import NATIVE, table_kernel
-from ...engines.object_layout import DATA, SHAPE
+from ...engines.compiled.tiers import table_kernel
+from ...engines.programs.run.routine import Kind, Routine
 from ...recursions import SPECS
 from ...recursions.constraints.kkt import bordered_inverse, constrained
-from .recorded_calls import EDITED, IF_EDITED, SIZES, copy, make_answer, put_stamp, record
+from .recorded_calls import SIZES
 
-# words of a plan: addresses of the factors that ``recursions.constraints.kkt`` computes, and stamps of two calls: the
-# one at which M and the bias are, and this one
-RECORDED = ("L", "Y", "C", "force", "clock", "before", "time", "scratch")
+# words: addresses of the factors that ``recursions.constraints.kkt`` computes, the clock, the stamp of the call that
+# gave M and the bias, and scratch
+KEPT = ("L", "Y", "C", "force", "clock", "before", "scratch")
 
 
 def take_scratch(**shapes: str) -> list[str]:
@@ -36,33 +35,35 @@ def scratch_of(nv: int, m: int) -> NDArray[np.float64]:
     return np.empty((2 * nv + 2 * m + 20) * (nv + m))
 
 
-CHECK_AND_COMPUTE_M = [
-    IF_EDITED,
-    f"if not is_matrix(plan, J, nv) or word(word(J, {SHAPE}), 0) != m: return return_none(plan)",
-    "if damping != 0 and not is_real(plan, damping): return return_none(plan)",
-    "J_in, mu = matrix(J), real(damping) if damping != 0 else 0.0",
-    "if not mu >= 0.0: return return_none(plan)",
+COMPUTE_M = [
+    "if not mu >= 0.0: return 0",
     *take_scratch(M="nv, nv", x="nv", L="nv, nv", Y="m, nv", C="m, m", force="m", g="m"),
-    f"if mass_matrix(table, q_in, M_in) != {numba_kernels.OK}: return return_none(plan)",
+    f"if mass_matrix(table, q_in, M_in) != {numba_kernels.OK}: return 0",
 ]
 SOLVE = [
     "bodies = table_at(table)",
-    "if solve(bodies, M_in, J_in, x_in, g_in, mu, L_in, Y_in, C_in, x_in, force_in) != m: return return_none(plan)",
+    "if solve(bodies, M_in, J_in, x_in, g_in, mu, L_in, Y_in, C_in, x_in, force_in) != m: return 0",
 ]
-RECORD = [
+KEEP = [
     "copy2(L_in, at(L, (nv, nv)))",
     "copy2(Y_in, at(Y, (m, nv)))",
     "copy2(C_in, at(C, (m, m)))",
     "copy(force_in, at(force, (m,)))",
-    *put_stamp("before"),
-    *put_stamp(),
+    "places(clock, (1,))[0] += 1",
+    "places(before, (1,))[0] = word(clock, 0)",
 ]
+
+
+@inline
+def _copy(x: Any, out: Any) -> None:
+    for i in range(len(x)):
+        out[i] = x[i]
 
 
 @inline
 def _copy2(x: Any, out: Any) -> None:
     for i in range(len(x)):
-        copy(x[i], out[i])
+        _copy(x[i], out[i])
 
 
 def scope_of_constraints() -> dict[str, Any]:
@@ -72,91 +73,74 @@ def scope_of_constraints() -> dict[str, Any]:
         return table_kernel(numba_kernels.variant(SPECS[name], frozenset())).twin
 
     return {
-        **EDITED, "mass_matrix": kernel("crba"), "bias_of": kernel("nonlinear_effects"), "table_at": NATIVE["table_at"],
-        "solve": constrained, "inverse": bordered_inverse, "copy": copy, "copy2": _copy2, "empty": np.empty,
+        "mass_matrix": kernel("crba"), "bias_of": kernel("nonlinear_effects"), "solve": constrained,
+        "inverse": bordered_inverse, "copy": _copy, "copy2": _copy2, "empty": np.empty,
     }  # fmt: skip
 
 
 @cache
-def dynamics() -> Builtin:
-    """``(q, v, tau, J, drift[, damping]) -> a``: forward dynamics under constraints; returns None if not applicable.
+def dynamics() -> Routine:
+    """``(q, v, tau, J, drift, damping) -> a``: forward dynamics under constraints; q, v and a are to be recorded.
 
-    Words: table, sizes, m, memory for q and v, bias, result, factors, stamps, scratch.
+    Words: table, sizes, m, bias, factors, clock, stamp, scratch.
     """
-    words = ["table", *SIZES, "m", "memory", "bias", "result", *RECORDED]
+    inputs: dict[str, Kind] = {"q_in": ("nq",), "v_in": ("nv",), "tau_in": ("nv",), "J_in": ("m", "nv")}
     body = [
-        "if not is_vector(plan, q, nq): return return_none(plan)",
-        "if not (is_vector(plan, v, nv) and is_vector(plan, tau, nv)): return return_none(plan)",
-        "if not is_vector(plan, drift, m): return return_none(plan)",
-        "q_in, v_in, tau_in = vector(q, nq), vector(v, nv), vector(tau, nv)",
-        *CHECK_AND_COMPUTE_M,
-        "copy(vector(drift, m), g_in)",
+        *COMPUTE_M,
+        "copy(drift, g_in)",
         *take_scratch(b="nv"),
-        f"if bias_of(table, q_in, v_in, b_in) != {numba_kernels.OK}: return return_none(plan)",
+        f"if bias_of(table, q_in, v_in, b_in) != {numba_kernels.OK}: return 0",
         "for i in range(nv): x_in[i] = tau_in[i] - b_in[i]",
         *SOLVE,
-        *make_answer(words, "nv", 1),
-        f"copy(x_in, at(word(answer, {DATA}), (nv,)))",
-        *RECORD,
-        *record(q="nq", v="nv"),
+        "copy(x_in, out)",
+        *KEEP,
         "copy(b_in, at(bias, (nv,)))",
-        "copy(x_in, at(result, (nv,)))",  # after the inputs, which may share its memory
-        "return answer",
+        "return 1",
     ]
-    arguments = ["q", "v", "tau", "J", "drift", "damping"]
-    return Builtin("constrained", arguments, words, body, scope_of_constraints(), optional=1)
+    words = ["table", *SIZES, "m", "bias", *KEPT]
+    return Routine("constrained", words, inputs | {"drift": ("m",), "mu": ()}, body, scope_of_constraints(), ("nv",))
 
 
 @cache
-def impact() -> Builtin:
-    """``(q, v, J[, restitution[, damping]]) -> v after an impact``; returns None if not applicable.
+def impact() -> Routine:
+    """``(q, v, J, restitution, damping) -> v after an impact``; q and the result are to be recorded.
 
-    Words: table, sizes, m, memory for q, M, result, factors, stamps, scratch.
+    Words: table, sizes, m, M, factors, clock, stamp, scratch.
     """
-    words = ["table", *SIZES, "m", "memory", "M", "result", *RECORDED]
+    inputs: dict[str, Kind] = {"q_in": ("nq",), "v_in": ("nv",), "J_in": ("m", "nv"), "e": (), "mu": ()}
     body = [
-        "if not (is_vector(plan, q, nq) and is_vector(plan, v, nv)): return return_none(plan)",
-        "if restitution != 0 and not is_real(plan, restitution): return return_none(plan)",
-        "q_in, v_in, e = vector(q, nq), vector(v, nv), real(restitution) if restitution != 0 else 0.0",
-        "if not 0.0 <= e <= 1.0: return return_none(plan)",
-        *CHECK_AND_COMPUTE_M,
+        "if not 0.0 <= e <= 1.0: return 0",
+        *COMPUTE_M,
         "for k in range(m):",
         "    g_in[k] = 0.0",
         "    for i in range(nv): g_in[k] += (1.0 + e) * J_in[k, i] * v_in[i]",
         "for i in range(nv): x_in[i] = 0.0",
         *SOLVE,
-        *make_answer(words, "nv", 1),
-        f"after = at(word(answer, {DATA}), (nv,))",
-        "for i in range(nv): after[i] = v_in[i] + x_in[i]",
+        "for i in range(nv): out[i] = v_in[i] + x_in[i]",
         "copy2(M_in, at(M, (nv, nv)))",
-        "copy(q_in, at(memory, (nq,)))",
-        *RECORD,
-        "copy(after, at(result, (nv,)))",
-        "return answer",
+        *KEEP,
+        "return 1",
     ]
-    return Builtin("impact", ["q", "v", "J", "restitution", "damping"], words, body, scope_of_constraints(), optional=2)
+    return Routine("impact", ["table", *SIZES, "m", "M", *KEPT], inputs, body, scope_of_constraints(), ("nv",))
 
 
 @cache
-def inverse() -> Builtin:
-    """``(q, J[, damping]) -> inverse of [M Jᵀ; J -μ 1]``; returns None if not applicable.
+def inverse() -> Routine:
+    """``(q, J, damping) -> inverse of [M Jᵀ; J -μ 1]``; q is to be recorded.
 
-    Words: table, sizes, m, axes of the result, memory for q, M, factors, stamps, scratch.
+    Words: table, sizes, m, axes of the result, M, factors, clock, stamp, scratch.
     """
-    words = ["table", *SIZES, "m", "rows", "columns", "memory", "M", *RECORDED]
+    inputs: dict[str, Kind] = {"q_in": ("nq",), "J_in": ("m", "nv"), "mu": ()}
     body = [
-        "if not is_vector(plan, q, nq): return return_none(plan)",
-        "q_in = vector(q, nq)",
-        *CHECK_AND_COMPUTE_M,
+        *COMPUTE_M,
         "for k in range(m): g_in[k] = 0.0",
         "for i in range(nv): x_in[i] = 0.0",
         *SOLVE,
-        *make_answer(words, "rows", 2),
         "copy(force_in, at(force, (m,)))",
-        f"inverse(bodies, L_in, Y_in, C_in, g_in, x_in, force_in, at(word(answer, {DATA}), (rows, columns)))",
+        "inverse(bodies, L_in, Y_in, C_in, g_in, x_in, force_in, out)",
         "copy2(M_in, at(M, (nv, nv)))",
-        "copy(q_in, at(memory, (nq,)))",
-        *RECORD,
-        "return answer",
+        *KEEP,
+        "return 1",
     ]
-    return Builtin("bordered_inverse", ["q", "J", "damping"], words, body, scope_of_constraints(), optional=1)
+    words = ["table", *SIZES, "m", "rows", "columns", "M", *KEPT]
+    return Routine("bordered_inverse", words, inputs, body, scope_of_constraints(), ("rows", "columns"))

@@ -23,14 +23,13 @@ from ...algebra.public_arrays import (
 from ...algebra.scalars import inline
 from ...algebra.spatial import Motion, add_motion, cross_motion, motion_to_parent, scale_motion, sub_motion, zero_motion
 from ...engines.compiled import numba_kernels
-from ...engines.compiled.cpython import Builtin
-from ...engines.object_layout import DATA
+from ...engines.programs.run.routine import Kind, Routine
 from ...recursions.constraints.kkt import solve_factored
 from ...recursions.spec import LOCAL
 from ...recursions.tree.kinematics import WORK, classical_acceleration, frame_jacobian, frame_motion
 from .operators import log_pose, relative_pose
-from .recorded_calls import IF_EDITED, SIZES, make_answer, record
-from .recorded_constraints import RECORD, RECORDED, scope_of_constraints, take_scratch
+from .recorded_calls import SIZES
+from .recorded_constraints import KEEP, KEPT, scope_of_constraints, take_scratch
 
 GIVEN, FOUND = 38, 78  # numbers of a contact, and of its data
 ABSOLUTE, RELATIVE, MU, MOST, ITERATIONS, ABSOLUTE_RESIDUAL, RELATIVE_RESIDUAL = range(7)  # of ProximalSettings
@@ -126,27 +125,22 @@ def solve_proximally(bodies: Any, J: Any, r: Any, g: Any, s: Any, L: Any, Y: Any
 
 
 @cache
-def contact_dynamics() -> Builtin:
-    """``(q, v, tau, settings (7,)) -> a`` under contacts; returns None if not applicable, as for dependent contacts.
+def contact_dynamics() -> Routine:
+    """``(q, v, tau, settings (7,)) -> a`` under contacts, but dependent ones; it writes the settings.
 
     Words: table, sizes, m, number of contacts, addresses of arrays of addresses: contacts, data; of the rows of joints;
-    memory for q and v, bias, result, factors, stamps, scratch.
+    bias, factors, clock, stamp, scratch. q, v and a are to be recorded.
     """
-    words = ["table", *SIZES, "m", "count", "contacts", "datas", "rows", "memory", "bias", "result", *RECORDED]
     body = [
-        IF_EDITED,
-        "if not (is_vector(plan, q, nq) and is_vector(plan, v, nv)): return return_none(plan)",
-        "if not (is_vector(plan, tau, nv) and is_vector(plan, settings, 7)): return return_none(plan)",
-        "q_in, v_in, tau_in, s = vector(q, nq), vector(v, nv), vector(tau, nv), vector(settings, 7)",
         "size = 0.0",
         "for k in range(count):",
         f"    size += at(word(contacts, k), ({GIVEN},))[0]",
-        f"    if at(word(contacts, k), ({GIVEN},))[1] > 1.0: return return_none(plan)",
-        f"if size != m or not s[{MU}] >= 0.0: return return_none(plan)",
+        f"    if at(word(contacts, k), ({GIVEN},))[1] > 1.0: return 0",
+        f"if size != m or not s[{MU}] >= 0.0: return 0",
         *take_scratch(M="nv, nv", x="nv", r="nv", b="nv", L="nv, nv", Y="m, nv", C="m, m", force="m", g="m"),
         *take_scratch(J="m, nv", J1="6, nv", J2="6, nv"),
-        f"if mass_matrix(table, q_in, M_in) != {numba_kernels.OK}: return return_none(plan)",
-        f"if bias_of(table, q_in, v_in, b_in) != {numba_kernels.OK}: return return_none(plan)",
+        f"if mass_matrix(table, q_in, M_in) != {numba_kernels.OK}: return 0",
+        f"if bias_of(table, q_in, v_in, b_in) != {numba_kernels.OK}: return 0",
         "bodies, first = table_at(table), 0",
         "work = empty(len(bodies), WORK)",
         "for k in range(count):",
@@ -156,21 +150,19 @@ def contact_dynamics() -> Builtin:
         "    put(bodies, work, q_in, v_in, at(rows, (njoints,)), c, own, J1_in, J2_in, J_own, g_own)",
         "    first = end",
         "for i in range(nv): r_in[i] = tau_in[i] - b_in[i]",
-        f"if solve(bodies, M_in, J_in, r_in, g_in, s[{MU}], L_in, Y_in, C_in, x_in, force_in) != m: "
-        "return return_none(plan)",
+        f"if solve(bodies, M_in, J_in, r_in, g_in, s[{MU}], L_in, Y_in, C_in, x_in, force_in) != m: return 0",
         "proximally(bodies, J_in, r_in, g_in, s, L_in, Y_in, C_in, x_in, force_in)",
-        *make_answer(words, "nv", 1),
-        f"copy(x_in, at(word(answer, {DATA}), (nv,)))",
+        "copy(x_in, out)",
         "first = 0",
         "for k in range(count):",
         f"    own, rows_of = at(word(datas, k), ({FOUND},)), int(at(word(contacts, k), ({GIVEN},))[0])",
         "    for i in range(rows_of): own[i] = force_in[first + i]",
         "    first += rows_of",
-        *RECORD,
-        *record(q="nq", v="nv"),
+        *KEEP,
         "copy(b_in, at(bias, (nv,)))",
-        "copy(x_in, at(result, (nv,)))",  # after the inputs, which may share its memory
-        "return answer",
+        "return 1",
     ]
+    words = ["table", *SIZES, "m", "count", "contacts", "datas", "rows", "bias", *KEPT]
+    inputs: dict[str, Kind] = {"q_in": ("nq",), "v_in": ("nv",), "tau_in": ("nv",), "s": (7,)}
     scope = {**scope_of_constraints(), "put": put_contact, "proximally": solve_proximally, "WORK": WORK}
-    return Builtin("contact_dynamics", ["q", "v", "tau", "settings"], words, body, scope)
+    return Routine("contact_dynamics", words, inputs, body, scope, ("nv",))

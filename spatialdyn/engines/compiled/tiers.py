@@ -156,36 +156,10 @@ def _function(result: Any, *given: Any) -> Any:
     return ctypes.PYFUNCTYPE(result, *given)
 
 
-def call_words(address: int, arguments: tuple[int, ...]) -> int:
-    """Call a C function of words that returns a word; returns -1 if the function sets an error."""
-    try:
-        found: int = _function(ctypes.c_int64, *[ctypes.c_int64] * len(arguments))(address)(*arguments)
-    except OverflowError:
-        return -1
-    return found
-
-
-def call_void(address: int, arguments: tuple[int, ...]) -> None:
-    """Call a C function of words that returns nothing."""
-    _function(None, *[ctypes.c_int64] * len(arguments))(address)(*arguments)
-
-
-def call_real(address: int, x: float) -> int:
-    """Call a C function of a float that returns a word."""
-    found: int = _function(ctypes.c_int64, ctypes.c_double)(address)(x)
-    return found
-
-
 def real_of(address: int, x: int) -> float:
     """Call a C function of a word that returns a float."""
     found: float = _function(ctypes.c_double, ctypes.c_int64)(address)(x)
     return found
-
-
-def advance(address: int) -> None:
-    """Add 1 to the counter at an address, atomically."""
-    count = array_of(address, (1,), np.int64)
-    np.add(count, 1, out=count)
 
 
 def table_at(address: int) -> Any:

@@ -181,8 +181,7 @@ compiled = pytest.mark.skipif(not object_layout.READY or numba_kernels.PLAIN, re
 
 def bound(signature: str, text: str) -> Any:
     row = operator_kernels.Formula.parsed(signature, text)
-    builtin, slot = operator_kernels.value_builtin(row), object_layout.slot_offset(Box, "x")
-    return operator_kernels.bind_values(builtin, row, slot, {"Pose": Box, "Motion": Box})
+    return operator_kernels.bind_values(row, object_layout.slot_offset(Box, "x"), {"Pose": Box, "Motion": Box})
 
 
 @compiled
@@ -236,7 +235,7 @@ def test_a_bound_that_is_none_is_two_away() -> None:
 @compiled
 def test_draws_are_those_of_the_generator() -> None:
     generator, twin = np.random.default_rng(5), np.random.default_rng(5)
-    draw = operator_kernels.draw_between(generator)
+    draw = operator_kernels.draw_between(generator, 6)
     draws = twin.random(6)
     expected = [operators.between(*x) for x in zip(*LIMITS.tolist(), draws.tolist(), strict=True)]
     assert np.abs(draw(*LIMITS) - expected).max() <= 4 * EPS

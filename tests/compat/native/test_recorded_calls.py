@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from array import array
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,11 @@ from unfused import unfused
 import spatialdyn as sd
 from spatialdyn.compat.native import operator_kernels, recorded_calls, recorded_constraints
 from spatialdyn.constraints.contact import solve
-from spatialdyn.engines.compiled import cpython
+from spatialdyn.engines.compiled import entries
+from spatialdyn.engines.compiled.numba_kernels import variant
+from spatialdyn.engines.programs.run import single_call
+from spatialdyn.engines.programs.run.call_code import CallCode
+from spatialdyn.recursions import SPECS
 
 
 @pytest.fixture(scope="module")
@@ -22,23 +27,39 @@ def case() -> Any:
     return made.model, random_state(made.tree, np.random.default_rng(0))
 
 
-TIME = np.zeros(1, np.int64)
-compiled = pytest.mark.skipif(not cpython.READY, reason="nothing is compiled, or Python is not as expected")
+STAMP = array("q", [0, 0])
+compiled = pytest.mark.skipif(not single_call.READY, reason="nothing is compiled, or Python is not as expected")
 
 
-def bound(function: Any, model: Any, arrays: dict[str, Any], **sizes: int) -> Any:
-    numbers = np.zeros(1)
-    table = recorded_calls.Table(np.frombuffer(model.bodies.tobytes(), np.uint8), numbers, numbers.copy())
-    words = {"table": table.address, "nq": model.nq, "nv": model.nv, "njoints": model.njoints, **sizes}
-    words |= {name: x.ctypes.data for name, x in arrays.items()}
-    return function.bind(table, arrays, **words)
+def bound(routine: Any, model: Any, arrays: dict[str, Any], **sizes: int) -> Any:
+    words = {"table": model.address, "nq": model.nq, "nv": model.nv, "njoints": model.njoints, **sizes}
+    return routine.bind({**words, **{name: x.ctypes.data for name, x in arrays.items()}}, model, arrays)
+
+
+def recorded(
+    name: str,
+    model: Any,
+    memory: Any,
+    result: Any,
+    forces: bool = False,
+    unused: int = 0,
+    returns: int = 0,
+    now: Any = None,
+) -> Any:
+    now, spec = np.zeros(1) if now is None else now, variant(SPECS[name], frozenset(["fext"] if forces else []))
+    table = recorded_calls.Table(np.frombuffer(model.bodies.tobytes(), np.uint8), now, now.copy())
+    entries.table_entry(spec).compile_now()
+    sizes = {"nq": model.nq, "nv": model.nv, "njoints": model.njoints}
+    count = len(spec.present) - forces + unused
+    noted = recorded_calls.record(count, memory, result, STAMP, table)
+    return recorded_calls.recorded_call(CallCode(spec, table), sizes, noted, unused, returns, result)
 
 
 @compiled
 def test_a_call_notes_its_inputs_and_its_result(case: Any) -> None:
     model, s = case
     tau, memory = np.empty(model.nv), np.empty(model.nq + 2 * model.nv)
-    call = bound(recorded_calls.recorded_call("rnea"), model, {"memory": memory, "result": tau, "time": TIME})
+    call = recorded("rnea", model, memory, tau)
     found = call(s.q, s.v, s.a)
     np.testing.assert_array_equal(found, unfused("rnea", model, s.q, s.v, s.a))
     np.testing.assert_array_equal(tau, found)
@@ -47,12 +68,24 @@ def test_a_call_notes_its_inputs_and_its_result(case: Any) -> None:
 
 
 @compiled
+def test_a_call_is_left_to_python_if_the_model_was_edited(case: Any) -> None:
+    model, s = case
+    tau, memory, now = np.zeros(model.nv), np.zeros(model.nq + 2 * model.nv), np.zeros(3)
+    call = recorded("rnea", model, memory, tau, now=now)
+    assert call(s.q, s.v, s.a) is not None
+    memory[:] = 0.0
+    now[2] = 1.0
+    assert call(s.q, s.v, s.a) is None
+    assert not memory.any()
+    now[2] = 0.0
+    assert call(s.q, s.v, s.a) is not None
+
+
+@compiled
 def test_a_result_may_be_returned_in_parts(case: Any) -> None:
     model, s = case
     result, memory = np.empty((3, model.nv, model.nv)), np.empty(model.nq + 2 * model.nv)
-    function = recorded_calls.recorded_call("rnea_derivatives", returns=recorded_calls.PARTS)
-    call = bound(function, model, {"memory": memory, "result": result, "time": TIME})
-    found = call(s.q, s.v, s.a)
+    found = recorded("rnea_derivatives", model, memory, result, returns=recorded_calls.PARTS)(s.q, s.v, s.a)
     np.testing.assert_array_equal(found, unfused("rnea_derivatives", model, s.q, s.v, s.a))
     np.testing.assert_array_equal(found, result)
     assert type(found) is tuple
@@ -61,26 +94,25 @@ def test_a_result_may_be_returned_in_parts(case: Any) -> None:
 
 
 @compiled
-def test_forces_are_a_last_vector(case: Any) -> None:
+@pytest.mark.parametrize("name", ["rnea", "static_torque"])
+def test_forces_are_a_last_vector(case: Any, name: str) -> None:
+    """They are not recorded, also where they are required."""
     model, s = case
-    tau, memory = np.empty(model.nv), np.empty(model.nq + 2 * model.nv)
-    call = bound(
-        recorded_calls.recorded_call("rnea", forces=True),
-        model,
-        {"memory": memory, "result": tau, "time": TIME},
-    )
-    np.testing.assert_array_equal(call(s.q, s.v, s.a, s.fext.ravel()), unfused("rnea", model, s.q, s.v, s.a, s.fext))
-    assert call(s.q, s.v, s.a) is call(s.q, s.v, s.a, s.fext.ravel()[:-1]) is None
+    given = (s.q, s.v, s.a) if name == "rnea" else (s.q,)
+    tau, memory = np.empty(model.nv), np.zeros(1 + sum(map(len, given)))
+    call = recorded(name, model, memory[:-1], tau, forces=True)
+    np.testing.assert_array_equal(call(*given, s.fext.ravel()), unfused(name, model, *given, s.fext))
+    assert call(*given) is call(*given, s.fext.ravel()[:-1]) is None
+    np.testing.assert_array_equal(memory, [*np.concatenate(given), 0.0])
 
 
 @compiled
 def test_a_result_may_stay_and_more_be_noted(case: Any) -> None:
     model, s = case
-    X, memory = np.empty((model.njoints, 4, 4)), np.empty(model.nq + 2 * model.nv)
-    stamp, before = np.zeros(1, np.int64), recorded_calls.clock()
-    function = recorded_calls.recorded_call("forward_kinematics", 2, recorded_calls.RESULT)
-    assert bound(function, model, {"memory": memory, "result": X, "time": stamp})(s.q, s.v, s.a) is True
-    assert before < stamp[0] < recorded_calls.clock()
+    X, memory, before = np.empty((model.njoints, 4, 4)), np.empty(model.nq + 2 * model.nv), recorded_calls.clock()
+    call = recorded("forward_kinematics", model, memory, X, unused=2, returns=recorded_calls.RESULT)
+    assert call(s.q, s.v, s.a) is True
+    assert before < STAMP[0] < recorded_calls.clock()
     np.testing.assert_array_equal(X, unfused("forward_kinematics", model, s.q))
     np.testing.assert_array_equal(memory, np.concatenate([s.q, s.v, s.a]))
 
@@ -93,8 +125,7 @@ def test_an_input_may_lie_in_the_result() -> None:
     q, memory = np.full(n, 0.1), np.empty(2 * n)
     room = np.random.default_rng(0).normal(size=n + count + n)
     X = room[n : n + count].reshape(model.njoints, 4, 4)
-    places = {"memory": memory, "result": X, "time": TIME}
-    call = bound(recorded_calls.recorded_call("forward_kinematics", 1, recorded_calls.RESULT), model, places)
+    call = recorded("forward_kinematics", model, memory, X, unused=1, returns=recorded_calls.RESULT)
     for given in (room[n : 2 * n], room[n + 2 : 2 : -1], room[n + count + n - 1 : n + count - 1 : -1]):
         before = given.copy()
         assert call(given, q) is True
@@ -108,7 +139,7 @@ def test_an_input_may_lie_in_the_result() -> None:
 def test_a_failure_notes_nothing(case: Any) -> None:
     model, s = case
     tau, memory = np.zeros(model.nv), np.zeros(model.nq + 2 * model.nv)
-    call = bound(recorded_calls.recorded_call("rnea"), model, {"memory": memory, "result": tau, "time": TIME})
+    call = recorded("rnea", model, memory, tau)
     assert call(2.0 * s.q, s.v, s.a) is call(s.q, s.v, s.a * np.inf) is None
     assert not memory.any()
     assert not tau.any()
@@ -117,10 +148,13 @@ def test_a_failure_notes_nothing(case: Any) -> None:
 @compiled
 def test_a_call_is_made_again_on_what_was_noted(case: Any) -> None:
     model, s = case
-    out = np.empty((model.njoints, 6))
-    arrays = {"address0": s.q, "address1": s.v, "out": out}
-    assert bound(recorded_calls.recompute("joint_velocities"), model, arrays)() is True
+    out, again = np.empty((model.njoints, 6)), np.empty((model.njoints, 6))
+    spec = variant(SPECS["joint_velocities"], frozenset())
+    entries.table_entry(spec).compile_now()
+    assert recorded_calls.rerun(CallCode(spec, model), [s.q, s.v], out)() is True
     np.testing.assert_array_equal(out, unfused("joint_velocities", model, s.q, s.v))
+    assert recorded_calls.copier(out, again)() is True
+    np.testing.assert_array_equal(again, out)
 
 
 @compiled
@@ -128,10 +162,10 @@ def test_frames_are_placed_with_the_joints(case: Any) -> None:
     model, s = case
     frames = [f for f in model.frames if f.joint > 0]
     joints, placements = np.array([f.joint for f in frames]), np.array([f.placement for f in frames])
-    X, out, memory = np.empty((model.njoints, 4, 4)), np.zeros((len(frames), 4, 4)), np.empty(model.nq)
+    X, out = np.empty((model.njoints, 4, 4)), np.zeros((len(frames), 4, 4))
     places = np.array([x.ctypes.data for x in placements])
-    arrays = {"memory": memory, "poses": X, "result": out, "joints": joints, "placements": places}
-    arrays |= {name: np.zeros(1, np.int64) for name in ("clock", "time", "time_of_joints")}
+    arrays = {"poses": X, "result": out, "joints": joints, "placements": places}
+    arrays |= {name: np.zeros(1, np.int64) for name in ("clock", "time")}
     assert bound(recorded_calls.place_frames(True), model, arrays, frames=len(frames))(s.q) is True
     for frame, found in zip(frames, out, strict=True):
         np.testing.assert_allclose(found, sd.frame_placement(model, s.q, frame), atol=1e-14)
@@ -147,8 +181,8 @@ def test_the_answer_under_constraints_is_the_librarys(case: Any) -> None:
     model, s = case
     m, n, rng = 3, model.nv, np.random.default_rng(3)
     J, drift = rng.normal(size=(m, n)), rng.normal(size=m)
-    arrays = {"memory": np.empty(model.nq + n), "bias": np.empty(n), "result": np.empty(n), "L": np.empty((n, n))}
-    arrays |= {"Y": np.empty((m, n)), "C": np.empty((m, m)), "force": np.empty(m), "time": np.zeros(1, np.int64)}
+    arrays = {"bias": np.empty(n), "L": np.empty((n, n)), "Y": np.empty((m, n)), "C": np.empty((m, m))}
+    arrays |= {"force": np.empty(m)}
     arrays |= {"before": np.zeros(1, np.int64), "scratch": recorded_constraints.scratch_of(n, m)}
     clock = recorded_calls.address(recorded_calls.clock.now)
     call = bound(recorded_constraints.dynamics(), model, arrays, m=m, clock=clock)
@@ -157,10 +191,10 @@ def test_the_answer_under_constraints_is_the_librarys(case: Any) -> None:
     close = 1e-13 * abs(expected.x).max()  # the library's solver fuses products and sums
     np.testing.assert_allclose(call(s.q, s.v, s.tau, J, drift, 0.1), expected.x, rtol=0.0, atol=close)
     np.testing.assert_allclose(arrays["force"], expected.force, rtol=1e-12)
-    assert 0 < arrays["before"][0] < arrays["time"][0] == recorded_calls.clock.now[0]
+    assert 0 < arrays["before"][0] == recorded_calls.clock.now[0]
     J[1] = J[0]
     kept = arrays["force"].copy()
-    assert call(s.q, s.v, s.tau, J, drift) is call(s.q, s.v, s.tau, J, drift, -1.0) is None
+    assert call(s.q, s.v, s.tau, J, drift, 0.0) is call(s.q, s.v, s.tau, J, drift, -1.0) is None
     np.testing.assert_array_equal(arrays["force"], kept)
 
 

@@ -69,7 +69,7 @@ BORROWED: dict[str, set[str]] = {
     # CPython builtins that read NumPy's array objects
     "ctypes": {
         "compat/native/operator_kernels.py",
-        "engines/compiled/cpython.py",
+        "engines/compiled/entries.py",
         "engines/compiled/tiers.py",
         "engines/object_layout.py",
         "engines/programs/gpu/arrays.py",
@@ -82,7 +82,6 @@ BORROWED: dict[str, set[str]] = {
         "examples/c_export.py",
     },
     "ctypes.pythonapi": {
-        "engines/compiled/cpython.py",
         "engines/object_layout.py",
         "engines/programs/gpu/arrays.py",
     },

@@ -12,10 +12,11 @@ from slow import slow_but
 from trees import random_state, random_tree
 
 from spatialdyn.algebra.scalars import cos, sin
-from spatialdyn.engines.compiled import cpython, numba_kernels, tiers
+from spatialdyn.engines.compiled import numba_kernels, tiers
+from spatialdyn.engines.programs.run import single_call
 from spatialdyn.recursions import SPECS
 
-pytestmark = pytest.mark.skipif(not cpython.READY, reason="nothing is compiled, or Python is not as expected")
+pytestmark = pytest.mark.skipif(not single_call.READY, reason="nothing is compiled, or Python is not as expected")
 
 
 class Counted(tiers.Tier):

@@ -98,7 +98,7 @@ def test_one_sample_in_any_form_is_answered_by_the_program(
         np.testing.assert_array_equal(sd.rnea(arm, form(q), v, form(a)), expected)
         np.testing.assert_array_equal(sd.rnea(arm, form(q), v, a=form(a), fext=fext.tolist()), loaded)
         np.testing.assert_array_equal(sd.frame_jacobian(arm, form(q), arm.frames[-1].name, "world"), J)
-    assert len(python) == 3 * len(forms)
+    assert len(python) == 3 * len(forms) - 2  # numbers that are apart are read by the builtin
     np.testing.assert_array_equal(sd.rnea(arm, q, [1, 2], (3, -4)), expected)
 
 
@@ -178,7 +178,6 @@ def not_answered(model: sd.Model, q: Any, v: Any, a: Any) -> list[tuple[Any, ...
         (q, v.astype(np.float32), a),
         (q, swapped, a),
         (q, shifted, a),
-        (q, np.repeat(v, 2)[::2], a),
         (q, v[None], a),
         (q, v.view(Kind), a),
         (q, np.ma.array(v), a),

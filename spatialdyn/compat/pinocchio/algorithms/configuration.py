@@ -10,8 +10,8 @@ import numpy as np
 
 from ....algebra.rotations import NORM_ROUNDING
 from ....bodies.kinds import kind_of
-from ....engines.compiled.cpython import READY
 from ....engines.compiled.generated import function_from_text
+from ....engines.programs.run.single_call import READY
 from ....errors import ShapeError, SpatialDynError
 from ...native import operator_kernels, operators
 from ..coverage.strictness import strict
@@ -216,7 +216,7 @@ def randomConfiguration(model: Model, lower_bound: Any = None, upper_bound: Any 
     library = library_model(expected(model, Model, "model"))
     lower = model.lowerPositionLimit if lower_bound is None else vector("lower_bound", lower_bound, model.nq)
     upper = model.upperPositionLimit if upper_bound is None else vector("upper_bound", upper_bound, model.nq)
-    q: Array | None = operator_kernels.draw_between(GENERATOR, library.units)(lower, upper) if READY else None
+    q: Array | None = operator_kernels.draw_between(GENERATOR, model.nq, library.units)(lower, upper) if READY else None
     if q is None:
         q = np.array([*map(operators.between, lower.tolist(), upper.tolist(), GENERATOR.random(model.nq))])
         for first, size in library.units:

@@ -7,15 +7,16 @@ A damping μ makes J a + γ = -μ λ of them.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ....constraints.contact import Solved, inverse
 from ....constraints.contact import solve as solved
-from ....engines.compiled.cpython import Builtin
+from ....engines.programs.run.routine import Routine
 from ....errors import ConstraintError, ShapeError
 from ...native import recorded_constraints
+from ...native.recorded_calls import record
 from ..cholesky import without_mimic
 from ..data.data import Data, library_of
 from ..data.dispatch import vector
@@ -124,10 +125,11 @@ def _fast_call(kind: str, model: Model, data: Data, arguments: tuple[Any, ...]) 
         library, before, run, call = data._bound[kind]
         if library is not model._library:
             return None
+        arguments = (*arguments, *[0.0] * (_BUILTINS[kind].inputs - len(arguments)))  # restitution, damping
         found: Array | None = call(*arguments)
         if found is None and library.follow():  # numbers were edited
             found = call(*arguments)
-    except (AttributeError, KeyError, SystemError):  # the fast path does not apply
+    except (AttributeError, KeyError):  # the fast path does not apply
         return None
     if found is not None:
         data.note_builtin_call(before)
@@ -143,7 +145,7 @@ def _solve(
 
     bind  its q is that of the call before: bind a builtin to the inputs of that, and to result and factors of this
     """
-    library, (make, source, reads) = library_of(model, data), _BUILTINS[kind]
+    library, (make, source, reads, recorded, _) = library_of(model, data), _BUILTINS[kind]
     f = solved(without_mimic(library.model), data.array("M"), r, J, gamma, mu)
     result = np.empty(0) if kind == BORDERED else before + f.x
     run: Run = data.run_of(kind, model, library, result.shape)
@@ -152,27 +154,35 @@ def _solve(
     data.__dict__["_contact"] = f
     if bind and library.has_builtins:
         call = data._runs[source]
-        places = {"memory": call.memory, reads: call.result, "result": run.result}
-        places |= {"L": f.L, "Y": f.Y, "C": f.C, "force": f.force}
+        places = {reads: call.result, "L": f.L, "Y": f.Y, "C": f.C, "force": f.force}
         places["scratch"] = recorded_constraints.scratch_of(model.nv, len(f.C))
-        words = {**library.words, **run.stamp_words, **{name: x.ctypes.data for name, x in places.items()}}
-        words |= {
-            "before": call.stamp_words["time"],
-            "m": len(f.C),
-            "rows": model.nv + len(f.C),
-            "columns": model.nv + len(f.C),
-        }
-        builtin = make()
-        bound = builtin.bind(library, call, run, f, places, **{name: words[name] for name in builtin.words})
-        data._bound[kind] = library, call, run, bound
+        m, n = len(f.C), len(f.C) + model.nv
+        words = {**library.words, **{name: x.ctypes.data for name, x in places.items()}}
+        words |= {"clock": run.stamp_words["clock"], "before": call.stamp_words["time"], "m": m}
+        words |= {"rows": n, "columns": n}
+        kept = None if kind == BORDERED else run.result
+        noted = record(recorded, call.memory, kept, run._stamp, library.table)
+        builtin = make().bind(words, library, call, run, f, places, record=noted)
+        data._bound[kind] = library, call, run, builtin
     return f
 
 
-# kind -> its builtin, the call before it, and what it reads of that call's result
-_BUILTINS: dict[str, tuple[Callable[[], Builtin], str, str]] = {
-    CONSTRAINED: (recorded_constraints.dynamics, "all", "bias"),
-    IMPACT: (recorded_constraints.impact, "crba_world", "M"),
-    BORDERED: (recorded_constraints.inverse, "crba_world", "M"),
+class _Builtin(NamedTuple):
+    """The builtin of a kind, the call before it, what it reads of that call's result, how many inputs are recorded, and
+    how many there are.
+    """
+
+    make: Callable[[], Routine]
+    source: str
+    reads: str
+    recorded: int
+    inputs: int
+
+
+_BUILTINS = {
+    CONSTRAINED: _Builtin(recorded_constraints.dynamics, "all", "bias", 2, 6),
+    IMPACT: _Builtin(recorded_constraints.impact, "crba_world", "M", 1, 5),
+    BORDERED: _Builtin(recorded_constraints.inverse, "crba_world", "M", 1, 3),
 }
 
 

@@ -10,9 +10,9 @@ import numpy as np
 
 from ....calls import dynamics
 from ....engines.compiled import numba_kernels
-from ....engines.compiled.cpython import unavailable
 from ....engines.compiled.generated import function_from_text
 from ....engines.compiled.tiers import table_kernel
+from ....engines.programs.run.single_call import unavailable
 from ....recursions import SPECS
 from ...native import recorded_calls
 from ..data.data import Data, library_of
@@ -115,9 +115,8 @@ def _at(name: str, doc: str) -> Callable[..., Array]:
             fields = {x: data._held.get(x) for x in recorded_calls.HELD if x in run.kind.fills}
             held = {x: array for x, array in fields.items() if array is not None and library.joints is None} | written
             words = {x: held[x].ctypes.data if x in held else 0 for x in recorded_calls.HELD}
-            words |= {"six": 6, "memory": run.memory.ctypes.data, "code": code, **run.stamp_words, **library.words}
-            words |= frames.words(rows=True)
-            call = recorded_calls.frame_jacobian_at().bind(library, run, frames, held, **words)
+            words |= {"code": code, **library.words, **frames.words(rows=True)}
+            call = recorded_calls.frame_jacobian_at().bind(words, library, run, frames, held, record=run.recording(1))
         data._bound[name if of_joints else id(reference)] = run, frames, call
         return found
 
@@ -170,9 +169,9 @@ def _recorded(name: str, doc: str) -> Callable[..., Array]:
         if library.has_builtins:
             words = {"q_address": run.q.ctypes.data} | ({"v_address": run.v.ctypes.data} if rate else {})
             rows = 0 if rate or run.placed_rows is None else run.placed_rows.ctypes.data
-            words |= {"six": 6, "placed_rows": rows, "time": run.stamp_words["time"]}
+            words |= {"placed_rows": rows, "time": run.stamp_words["time"]}
             words |= {**library.words, **REFERENCES, **frames.words(rows=True)}
-            call = recorded_calls.frame_jacobian(call_name).bind(library, run, frames, **words)
+            call = recorded_calls.frame_jacobian(call_name).bind(words, library, run, frames)
         run.bound[key] = frames, call
         return found
 

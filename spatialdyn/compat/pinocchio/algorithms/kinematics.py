@@ -77,10 +77,9 @@ def updateFramePlacements(model: Model, data: Data) -> None:
     _place_frames(model, data)
     X, run, frames, library = data.hold("oMi"), data._runs["frames"], model._frame_placements, model._library
     if library.has_builtins:
-        words = {"poses": X.ctypes.data, "memory": 0, "result": run.result.ctypes.data, **frames.words()}
-        call = recorded_calls.place_frames(False).bind(
-            X, run, frames, **{**library.words, "njoints": len(X)}, **words, **run.stamp_words, time_of_joints=0
-        )
+        words = {**library.words, **run.stamp_words, **frames.words(), "njoints": len(X)}
+        words |= {"poses": X.ctypes.data, "result": run.result.ctypes.data}
+        call = recorded_calls.place_frames(False).bind(words, X, run, frames)
         data._bound["frames"] = frames, run, call
 
 
@@ -109,7 +108,7 @@ def updateFramePlacement(model: Model, data: Data, frame_id: int) -> SE3:
     operator_kernels.compose(X[frames.joints[k]], frames.places[k], found._x)
     if library.has_builtins:
         words = {"poses": X.ctypes.data, "result": shown.array.ctypes.data, **frames.words()}
-        call = recorded_calls.place_frame().bind(X, shown.array, frames, **words)
+        call = recorded_calls.place_frame().bind(words, X, shown.array, frames)
         data._bound["frame"] = frames, call, shown
     return found
 
@@ -134,11 +133,10 @@ def framesForwardKinematics(model: Model, data: Data, q: Any) -> None:
     run, frames = data._runs["kinematics0"], data._runs["frames"]
     library, placements = run.library, model._frame_placements
     if library.has_builtins and library.joints is None:
-        words = {"memory": run.memory.ctypes.data, "poses": run.result.ctypes.data, **placements.words()}
-        words |= {**frames.stamp_words, "time_of_joints": run.stamp_words["time"]}
-        call = recorded_calls.place_frames(True).bind(
-            library, run, frames, placements, **library.words, result=frames.result.ctypes.data, **words
-        )
+        words = {**library.words, **frames.stamp_words, **placements.words()}
+        words |= {"poses": run.result.ctypes.data, "result": frames.result.ctypes.data}
+        held = library, run, frames, placements
+        call = recorded_calls.place_frames(True).bind(words, *held, record=run.recording(1))
         data._bound["all frames"] = placements, run, frames, call
 
 
@@ -160,8 +158,8 @@ def _motion(name: str, doc: str) -> Callable[..., Motion]:
             (key, frames), motions = frames_for(model, name, of_joints, about), data.hold(field)
             arrays = {"poses": data.hold("oMi"), "velocities": data.hold("v") if classical else motions}
             words = {x: array.ctypes.data for x, array in {**arrays, "motions": motions}.items()}
-            words |= {"six": 6, "made": id(Motion), "slot": slot_offset(Value, "_x"), **REFERENCES, **frames.words()}
-            call = recorded_calls.frame_motion(classical).bind(*arrays.values(), motions, frames, **words)
+            words |= {"made": id(Motion), "slot": slot_offset(Value, "_x"), **REFERENCES, **frames.words()}
+            call = recorded_calls.frame_motion(classical).bind(words, *arrays.values(), motions, frames)
             data._bound[key] = frames, call
         return Motion.over(out)
 

@@ -16,6 +16,7 @@ from ....constraints.contact import Solved, inverse, solve
 from ....engines.compiled import numba_kernels, table_kernels
 from ....errors import ConstraintError, ShapeError, SimulationError
 from ....recursions.tree.kinematics import WORK
+from ...native.recorded_calls import record
 from ...native.recorded_constraints import scratch_of
 from ...native.recorded_contacts import FOUND, GIVEN, contact_dynamics, put_contacts
 from ..cholesky import without_mimic
@@ -171,7 +172,7 @@ def constraintDynamics(
                 data.note_builtin_call(before)
                 data.note_builtin_call(run)
                 return found
-    except (AttributeError, KeyError, TypeError, SystemError):  # the fast path does not apply
+    except (AttributeError, KeyError, TypeError):  # the fast path does not apply
         pass
     pairs, settings = _pairs(contact_models, contact_datas), _settings(prox_settings)
     computeAllTerms(model, data, q, v)
@@ -195,12 +196,13 @@ def _bind(data: Data, every: Run, run: Run, pairs: Any) -> None:
         return
     models, datas = [x for x, _ in pairs], [own for _, own in pairs]
     addresses: list[Any] = [np.array([one._x.ctypes.data for one in some], np.int64) for some in (models, datas)]
-    arrays = {"memory": every.memory, "bias": every.result, "result": run.result, "rows": library.row_numbers}
+    arrays = {"bias": every.result, "rows": library.row_numbers}
     arrays |= {"L": f.L, "Y": f.Y, "C": f.C, "force": f.force, "contacts": addresses[0], "datas": addresses[1]}
     arrays["scratch"] = scratch_of(len(f.L), len(f.force))
-    words = {**library.words, **run.stamp_words, **{name: x.ctypes.data for name, x in arrays.items()}}
-    words |= {"m": len(f.force), "count": len(pairs), "before": every.stamp_words["time"]}
-    call = contact_dynamics().bind(library, arrays, models, datas, every, run, **words)
+    words = {**library.words, **every.stamp_words, **{name: x.ctypes.data for name, x in arrays.items()}}
+    words |= {"m": len(f.force), "count": len(pairs), "before": words.pop("time")}
+    noted = record(2, every.memory, run.result, run._stamp, library.table)
+    call = contact_dynamics().bind(words, library, arrays, models, datas, every, run, record=noted)
     data._bound["contacts"] = library, models, datas, every, run, f, call
 
 

@@ -107,10 +107,7 @@ def compute(model: Model, data: Data, kind: str, given: tuple[Any, ...], fext: A
 
 
 def _by_builtin(run: Run, given: tuple[Any, ...], fext: Any) -> Any:
-    try:
-        return run.call(*given) if fext is None else run.call_with_forces(fext, *given)
-    except SystemError:
-        return None
+    return run.call(*given) if fext is None else run.call_with_forces(fext, *given)
 
 
 def last_call(model: Model, data: Data, *fields: str, before: str = "forwardKinematics") -> Run:
@@ -195,7 +192,7 @@ def fast_call(
         "                    if recompute() is None:",
         "                        data.recompute_held(run)",
         f"            return {returns}",
-        "    except (AttributeError, KeyError, TypeError, ValueError, SystemError):  # the fast path does not apply",
+        "    except (AttributeError, KeyError, TypeError, ValueError):  # the fast path does not apply",
         "        pass",
         f"    kind = {next(iter(choices))!r}",
         *([f"    {slow}"] if slow else []),

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from ....calls.arguments import core_shape
-from ....engines.compiled.cpython import unavailable
+from ....engines.object_layout import Words
+from ....engines.programs.run.single_call import unavailable
 from ....model.model import Model as SdModel
 from ....recursions import SPECS
 from ....recursions.tree import kinematics
@@ -171,15 +172,18 @@ class Run:
         library, kind = self.library, self.kind
         if not (library.has_builtins and kind.call):
             return unavailable
-        places = {"memory": self.memory.ctypes.data, "result": self.result.ctypes.data, **self.stamp_words}
-        alive = (library, self.memory, self.result, self._stamp)
         if self.placed_rows is not None:
-            places |= {"six": 6, "placed_rows": self.placed_rows.ctypes.data}
+            places = {"placed_rows": self.placed_rows.ctypes.data, **self.stamp_words}
             places["oMi"] = 0 if self.oMi is None else self.oMi.ctypes.data
-            return recorded_calls.jacobians().bind(*alive, self.placed_rows, self.oMi, **places, **library.words)
-        function = recorded_calls.recorded_call(kind.call, kind.unused_inputs, kind.returns, forces)
-        entry = library.entry(kind.call, forces)
-        return function.bind(*alive, entry=entry, **library.words, **places)
+            record = self.recording(1, self.result)
+            words = {**places, **library.words}
+            return recorded_calls.jacobians().bind(words, library, self.placed_rows, self.oMi, record=record)
+        code, record = library.code(kind.call, forces), self.recording(len(kind.inputs.split()), self.result)
+        return recorded_calls.recorded_call(code, library.words, record, kind.unused_inputs, kind.returns, self.result)
+
+    def recording(self, count: int, result: Array | None = None) -> Words:
+        """Words of a builtin that records its first inputs, this many, its result, if given, and the stamp."""
+        return recorded_calls.record(count, self.memory, result, self._stamp, self.library.table)
 
     def hold(self, held: Mapping[str, Array], recompute_field: Callable[[Run, str], Any]) -> None:
         """Have calls write these held fields: the result itself in place, the others by builtin or recipe."""
@@ -225,14 +229,13 @@ class Run:
         """Compute these fields by one builtin, which is the call too if that places the joints."""
         name = "joint_accelerations" if "a" in moving else "joint_velocities"
         words = {"oMi": moving["oMi"].ctypes.data, "v_out": moving["v"].ctypes.data}
-        words |= {"out": [*moving.values()][-1].ctypes.data, "memory": self.memory.ctypes.data, **self.stamp_words}
-        builtin = recorded_calls.motions(name).bind(
-            self.library, self.memory, self._stamp, *moving.values(), **words, **self.library.words
-        )
+        words |= {"found_at": [*moving.values()][-1].ctypes.data, **self.library.words}
+        routine, alive = recorded_calls.motions(name), (self.library, self.memory, *moving.values())
         if self.kind.call == "forward_kinematics":
-            self.call = builtin
+            self.call = routine.bind(words, *alive, record=self.recording(len(routine.inputs)))
         else:
-            self.recompute.append(builtin)
+            places = {x: getattr(self, x).ctypes.data for x in routine.inputs}
+            self.recompute.append(routine.bind(words, *alive, places=places))
 
     def _may_share(self, x: Array) -> bool:
         return x.shape == self.result.shape and self.kind.call != "aba"  # recipes of aba read its result as an input
@@ -242,8 +245,7 @@ class Run:
         found = self._own_result if recipe is RESULT else recipe(self) if isinstance(recipe, Part) else None
         if found is None or not self.library.has_builtins or found.shape != x.shape:
             return None
-        addresses = {"source": found.ctypes.data, "target": x.ctypes.data}
-        return recorded_calls.copy_builtin().bind(self._own_result, x, **addresses, count=x.size)
+        return recorded_calls.copier(found, x)
 
     def _recompute_builtin(self, recipe: Any, x: Array) -> Callable[[], Any] | None:
         """A builtin that recomputes a field into x in place; None if its recipe is not one call of the library."""
@@ -258,10 +260,8 @@ class Run:
         spec = SPECS[recipe.call]
         if x.shape != core_shape(library._model, spec.output) or any(x.optional for x in spec.present):
             return None
-        words = {f"address{k}": inputs[input.name].ctypes.data for k, input in enumerate(spec.present)}
-        return recorded_calls.recompute(recipe.call).bind(
-            library, x, *inputs.values(), entry=library.entry(recipe.call), **library.words, **words, out=x.ctypes.data
-        )
+        given = [inputs[x.name] for x in spec.present]
+        return recorded_calls.rerun(library.code(recipe.call), given, x)
 
 
 @cache

@@ -276,6 +276,11 @@ _COAL = {
 }  # fmt: skip
 
 
+def _per_pair(name: str) -> property:
+    """The attribute of a GeometryData that holds coal's objects of this kind."""
+    return property(lambda self: self._of_pairs(name), doc=f"coal's {_COAL[name]}s, one for each pair.")
+
+
 class GeometryData(_Bookkeeping):
     """Data of a GeometryModel: placements of its objects, and requests and results for its pairs at the time.
 
@@ -355,10 +360,10 @@ class GeometryData(_Bookkeeping):
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "_kept": {}}
 
-    collisionRequests, collisionResults, distanceRequests, distanceResults = (
-        property(lambda self, name=name: self._of_pairs(name), doc=f"coal's {kind}s, one for each pair.")
-        for name, kind in _COAL.items()
-    )
+    collisionRequests = _per_pair("collisionRequests")
+    collisionResults = _per_pair("collisionResults")
+    distanceRequests = _per_pair("distanceRequests")
+    distanceResults = _per_pair("distanceResults")
 
 
 def _shown(x: GeometryObject) -> str:

@@ -96,8 +96,35 @@ class Tree:
     gravity                                             Motion
     """
 
+    name: str
+    nq: int
+    nv: int
+    nvExtended: int
+    nbodies: int
+    names: list[str]
+    parents: list[int]
+    joints: list[JointModel]
+    idx_qs: Indices
+    nqs: Indices
+    idx_vs: Indices
+    nvs: Indices
+    idx_vExtendeds: Indices
+    nvExtendeds: Indices
+    supports: list[Indices]
+    subtrees: list[Indices]
+    children: list[Indices]
+    mimicking_joints: Indices
+    mimicked_joints: Indices
+    mimic_joint_supports: list[Indices]
     jointPlacements: Rows
     inertias: Rows
+    _arrays: dict[str, Array]
+    _numbers: Numbers
+    _gravity: Motion
+    _library: Any  # LibraryModel, None after an edit of the tree and where norms are checked anew
+    _library_before: Any  # the last LibraryModel, None after an edit of the tree
+    _frame_placements: Any  # FramePlacements, None after an edit of a frame
+    _edited: Any  # whether it is the copy of one that was edited; None after an edit of the tree
 
     lowerPositionLimit = Entries(-NO_LIMIT, "(nq,) least coordinates.", "min_config")
     upperPositionLimit = Entries(NO_LIMIT, "(nq,) largest coordinates.", "max_config")
@@ -132,12 +159,9 @@ class Tree:
     def _begin(self) -> Owner:
         """Note the model, without anything yet; returns the owner of the values of its tree."""
         MODELS.add(self)
-        own = vars(self)
-        own["_library"] = None  # LibraryModel, None after an edit of the tree and where norms are checked anew
-        own["_frame_placements"] = None  # FramePlacements, None after an edit of a frame
-        own["_library_before"] = None  # the last LibraryModel, None after an edit of the tree
-        own["_edited"] = None  # whether it is the copy of one that was edited; None after an edit of the tree
-        return self._owner_of("_library", "_frame_placements", "_library_before", "_edited")
+        caches = ("_library", "_library_before", "_frame_placements", "_edited")
+        vars(self).update(dict.fromkeys(caches))
+        return self._owner_of(*caches)
 
     def _hold(self, numbers: Numbers) -> None:
         """Have the numbers be those of the model, and its values views of them."""

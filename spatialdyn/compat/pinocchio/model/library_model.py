@@ -17,8 +17,9 @@ from ....algebra.rotations import NORM_ROUNDING
 from ....bodies.kinds import kind_of, unit_part
 from ....calls import dynamics
 from ....engines import run as engine
-from ....engines.compiled.cpython import READY, Entry, unavailable
 from ....engines.compiled.numba_kernels import PLAIN, TABLE, variant
+from ....engines.programs.run.call_code import CallCode
+from ....engines.programs.run.single_call import READY, unavailable
 from ....errors import ModelError
 from ....interop.pinocchio import check_depth_first, fresh_name
 from ....model.assembly import IDENTITY, Options
@@ -90,7 +91,7 @@ class LibraryModel:
         self._at_call: dict[bytes, SdModel] = {}  # with the numbers of the last earlier call that asked
         self._masses: tuple[Any, Array] = None, np.empty(0)
         self._past: list[tuple[int, bytes]] = []  # states, and the time until which they were those of the table
-        self._entries: dict[Any, Entry] = {}
+        self._codes: dict[Any, CallCode] = {}
         self.runs: WeakSet[Any] = WeakSet()  # the last calls, which keep their state before it is forgotten
         self.words = {"table": self.address, "nq": model.nq, "nv": model.nv, "njoints": model.njoints}
 
@@ -121,8 +122,8 @@ class LibraryModel:
             return False
         if not self.edited:  # recording programs of an edited model takes milliseconds each: table kernels answer
             self.edited = True
-            for entry in self._entries.values():
-                entry.use_table()
+            for code in self._codes.values():
+                code.use_table()
         self._past.append((clock.now[0] + 1, before))
         self.state = state
         if done == MOVED:
@@ -138,7 +139,7 @@ class LibraryModel:
         places = {"now": now, "then": then, "rows": self.rows, "sums": sums}
         words = {"table": self.address, "size": len(now), "njoints": len(self.rows), "count": len(sums)}
         words |= {name: x.ctypes.data for name, x in places.items()}
-        return put_numbers().bind(self.table, *places.values(), **words)
+        return put_numbers().bind(words, self.table, *places.values())
 
     def state_at(self, stamp: int) -> bytes:
         """The state at the time of a call."""
@@ -195,25 +196,25 @@ class LibraryModel:
         call = self.__dict__[name] = self._bound(name)
         return call
 
-    def entry(self, name: str, forces: bool = False) -> Entry:
-        """What runs a call: the library's program, or the table kernel if there is none or the model was edited."""
+    def code(self, name: str, forces: bool = False) -> CallCode:
+        """The code of a call: the library's program, or the table kernel if there is none or the model was edited."""
         spec = variant(SPECS[name], frozenset(["fext"] if forces else []))
-        found = self._entries.get(spec)
+        found = self._codes.get(spec)
         if found is None:
             made = None if self.edited else engine.program(spec, self._model, ())
-            found = self._entries[spec] = Entry(spec, None if made is None else made.program)
+            program = None if made is None else made.program
+            found = self._codes[spec] = CallCode(spec, self.table, program)
         return found
 
     def renew(self, name: str, forces: bool = False) -> bool:
         """Take faster code of a call if there is some by now; whether there is."""
-        return self.has_builtins and self.entry(name, forces).renew()
+        return self.has_builtins and self.code(name, forces).renew()
 
     def _bound(self, name: str, forces: bool = False) -> Callable[..., Any]:
         """A call as a builtin, which returns None if not applicable."""
         if not self.has_builtins:
             return unavailable
-        call = recorded_calls.recorded_call(name, forces=forces)
-        return call.bind(self, entry=self.entry(name, forces), **self.words)
+        return recorded_calls.recorded_call(self.code(name, forces), self.words)
 
     def compute(self, name: str, *values: Any, at: bytes | None = None) -> Any:
         """A call, external forces last, if any; ``at`` the state of an earlier call: by a builtin, or with checks."""

@@ -105,7 +105,7 @@ class Model(Tree, Stored, Copied):
             else:
                 own[name] = x.for_owner(owner) if isinstance(x, OwnedList) else x
         own["_frames_by_name"] = None  # frame indices; None after an edit
-        own["frames"] = other.frames.for_owner(self._owner_of("_frame_placements", "_frames_by_name"))
+        own["frames"] = given["frames"].for_owner(self._owner_of("_frame_placements", "_frames_by_name"))
         own["_arrays"] = {name: x.copy() for name, x in other._arrays.items()}
         self._hold(Numbers(other.njoints, other.nv, other._numbers.block.copy()))
         own["referenceConfigurations"] = Configurations(

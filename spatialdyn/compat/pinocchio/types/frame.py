@@ -131,10 +131,11 @@ class Frame(OwnedValue):
 
     def copy(self) -> Frame:
         """An independent copy that belongs to no model."""
+        own: Any = self
         made: Any = Frame.__new__(Frame)
-        made._owner, made._name, made._type = None, self._name, self._type
-        made._parentJoint, made._parentFrame = self._parentJoint, self._parentFrame
-        made._placement, made._inertia = _like(self._placement), _like(self._inertia)
+        made._owner, made._name, made._type = None, own._name, own._type
+        made._parentJoint, made._parentFrame = own._parentJoint, own._parentFrame
+        made._placement, made._inertia = _like(own._placement), _like(own._inertia)
         return made  # type: ignore[no-any-return]
 
     cast = copy  # the only scalar type is float64

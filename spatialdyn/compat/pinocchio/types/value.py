@@ -9,6 +9,7 @@ import numpy as np
 
 from ....engines.compiled.generated import function_from_text
 from ....engines.object_layout import slot_offset
+from ....engines.programs.run.single_call import READY
 from ...native import operator_kernels
 from .arguments import (
     ArgumentError,
@@ -208,12 +209,9 @@ def on_values(signature: str, text: str, doc: str | None = "", module: str = "")
     kernel = operator_kernels.on_arrays(formula)
 
     def first(*given: Any) -> Any:
-        from ....engines.compiled.cpython import READY, unavailable
-
-        scope["call"] = unavailable if inputs else convert
+        scope["call"] = convert
         if READY:
-            builtin = operator_kernels.value_builtin(formula)
-            scope["call"] = operator_kernels.bind_values(builtin, formula, slot_offset(Value, "_x"), Value._classes)
+            scope["call"] = operator_kernels.bind_values(formula, slot_offset(Value, "_x"), Value._classes, convert)
         return scope["call"](*given)
 
     def convert(*given: Any) -> Any:
@@ -229,10 +227,8 @@ def on_values(signature: str, text: str, doc: str | None = "", module: str = "")
         kernel(*ready, out)
         return Value._classes[output].over(out) if output in Value._classes else out
 
-    names, found = ", ".join(inputs), "result == 1.0" if output == "truth" else "result"
-    lines = [f"def {name}({formula.parameters}):", f"    result = call({names})"]
-    lines.append(f"    return {found} if result is not None else convert({names})" if inputs else "    return result")
-    scope: dict[str, Any] = {"call": first, "convert": convert, "__name__": module or module_of_caller()}
+    lines = [f"def {name}({formula.parameters}): return call({', '.join(inputs)})"]
+    scope: dict[str, Any] = {"call": first, "__name__": module or module_of_caller()}
     function = function_from_text(name, lines, scope, f"value_{formula.label}")
     function.__doc__ = doc
     return function

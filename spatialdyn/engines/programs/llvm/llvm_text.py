@@ -59,6 +59,10 @@ class Body:
         """Copy ``count`` bytes from ``start`` to ``to``."""
         self.do(f"call void @llvm.memcpy.p0.p0.i64(ptr {to}, ptr {start}, i64 {count}, i1 false)")
 
+    def move(self, to: str, start: str, count: int | str) -> None:
+        """Copy ``count`` bytes from ``start`` to ``to``, which may overlap."""
+        self.do(f"call void @llvm.memmove.p0.p0.i64(ptr {to}, ptr {start}, i64 {count}, i1 false)")
+
     def add(self, a: int | str, b: int | str) -> str:
         """a + b of i64."""
         return self.put(f"add i64 {a}, {b}")

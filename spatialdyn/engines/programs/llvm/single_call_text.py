@@ -8,14 +8,18 @@ three words with None for each word left out.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from ... import object_layout as layout
 from .llvm_text import Body
 
-ARRAY, NUMBER, WORD, OUT = range(4)  # kinds of parameters: an array; a float; a str, True or False; the result
+# kinds of parameters: an array or another input that the plan describes; a float; a str, True or False; the result; an
+# input that the plan holds, which no caller passes
+ARRAY, NUMBER, WORD, OUT, FIXED = range(5)
 MOST, MOST_OUTPUTS, MOST_WORDS = 16, 16, 3
 PROCESS = (
     "none", "true", "false", "ndarray", "float64", "string", "real", "real64", "new_array", "up", "down", "lookup",
-    "pack", "call", "new_float", "new_tuple",
+    "pack", "call", "new_float", "new_tuple", "integer", "as_size", "forget", "allocate",
 )  # fmt: skip  # words of this process, which every form begins with
 FORM = ("python", "model_type", "plans", "plan", "count", "required", "optional", "choices", "named", "rest", "out")
 #   python       the Python function
@@ -27,12 +31,28 @@ FORM = ("python", "model_type", "plans", "plan", "count", "required", "optional"
 #   named        position of the first word, -1 if there is none; ``rest`` has the bits of the others, shifted behind it
 #   out          bit of the parameter out
 # then MOST pairs (name, kind) of parameters, then the dict's key for each choice of optional inputs
-PLAN = ("entry", "context", "left", "outputs", "several")
+PLAN = ("entry", "context", "left", "program", "outputs", "several", "record")
 #   entry    the compiled program, entry(context, inputs, outputs) -> 1, or 0 if it rejects the sample, and its context
 #   left     address of the number of calls still to answer; at 0 the Python function is called and may change the plan
-#   several  1 if the results are a tuple
-# then MOST_OUTPUTS results, then the parameters, ARRAY_WORDS each: rank, bytes, shape; rank -1 is a float, -2 no array
+#   program  address of these three words: in this plan, or where plans share them
+#   several  ONE: the result is returned; SEVERAL: a tuple of them; PARTS: a tuple of the first result's parts
+#   record   address of a record; 0 if there is none
+# then MOST_OUTPUTS results, then the parameters, ARRAY_WORDS each: kind, bytes, four words, which begin with a shape
 ARRAY_WORDS = 6
+ONE, SEVERAL, PARTS = range(3)
+# kinds: the number of axes of a new or given array, perhaps with PLACED: the last word is the address of the numbers,
+# True is returned; or with VALUE: an object of the class in the third word whose slot, at the offset in the last word,
+# holds the array, or with EITHER that object or the array. Or a FLOAT, a new or given one; an INDEX, an int from 0 to
+# below the first word; a CHOICE, the place of the object among four words; a TRUTH, a result: True or False for a
+# number other than 0 or 0; NOTHING, no input
+FLOAT, NOTHING, PLACED, INDEX, CHOICE, VALUE, EITHER, TRUTH = (16 << k for k in range(8))
+AXES = 15
+RECORD = ("clock", "time", "memory", "count", "result", "now", "then", "bytes")
+#   clock    address of a counter, which a call advances, and the address where it writes the count
+#   memory   address to which the first ``count`` inputs are copied, one after the other
+#   result   address to which the first result is copied; 0 if it is not
+#   now      addresses of two blocks of so many bytes: where they differ, the Python function is called
+MOST_GATHERED = 1 << 14  # bytes of an array whose numbers are apart
 _PAIRS = len(PROCESS) + len(FORM)
 _KEYS = _PAIRS + 2 * MOST
 
@@ -93,7 +113,7 @@ def _call() -> str:
     c = _Writer()
     put, do, form, plan = c.put, c.do, c.form, c.plan
     c.label("start")
-    values, inputs, sizes = (put(f"alloca [{MOST} x ptr]") for _ in range(3))
+    values, inputs, sizes, cells = (put(f"alloca [{MOST} x ptr]") for _ in range(4))
     outputs, results = (put(f"alloca [{MOST_OUTPUTS} x ptr]") for _ in range(2))
     number = put(f"alloca [{MOST_OUTPUTS} x double]")
     none, ndarray, float64 = c.process("none"), c.process("ndarray"), c.word("%form", PROCESS.index("float64"))
@@ -183,11 +203,22 @@ def _call() -> str:
     of_model = c.pointer("%entry", layout.DATA)
     c.jump("planned", then="planned")
     do(f"%plan = phi ptr [ {fixed}, %without ], [ {of_model}, %of_call ]")
-    counter = put(f"inttoptr i64 {plan('left')} to ptr")
+    code, record = c.pointer("%plan", PLAN.index("program")), c.pointer("%plan", PLAN.index("record"))
+    recorded = put(f"icmp ne ptr {record}, null")
+    c.branch(recorded, "compared", "counted", then="compared")
+    now, then = c.pointer(record, RECORD.index("now")), c.pointer(record, RECORD.index("then"))
+    amount = c.word(record, RECORD.index("bytes"))
+    c.branch(c.equal(put(f"call i32 @memcmp(ptr {now}, ptr {then}, i64 {amount})"), 0, "i32"), "counted", "python",
+             then="counted")  # fmt: skip
+    counter = c.pointer(code, PLAN.index("left"))
     left = c.load("i64", counter)
     c.need(put(f"icmp ne i64 {left}, 0"))
     c.store("i64", put(f"sub i64 {left}, 1"), counter)
-    shapes, before = c.at("i64", "%plan", len(PLAN)), c.block
+    shapes = c.at("i64", "%plan", len(PLAN))
+    in_place = put(f"select i1 {c.equal(c.bits(c.word(shapes, 0), PLACED), 0)}, i64 0, i64 {c.word(shapes, 1)}")
+    written = c.pointer(shapes, ARRAY_WORDS - 1)
+    written_end = c.byte(written, in_place)
+    before = c.block
     c.jump("arguments", then="arguments")
 
     # the inputs
@@ -195,41 +226,80 @@ def _call() -> str:
     do(f"%m = phi i64 [ 0, {before} ], [ %m.next, %next ]")
     c.branch(c.equal("%p", count), "results", "argument", then="argument")
     shape = c.at("i64", shapes, c.times(c.add("%p", MOST_OUTPUTS), ARRAY_WORDS))
-    rank = c.word(shape, 0)
-    is_input = c.both(put(f"icmp ne i64 {c.bits('%given', c.one_bit('%p'))}, 0"), put(f"icmp sgt i64 {rank}, -2"))
-    c.branch(is_input, "input", "no_input", then="no_input")
-    c.jump("next", then="input")
-    value = c.load("ptr", c.at("ptr", values, "%p"))
-    kind = c.pointer(value, layout.TYPE)
-    c.branch(put(f"icmp slt i64 {rank}, 0"), "number", "array", then="number")
-    c.need(c.either(c.equal(kind, c.process("real"), "ptr"), c.equal(kind, c.process("real64"), "ptr")))
-    held = c.at("i64", value, layout.REAL)
+    kind, extent = c.word(shape, 0), c.at("i64", shape, 2)
+    held = c.pointer(shape, ARRAY_WORDS - 1)
+    there = put(f"icmp ne i64 {c.bits('%given', c.one_bit('%p'))}, 0")
+    c.branch(c.both(there, put(f"icmp ult i64 {kind}, {FLOAT}")), "passed", "special", then="special")
+    c.branch(c.equal(c.bits(kind, PLACED), 0), "unplaced", "input.end", then="unplaced")
+    c.branch(c.both(there, c.equal(c.bits(kind, NOTHING), 0)), "input", "next", then="input")
+    special, cell = c.load("ptr", c.at("ptr", values, "%p")), c.at("ptr", cells, "%p")
+    special_type = c.pointer(special, layout.TYPE)
+    cases = ((FLOAT, "number"), (INDEX, "index"), (CHOICE, "choice"))
+    listed = " ".join(f"i64 {k}, label %{to}" for k, to in cases)
+    do(f"switch i64 {kind}, label %object [ {listed} ]")
+    c.label("number")
+    c.need(c.either(c.equal(special_type, c.process("real"), "ptr"), c.equal(special_type, c.process("real64"), "ptr")))
+    number_data = c.at("i64", special, layout.REAL)
     c.jump("number.end", then="number.end")
-    c.jump("input.end", then="array")
-    _is_array(c, value, kind, ndarray, float64, rank, layout.CONTIGUOUS | layout.ALIGNED)
-    data = c.pointer(value, layout.DATA)
-    _same_shape(c, value, shape, rank, "in")
-    c.jump("array.end", then="array.end")
+    c.jump("input.end", then="index")
+    c.need(c.equal(special_type, c.process("integer"), "ptr"))
+    place = put(f"call i64 {c.process('as_size')}(ptr {special})")
+    c.branch(c.equal(place, -1), "index.wrong", "index.known", then="index.wrong")  # -1, or an overflow with its error
+    do(f"call void {c.process('forget')}()")
+    c.jump("python", then="index.known")
+    c.need(put(f"icmp ult i64 {place}, {c.word(extent, 0)}"))
+    c.store("i64", place, cell)
+    c.jump("index.end", then="index.end")
+    c.jump("input.end", then="choice")
+    chosen = "-1"
+    for k in reversed(range(ARRAY_WORDS - 2)):
+        chosen = put(f"select i1 {c.equal(special, c.pointer(extent, k), 'ptr')}, i64 {k}, i64 {chosen}")
+    c.need(put(f"icmp sge i64 {chosen}, 0"))
+    c.store("i64", chosen, cell)
+    c.jump("choice.end", then="choice.end")
+    c.jump("input.end", then="object")
+    c.branch(c.equal(special_type, c.pointer(extent, 2), "ptr"), "opened", "unopened", then="unopened")
+    c.branch(c.equal(c.bits(kind, EITHER), 0), "python", "object.end", then="opened")
+    inner = c.load("ptr", c.byte(special, c.word(extent, 3)))
+    c.branch(put(f"icmp ne ptr {inner}, null"), "object.end", "python", then="object.end")
+    do(f"%inner = phi ptr [ {special}, %unopened ], [ {inner}, %opened ]")
+    c.jump("array", then="passed")
+    outer = c.load("ptr", c.at("ptr", values, "%p"))
+    c.jump("array", then="array")
+    do(f"%value = phi ptr [ %inner, %object.end ], [ {outer}, %passed ]")
+    rank = c.bits(kind, AXES)
+    _is_array(c, "%value", c.pointer("%value", layout.TYPE), ndarray, float64, rank, layout.ALIGNED)
+    data = c.pointer("%value", layout.DATA)
+    _same_shape(c, "%value", shape, rank, "in")
+    flags = c.bits(c.word("%value", layout.FLAGS), layout.CONTIGUOUS)
+    before = put(f"icmp ule ptr {c.byte(data, c.word(shape, 1))}, {written}")
+    behind = c.either(put(f"icmp ule ptr {written_end}, {data}"), c.equal(in_place, 0))
+    whole = c.both(put(f"icmp ne i64 {flags}, 0"), c.either(before, behind))
+    c.jump("array.whole", then="array.whole")
+    c.branch(whole, "input.end", "scattered", then="scattered")  # gathered also if the result is written over it
+    _gather(c, "%value", rank, c.word(shape, 1))
     c.jump("input.end", then="input.end")
-    do(f"%data = phi ptr [ {held}, %number.end ], [ {data}, %array.end ]")
+    sources = ((held, "special"), (number_data, "number.end"), (cell, "index.end"), (cell, "choice.end"),
+               (data, "array.whole"), ("%gathered", "gathered.end"))  # fmt: skip
+    do("%data = phi ptr " + ", ".join(f"[ {x}, %{block} ]" for x, block in sources))
     c.store("ptr", "%data", c.at("ptr", inputs, "%m"))
     c.store("ptr", c.byte("%data", c.word(shape, 1)), c.at("ptr", sizes, "%m"))
     more = c.add("%m", 1)
     c.jump("next", then="next")
-    do(f"%m.next = phi i64 [ %m, %no_input ], [ {more}, %input.end ]")
+    do(f"%m.next = phi i64 [ %m, %unplaced ], [ {more}, %input.end ]")
     do("%p.next = add i64 %p, 1")
     c.jump("arguments", then="results")
 
     # the results: new arrays, or the array that is given
     amount, several = plan("outputs"), plan("several")
     c.branch(c.equal(c.bits("%given", form("out")), 0), "new", "given_out", then="given_out")
-    c.need(c.equal(several, 0))
+    c.need(c.equal(several, ONE))
     place = put(f"sub i64 {count}, 1")  # out is the last parameter
     target = c.load("ptr", c.at("ptr", values, place))
     rank = c.word(shapes, 0)
-    c.need(put(f"icmp sge i64 {rank}, 0"))
-    flags = layout.CONTIGUOUS | layout.ALIGNED | layout.WRITEABLE
-    _is_array(c, target, c.pointer(target, layout.TYPE), ndarray, float64, rank, flags)
+    c.need(put(f"icmp ult i64 {rank}, {FLOAT}"))
+    writeable = layout.CONTIGUOUS | layout.ALIGNED | layout.WRITEABLE
+    _is_array(c, target, c.pointer(target, layout.TYPE), ndarray, float64, rank, writeable)
     _same_shape(c, target, shapes, rank, "out")
     begin = c.pointer(target, layout.DATA)
     end = c.byte(begin, c.word(shapes, 1))
@@ -249,27 +319,31 @@ def _call() -> str:
     do("%r = phi i64 [ 0, %results ], [ %r.next, %made ]")
     c.branch(c.equal("%r", amount), "run", "make", then="make")
     shape = c.at("i64", shapes, c.times("%r", ARRAY_WORDS))
-    rank = c.word(shape, 0)
-    c.branch(put(f"icmp slt i64 {rank}, 0"), "make_number", "make_array", then="make_number")
+    kind = c.word(shape, 0)
+    c.branch(c.equal(c.bits(kind, FLOAT | PLACED | TRUTH), 0), "make_array", "make_other", then="make_other")
     cell = c.at("double", number, "%r")
+    c.branch(c.equal(c.bits(kind, PLACED), 0), "made", "make_place", then="make_place")
+    held, true = c.pointer(shape, ARRAY_WORDS - 1), c.process("true")
+    do(f"call void {c.process('up')}(ptr {true})")
     c.jump("made", then="make_array")
-    passed = f"ptr {ndarray}, i32 {put(f'trunc i64 {rank} to i32')}, ptr {c.at('i64', shape, 2)}, i32 {layout.DOUBLE}"
+    rank = put(f"trunc i64 {c.bits(kind, AXES)} to i32")
+    passed = f"ptr {ndarray}, i32 {rank}, ptr {c.at('i64', shape, 2)}, i32 {layout.DOUBLE}"
     array = put(f"call ptr {c.process('new_array')}({passed}, ptr null, ptr null, i32 0, i32 0, ptr null)")
     c.need(put(f"icmp ne ptr {array}, null"), "failed")  # no memory; arrays made before are lost
     fresh = c.pointer(array, layout.DATA)
     c.jump("make_array.end", then="make_array.end")
     c.jump("made", then="made")
-    do(f"%to = phi ptr [ {cell}, %make_number ], [ {fresh}, %make_array.end ]")
-    do(f"%result = phi ptr [ null, %make_number ], [ {array}, %make_array.end ]")
+    do(f"%to = phi ptr [ {cell}, %make_other ], [ {held}, %make_place ], [ {fresh}, %make_array.end ]")
+    do(f"%result = phi ptr [ null, %make_other ], [ {true}, %make_place ], [ {array}, %make_array.end ]")
     c.store("ptr", "%to", c.at("ptr", outputs, "%r"))
     c.store("ptr", "%result", c.at("ptr", results, "%r"))
     do("%r.next = add i64 %r, 1")
     c.jump("new", then="run")
 
     # the program
-    program, context = (put(f"inttoptr i64 {plan(x)} to ptr") for x in ("entry", "context"))
+    program, context = (c.pointer(code, PLAN.index(x)) for x in ("entry", "context"))
     valid = put(f"call i64 {program}(ptr {context}, ptr {inputs}, ptr {outputs})")
-    c.branch(c.equal(valid, 0), "release", "answers", then="release")
+    c.branch(c.equal(valid, 0), "release", "valid", then="release")
     do("%f = phi i64 [ 0, %run ], [ %f.next, %released ]")
     c.branch(c.equal("%f", amount), "python", "releasing", then="releasing")
     wrong = c.load("ptr", c.at("ptr", results, "%f"))
@@ -277,31 +351,68 @@ def _call() -> str:
     do(f"call void {c.process('down')}(ptr {wrong})")
     c.jump("released", then="released")
     do("%f.next = add i64 %f, 1")
-    c.jump("release", then="answers")
-    do("%b = phi i64 [ 0, %run ], [ %b.next, %boxed ]")
+    c.jump("release", then="valid")
+    c.branch(recorded, "recording", "answers", then="recording")
+    recorded_inputs = c.word(record, RECORD.index("count"))
+    first, before = c.pointer(record, RECORD.index("memory")), c.block
+    c.jump("noting", then="noting")
+    do(f"%w = phi i64 [ 0, {before} ], [ %w.next, %note ]")
+    do(f"%memory = phi ptr [ {first}, {before} ], [ %memory.next, %note ]")
+    c.branch(c.equal("%w", recorded_inputs), "noted", "note", then="note")
+    begin, end = (put(f"ptrtoint ptr {c.load('ptr', c.at('ptr', x, '%w'))} to i64") for x in (inputs, sizes))
+    amount_noted = put(f"sub i64 {end}, {begin}")
+    c.move("%memory", c.load("ptr", c.at("ptr", inputs, "%w")), amount_noted)
+    do(f"%memory.next = getelementptr i8, ptr %memory, i64 {amount_noted}")
+    do("%w.next = add i64 %w, 1")
+    c.jump("noting", then="noted")
+    kept, result = c.pointer(record, RECORD.index("result")), c.load("ptr", outputs)
+    c.branch(c.either(c.equal(kept, "null", "ptr"), c.equal(kept, result, "ptr")), "stamped", "keep", then="keep")
+    c.move(kept, result, c.word(shapes, 1))
+    c.jump("stamped", then="stamped")
+    clock = c.pointer(record, RECORD.index("clock"))
+    time = c.add(c.load("i64", clock), 1)
+    c.store("i64", time, clock)
+    c.store("i64", time, c.pointer(record, RECORD.index("time")))
+    c.jump("answers", then="answers")
+    do("%b = phi i64 [ 0, %valid ], [ 0, %stamped ], [ %b.next, %boxed ]")
     c.branch(c.equal("%b", amount), "answered", "box", then="box")
-    at = c.at("ptr", results, "%b")
-    c.branch(c.equal(c.load("ptr", at), "null", "ptr"), "boxing", "boxed", then="boxing")
+    at, shape = c.at("ptr", results, "%b"), c.at("i64", shapes, c.times("%b", ARRAY_WORDS))
+    inner = c.load("ptr", at)
+    c.branch(c.equal(inner, "null", "ptr"), "boxing", "wrap", then="wrap")
+    c.branch(c.equal(c.bits(c.word(shape, 0), VALUE), 0), "boxed", "wrapping", then="wrapping")
+    wrapped = put(f"call ptr {c.process('allocate')}(ptr {c.pointer(shape, 4)}, i64 0)")
+    c.need(put(f"icmp ne ptr {wrapped}, null"), "failed")
+    c.store("ptr", inner, c.byte(wrapped, c.word(shape, 5)))
+    c.store("ptr", wrapped, at)
+    c.jump("boxed", then="boxing")
     found = c.load("double", c.at("double", number, "%b"))
+    c.branch(c.equal(c.word(shape, 0), TRUTH), "judging", "real", then="judging")
+    judged = put(f"select i1 {put(f'fcmp une double {found}, 0.0')}, ptr {c.process('true')}, ptr {c.process('false')}")
+    do(f"call void {c.process('up')}(ptr {judged})")
+    c.store("ptr", judged, at)
+    c.jump("boxed", then="real")
     boxed = put(f"call ptr {c.process('new_float')}(double {found})")
     c.store("ptr", boxed, at)
     c.branch(put(f"icmp ne ptr {boxed}, null"), "boxed", "failed", then="boxed")
     do("%b.next = add i64 %b, 1")
     c.jump("answers", then="answered")
-    c.branch(c.equal(several, 0), "one", "tuple", then="one")
+    do(f"switch i64 {several}, label %one [ i64 {SEVERAL}, label %tuple i64 {PARTS}, label %parts ]")
+    c.label("one")
     do(f"ret ptr {c.load('ptr', results)}")
     c.label("tuple")
-    made = put(f"call ptr {c.process('new_tuple')}(i64 {amount})")
-    c.need(put(f"icmp ne ptr {made}, null"), "failed")
-    items = c.at("i64", made, layout.ITEMS)
-    before = c.block
-    c.jump("filling", then="filling")
-    do(f"%t = phi i64 [ 0, {before} ], [ %t.next, %fill ]")
-    c.branch(c.equal("%t", amount), "filled", "fill", then="fill")
-    c.store("ptr", c.load("ptr", c.at("ptr", results, "%t")), c.at("ptr", items, "%t"))
-    do("%t.next = add i64 %t, 1")
-    c.jump("filling", then="filled")
-    do(f"ret ptr {made}")
+    _tuple(c, amount, "t", lambda k: c.load("ptr", c.at("ptr", results, k)))
+    c.label("parts")
+    do(f"call void {c.process('down')}(ptr {c.load('ptr', results)})")  # True
+    share = put(f"udiv i64 {c.word(shapes, 1)}, {c.word(shapes, 2)}")
+
+    def part(k: str) -> str:
+        shape = f"ptr {ndarray}, i32 2, ptr {c.at('i64', shapes, 3)}, i32 {layout.DOUBLE}"
+        new = put(f"call ptr {c.process('new_array')}({shape}, ptr null, ptr null, i32 0, i32 0, ptr null)")
+        c.need(put(f"icmp ne ptr {new}, null"), "failed")
+        c.move(c.pointer(new, layout.DATA), c.byte(c.load("ptr", outputs), c.times(share, k)), share)
+        return new
+
+    _tuple(c, c.word(shapes, 2), "s", part)
     c.label("failed")
     do("ret ptr null")
 
@@ -333,10 +444,59 @@ def _same_shape(c: _Writer, value: str, shape: str, rank: str, label: str) -> No
     c.jump(f"{label}.axis", then=f"{label}.end")
 
 
+def _gather(c: _Writer, value: str, rank: str, amount: str) -> None:
+    """Copy the numbers of an array of one or two axes to the stack, at ``%gathered``."""
+    c.need(c.both(c.put(f"icmp ule i64 {amount}, {MOST_GATHERED}"), c.put(f"icmp ule i64 {c.add(rank, -1)}, 1")))
+    room = c.put(f"alloca i8, i64 {amount}, align 8")
+    data, shape, strides = (c.pointer(value, k) for k in (layout.DATA, layout.SHAPE, layout.STRIDES))
+    before = c.block
+    c.branch(c.equal(rank, 1), "of_vector", "of_matrix", then="of_matrix")
+    rows, row_stride = c.word(shape, 0), c.word(strides, 0)
+    c.jump("of_vector", then="of_vector")
+    c.do(f"%rows = phi i64 [ 1, {before} ], [ {rows}, %of_matrix ]")
+    c.do(f"%row.stride = phi i64 [ 0, {before} ], [ {row_stride}, %of_matrix ]")
+    last = c.add(rank, -1)
+    columns, stride = c.word(shape, last), c.word(strides, last)
+    before = c.block
+    c.jump("gather.row", then="gather.row")
+    c.do(f"%x = phi i64 [ 0, {before} ], [ %x.next, %gather.next ]")
+    c.do(f"%to.row = phi ptr [ {room}, {before} ], [ %to.x, %gather.next ]")
+    c.branch(c.equal("%x", "%rows"), "gathered.all", "gather.begin", then="gather.begin")
+    start = c.byte(data, c.times("%x", "%row.stride"))
+    c.jump("gather.column", then="gather.column")
+    c.do("%y = phi i64 [ 0, %gather.begin ], [ %y.next, %gather.one ]")
+    c.do("%to.x = phi ptr [ %to.row, %gather.begin ], [ %to.next, %gather.one ]")
+    c.branch(c.equal("%y", columns), "gather.next", "gather.one", then="gather.one")
+    c.store("double", c.load("double", c.byte(start, c.times("%y", stride))), "%to.x")
+    c.do("%to.next = getelementptr double, ptr %to.x, i64 1")
+    c.do("%y.next = add i64 %y, 1")
+    c.jump("gather.column", then="gather.next")
+    c.do("%x.next = add i64 %x, 1")
+    c.jump("gather.row", then="gathered.all")
+    c.jump("gathered.end", then="gathered.end")
+    c.do(f"%gathered = phi ptr [ {room}, %gathered.all ]")
+
+
+def _tuple(c: _Writer, amount: str, k: str, item: Callable[[str], str]) -> None:
+    """Return a new tuple of so many items."""
+    made = c.put(f"call ptr {c.process('new_tuple')}(i64 {amount})")
+    c.need(c.put(f"icmp ne ptr {made}, null"), "failed")
+    items, before = c.at("i64", made, layout.ITEMS), c.block
+    c.jump(f"filling.{k}", then=f"filling.{k}")
+    c.do(f"%{k} = phi i64 [ 0, {before} ], [ %{k}.next, %fill.{k}.end ]")
+    c.branch(c.equal(f"%{k}", amount), f"filled.{k}", f"fill.{k}", then=f"fill.{k}")
+    c.store("ptr", item(f"%{k}"), c.at("ptr", items, f"%{k}"))
+    c.jump(f"fill.{k}.end", then=f"fill.{k}.end")
+    c.do(f"%{k}.next = add i64 %{k}, 1")
+    c.jump(f"filling.{k}", then=f"filled.{k}")
+    c.do(f"ret ptr {made}")
+
+
 def module(calls: int) -> str:
-    """The module with ``call_k`` for each call k and ``bound_call``.
+    """The module with ``call_k`` for each call k, ``bound_call`` and ``copy_entry``.
 
     The form of ``call_k`` is at ``forms[k]``; the form of ``bound_call`` is the data of the array to which it is bound.
+    ``copy_entry`` is an entry that copies its input, of as many bytes as its context says, to its output.
     """
     given, passed = "(ptr %bound, ptr %args, i64 %n, ptr %names)", "ptr %args, i64 %n, ptr %names"
     forms = Body()
@@ -351,4 +511,9 @@ def module(calls: int) -> str:
     form = c.load("ptr", c.at("i64", "%bound", layout.DATA))
     c.do(f"ret ptr {c.put(f'tail call ptr @call(ptr {form}, {passed})')}")
     entries.append(c.function(f"define ptr @bound_call{given}"))
-    return "\n".join([_call(), *entries])
+    c = Body()
+    c.move(c.load("ptr", "%outputs"), c.load("ptr", "%inputs"), "%bytes")
+    c.do("ret i64 1")
+    entries.append(c.function("define i64 @copy_entry(i64 %bytes, ptr %inputs, ptr %outputs)"))
+    outside = "declare i32 @memcmp(ptr, ptr, i64)\ndeclare void @llvm.memmove.p0.p0.i64(ptr, ptr, i64, i1)\n"
+    return "\n".join([outside, _call(), *entries])

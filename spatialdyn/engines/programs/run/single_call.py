@@ -22,20 +22,35 @@ import numpy as np
 
 from ... import locks
 from ... import object_layout as layout
+from ...compiled.entries import NO_LIMIT as NO_LIMIT
+from ...compiled.numba_settings import PLAIN
 from ..llvm.host_cpu import LoadedCode, stored_code
 from ..llvm.single_call_text import (
     ARRAY,
     ARRAY_WORDS,
+    EITHER,
+    FIXED,
+    FLOAT,
     MOST,
     MOST_OUTPUTS,
     MOST_WORDS,
+    NOTHING,
     OUT,
+    PLACED,
     PLAN,
+    RECORD,
+    VALUE,
     WORD,
     module,
 )
+from ..llvm.single_call_text import (
+    ONE as ONE,
+)
+from ..llvm.single_call_text import (
+    PARTS as PARTS,
+)
 
-NO_LIMIT = np.array([1 << 62])  # a counter of calls
+READY = layout.READY and not PLAIN  # whether builtins can be made
 _lock = locks.new()
 
 
@@ -58,6 +73,8 @@ def _process() -> tuple[int, ...]:
         *map(api, ("Py_IncRef", "Py_DecRef", "PyDict_GetItemWithError", "PyTuple_Pack")),
         layout.vectorcall(),
         *map(api, ("PyFloat_FromDouble", "PyTuple_New")),
+        id(int),
+        *map(api, ("PyLong_AsSsize_t", "PyErr_Clear", "PyType_GenericAlloc")),
     )
     return (*map(id, constants), layout.kind(np.dtype(np.float64)), id(str), id(float), id(np.float64), *functions)
 
@@ -89,7 +106,7 @@ def _form(
         "plans": 0 if model is None else layout.slot_offset(*model),
         "plan": 0 if plan is None else plan.ctypes.data,
         "count": len(parameters),
-        "required": sum(1 << k for k, x in enumerate(parameters) if not x.optional),
+        "required": sum(1 << k for k, x in enumerate(parameters) if not x.optional and x.kind != FIXED),
         "optional": first,
         "choices": sum(1 << (k - first) for k in optional),
         "named": named[0] if named else -1,
@@ -102,36 +119,82 @@ def _form(
     return layout.words([*_process(), *words.values(), *pairs, *map(id, keys)], python, names, keys, model, plan)
 
 
-def _array_words(shape: tuple[int, ...] | None) -> list[int]:
-    """The words of an array of float64, of a float (no axes), or of a parameter that is no array (None)."""
-    if shape is None:
-        return [-2, *[0] * (ARRAY_WORDS - 1)]
-    found = [len(shape) if shape else -1, 8 * math.prod(shape), *shape]
-    return [*found, *[0] * (ARRAY_WORDS - len(found))]
+class Item(NamedTuple):
+    """What a plan says of an input or a result: its kind, bytes, and up to four words; see PLAN."""
+
+    kind: int
+    bytes: int = 8
+    words: tuple[int, ...] = ()
+
+
+def array(shape: tuple[int, ...], flags: int = 0, last: int = 0) -> Item:
+    """An array of float64, or a float if there are no axes; ``last``: the last of the words."""
+    rest = (0,) * (ARRAY_WORDS - 3 - len(shape)) + (last,)
+    return Item(len(shape) | flags if shape or flags else FLOAT, 8 * math.prod(shape), (*shape, *rest))
+
+
+def placed(shape: tuple[int, ...], address: int) -> Item:
+    """Numbers at an address."""
+    return array(shape, PLACED, address)
+
+
+def value(shape: tuple[int, ...], kind: int, slot: int, or_array: bool = False) -> Item:
+    """An object that holds an array in the slot at an offset; ``kind`` is the address of its class.
+
+    or_array  the array itself is taken too
+    """
+    sizes = (*shape, *[0] * (ARRAY_WORDS - 4 - len(shape)))
+    return Item(len(shape) | VALUE | EITHER * or_array, 8 * math.prod(shape), (*sizes, kind, slot))
+
+
+Described = Item | tuple[int, ...] | None
+
+
+def _array_words(x: Described) -> list[int]:
+    """The words of an Item, of an array of that shape, or of no input (None)."""
+    found = Item(NOTHING) if x is None else x if isinstance(x, Item) else array(x)
+    return [found.kind, found.bytes, *found.words, *[0] * (ARRAY_WORDS - 2 - len(found.words))]
 
 
 def plan(
     program: tuple[int, int, int],
-    outputs: Sequence[tuple[int, ...]],
-    inputs: Sequence[tuple[int, ...] | None],
-    several: bool = False,
+    outputs: Sequence[Described],
+    inputs: Sequence[Described],
+    several: int = ONE,
     alive: object = None,
+    shared: int = 0,
+    record: layout.Words | None = None,
 ) -> layout.Words:
     """The words of a plan.
 
     program  (entry, context, left) of a compiled program, see PLAN
-    outputs  shapes of the results of one sample, () for a float
-    inputs   for each parameter the shape of one sample, () for a float, None if it is no input; the last ones may lack
-    several  whether the results are a tuple, also if there is one result
+    outputs  results of one sample: shapes, () for a float, or Items
+    inputs   for each parameter the same, or None if it is no input; the last ones may lack
+    several  whether the results are a tuple, also if there is one result; or PARTS
     alive    the objects at the addresses
+    shared   address of the three words that the call reads in place of ``program``
+    record   the words of a ``record``
     """
-    words = [*program, len(outputs), int(several)]
-    for shape in outputs:
-        words += _array_words(shape)
-    words += _array_words(None) * (MOST_OUTPUTS - len(outputs))
-    for given in [*inputs, *[None] * (MOST - len(inputs))]:
-        words += _array_words(given)
-    return layout.words(words, alive)
+    words = [*program, shared, len(outputs), int(several), 0 if record is None else record.ctypes.data]
+    for x in [*outputs, *[None] * (MOST_OUTPUTS - len(outputs)), *inputs, *[None] * (MOST - len(inputs))]:
+        words += _array_words(x)
+    made = layout.words(words, alive, record)
+    made[PLAN.index("program")] = shared or made.ctypes.data
+    return made
+
+
+def record(**words: int) -> layout.Words:
+    """The words of a record; see RECORD."""
+    return layout.words([words.get(name, 0) for name in RECORD])
+
+
+def copy_entry() -> int:
+    """The address of an entry that copies its input to its output; its context is the number of bytes."""
+    return _code(0).address("copy_entry")
+
+
+def unavailable(*arguments: Any, **named: Any) -> None:
+    """Return None: the function that a builtin calls, or in its place, if the caller has another way."""
 
 
 def exhausted(made: layout.Words) -> bool:

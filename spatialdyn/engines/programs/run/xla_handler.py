@@ -29,7 +29,6 @@ from .batches import rejected
 
 Recompute = Callable[[Sequence[NDArray[Any]], Sequence[NDArray[Any]], tuple[int, ...], NDArray[np.intp]], None]
 _lock = locks.new()
-RECOMPUTING = np.zeros(2, np.int64)  # whether the process ends; number of calls that recompute samples
 
 
 class Registered(NamedTuple):
@@ -72,6 +71,12 @@ def _handlers() -> dict[str, Registered]:
     return {}
 
 
+@cache
+def recomputing() -> NDArray[np.int64]:
+    """(2,) whether the process ends, and the number of calls that recompute samples; handlers read and write it."""
+    return np.zeros(2, np.int64)
+
+
 def _made(
     name: str,
     kernel: Kernel,
@@ -99,7 +104,7 @@ def _made(
             free=object_layout.api("PyMem_RawFree"),
             give_way=give_way,
             threads=thread_pool.most.ctypes.data,
-            recomputing=RECOMPUTING.ctypes.data,
+            recomputing=recomputing().ctypes.data,
         )
     )
     loaded = LoadedCode(object_code(text))
@@ -108,8 +113,9 @@ def _made(
 
 def end() -> None:
     """Let handlers recompute no more samples: such a call is an error. Waits for those that do so now."""
-    RECOMPUTING[0] = 1
-    while RECOMPUTING[1]:
+    state = recomputing()
+    state[0] = 1
+    while state[1]:
         time.sleep(1e-3)
 
 

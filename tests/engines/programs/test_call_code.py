@@ -1,7 +1,8 @@
-"""CPython builtins: argument checks, results and reference counts."""
+"""Builtins on table kernels and routines: argument checks, results and reference counts."""
 
 from __future__ import annotations
 
+import ctypes
 import os
 import subprocess
 import sys
@@ -16,9 +17,16 @@ from unfused import unfused
 import spatialdyn as sd
 from spatialdyn.compat.native import recorded_calls
 from spatialdyn.engines import run
-from spatialdyn.engines.compiled import cpython
+from spatialdyn.engines.compiled import entries, numba_kernels
+from spatialdyn.engines.programs.run import single_call
+from spatialdyn.engines.programs.run.call_code import CallCode
+from spatialdyn.engines.programs.run.routine import Choice, Index, Routine, Truth
+from spatialdyn.recursions import SPECS
 
-pytestmark = pytest.mark.skipif(not cpython.READY, reason="nothing is compiled, or Python is not as expected")
+pytestmark = pytest.mark.skipif(not single_call.READY, reason="nothing is compiled, or Python is not as expected")
+
+
+TWICE = ["if s > 1.0: return 0", "for i in range(n): out[i] = s * (x[i] + x[i])", "return 1"]
 
 
 @pytest.fixture(scope="module")
@@ -31,40 +39,47 @@ def state() -> Any:
     return random_state(random_tree(2, 7, floating=True).tree, np.random.default_rng(0))
 
 
-def bound(name: str, model: sd.Model, compiled: bool = True) -> Any:
-    sizes, call = {"nq": model.nq, "nv": model.nv, "njoints": model.njoints}, recorded_calls.recorded_call(name)
-    if compiled:
-        call.builtin.compile_now()
-        cpython.table_entry(call.spec).compile_now()
-    return call.bind(model, table=model.address, **sizes)
+def of_spec(name: str) -> Any:
+    return numba_kernels.variant(SPECS[name], frozenset())
 
 
-def test_a_builtin_does_the_same_in_plain_python(model: Any, state: Any) -> None:
+def builtin(code: CallCode, model: sd.Model) -> Any:
+    return recorded_calls.recorded_call(code, {"nq": model.nq, "nv": model.nv, "njoints": model.njoints})
+
+
+def bound(name: str, model: sd.Model) -> Any:
+    entries.table_entry(of_spec(name)).compile_now()
+    return builtin(CallCode(of_spec(name), model), model)
+
+
+def test_an_entry_does_the_same_in_plain_python(model: Any, state: Any) -> None:
     s = state
     for name, given in (("rnea", (s.q, s.v, s.a)), ("crba", (s.q,)), ("interpolate", (s.q, s.q, 0.25))):
-        call = bound(name, model)
-        builtin = call.__self__.alive[0]
-        np.testing.assert_array_equal(builtin.interpret(call.__self__, given), call(*given))
-        assert builtin.interpret(call.__self__, (*given, 1)) is None
-        assert builtin.interpret(call.__self__, (2.0 * s.q, *given[1:])) is None
+        code, fresh = CallCode(of_spec(name), model), entries.table_entry.__wrapped__(of_spec(name))
+        code._words[0] = ctypes.cast(fresh._callback, ctypes.c_void_p).value
+        plain, compiled = builtin(code, model), bound(name, model)
+        np.testing.assert_array_equal(plain(*given), compiled(*given))
+        for call in (plain, compiled):
+            assert call(*given, 1) is call(2.0 * s.q, *given[1:]) is None
+        fresh._spent = fresh.compile_seconds  # compiling pays: the caller takes the compiled entry
+        assert plain(*given) is None
 
 
 def test_an_entry_is_renewed_once_its_calls_are_used_up(model: Any, state: Any) -> None:
     """An interpreted program answers a number of calls; then compiled code, with the same bits."""
-    s, spec = state, recorded_calls.recorded_call("rnea").spec
+    s, spec = state, of_spec("rnea")
     program = run.program(spec, model.with_(gravity=[0.0, 0.0, -9.7]), ()).program
     program._at_hand = lambda *given, **named: None  # as with an empty cache
-    entry = cpython.Entry(spec, program)
-    sizes = {"nq": model.nq, "nv": model.nv, "njoints": model.njoints}
-    call = recorded_calls.recorded_call("rnea").bind(model, table=model.address, entry=entry, **sizes)
+    code = CallCode(spec, model, program)
+    call = builtin(code, model)
     first = call(s.q, s.v, s.a)
-    assert not entry.renew()
+    assert not code.renew()
     program._calls[0] = 0
     assert call(s.q, s.v, s.a) is None
     del program._at_hand
-    assert entry.renew()
+    assert code.renew()
     np.testing.assert_array_equal(call(s.q, s.v, s.a), first)
-    entry.use_table()
+    code.use_table()
     np.testing.assert_array_equal(call(s.q, s.v, s.a), unfused("rnea", model, s.q, s.v, s.a))
 
 
@@ -117,19 +132,66 @@ def test_the_number_of_arguments_is_checked(model: Any, state: Any) -> None:
 def test_a_number_is_a_float(model: Any, state: Any) -> None:
     call, s = bound("interpolate", model), state
     np.testing.assert_array_equal(call(s.q, s.q, 0.5), unfused("interpolate", model, s.q, s.q, 0.5))
-    assert call(s.q, s.q, 1) is call(s.q, s.q, np.float64(0.5)) is call(s.q, s.q, None) is None
+    np.testing.assert_array_equal(call(s.q, s.q, np.float64(0.5)), call(s.q, s.q, 0.5))
+    assert call(s.q, s.q, 1) is call(s.q, s.q, None) is call(s.q, s.q, np.array(0.5)) is None
 
 
 def test_an_index_is_an_int_in_range_and_leaves_no_error() -> None:
-    X, placements, joints = np.tile(np.eye(4), (3, 1, 1)), np.tile(np.eye(4), (2, 1, 1)), np.array([1, 2])
-    X[:, 0, 3], out = (0.0, 1.0, 2.0), np.zeros((2, 4, 4))
-    places = np.array([x.ctypes.data for x in placements])
-    words = {"joints": joints, "placements": places, "poses": X, "result": out}
-    call = recorded_calls.place_frame().bind(frames=2, **{name: x.ctypes.data for name, x in words.items()})
-    assert call(1) is True
-    assert out[:, 0, 3].tolist() == [0.0, 2.0]
+    routine = Routine("index", ["below"], {"k": Index("below")}, ["out[0] = k", "return 1"], {}, ())
+    call = routine.bind({"below": 2})
+    assert (call(0), call(1)) == (0.0, 1.0)
     for wrong in (-1, 2, 10**30, -(10**30), 1.0, True, np.int64(1), None, "1"):
         assert call(wrong) is None
+
+
+def test_a_choice_is_the_place_of_an_object() -> None:
+    objects = "first", object(), 3.5
+    words = {f"w{k}": id(x) for k, x in enumerate(objects)}
+    routine = Routine("choice", [*words], {"k": Choice(tuple(words))}, ["out[0] = k", "return 1"], {}, ())
+    call = routine.bind(words, objects)
+    assert [call(x) for x in objects] == [0.0, 1.0, 2.0]
+    assert call(object()) is call(4.0) is call() is None
+
+
+def test_a_routine_is_compiled_once_that_pays() -> None:
+    """Plain Python answers first; the call at the change is answered too."""
+    routine = Routine("twice", ["n"], {"x": ("n",), "s": ()}, TWICE, {}, ("n",))
+    call, x = routine.bind({"n": 3}), np.arange(3.0)
+    expected = 0.5 * (x + x)
+    if routine.entry._code is None:
+        np.testing.assert_array_equal(call(x, 0.5), expected)
+        routine.entry._spent = routine.entry.compile_seconds
+    np.testing.assert_array_equal(call(x, 0.5), expected)
+    matrix = np.arange(12.0).reshape(3, 4)
+    np.testing.assert_array_equal(call(matrix[:, 1], 0.5), matrix[:, 1])
+    np.testing.assert_array_equal(call(matrix[::-1, 1], 1.0), 2.0 * matrix[::-1, 1])
+    assert call(x, 2.0) is call(x[:2], 0.5) is call(x, 1) is None
+
+
+def test_a_number_may_be_a_truth_and_another_function_may_answer() -> None:
+    routine = Routine("sign", [], {"x": ()}, ["out[0] = x", "return 1"], {}, Truth())
+    call = routine.bind({}, otherwise=lambda x: f"not {x}")
+    assert call(0.0) is False
+    assert call(-1.0) is call(np.nan) is True
+    assert call(1) == "not 1"
+
+
+def test_inputs_may_stand_at_addresses_and_be_recorded() -> None:
+    x, memory, stamp, now = np.arange(3.0), np.zeros(4), np.zeros(2, np.int64), np.zeros(1)
+    routine = Routine("twice", ["n"], {"x": ("n",), "s": ()}, TWICE, {}, ("n",))
+    held = routine.bind({"n": 3}, x, places={"x": x.ctypes.data, "s": x[1:].ctypes.data})
+    words = {"clock": stamp.ctypes.data, "time": stamp[1:].ctypes.data, "memory": memory.ctypes.data}
+    words |= {"now": now.ctypes.data, "then": x.ctypes.data, "bytes": 8, "count": 2}  # the result is not recorded
+    noted = routine.bind({"n": 3}, x, memory, stamp, now, record=single_call.record(**words))
+    np.testing.assert_array_equal(held(), 2.0 * x)
+    np.testing.assert_array_equal(noted(x + 1.0, 0.25), 0.5 * (x + 1.0))
+    np.testing.assert_array_equal(memory, [1.0, 2.0, 3.0, 0.25])
+    assert stamp.tolist() == [1, 1]
+    assert noted(x, 2.0) is None
+    now[0] = 1.0  # the two blocks differ
+    assert noted(x, 0.5) is None
+    np.testing.assert_array_equal(memory, [1.0, 2.0, 3.0, 0.25])
+    assert stamp.tolist() == [1, 1]
 
 
 def test_references_are_counted(model: Any, state: Any) -> None:
@@ -159,11 +221,6 @@ def test_no_memory_leaks(model: Any, state: Any) -> None:
         tracemalloc.stop()
 
 
-def test_a_plan_has_the_words_it_says() -> None:
-    with pytest.raises(TypeError, match="no words"):
-        recorded_calls.place_frame().bind(poses=0, result=0, frames=0, joints=0, placements=0, more=1)
-
-
 def test_a_builtin_keeps_what_it_points_at(state: Any) -> None:
     made = random_tree(2, 7, floating=True).model
     s, call = state, bound("rnea", made)
@@ -176,10 +233,10 @@ def test_functions_may_outlive_what_they_are_made_by() -> None:
     """Garbage collected together, in any order: freed memory is overwritten, so a late access shows."""
     script = """
 import gc
-from spatialdyn.engines.compiled.cpython import Builtin
+from spatialdyn.engines.programs.run.routine import Routine
 for k in range(3):
-    made = Builtin(f"nothing{k}", [], ["one"], ["return return_true(plan)"], {})
-    functions = [made.bind(one=1) for _ in range(20)]
+    made = Routine(f"nothing{k}", ["one"], {}, ["return 1"], {})
+    functions = [made.bind({"one": 1}) for _ in range(20)]
     assert all(f() for f in functions)
     functions.append((functions, made))
     made.functions = functions
