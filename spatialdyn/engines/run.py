@@ -39,7 +39,7 @@ FEW, FEW_NUMBERS = 512, 1 << 20  # most samples, and most numbers in their resul
 FEW_ALONE = 16  # as FEW, for a recursion that branches on values, which NumPy runs on one sample at a time
 MANY_ALONE = 512  # a batch of so many samples compiles a recursion that branches on values at once
 MOST_STEPS = 200_000  # most rows of the table times numbers of a result that NumPy computes
-MOST_BESIDE_LANES = 1 << 12  # most numbers of a program's result, where the table kernel runs on lanes
+MOST_BESIDE_LANES = 1 << 12  # most numbers of a mass matrix that a program computes, if lanes can
 MANY = 8192  # samples of the batches that ``compile_program`` prepares for
 _lock = locks.new()
 STATIC = "rows" if numba_kernels.PLAIN else "address"  # the attribute of a StaticTable that kernels take
@@ -139,7 +139,7 @@ def _program(spec: Spec, table: Table, static: tuple[bytes | int, ...]) -> CallP
     """As ``program``, for one thread at a time, so that each program is recorded once."""
     if numba_kernels.PLAIN or not recording.fits((spec,), table.bodies, static=static):
         return None
-    if lane_names.fits(spec) and math.prod(_core(spec, table, static)) > MOST_BESIDE_LANES:
+    if spec.mirrored and lane_names.fits(spec) and math.prod(_core(spec, table, static)) > MOST_BESIDE_LANES:
         return None
     values = tuple(np.frombuffer(x).reshape(4, 4) if isinstance(x, bytes) else x for x in static)
     try:

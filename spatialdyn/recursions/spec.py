@@ -113,7 +113,6 @@ class Spec:
                 recovers aba's tau, or whose product with the output is 1, as crba's with minverse's; then that of M⁻¹
     large       its table kernel takes half a minute to compile: steps run it as its program, as calls do, and calls
                 that have no program are computed in NumPy
-    on_lanes    table kernels run it on SIMD lanes: it chooses by ``select`` and ``anywhere``, never by a comparison
     mirrored    the output is a symmetric matrix; the recursion writes both triangles and does not read them
     source      the publication of the recursion
     """
@@ -136,7 +135,6 @@ class Spec:
     residual: tuple[str, ...] = ()
     composed: bool = False
     large: bool = False
-    on_lanes: bool = False
     mirrored: bool = False
     stamped: bool = True
 
@@ -148,6 +146,15 @@ class Spec:
     def present(self) -> tuple[Argument, ...]:
         """The inputs that the call takes, records replaced by their entries."""
         return tuple(flat(self.inputs))
+
+    @property
+    def on_lanes(self) -> bool:
+        """Whether table kernels run it on SIMD lanes, which have no truth value to branch on.
+
+        Exceptions: recursions that branch on values, which are not traceable; and those that are composed or take a
+        table, of constraints or contacts, since steps of a run and contacts have regions, which compile to branches.
+        """
+        return self.traceable and not self.composed and all(x.table is None for x in self.present)
 
     @cached_property
     def states(self) -> tuple[Argument, ...]:

@@ -17,11 +17,12 @@ from typing import Any
 
 from llvmlite import binding
 from numba.core.codegen import JITCodeLibrary
-from numba.core.compiler import CompilerBase, CompileResult, DefaultPassBuilder
+from numba.core.compiler import CompileResult, DefaultPassBuilder
 from numba.core.compiler_machinery import LoweringPass, register_pass
 from numba.core.environment import Environment
 from numba.core.typed_passes import IRLegalization
 
+from .lane_typing import Typed
 from .numba_cache import InlinedCache
 from .stamp import STAMP
 
@@ -86,7 +87,7 @@ for _kind in (_Into, _IntoLowered):
     _register(mutates_CFG=False, analysis_only=True)(_kind)
 
 
-class Plain(CompilerBase):
+class Plain(Typed):
     """The pipeline of a kernel: Numba's, without the passes for features that neither kernels nor recursions use."""
 
     def define_pipelines(self) -> list[Any]:

@@ -5,7 +5,7 @@ Importing this module imports Numba, which takes time, so other modules import i
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import partial
 from typing import Any, cast
 
@@ -25,14 +25,12 @@ from .numba_cache import NumbaCache
 from .numba_settings import PLAIN
 from .sines import turn as turn
 
-PIPELINES: Mapping[str, Any] = {}
-OWN: dict[str, Any] = {}
 try:
     from .inlining import PIPELINES, Plain
 except ImportError:  # in this version of Numba these parts are elsewhere: compiling takes several times as long
-    pass
-else:
-    OWN = {"pipeline_class": Plain}
+    from .lane_typing import WITHOUT_PASSES as PIPELINES
+    from .lane_typing import TypedAsNumba as Plain  # type: ignore[assignment]
+OWN: dict[str, Any] = {"pipeline_class": Plain}
 
 ON_STACK = 1 << 13  # most bytes of a kernel's scratch array on the stack; larger arrays are allocated
 FLAGS: dict[str, Any] = {

@@ -382,37 +382,3 @@ def _turned(typing_context: Any, x: Any) -> Any:
 
 
 turned: Any = intrinsic(_turned)
-
-
-# --- named tuples of numbers become those of lanes where two paths meet -------------------------------------
-
-
-_NAMED: Any = types.BaseNamedTuple
-
-
-def _unify(self: Any, typing_context: Any, other: Any) -> Any:
-    if isinstance(other, _NAMED) and other.instance_class is self.instance_class:
-        both = [typing_context.unify_pairs(a, b) for a, b in zip(self, other, strict=True)]
-        if all(x is not None for x in both):
-            return types.BaseTuple.from_types(both, self.instance_class)
-    return None
-
-
-def _convertible(self: Any, typing_context: Any, other: Any) -> Any:
-    if not isinstance(other, _NAMED) or other.instance_class is not self.instance_class:
-        return None
-    can = typing_context.can_convert
-    return Conversion.safe if all(can(a, b) is not None for a, b in zip(self, other, strict=True)) else None
-
-
-_KINDS: Any = (types.NamedUniTuple, types.NamedTuple)  # Numba unifies these with no other type
-for _kind in _KINDS:
-    _kind.unify, _kind.can_convert_to = _unify, _convertible
-
-
-@lower_cast(types.BaseNamedTuple, types.BaseNamedTuple)
-def _tuple_cast(context: Any, builder: Any, given: Any, kind: Any, x: Any) -> Any:
-    parts = cgutils.unpack_tuple(builder, x, len(given))
-    return context.make_tuple(
-        builder, kind, [context.cast(builder, p, a, b) for p, a, b in zip(parts, given, kind, strict=True)]
-    )

@@ -257,7 +257,7 @@ SPECS = (
     Spec(
         "aba", aba, WORK, (TURNED_Q, V, TAU, FEXT_OPTIONAL), A,
         "Forward dynamics a = M(q)⁻¹ (tau - C(q, v) v - g(q) + Σ Jᵀ fext) by the articulated body algorithm.",
-        "Featherstone, RBDA (2008), table 7.1.", pivots=True, regroup=True, on_lanes=True,
+        "Featherstone, RBDA (2008), table 7.1.", pivots=True, regroup=True,
         through_M=acceleration_through_M, residual=("rnea", "minverse"),
     ),
     Spec(

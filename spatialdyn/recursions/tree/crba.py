@@ -56,6 +56,6 @@ SPECS = (
         "crba", crba, WORK, (TURNED_Q,),
         Argument("M", ("nv", "nv"), "kg m² | kg m | kg", "mass matrix, symmetric, both triangles filled"),
         "Joint-space mass matrix M(q) by the composite rigid body algorithm.",
-        "Featherstone, RBDA (2008), table 6.2.", regroup=True, on_lanes=True, mirrored=True,
+        "Featherstone, RBDA (2008), table 6.2.", regroup=True, mirrored=True,
     ),
 )  # fmt: skip

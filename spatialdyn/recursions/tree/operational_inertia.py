@@ -195,7 +195,7 @@ def frame_in_world(bodies: Bodies, work: Work, row: int, placement: Matrix) -> P
 @inline
 def unit_force(X: Pose, reference: int, k: int) -> Force:
     """Unit force k of a reference, linear first, in the coordinates of the frame whose pose in the world is X."""
-    unit = Vec(float(k % 3 == 0), float(k % 3 == 1), float(k % 3 == 2))
+    unit = Vec(1.0 if k % 3 == 0 else 0.0, 1.0 if k % 3 == 1 else 0.0, 1.0 if k % 3 == 2 else 0.0)
     f = Force(zero(), unit)
     if k >= 3:
         f = Force(unit, zero())

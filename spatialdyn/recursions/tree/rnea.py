@@ -121,19 +121,19 @@ SPECS = (
     Spec(
         "rnea", rnea, WORK, (TURNED_Q, V, A, FEXT_OPTIONAL), TAU,
         "Inverse dynamics τ = M(q) a + C(q, v) v + g(q) - Σ Jᵀ fext by the recursive Newton-Euler algorithm.", _SOURCE,
-        regroup=True, on_lanes=True,
+        regroup=True,
     ),
     Spec(
         "nonlinear_effects", rnea, WORK, (TURNED_Q, V, None, None), TAU,
-        "Bias torque C(q, v) v + g(q): the torque at zero acceleration.", _SOURCE, regroup=True, on_lanes=True,
+        "Bias torque C(q, v) v + g(q): the torque at zero acceleration.", _SOURCE, regroup=True,
     ),
     Spec(
         "generalized_gravity", rnea, WORK, (TURNED_Q, None, None, None), TAU,
-        "Gravity torque g(q) = ∂V/∂q: the torque that holds the robot still.", _SOURCE, regroup=True, on_lanes=True,
+        "Gravity torque g(q) = ∂V/∂q: the torque that holds the robot still.", _SOURCE, regroup=True,
     ),
     Spec(
         "static_torque", rnea, WORK, (TURNED_Q, None, None, FEXT), TAU,
         "Torque g(q) - Σ Jᵀ fext that holds the robot still under external forces.", _SOURCE,
-        regroup=True, on_lanes=True,
+        regroup=True,
     ),
 )  # fmt: skip

@@ -33,7 +33,8 @@ OF_TUPLES = {"_asdict", "_replace", "_fields", "_make"}  # documented by named t
 BORROWED: dict[str, set[str]] = {
     # how inlined functions are compiled
     "numba.core.codegen.JITCodeLibrary": {COMPILED + "inlining.py"},
-    "numba.core.compiler.CompilerBase": {COMPILED + "inlining.py"},
+    "numba.core.compiler.CompilerBase": {COMPILED + "lane_typing.py"},
+    "numba.core.compiler.Compiler": {COMPILED + "lane_typing.py"},
     "numba.core.compiler.CompileResult": {COMPILED + "inlining.py"},
     "numba.core.environment.Environment": {COMPILED + "inlining.py"},
     "_final_module": {COMPILED + "inlining.py"},
@@ -58,7 +59,7 @@ BORROWED: dict[str, set[str]] = {
     # addresses and arrays in compiled code
     "numba.np.arrayobj": {COMPILED + "jit.py", COMPILED + "lane_arrays.py"},
     "_getvalue": {COMPILED + "jit.py", COMPILED + "lane_arrays.py"},
-    "numba.core.cgutils": {COMPILED + "jit.py", COMPILED + "lane_arrays.py", COMPILED + "lanes.py"},
+    "numba.core.cgutils": {COMPILED + x for x in ("jit.py", "lane_arrays.py", "lane_typing.py", "lanes.py")},
     # numbers, arrays and matrices of lanes: types, their operators and conversions
     "numba.core.datamodel.models": {COMPILED + "lane_arrays.py", COMPILED + "lanes.py"},
     "numba.core.datamodel.registry.register_default": {COMPILED + "lane_arrays.py", COMPILED + "lanes.py"},

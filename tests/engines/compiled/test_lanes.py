@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from fractions import Fraction
 from functools import cache
 from typing import Any
@@ -20,12 +20,18 @@ from spatialdyn.engines.compiled.numba_settings import PLAIN
 from spatialdyn.engines.numbers.samples import Evaluation
 from spatialdyn.engines.programs.record import recording
 from spatialdyn.recursions import SPECS
+from spatialdyn.recursions.derivatives.step_derivatives import MOTION as STEP
 from spatialdyn.recursions.spec import Spec
+from spatialdyn.recursions.tree.operational_inertia import COUPLING
 
 pytestmark = pytest.mark.skipif(PLAIN or not lane_names.fits(SPECS["crba"]), reason="no lanes here")
 COUNT = 13  # samples: no multiple of a width
 ROUNDING = 1e-13  # of the largest entry of a result, over 15 random joints; measured 3e-15
-SCALES = {"aba": 1e3}  # a solve in a badly conditioned tree
+NOTHING = 1e-16  # as the coupling of frames whose branches meet in the ground alone, but for rounding
+SCALES = {"aba": 1e3, "aba_derivatives": 1e3, "crba_solve": 1e3}  # a solve in a badly conditioned tree
+EVERY_WIDTH = ("rnea", "aba", "crba")
+PLACEMENT = np.array([[0, -1, 0, 0.3], [1, 0, 0, 0.2], [0, 0, 1, 0.1], [0, 0, 0, 1.0]])
+STATIC = {"placement": PLACEMENT, "other_placement": np.eye(4), "classical": 1}
 
 
 @cache
@@ -39,31 +45,42 @@ def model(seed: int) -> sd.Model:
 def inputs(spec: Spec, of: sd.Model, seed: int) -> list[np.ndarray]:
     """Random values of the varying inputs."""
     rng = np.random.default_rng(seed)
-    q = np.ascontiguousarray(sd.random_configuration(of, seed, COUNT))
-    shapes = [(x, recording.shape_of(x, of.bodies, ())) for x in spec.present if not x.static]
-    return [q if x.name == "q" else rng.normal(size=(COUNT, *shape)) for x, shape in shapes]
+    shapes = [(k, x, recording.shape_of(x, of.bodies, ()) or (1,)) for k, x in enumerate(spec.present) if not x.static]
+    return [
+        np.ascontiguousarray(sd.random_configuration(of, seed + k, COUNT)) if x.unit_norm
+        else rng.normal(size=(COUNT, *shape))
+        for k, x, shape in shapes
+    ]  # fmt: skip
 
 
-def result(kernel: Callable[..., int], spec: Spec, of: sd.Model, given: list[np.ndarray]) -> tuple[Any, Any]:
+def static_inputs(spec: Spec, of: sd.Model, reference: int) -> tuple[Any, ...]:
+    """Values of the static inputs: a frame on the last body."""
+    values = {**STATIC, "row": of.nv, "other_row": of.joints[3].idx_v + of.joints[3].nv, "reference": reference}
+    return tuple(values[x.name] for x in spec.present if x.static)
+
+
+def result(
+    kernel: Callable[..., int], spec: Spec, of: sd.Model, given: list[np.ndarray], static: tuple[Any, ...] = ()
+) -> tuple[Any, Any]:
     """Results and statuses of a batch kernel."""
-    out = np.full((len(given[0]), *(recording.shape_of(spec.output, of.bodies, ()) or (1,))), np.nan)
+    out = np.full((COUNT, *(recording.shape_of(spec.output, of.bodies, ()) or (1,))), np.nan)
     status = np.full(len(out), 99, np.int8)
-    failed = kernel(of.address, len(out), *(y for x in given for y in (x, 1)), out, status)
+    failed = kernel(of.address, len(out), *(y for x in given for y in (x, 1)), *static, out, status)
     assert failed == np.count_nonzero(status)
     return out, status
 
 
-def check(spec: Spec, width: int) -> None:
+def check(spec: Spec, width: int, seeds: Sequence[int] = range(12)) -> None:
     lanes, one = lane_kernels.kernel(spec, width), numba_kernels.batch_kernel(spec)
-    for seed in range(12):
-        given = inputs(spec, model(seed), seed)
-        wanted, _ = result(one, spec, model(seed), given)
-        found, status = result(lanes, spec, model(seed), given)
+    for seed in seeds:
+        given, static = inputs(spec, model(seed), seed), static_inputs(spec, model(seed), seed % 3)
+        wanted, _ = result(one, spec, model(seed), given, static)
+        found, status = result(lanes, spec, model(seed), given, static)
         assert not status.any()
         np.testing.assert_array_equal(found, wanted)
         exact, statuses = np.empty((COUNT, wanted[0].size)), np.empty(COUNT, np.int8)
-        Evaluation(spec, model(seed).bodies, ())(given, exact, statuses)
-        bound = SCALES.get(spec.name, 1.0) * ROUNDING * abs(exact).max()
+        Evaluation(spec, model(seed).bodies, static)(given, exact, statuses)
+        bound = SCALES.get(spec.name, 1.0) * ROUNDING * (abs(exact).max() + NOTHING)
         np.testing.assert_allclose(found.reshape(exact.shape), exact, rtol=0.0, atol=bound)
 
 
@@ -73,12 +90,39 @@ def test_lanes_have_the_bits_of_one_sample_and_are_right(name: str) -> None:
 
 
 @pytest.mark.slow(quick="test_lanes_have_the_bits_of_one_sample_and_are_right")
-@pytest.mark.parametrize("name", [x.name for x in SPECS.values() if x.on_lanes])
-def test_every_call_on_lanes_of_every_width(name: str) -> None:
-    of = SPECS[name]
+@pytest.mark.parametrize("of", [x for x in (*SPECS.values(), COUPLING) if x.on_lanes], ids=lambda x: x.name)
+def test_every_call_on_lanes(of: Spec) -> None:
+    every = of.name in EVERY_WIDTH
     for present in {(), tuple(x.name for x in of.present if x.optional)}:
-        for width in (2, 4, 8):
-            check(numba_kernels.variant(of, present), width)
+        for width in (2, 4, 8) if every else (lane_names.width(),):
+            check(numba_kernels.variant(of, present), width, range(12) if every else range(len(of.name) % 3, 12, 3))
+
+
+def test_calls_run_on_lanes_unless_they_branch_on_values_or_are_made_of_others() -> None:
+    assert [x.name for x in SPECS.values() if not x.on_lanes] == ["aba_square_root"]
+    assert not STEP.on_lanes
+
+
+def test_compiling_on_lanes_leaves_numbas_types_and_typing_as_they_were() -> None:
+    from numba import njit, types
+    from numba.core.errors import TypingError
+    from numba.core.registry import cpu_target
+
+    from spatialdyn.algebra.euclidean import Vec
+
+    lane_kernels.kernel(numba_kernels.variant(SPECS["generalized_gravity"], ()), lane_names.width())
+    assert not {"unify", "can_convert_to"} & (vars(types.NamedUniTuple).keys() | vars(types.NamedTuple).keys())
+    assert type(cpu_target.typing_context).__module__.startswith("numba.")
+
+    @njit
+    def of_two_types(first: bool) -> Any:
+        x = Vec(1.0, 2.0, 3.0)
+        if first:
+            x = Vec(1, 2, 3)
+        return x.x
+
+    with pytest.raises(TypingError, match="Cannot unify"):
+        of_two_types(True)
 
 
 @pytest.fixture
