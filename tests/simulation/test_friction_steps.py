@@ -19,9 +19,11 @@ from spatialdyn.engines.compiled import numba_kernels
 from spatialdyn.engines.programs.record import recording
 from spatialdyn.recursions.control.control_laws import law_spec
 from spatialdyn.simulation import fixed_steps
+from spatialdyn.simulation.driver import check_solved
 from spatialdyn.simulation.effects import friction as friction_effect
 from spatialdyn.simulation.effects.control import Feedback
-from spatialdyn.simulation.effects.friction import WAYS
+from spatialdyn.simulation.effects.friction import WAYS, DryFriction
+from spatialdyn.simulation.plan import Plan
 from spatialdyn.simulation.steps import step_specs
 
 EPS = float(np.finfo(float).eps)
@@ -453,3 +455,23 @@ def test_ctrl_c_leaves_a_whole_state(arm: sd.Model) -> None:
     whole = sd.simulate(sd.Scene(arm, friction=ARM), np.zeros(3), np.ones(3), 5e-3, 1e-3, STEPPED)
     kept = caught.value.trajectory
     np.testing.assert_allclose(kept.q[5], whole.q[5], rtol=0.0, atol=SAME)
+
+
+@compiled
+def test_an_unsolved_sample_is_found_behind_solved_ones(arm: sd.Model, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Samples are judged together, by one look while all are solved."""
+    looks: list[float] = []
+    whole = DryFriction.failure
+
+    def failure(self: DryFriction, states: dict[str, Array], dt: float, t: float) -> str:
+        looks.append(states["violation"][0])
+        return whole(self, states, dt, t)
+
+    monkeypatch.setattr(DryFriction, "failure", failure)
+    scene, given = sd.Scene(arm, friction=ARM), (np.zeros((5, 3)), np.zeros((5, 3)))
+    sd.rollout(scene, *given, dt=1e-3, steps=2)
+    assert looks == [0.0]
+    violations = np.array([0.0, 0.0, 0.5, 0.0, 0.4]).reshape(5, 1, 1)
+    plan, records = Plan(scene, STEPPED, scene.effects), [np.zeros((5, 1, 3))] * 2
+    with pytest.raises(sd.SimulationError, match=r"sample 2: friction violates .* by 0\.5 .* \(2 samples in all\)"):
+        check_solved(plan, [*records, violations], 1e-3, 1)

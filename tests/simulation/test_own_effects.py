@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import pytest
 from dense import Array
 
 import spatialdyn as sd
@@ -45,9 +46,9 @@ def wheel() -> sd.Model:
     return sd.ModelBuilder("wheel").add_body("wheel", None, axis=(0, 0, 1), inertia=solid).build()
 
 
-def with_effect(model: sd.Model, acting: Effect) -> sd.Scene:
-    scene = sd.Scene(model)
-    object.__setattr__(scene, "effects", (acting,))
+def with_effect(model: sd.Model, acting: Effect, **others: Any) -> sd.Scene:
+    scene = sd.Scene(model, **others)
+    object.__setattr__(scene, "effects", (*scene.effects, acting))
     return scene
 
 
@@ -78,3 +79,40 @@ def test_two_effects_of_one_name_are_two_programs() -> None:
         scene = with_effect(model, to_the_world(power)(np.array([STIFFNESS])))  # type: ignore[call-arg]
         run = sd.rollout(scene, [0.5], [0.0], dt=1e-3, steps=1, method="semi_implicit_euler")
         assert abs(run.v[0, 0] + 1e-3 * STIFFNESS / INERTIA * 0.5**power) < 1e-15
+
+
+MOMENTA = [name for name, x in sd.integrators.items() if x.family is not None and x.family.moves == "p"]
+
+
+@pytest.mark.parametrize("method", MOMENTA)
+def test_an_effect_acts_once_in_methods_that_move_momenta(method: str) -> None:
+    """Beside a smooth damper: the wheel's damped oscillation."""
+    model, k, b, dt = wheel(), STIFFNESS, 2.0, 2e-3
+    spring: Any = to_the_world(1)
+    damper = {"friction": sd.Friction(0.0, b, smoothing=1.0), "friction_method": "smooth"}
+    scene = with_effect(model, spring(np.array([k])), **damper)
+    run = sd.simulate(scene, [0.5], [0.0], 0.2, dt, method)
+    rate, decay = math.sqrt(k / INERTIA - (b / (2 * INERTIA)) ** 2), b / (2 * INERTIA)
+    wanted = 0.5 * np.exp(-decay * run.t) * (np.cos(rate * run.t) + decay / rate * np.sin(rate * run.t))
+    assert abs(run.q[:, 0] - wanted).max() < (0.02 if sd.integrators[method].order == 1 else 1e-4)
+    many = sd.rollout(scene, [[0.5]] * 2, [[0.0]] * 2, dt=dt, steps=10, method=method)
+    np.testing.assert_array_equal(many.q[1], run.q[1:11])
+
+
+def test_an_effect_acts_beside_dry_friction_and_contacts() -> None:
+    """A block on a slide with a spring of stiffness k: dry friction holds it up to F / k, on the ground by μ m g."""
+    block = (2.0, (0.0, 0.0, 0.0), 0.01 * np.eye(3))
+    builder = sd.ModelBuilder("block").add_body("x", None, "prismatic", axis=(1, 0, 0), inertia=block, joint_name="x")
+    builder.add_body("z", "x", "prismatic", axis=(0, 0, 1), inertia=block, joint_name="z")
+    model, k, spring = builder.build(), 10.0, to_the_world(1)
+    pull: Any = spring(np.array([k, 0.0]))  # type: ignore[call-arg]
+    ground = sd.Contacts(model, {"z": 0.1}, friction=0.5)
+    z, load = 0.1, 2.0 * 9.81 * 0.5
+    for others in ({"friction": sd.Friction([load, 0.0], 0.0)}, {"contacts": ground}):
+        for share, rests in ((0.9, True), (1.5, False)):
+            scene = with_effect(model, pull, **others)
+            start = [share * load / k, z]
+            run = sd.simulate(scene, start, [0.0, 0.0], 0.02, 1e-3)
+            assert (abs(run.q[-1, 0] - start[0]) < 1e-9) == rests
+            if not rests:
+                assert run.v[1, 0] == pytest.approx(-1e-3 * (share - 1.0) * load / 4.0, rel=1e-6)

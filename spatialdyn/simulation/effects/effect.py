@@ -116,7 +116,10 @@ class Effect:
         raise NotImplementedError
 
     def failure(self, states: dict[str, Array], dt: float, t: float) -> str:
-        """The error in the steps until t, found from the states after them (one sample, flat); "" without one."""
+        """The error in the steps until t, found from the states after them (one sample, flat); "" without one.
+
+        A sample has none if one with larger states has none, so that many samples are judged by their largest states.
+        """
         return ""
 
     @property
