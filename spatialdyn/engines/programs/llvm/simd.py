@@ -91,7 +91,7 @@ class Writer:
     def text(self) -> str:
         """The module."""
         self.values: dict[int, str] = {}
-        functions = []
+        functions: list[str] = []
         main = Vectors(self.scalar, self.lanes, self.fma)
         poison, floor = self._prologue(main)
         if self.whole:
