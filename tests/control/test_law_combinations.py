@@ -50,9 +50,6 @@ REFUSED = {  # pairs that cannot be, by the reason
         *[("held", x, "method", y) for x in ("step", "period") for y in ("dop853", "radau")],
         *[("law", x, "method", y) for x in LEARN for y in ("dop853", "radau")],
     ],
-    r"mimic joints, expected one without \(mimic=False\) for (constraints|points)": [  # couplers are their constraints
-        ("robot", "gripper", "effect", x) for x in (*HELD, "contacts")
-    ],
     "has joints that mimic others, expected none for adaptive laws": [("law", x, "robot", "gripper") for x in LEARN],
 }  # fmt: skip
 Row = dict[str, str]

@@ -260,7 +260,7 @@ def test_cpp_has_arrays_by_size(tmp_path: Path) -> None:
     sd.export(sd.load_urdf("two_link"), {"torque": sd.rnea, "step": sd.step}, tmp_path)
     (tmp_path / "use.cpp").write_text(
         '#include "robot.hpp"\nint main() { std::array<double, 2> q{}, v{}, tau{};\n'
-        "return robot::torque(q, v, v, tau) && robot::step(q, v, 1e-3, tau, q, v) ? 0 : 1; }\n"
+        "return robot::torque(q, v, v, tau) && robot::step(q, v, tau, 1e-3, q, v) ? 0 : 1; }\n"
     )
     words = ["c++", "-std=c++11", "-Wall", "-Wextra", "-pedantic", "-Werror", "-Isrc", "-fsyntax-only", "use.cpp"]
     subprocess.run(words, cwd=tmp_path, check=True)
@@ -277,7 +277,7 @@ def test_rust_takes_the_declarations(tmp_path: Path) -> None:
 def test_rust_has_arrays_by_size(tmp_path: Path) -> None:
     sd.export(sd.load_urdf("two_link"), {"step": sd.step}, tmp_path, dtype=np.float32)
     text = (tmp_path / "rust" / "robot.rs").read_text()
-    assert "v: &[f32; 2], dt: f32, tau: &[f32; 2], q_after: &mut [f32; 2]" in text
+    assert "v: &[f32; 2], tau: &[f32; 2], dt: f32, q_after: &mut [f32; 2]" in text
 
 
 @pytest.mark.skipif(shutil.which("cmake") is None, reason="no CMake")
