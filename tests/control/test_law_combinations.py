@@ -61,9 +61,14 @@ def refused(a: str, x: str, b: str, y: str) -> str:
     return next((why for why, those in REFUSED.items() if any(p in those for p in pairs)), "")
 
 
-def rotors_move(row: Row) -> bool:
-    """Whether a law has to learn of rotors on moving links, whose momenta no ten parameters have."""
-    return row.get("law") in LEARN and row.get("effect") == "springs" and row.get("robot") == "floating"
+def three_cannot_be(row: Row) -> bool:
+    """Whether a law has to learn of rotors on moving links, whose momenta no ten parameters have; or momenta of a
+    position that is no number stay on constraints.
+    """
+    if row.get("robot") != "floating":
+        return False
+    learns = row.get("law") in LEARN and row.get("effect") == "springs"
+    return learns or (row.get("effect") in HELD and row.get("method") == "stormer_verlet")
 
 
 def rows(pairs: set[tuple[str, str, str, str]]) -> list[Row]:
@@ -77,7 +82,7 @@ def rows(pairs: set[tuple[str, str, str, str]]) -> list[Row]:
         for c in FACTORS:
             if c not in row:
                 fit = [z for z in FACTORS[c] if not any(refused(c, z, d, row[d]) for d in row)]
-                fit = [z for z in fit if not rotors_move({**row, c: z})]
+                fit = [z for z in fit if not three_cannot_be({**row, c: z})]
                 turn = len(made) % len(fit)  # of equals another one each time
                 fit = fit[turn:] + fit[:turn]
                 row[c] = max(fit, key=lambda z, c=c: sum(_pair(c, z, d, row[d]) in left for d in row))
