@@ -69,8 +69,8 @@ class Heightfield:
     y, in steps and in their derivatives.
 
     Programs contain each height once for each radius, at most 2048: compiling them takes longer the more there are.
-    Over more heights runs and ``contact_step`` are in plain Python, some 20 ms a step for a quadruped whatever their
-    number, and a message of the logger names them.
+    Over more heights runs and ``contact_step`` are in plain Python, much slower whatever their number; a
+    message of the logger names them.
     Raises  ConstraintError for heights that are not finite or not a grid, a spacing not above 0, an invalid origin
 
     >>> import numpy as np, spatialdyn as sd
