@@ -37,7 +37,7 @@ from ..simulation.effects.effect import Effect
 from ..simulation.effects.external import ExternalForces
 from ..simulation.fixed_steps import failure_message
 from ..simulation.kernel_steps import UNDER
-from ..simulation.methods.call_kernels import call_kernels
+from ..simulation.methods.call_kernels import kernels_of
 from ..simulation.methods.methods import DISCRETE, Method, integrators
 from ..simulation.methods.symplectic import GAUSS2, GAUSS4, GAUSS6, Tableau
 from ..simulation.momenta_steps import begun as begun_rows
@@ -331,7 +331,7 @@ def _alone(model: Model, method: Method, begun: Begun, beside: Beside, sample: i
             if (more := effect.torque(at, q, v)) is not None:
                 system.tau[:] += more
 
-    kernels = call_kernels(model, family, fext)
+    kernels = kernels_of(at, family, fext)
     system = System(kernels, torque, None, None, tau[None], forces, units(model), still, tau.copy(), status)
     scratch = np.zeros((len(model.bodies), 6)), np.zeros((family.rows, nv * (1 + family.wide)))
     state = State(q.copy(), p.copy(), np.zeros(nv), np.zeros(model.nq), *scratch)

@@ -112,7 +112,7 @@ def smooth_torques(
     acting: list[tuple[Spec, list[Array]]] = [(SPRING_TORQUE, [q, v])] if has_springs(model) else []
     smooth = find(effects, SmoothFriction)
     if smooth is not None:
-        values = [np.broadcast_to(x, (n, nv)) for x in (*smooth.friction.law, *smooth.coefficients)]
+        values = [np.broadcast_to(x[0], (n, nv)) for x in smooth.values.values()]
         acting.append((FRICTION_TORQUE, [v, *values]))
     torque, by = np.zeros((n, nv)), np.zeros((n, nv, by_q.shape[2]))
     named = {"q": by_q, "v": by_v}
@@ -144,7 +144,7 @@ def nothing_labelled(n: int) -> tuple[tuple[str, ...], Array, Array]:
 def bent_labels(model: Model, bristles: LuGreFriction, v: Array) -> tuple[tuple[str, ...], Array, Array]:
     """Labels, states and margins of bristles; their slip changes with the sign of v."""
     coulomb, _, static, _ = bristles.friction.law
-    rows = np.flatnonzero((np.maximum(coulomb, static) > 0.0) & (bristles.coefficients[0] > 0.0))
+    rows = np.flatnonzero((np.maximum(coulomb, static) > 0.0) & (bristles.friction.bristle_stiffness > 0.0))
     labels = tuple(f'bristles of joint "{joint_of_velocity(model, int(k)).name}"' for k in rows)
     return labels, np.full((len(v), len(rows)), BENDS, "<U11"), abs(v[:, rows])
 
@@ -220,7 +220,7 @@ def _of_bristles(
     model: Model, bristles: LuGreFriction, v: Array, z: Array, tau: Array, h: Array, made: Torques
 ) -> Torques:  # fmt: skip
     (n, nv), m = v.shape, made.by_torque.shape[2]
-    rows = [np.array(np.broadcast_to(x, (n, nv))) for x in (*bristles.friction.law, *bristles.coefficients)]
+    rows = [np.array(np.broadcast_to(x[0], (n, nv))) for x in bristles.values.values()]
     given = [v, z, tau, h[:, None], *rows]
     units = [_all(np.eye(nv, m, k * nv), n) for k in (1, 2, 3)]
     push, slope, kept = np.moveaxis(run(model, BENT, "", given).reshape((n, 3, nv)), 1, 0)

@@ -8,11 +8,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple, Protocol
+from functools import cached_property
+from itertools import pairwise
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..algebra.scalars import exceeds
 from ..bodies.static_table import StaticTable
 from ..calls.one_sample import of_model
 from ..engines.programs.record import tracer
@@ -34,45 +37,75 @@ class Arithmetic(Protocol):
     """
 
     recorded: bool
-    rows: Any
     given: dict[str, Any]
+
+    @property
+    def rows(self) -> Any:
+        """See the class."""
 
     def evaluate(self, spec: Spec, **more: Any) -> dict[str, Any]:
         """The outputs of a Spec by name; its inputs are those of the step and ``more``, where None means absent."""
 
+    def call(self, spec: Spec, count: int, checked: bool = True) -> Callable[..., int]:
+        """``(out, *inputs) -> status``: a Spec without tables, of its first ``count`` inputs, as a kernel.
 
-def _evaluated(spec: Spec, rows: Any, known: Mapping[str, Any]) -> dict[str, Any]:
-    """The outputs of a Spec by name, computed on plain objects."""
-    sizes = sizes_of(rows, [(x, known[x.name]) for x in spec.present if x.table is not None])
-    shape = shape_in(spec.output.shape, sizes)
-    out = evaluate(spec, rows, shape, known, np.zeros(len(rows) - 1, object))
-    return dict(zip(_names(spec), spec.split(out, sizes), strict=True))
+        checked  whether a result that is not finite is an error
+        """
+
+    def refuse(self, wrong: Any, reason: Callable[[], None]) -> None:
+        """Refuse the step where ``wrong`` is above 0: ``reason`` raises the error of a computed step."""
+
+    def end(self, v: Any) -> None:
+        """Make v infinite in a recorded step that is refused: the program then rejects the sample."""
 
 
-def _names(spec: Spec) -> list[str]:
-    """Names of the outputs."""
-    return [x.name for x in spec.parts or (spec.output,)]
+def _places(spec: Spec, sizes: Mapping[str, int]) -> dict[str, slice]:
+    """The places of the outputs, by name, in the output of a Spec."""
+    ends = np.cumsum([0, *(math.prod(shape_in(x.shape, sizes)) for x in spec.parts)]).tolist()
+    return {x.name: slice(*ends_of) for x, ends_of in zip(spec.parts, pairwise(ends), strict=True)}
+
+
+def _by_name(spec: Spec, places: Mapping[str, slice], out: Any) -> dict[str, Any]:
+    return {name: out[at] for name, at in places.items()} if spec.parts else {spec.output.name: out}
 
 
 class Recorded:
-    """Recorded numbers. If a step finds an error, ``wrong`` is not 0 and makes the state infinite."""
+    """Recorded numbers."""
 
     recorded = True
 
     def __init__(self, rows: Any, given: dict[str, Any]) -> None:
-        self.rows, self.given, self.wrong = rows, given, 0.0
+        self.rows, self.given, self._wrong = rows, given, 0.0
 
     def evaluate(self, spec: Spec, **more: Any) -> dict[str, Any]:
         """See ``Arithmetic``."""
-        return _evaluated(spec, self.rows, {**self.given, **more})
+        out, sizes = self._run(spec, {**self.given, **more})
+        return _by_name(spec, _places(spec, sizes), out)
 
+    def call(self, spec: Spec, count: int, checked: bool = True) -> Callable[..., int]:
+        """See ``Arithmetic``."""
+        names = [x.name for x in spec.present][:count]
 
-class Answer(NamedTuple):
-    """The function that computes a Spec on one sample, the shape of its output, and the place of each part in it."""
+        def write(out: Any, *inputs: Any) -> int:
+            out[...] = self._run(spec, dict(zip(names, inputs, strict=True)))[0]
+            return OK
 
-    call: Callable[..., Any]
-    shape: tuple[int, ...]
-    parts: dict[str, Any]
+        return write
+
+    def _run(self, spec: Spec, known: Mapping[str, Any]) -> tuple[Any, dict[str, int]]:
+        sizes = sizes_of(self.rows, [(x, known[x.name]) for x in spec.present if x.table is not None])
+        shape = shape_in(spec.output.shape, sizes)
+        return evaluate(spec, self.rows, shape, known, np.zeros(len(self.rows) - 1, object)), sizes
+
+    def refuse(self, wrong: Any, reason: Callable[[], None]) -> None:
+        """See ``Arithmetic``."""
+        self._wrong = self._wrong + wrong
+
+    def end(self, v: Any) -> None:
+        """See ``Arithmetic``."""
+        lost = self._wrong / exceeds(1.0, self._wrong)
+        for i in range(len(v)):
+            v[i] = v[i] + lost
 
 
 class Computed:
@@ -85,10 +118,14 @@ class Computed:
 
     def __init__(self, model: Model, given: dict[str, Any]) -> None:
         self.model, self.given = model, given
-        self.rows = rows_of(tracer.table(model.bodies))
         self.system: Any = None
         self.t = 0.0
-        self._calls: dict[Any, Answer] = {}
+        self._calls: dict[Any, tuple[Callable[..., Any], tuple[int, ...], dict[str, slice]]] = {}
+
+    @cached_property
+    def rows(self) -> Any:
+        """See ``Arithmetic``."""
+        return rows_of(tracer.table(self.model.bodies))
 
     def begin(self, system: System, t: float) -> None:
         """Set the System, to whose status failures are written, and the time of the step."""
@@ -101,27 +138,41 @@ class Computed:
         static = tuple(y for x, y in zip(spec.present, named, strict=True) if x.static)
         values = [y for x, y in zip(spec.present, named, strict=True) if not x.static]
         key = spec, static, *(x is None for x in values)
-        made = self._calls.get(key)
-        if made is None:
-            made = self._calls.setdefault(key, self._made(spec, static, tuple(x is not None for x in values)))
-        call, shape, parts = made
+        if key not in self._calls:
+            sizes = self._sizes(static)
+            call = of_model(spec, self.model, static, tuple(x is not None for x in values))
+            self._calls[key] = call, shape_in(spec.output.shape, sizes), _places(spec, sizes)
+        call, shape, places = self._calls[key]
         out = np.empty(shape)
         code = answered(call, out, *(x for x in values if x is not None))
         set_status(self.system, finite(code, out), self.t)
-        return {name: out[at] for name, at in parts.items()}
+        return _by_name(spec, places, out)
 
-    def _made(self, spec: Spec, static: tuple[Any, ...], there: tuple[bool, ...]) -> Answer:
-        """The Answer for a Spec with the inputs that are given."""
-        model = self.model
-        sizes = {"nv": model.nv, "nq": model.nq, "njoints": model.njoints}
+    def call(self, spec: Spec, count: int, checked: bool = True) -> Callable[..., int]:
+        """See ``Arithmetic``."""
+        call = of_model(spec, self.model, (), tuple(k < count for k in range(len(spec.present))))
+        zero = np.zeros(math.prod(shape_in(spec.output.shape, self._sizes(()))))
+
+        def write(out: Any, *inputs: Any) -> int:
+            code = answered(call, out, *inputs)
+            return code if not checked or code or out.ravel().dot(zero) == 0.0 else NONFINITE  # faster than ``finite``
+
+        return write
+
+    def _sizes(self, static: tuple[Any, ...]) -> dict[str, int]:
+        """The sizes of arrays."""
+        sizes = {"nv": self.model.nv, "nq": self.model.nq, "njoints": self.model.njoints}
         for x in static:
             sizes |= x.sizes if isinstance(x, StaticTable) else {}
-        shape, at = shape_in(spec.output.shape, sizes), 0
-        parts: dict[str, Any] = {} if spec.parts else {spec.output.name: ...}
-        for x in spec.parts:
-            parts[x.name] = slice(at, at + math.prod(shape_in(x.shape, sizes)))
-            at = parts[x.name].stop
-        return Answer(of_model(spec, model, static, there), shape, parts)
+        return sizes
+
+    def refuse(self, wrong: Any, reason: Callable[[], None]) -> None:
+        """See ``Arithmetic``. A step that has failed already keeps its status."""
+        if wrong > 0.0 and self.system.status[0] == OK:
+            reason()
+
+    def end(self, v: Any) -> None:
+        """See ``Arithmetic``."""
 
 
 def answered(call: Callable[..., Any], out: Any, *inputs: Any) -> int:

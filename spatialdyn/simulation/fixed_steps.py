@@ -22,9 +22,10 @@ from ..engines.programs.run.time_loop import StepInput
 from ..errors import ConstraintError, SimulationError
 from ..model.model import Model
 from ..recursions.spec import FEXT
+from .arithmetic import Computed
 from .compiled_loop import compile_loop, drive
 from .kernel_steps import KernelSteps, rates_of
-from .methods.call_kernels import call_kernels
+from .methods.call_kernels import kernels_of
 from .methods.iteration import SETTLED, SWEEPS
 from .methods.methods import EXPLICIT, EXPLICIT_METHODS, Family, Method
 from .momenta_steps import begun, places
@@ -99,7 +100,7 @@ class FixedSteps:
         step = self.recorder.method.advance
         if self.simple:
             assert step is not None
-            kernels = call_kernels(self.recorder.model, self.family, self.forces if len(self.forces) else None)
+            kernels = kernels_of(Computed(self.plan.model, {}), self.family, self.forces if len(self.forces) else None)
             return self.bare._replace(kernels=kernels), step
         steps = KernelSteps(self.plan, self.recorder, self.forces, self.sample)
         return self.bare._replace(kernels=steps.kernels), steps.step

@@ -24,7 +24,7 @@ from .arithmetic import Computed
 from .effects.effect import Effect, torques_of
 from .effects.external import external_torque
 from .methods import constrained_variational, rattle
-from .methods.call_kernels import call_kernels
+from .methods.call_kernels import kernels_of
 from .methods.explicit import ExplicitKernels
 from .methods.methods import DISCRETE, EXPLICIT, Family
 from .methods.symplectic import GAUSS2, GAUSS4, GAUSS6
@@ -54,7 +54,7 @@ class KernelSteps:
         self.at = Computed(model, {})
         self.held = [x for x in plan.effects if type(x).held_torque is not Effect.held_torque]
         self.names = [x.name for x in recorder.states.arguments]
-        self.kernels: Any = call_kernels(model, family, forces if len(forces) else None)
+        self.kernels: Any = kernels_of(self.at, family, forces if len(forces) else None)
         if family is EXPLICIT:
             self.step: Step = self._explicit
             return

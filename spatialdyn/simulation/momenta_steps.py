@@ -9,39 +9,25 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from functools import lru_cache, partial
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..algebra.scalars import select
 from ..calls.arguments import core_shape
 from ..calls.by_program import run
-from ..engines.programs.record.tracer import scratch
 from ..model.model import Model
-from ..recursions.coordinates.configuration import integrate
 from ..recursions.joints.friction import DT
-from ..recursions.momenta.canonical_coordinates import (
-    CENTRES,
-    START,
-    Z,
-    chart_rate,
-    from_canonical,
-    recenter,
-    to_canonical,
-)
-from ..recursions.momenta.discrete_momenta import WORK, WORK_AFTER, WORK_BEFORE, momenta_after, sum_before
-from ..recursions.momenta.hamilton import WORK as HAMILTON
-from ..recursions.momenta.hamilton import P, hamilton_rows, momentum_rate
+from ..recursions.momenta.canonical_coordinates import CENTRES, START, Z, from_canonical
+from ..recursions.momenta.hamilton import P
 from ..recursions.spec import FEXT, TAU, Argument, Q, Spec
+from .arithmetic import Recorded
 from .effects.effect import Effect
-from .methods.iteration import LARGEST, SETTLED, Sweeps
+from .methods.call_kernels import kernels_of
 from .methods.methods import CANONICAL, DISCRETE, integrators
-from .methods.symplectic import SymplecticKernels
-from .methods.variational import TURN, VariationalKernels
 from .steps import specs_of
-from .system import OK, State, System, held_torque
+from .system import State, System, held_torque
 
 Array = NDArray[Any]
 UNITS = Argument("units", ("nv+nv",), "1", "weights that make freedoms and momenta comparable")
@@ -88,7 +74,7 @@ def momenta_specs(method: str, acting: tuple[Effect, ...] = (), forced: bool = T
         n = len(rows) - 1
         tau = inputs[TAU.name].copy() if forced else np.full(n, 0.0, object)
         fext = inputs.get(FEXT.name)
-        kernels = _canonical(n) if family is CANONICAL else _discrete(n, fext)
+        kernels = kernels_of(Recorded(rows, inputs), family, fext)
         system = System(kernels, held_torque, None, rows, None, fext, inputs[UNITS.name], None, tau, np.zeros(3))
         work = np.full((family.rows, n * (1 + family.wide)), 0.0, object)
         q, p, by_row = inputs[Q.name].copy(), inputs[P.name].copy(), np.full((n + 1, 6), 0.0, object)
@@ -103,54 +89,3 @@ def momenta_specs(method: str, acting: tuple[Effect, ...] = (), forced: bool = T
 
     label = "_".join(["step_in_momenta", method, *(x.name for x in acting)])
     return specs_of(label, given, (Q, P, *own), after, acting, family is CANONICAL)
-
-
-# --- the recursions, as the methods call them -----------------------------------------------------------
-
-
-def _end(system: System, t: Any, s: Sweeps, y: Any) -> None:
-    """Set y to NaN if the iteration has failed."""
-    change = s.change[0]
-    solved = select(s.left[0], select(change - SETTLED, s.still[0], 1.0), select(LARGEST - change, 1.0, 0.0))
-    for i in range(len(y)):
-        y[i] = select(solved, y[i], math.nan)
-
-
-def _field(n: int, system: System, q: Any, p: Any, rates: Any) -> int:
-    still = np.full(n, 0.0, object)
-    hamilton_rows(system.table, scratch(HAMILTON, system.table), q, p, still, system.fext, rates, still.copy())
-    return OK
-
-
-def _canonical(n: int) -> SymplecticKernels:
-    return SymplecticKernels(partial(_field, n), None, to_canonical, from_canonical, chart_rate, recenter, _end)
-
-
-def _discrete(n: int, fext: Any) -> VariationalKernels:
-    still = np.full(n, 0.0, object)
-
-    def load(system: System, q: Any, g: Any) -> int:
-        momentum_rate(system.table, scratch(WORK, system.table), q, still, None, fext, g)
-        g[:] = [-x for x in g]
-        return OK
-
-    def velocity(rows: Any, q: Any, p: Any, v: Any) -> int:
-        rates = np.full((2, n), 0.0, object)
-        hamilton_rows(rows, scratch(HAMILTON, rows), q, p, still, None, rates, still.copy())
-        v[:] = rates[0]
-        return OK
-
-    def moved(rows: Any, q: Any, u: Any, out: Any) -> int:
-        integrate(rows, q, u, out)
-        return OK
-
-    def before(rows: Any, q: Any, xi: Any, by_row: Any, out: Any) -> int:
-        least = sum_before(rows, scratch(WORK_BEFORE, rows), q, xi, by_row, out)
-        out[0] = select(least - TURN, out[0], math.nan)
-        return OK
-
-    def after(rows: Any, q: Any, xi: Any, by_row: Any, out: Any) -> int:
-        momenta_after(rows, scratch(WORK_AFTER, rows), q, xi, by_row, out)
-        return OK
-
-    return VariationalKernels(load, None, velocity, moved, before, after, _end)

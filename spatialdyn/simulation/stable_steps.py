@@ -34,7 +34,7 @@ def check_smooth_friction(model: Model, effects: tuple[Effect, ...], method: str
     if effect is None or method not in EXPLICIT_METHODS or not model.nv:
         return
     _, viscous, static, _ = effect.friction.law
-    slope, Minv = static / effect.coefficients[0] + viscous, calls["minverse"](model, calls["neutral"](model))
+    slope, Minv = static / effect.friction.smoothing + viscous, calls["minverse"](model, calls["neutral"](model))
     most = _largest_step(method, Minv, np.zeros_like(Minv), np.diag(slope), dt)
     if dt > most:
         root = np.sqrt(slope)

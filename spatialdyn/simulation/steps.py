@@ -14,14 +14,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..calls.dynamics import calls
-from ..engines.programs.record.tracer import scratch
 from ..recursions import SPECS
-from ..recursions.coordinates.configuration import integrate
-from ..recursions.coordinates.coordinate_rates import rate_of_displacement, turn
 from ..recursions.joints.friction import DT
 from ..recursions.spec import FEXT, TAU, Argument, Q, Spec, V
-from ..recursions.tree.aba import WORK, aba
 from .arithmetic import Arithmetic, Recorded
 from .effects import work
 from .effects.constraints import Constrained
@@ -30,7 +25,8 @@ from .effects.control import Feedback
 from .effects.effect import Effect, find, torques_of
 from .effects.external import external_torque
 from .methods import explicit
-from .methods.methods import EXPLICIT_METHODS
+from .methods.call_kernels import kernels_of
+from .methods.methods import EXPLICIT, EXPLICIT_METHODS
 from .system import OK, State, System, held_torque
 
 Power = Mapping[str, Any]
@@ -73,12 +69,14 @@ def advance(
         after = carry(method, system, t, h, state, own, whole)
     else:
         method(system._replace(kernels=system.kernels._replace(accelerate=lambda *x: free(*x)[0])), t, h, state)
-    if constrained is not None and (at.recorded or _sound(system, state)):
+    if constrained is not None and constrained.projects:
         before = energy_of(at, state) if work.PROJECTION in works else None
-        constrained.project(at, state.q, state.w, find(acting, Contact) is None)
+        constrained.project(at, system, t, state.q, state.w, find(acting, Contact) is None)
         if before is not None:
             name = work.PROJECTION.name
             after = {**after, name: after[name] + (energy_of(at, state) - before)}
+    if constrained is not None:
+        at.end(state.w)
     return after
 
 
@@ -107,15 +105,8 @@ def driven(acting: tuple[Effect, ...], works: Works, at: Any, q: Any, v: Any, ta
     return tau, powers
 
 
-def _sound(system: System, state: State) -> bool:
-    return bool(system.status[0] == OK and np.isfinite(state.q).all() and np.isfinite(state.w).all())
-
-
 def energy_of(at: Arithmetic, state: State) -> Any:
     """T + V [J], up to a constant."""
-    if not at.recorded:
-        q, v, model = np.array(state.q), np.array(state.w), at.model  # type: ignore[attr-defined]
-        return float(calls["kinetic_energy"](model, q, v) + calls["potential_energy"](model, q))
     (T,) = at.evaluate(SPECS["kinetic_energy"], q=state.q, v=state.w).values()
     (U,) = at.evaluate(SPECS["potential_energy"], q=state.q).values()
     return T + U
@@ -232,31 +223,6 @@ def carry_solved(
 # --- recorded -------------------------------------------------------------------------------------------
 
 
-class _Kernels(NamedTuple):
-    """The functions that the methods call: the recursions themselves, on rows of a table."""
-
-    accelerate: Callable[..., int]
-    integrate: Callable[..., int]
-    displacement_rate: Callable[..., int]
-    turn: Callable[..., int]
-
-
-def _accelerate(system: System, q: Any, v: Any, a: Any) -> int:
-    n = len(a)
-    aba(system.table, scratch(WORK, system.table), q, v, system.tau, system.fext, a, np.zeros(n, object))
-    return OK
-
-
-def _integrate(rows: Any, q: Any, v: Any, out: Any) -> int:
-    integrate(rows, q, v, out)
-    return OK
-
-
-def _displacement_rate(rows: Any, u: Any, v: Any, out: Any) -> int:
-    rate_of_displacement(rows, u, v, out)
-    return OK
-
-
 @lru_cache(maxsize=256)  # bounded, because callers may make new laws in a loop
 def step_specs(
     method: str, acting: tuple[Effect, ...] = (), works: Works = (), forced: bool = True, called: bool = False
@@ -276,8 +242,8 @@ def step_specs(
         tau = inputs["tau"].copy() if forced else np.zeros(len(v), object)
         for effect in acting:
             tau = effect.held_torque(at, q, v, tau)
-        kernels = _Kernels(_accelerate, _integrate, _displacement_rate, turn)
-        system = System(kernels, held_torque, None, rows, None, inputs.get(FEXT.name), None, None, tau, None)
+        kernels, fext = kernels_of(at, EXPLICIT, inputs.get(FEXT.name)), inputs.get(FEXT.name)
+        system = System(kernels, held_torque, None, rows, None, fext, None, None, tau, None)
         state = State(q, v, v, q.copy(), None, np.zeros((10, len(v)), object))
         owned: Power = {x.name: inputs[x.name] for x in own}
         owned = advance(acting, works, at, EXPLICIT_METHODS[method], system, 0.0, inputs["dt"], state, owned)

@@ -12,7 +12,9 @@ from dense import Array
 from slow import slow_but
 
 import spatialdyn as sd
+from spatialdyn.simulation.arithmetic import Computed
 from spatialdyn.simulation.effects.constraints import Constrained, raise_if_branching
+from spatialdyn.simulation.system import System
 
 sys.path.append(str(Path(__file__).parents[1] / "constraints"))
 from mechanisms import REDUNDANT, bennett, slider_crank, three_cranks
@@ -195,10 +197,11 @@ def test_equations_that_stay_open_after_a_projection_are_named() -> None:
     """A projection leaves the square of what it closes: what it leaves otherwise, no position closes."""
     model, held, *_ = three_cranks()
     effect = Constrained(held, None, np.array([3]))
-    chosen, before = np.array([1.0, 1.0, 1.0, 0.0]), np.full(4, 1e-3)
-    effect._check_closed(before, np.array([1e-6, 1e-6, 1e-6, 9e-5]), chosen)
+    at, before = Computed(model, {"chosen": np.array([1.0, 1.0, 1.0, 0.0])}), np.full(4, 1e-3)
+    at.begin(System(*(None,) * 9, np.zeros(3)), 0.0)
+    effect.judge_closed(at, before, np.array([1e-6, 1e-6, 1e-6, 9e-5]))
     with pytest.raises(sd.ConstraintError, match=r"^pin2 y contradicts the other .*: 3 of 4 .* stay open by 0\.0002 m"):
-        effect._check_closed(before, np.array([1e-6, 1e-6, 1e-6, 2e-4]), chosen)
+        effect.judge_closed(at, before, np.array([1e-6, 1e-6, 1e-6, 2e-4]))
     assert model.nv == 4
 
 

@@ -1,9 +1,8 @@
 """Constraints: accelerations under them, and the projection after each step.
 
 A step ends with one Newton step of q towards φ = 0 and with the velocity nearest to v that keeps J v = 0, both in the
-metric of M. With a stabilization time T, errors decay like exp(-t/T) instead and nothing is projected. If a step finds
-an error (equations that contradict others, or another rank than at the beginning), a recorded step makes its state
-infinite, so that the program rejects the sample; a computed step raises the reason.
+metric of M. With a stabilization time T, errors decay like exp(-t/T) instead and nothing is projected. A step refuses
+equations that contradict others, and another rank than at the beginning.
 
 If equations depend on others, each step first chooses the equations to keep: as many as were independent at the
 beginning of the run. Its stages and its projection use these. The stages violate the constraints by the error of the
@@ -15,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -42,8 +42,7 @@ from ...model.model import Model
 from ...recursions.constraints import constrained
 from ...recursions.constraints.constrained_friction import HELD_BRISTLES
 from ...recursions.constraints.constraint_rows import CONSTRAINTS_ARGUMENT, ERROR, JACOBIAN
-from ...recursions.coordinates.configuration import integrate
-from ...recursions.spec import Argument
+from ...recursions.spec import FEXT, Argument
 from ..arithmetic import Arithmetic
 from ..methods.iteration import SETTLED, SWEEPS
 from ..system import OK, STALLED, System, set_status
@@ -76,15 +75,15 @@ class Constrained(Effect):
     name = "constraints"
     work = work.CONSTRAINTS
 
-    @property
+    @cached_property
     def inputs(self) -> Any:
-        return (CONSTRAINTS_ARGUMENT, RANK, *(() if self.rate is None else (RATE,)))
+        return (CONSTRAINTS_ARGUMENT, RANK, *(() if self.projects else (RATE,)))
 
-    @property
+    @cached_property
     def tables(self) -> tuple[StaticTable, ...]:
         return (self.constraints.table,)
 
-    @property
+    @cached_property
     def values(self) -> dict[str, Array]:
         made = {"rank": self.rank.reshape((-1, 1, 1)).astype(float)}
         return made if self.rate is None else {**made, "rate": np.full((1, 1, 1), self.rate)}
@@ -94,174 +93,133 @@ class Constrained(Effect):
         """Whether steps end with a projection."""
         return self.rate is None
 
-    @property
+    @cached_property
     def form(self) -> tuple[Any, ...]:
         return (self.chooses,)
 
-    @property
+    @cached_property
     def chooses(self) -> bool:
         """Whether equations of a sample depend on others, so that steps choose the equations to keep."""
         return bool((self.rank < self.constraints.nc).any())
 
-    def begin(self, at: Any, q: Any) -> None:
-        """Choose the equations to keep through a step from q. It may raise ConstraintError."""
-        if not self.chooses:
-            return
-        if not at.recorded:
-            known = float(at.given[RANK.name])
-            chosen, rank = rows_to_keep(self.constraints.model, self.constraints, np.array(q), known)
-            self.check_rank(int(rank), known)
-        else:
-            made = at.evaluate(constrained.ROWS, q=q)
-            chosen, off = made[CHOSEN], made[RANK.name][0] - at.given[RANK.name]
-            at.wrong = at.wrong + exceeds(off * off, 0.5)
-        at.given.update({CHOSEN: chosen, UNJUDGED: True})
+    # --- in a step --------------------------------------------------------------------------------------
 
-    def accelerate(self, at: Any, q: Any, v: Any, tau: Any, a: Any) -> Any:
-        """Write the acceleration under the constraints; returns their force. It may raise ConstraintError."""
-        if self.chooses and CHOSEN not in at.given:  # no step has begun: a method without steps of its own
+    def begin(self, at: Arithmetic, q: Any) -> None:
+        """Choose the equations to keep through a step from q."""
+        if self.chooses:
+            made = at.evaluate(constrained.ROWS, q=q)
+            at.given.update({CHOSEN: made[CHOSEN], UNJUDGED: True})
+            self._judge_rank(at, made[RANK.name][0])
+
+    def accelerate(self, at: Arithmetic, q: Any, v: Any, tau: Any, a: Any) -> Any:
+        """Write the acceleration under the constraints; returns their force."""
+        alone = self.chooses and CHOSEN not in at.given  # no step has begun: a method without steps of its own
+        if alone:
             self.begin(at, q)
-            chosen, first = at.given.pop(CHOSEN), at.given.pop(UNJUDGED)
-        else:
-            chosen, first = at.given.get(CHOSEN), at.given.pop(UNJUDGED, False)
-        if not at.recorded:
-            model, constraints, given = (
-                self.constraints.model,
-                self.constraints,
-                (np.array(q), np.array(v), np.array(tau)),
-            )
-            values = *given, _forces(at), self.rate, chosen
-            a[:], force, residual, rank = by_rows(constrained.MOTION, model, constraints, *values)
-            self.check_rank(rank, at.given[RANK.name])
-            if first and residual > CONTRADICTS:
-                self.raise_contradiction(q, v, tau, residual, at)
-            return force
         made = at.evaluate(constrained.MOTION, q=q, v=v, tau=tau)
-        self._judge_motion(at, made, chosen, first)
+        self._judge_motion(at, (q, v, tau), made)
+        if alone:
+            del at.given[CHOSEN]
         a[:] = made["a"]
         return made["force"]
 
-    def raise_contradiction(self, q: Any, v: Any, tau: Any, residual: float, at: Any) -> None:
-        """Raise ConstraintError, naming the equations that contradict others if a call finds them, or another rank."""
-        constraints, time = self.constraints, None if self.rate is None else 1.0 / self.rate
-        q, v, tau = (np.array(x, float) for x in (q, v, tau))
-        found = constrained_motion(constraints.model, constraints, q, v, tau, time, fext=_forces(at))
-        self.check_rank(int(found.rank), at.given[RANK.name])
-        raise ConstraintError(
-            f"equations of {', '.join(x.label for x in constraints)} contradict each other by {residual:.2g} of the "
-            "motion, expected fewer constraints, or a state that meets them"
-        )
-
-    def _judge_motion(self, at: Any, made: Any, chosen: Any, first: bool) -> None:
-        """Note a contradiction at the beginning of a step; if no equations are chosen, also another rank."""
-        if chosen is None:
-            off = made["rank"][0] - at.given[RANK.name]
-            at.wrong = at.wrong + exceeds(off * off, 0.5)
-        elif first:
-            at.wrong = at.wrong + exceeds(made["residual"][0], CONTRADICTS)
-
     def after_bristles(self, at: Arithmetic, tau: Any) -> tuple[Any, Any, Any]:
         """Velocities and bristles after a step of LuGre friction, and the constraints' force."""
-        if not at.recorded:
-            known, n = {CHOSEN: None, **at.given, "tau": tau, "fext": _forces(at), "rate": self.rate}, len(at.rows) - 1
-            values = [known[x.name] for x in HELD_BRISTLES.present if not x.static]
-            values = [np.array(x, float) if isinstance(x, np.ndarray) else x for x in values]
-            out = call(HELD_BRISTLES, self.constraints.model, self.constraints, *values)
-            if known[CHOSEN] is None:
-                self.check_rank(int(out[-1]), at.given[RANK.name])
-            elif out[-2] > CONTRADICTS:
-                self.raise_contradiction(at.given["q"], at.given["v"], tau, out[-2], at)
-            return out[:n], out[n : 2 * n], out[2 * n : -2]
         made = at.evaluate(HELD_BRISTLES, tau=tau)
-        self._judge_motion(at, made, at.given.get(CHOSEN), True)
+        self._judge_motion(at, (at.given["q"], at.given["v"], tau), made)
         return made["ahead"], made["bristles"], made["force"]
-
-    def judge(self, at: Any, residual: Any, rank: Any, least: float) -> None:
-        """Note a contradiction, or a rank that differs from the rank at the beginning, in recorded numbers."""
-        off = rank - at.given[RANK.name]
-        at.wrong = at.wrong + exceeds(residual, least) + exceeds(off * off, 0.5)
-
-    def rows(self, q: Array) -> Array:
-        """The equations to keep at q of the first sample. Raises ConstraintError if the rank has changed."""
-        chosen, rank = rows_to_keep(self.constraints.model, self.constraints, q, float(self.rank[0]))
-        self.check_rank(int(rank))
-        return chosen
-
-    def of_sample(self, k: int) -> Constrained:
-        """These constraints of one sample."""
-        return Constrained(self.constraints, self.rate, self.rank[k : k + 1] if len(self.rank) > 1 else self.rank)
-
-    def check_rank(self, rank: int, known: float | None = None) -> None:
-        """Raise ConstraintError if the rank is not ``known``, by default the first sample's rank at the beginning."""
-        known = int(self.rank[0] if known is None else known)
-        if rank != known:
-            raise ConstraintError(
-                f"the rank of {', '.join(x.label for x in self.constraints)} is {rank}, at the beginning it was "
-                f"{known}: a branch point, from which the mechanism may go several ways"
-            )
 
     def rates(self, at: Arithmetic, q: Any, v: Any) -> Any:
         """J v."""
-        if not at.recorded:
-            return constraint_jacobian(self.constraints.model, self.constraints, np.array(q)) @ v
         return at.evaluate(JACOBIAN, q=q)["J"] @ v
 
-    def project(self, at: Any, q: Any, v: Any, velocities: bool) -> None:
+    def project(self, at: Arithmetic, system: System, t: Any, q: Any, v: Any, velocities: bool) -> None:
         """Write the projected state; only q if the step has solved for velocities with impulses.
 
         Those velocities meet J v⁺ = 0 to the order of h³, in an impact h² (``impulse_step.meet``); projecting them
         would move joints and points that stick.
         """
-        model, constraints, chosen = self.constraints.model, self.constraints, at.given.get(CHOSEN)
-        if not at.recorded:
-            if not self.projects:
-                return
-            phi = constraint_error(model, constraints, q)
-            q[:] = calls["integrate"](model, q, by_rows(constrained.RESPONSE, model, constraints, q, -phi, chosen)[0])
-            if chosen is not None:
-                left = constraint_error(model, constraints, q)
-                self._check_closed(abs(phi), abs(left), chosen)
-            if velocities:
-                rates = constraint_jacobian(model, constraints, q) @ v
-                v += by_rows(constrained.RESPONSE, model, constraints, q, -rates, chosen)[0]
-            return
-        if self.projects:
-            phi = at.evaluate(ERROR, q=q)["phi"]
-            moved = q.copy()
-            integrate(at.rows, q, at.evaluate(constrained.RESPONSE, q=q, rhs=-phi)["change"], moved)
-            q[:] = moved
-            if chosen is not None:
-                opened = START * START
-                for x in phi:
-                    square = LEFT * LEFT * x * x
-                    opened = select(square - opened, square, opened)
-                for x in at.evaluate(ERROR, q=q)["phi"]:
-                    at.wrong = at.wrong + exceeds(x * x, opened)
-        if self.projects and velocities:
+        phi, ahead = at.evaluate(ERROR, q=q)["phi"], q.copy()
+        change = at.evaluate(constrained.RESPONSE, q=q, rhs=-phi)["change"]
+        set_status(system, system.kernels.integrate(system.table, q, change, ahead), t)
+        q[:] = ahead
+        if self.chooses:
+            self.judge_closed(at, phi, at.evaluate(ERROR, q=q)["phi"])
+        if velocities:
             v[:] = v + at.evaluate(constrained.RESPONSE, q=q, rhs=-self.rates(at, q, v))["change"]
-        lost = at.wrong / exceeds(1.0, at.wrong)
-        for i in range(len(v)):
-            v[i] = v[i] + lost
 
-    def _check_closed(self, opened: Array, left: Array, chosen: Array) -> None:
-        """Raise ConstraintError if equations stay violated after a projection.
+    # --- judged -----------------------------------------------------------------------------------------
 
-        opened, left  |φ| before and after it
-        """
-        least = max(START, LEFT * float(opened.max(initial=0.0)))
-        bad = dict.fromkeys(self.constraints.equations[k].label for k in np.flatnonzero(left > least))
-        if bad:
-            raise ConstraintError(
-                f"{', '.join(bad)} contradict{'s' * (len(bad) == 1)} the other constraints: {int(chosen.sum())} of "
-                f"{len(chosen)} equations are independent, and with those closed these stay open by "
-                f"{left.max():.2g} m or rad; expected fewer constraints, or a smaller dt"
-            )
+    def _judge_motion(self, at: Arithmetic, state: tuple[Any, Any, Any], made: dict[str, Any]) -> None:
+        """Refuse a contradiction at the beginning of a step; if no equations are chosen, another rank."""
+        if CHOSEN not in at.given:
+            self._judge_rank(at, made["rank"][0])
+        elif at.given.pop(UNJUDGED, False):
+            self._judge_residual(at, state, made["residual"][0])
 
+    def judge(self, at: Arithmetic, state: tuple[Any, Any, Any], residual: Any, rank: Any) -> None:
+        """Refuse a contradiction in a step from q, v under tau, or another rank than at the beginning."""
+        self._judge_residual(at, state, residual)
+        self._judge_rank(at, rank)
 
-def _forces(at: Arithmetic) -> Array | None:
-    """External forces of a step; None without any."""
-    forces = at.given.get("fext")
-    return None if forces is None else np.array(forces)
+    def _judge_residual(self, at: Arithmetic, state: tuple[Any, Any, Any], residual: Any) -> None:
+        at.refuse(exceeds(residual, CONTRADICTS), lambda: self._raise_contradiction(at, state, residual))
+
+    def _judge_rank(self, at: Arithmetic, rank: Any) -> None:
+        known = at.given[RANK.name]
+        off = rank - known
+        at.refuse(exceeds(off * off, 0.5), lambda: self._raise_rank(rank, known))
+
+    def judge_closed(self, at: Arithmetic, opened: Any, left: Any) -> None:
+        """Refuse equations that stay violated after a projection; opened, left: φ before and after it."""
+        least, bad = START * START, 0.0
+        for x in opened:
+            square = LEFT * LEFT * x * x
+            least = select(square - least, square, least)
+        for x in left:
+            bad = bad + exceeds(x * x, least)
+        at.refuse(bad, lambda: self._raise_open(at.given[CHOSEN], left, left * left > least))
+
+    def _raise_rank(self, rank: Any, known: Any) -> None:
+        raise ConstraintError(
+            f"the rank of {self._labels} is {int(rank)}, at the beginning it was {int(known)}: a branch point, from "
+            "which the mechanism may go several ways"
+        )
+
+    def _raise_contradiction(self, at: Arithmetic, state: tuple[Any, Any, Any], residual: Any) -> None:
+        """Raise ConstraintError, naming the equations that contradict others if a call finds them, or another rank."""
+        time = None if self.rate is None else 1.0 / self.rate
+        found = constrained_motion(self.constraints.model, self.constraints, *state, time, fext=at.given.get(FEXT.name))
+        self._judge_rank(at, found.rank)
+        raise ConstraintError(
+            f"equations of {self._labels} contradict each other by {residual:.2g} of the motion, expected fewer "
+            "constraints, or a state that meets them"
+        )
+
+    def _raise_open(self, chosen: Array, left: Array, open_: NDArray[np.bool_]) -> None:
+        bad = dict.fromkeys(self.constraints.equations[k].label for k in np.flatnonzero(open_))
+        raise ConstraintError(
+            f"{', '.join(bad)} contradict{'s' * (len(bad) == 1)} the other constraints: {int(chosen.sum())} of "
+            f"{len(chosen)} equations are independent, and with those closed these stay open by {abs(left).max():.2g} "
+            "m or rad; expected fewer constraints, or a smaller dt"
+        )
+
+    @property
+    def _labels(self) -> str:
+        return ", ".join(x.label for x in self.constraints)
+
+    # --- of methods in momenta --------------------------------------------------------------------------
+
+    def rows(self, q: Array) -> Array:
+        """The equations to keep at q of the first sample. Raises ConstraintError if the rank has changed."""
+        chosen, rank = rows_to_keep(self.constraints.model, self.constraints, q, float(self.rank[0]))
+        if int(rank) != self.rank[0]:
+            self._raise_rank(rank, self.rank[0])
+        return chosen
+
+    def of_sample(self, k: int) -> Constrained:
+        """These constraints of one sample."""
+        return Constrained(self.constraints, self.rate, self.rank[k : k + 1] if len(self.rank) > 1 else self.rank)
 
 
 def constrained_of(scene: Any, q: Array, v: Array, dt: float) -> Constrained:

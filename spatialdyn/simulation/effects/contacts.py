@@ -8,6 +8,7 @@ with its point and step, and on request the impulses of the last step.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -47,7 +48,6 @@ SOLVED = Argument(
     "contact_residual", (WORST,), "", "residual now, largest so far, its point, its step, step", start=0.0
 )
 RECORDED = Argument("contact_record", (f"{WORST}+np+np+np+nl",), "", "the same, and impulses", start=0.0)
-CONTRADICTS = 1e-4  # relative to the motion; consistent equations leave less, as their velocities are h³ off
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,8 +67,9 @@ class Contact(Effect):
     way: str | None = None
     constrained: bool = False
     name = "contacts"
+    solves = True
 
-    @property
+    @cached_property
     def form(self) -> Any:
         return self.way, self.constrained
 
@@ -77,7 +78,7 @@ class Contact(Effect):
         """The state that the effect carries from step to step."""
         return RECORDED if self.records else SOLVED
 
-    @property
+    @cached_property
     def states(self) -> Any:
         return (self.own, IMPULSES) if self.warm else (self.own,)
 
@@ -86,16 +87,16 @@ class Contact(Effect):
         """Whether a step starts from the impulses of the previous step: with dry joints, where that saves most."""
         return self.way == IMPLICIT and len(self.table.rows) > 1
 
-    @property
+    @cached_property
     def work(self) -> Any:
         return work.CONTACTS if self.table.sizes["np"] + self.table.sizes["nl"] else None
 
-    @property
+    @cached_property
     def tables(self) -> tuple[StaticTable, ...]:
         """Tables of the contacts, and of the ground's heights if it has some."""
         return (self.table, *self.contacts.tables[1:])
 
-    @property
+    @cached_property
     def inputs(self) -> Any:
         return (*(CONTACTS_ARGUMENT, HEIGHTS_ARGUMENT)[: len(self.tables)], *self._coefficients)
 
@@ -103,7 +104,7 @@ class Contact(Effect):
     def _coefficients(self) -> tuple[Argument, ...]:
         return (MU, RESTITUTION) if len(self.contacts) else ()
 
-    @property
+    @cached_property
     def values(self) -> dict[str, Array]:
         rows = self.contacts.friction, self.contacts.restitution
         return {x.name: y[None, None] for x, y in zip(self._coefficients, rows, strict=False)}
@@ -121,10 +122,6 @@ class Contact(Effect):
                 return f"{count} {what}, more than the {most} of a program"
         return ""
 
-    @property
-    def solves(self) -> bool:
-        return True
-
     def solve(self, at: Arithmetic, acting: tuple[Effect, ...], tau: Any) -> tuple[Any, dict[str, Any], Forces]:
         given, v, push = at.given, at.given["v"], tau
         constrained = find(acting, Constrained)
@@ -140,7 +137,7 @@ class Contact(Effect):
             push, forces[work.EXTERNAL.name] = push + made, made
         known = {"tau": push, **({} if law is None else named(law))}
         if not len(self.contacts):
-            empty = np.zeros(0, object if at.recorded else float)
+            empty = np.zeros(0, v.dtype)
             known |= {MU.name: empty, RESTITUTION.name: empty}
         spec = self._spec(constrained, general and pushed)
         parts = at.evaluate(spec, **known)
@@ -157,7 +154,7 @@ class Contact(Effect):
         if law is not None:
             forces[work.FRICTION.name] = torque if lost is None else torque + lost
         if constrained is not None:
-            self._judge(at, constrained, parts["missed"], tau)
+            constrained.judge(at, (given["q"], v, tau), *parts["missed"])
             force = np.array([x / given["dt"] for x in parts["reaction"]], after.dtype)
             forces[work.CONSTRAINTS.name] = lambda way: force * constrained.rates(at, given["q"], way)
         return after, states, forces
@@ -185,17 +182,6 @@ class Contact(Effect):
         row = [now, select(more, now, worst), select(more, which, at), select(more, count, step), count + 1.0]
         row += [*parts["impulse"], *parts["stop"]] if self.records else []
         return np.array(row, parts["v"].dtype)
-
-    def _judge(self, at: Any, constrained: Constrained, missed: Any, tau: Any) -> None:
-        """Note, in recorded numbers, equations that contradict others or change rank; else raise ConstraintError."""
-        residual, rank = missed
-        if at.recorded:
-            constrained.judge(at, residual, rank, CONTRADICTS)
-            return
-        if residual > CONTRADICTS:
-            constrained.raise_contradiction(at.given["q"], at.given["v"], tau, residual, at)
-        if np.isfinite(rank):
-            constrained.check_rank(int(rank), at.given["rank"])
 
     def failure(self, states: dict[str, Array], dt: float, t: float) -> str:
         own = states[self.own.name]

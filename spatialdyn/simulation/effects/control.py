@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -62,23 +63,23 @@ class Feedback(Effect):
     def structure(self) -> Feedback:
         return Feedback(self.spec, self.held)
 
-    @property
+    @cached_property
     def form(self) -> Any:
         return self.spec, self.held
 
-    @property
+    @cached_property
     def inputs(self) -> Any:
         return inputs_of(self.spec)
 
-    @property
+    @cached_property
     def states(self) -> Any:
         return states_of(self.spec)
 
-    @property
+    @cached_property
     def tables(self) -> tuple[Any, ...]:
         return self.static
 
-    @property
+    @cached_property
     def values(self) -> dict[str, Array]:
         return dict(self.rows)
 

@@ -24,11 +24,12 @@ It acts in every method, in programs and in kernels; its work is recorded, and t
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any, TypeVar
 
 from numpy.typing import NDArray
 
-from ...bodies.static_table import StaticTable
 from ...engines.compiled.stamp import covers
 from ...recursions.spec import Argument
 from ..arithmetic import Arithmetic
@@ -43,54 +44,29 @@ class Effect:
 
     name    its name in messages and ledgers
     inputs  inputs that it adds to a step, including its static tables
+    values  {name: (samples or 1, steps or 1, columns)} of the inputs that are not tables
+    tables  the inputs that are tables, in their order
     states  states that the run carries from step to step
     work    the state of its work; None if it does none
     form    everything else that a step depends on
+    solves  whether ``solve`` finds the velocities after a step, together with all impulses
     drives  whether it may add energy; if nothing does, a run whose energy rises has diverged
     """
 
     name = ""
+    inputs: tuple[Argument, ...] = ()
+    values: Mapping[str, Array] = MappingProxyType({})
+    tables: tuple[Any, ...] = ()
+    states: tuple[Argument, ...] = ()
+    work: Argument | None = None
+    form: tuple[Any, ...] = ()
+    solves = False
     drives = True
-
-    @property
-    def inputs(self) -> tuple[Argument, ...]:
-        """See the class."""
-        return ()
-
-    @property
-    def states(self) -> tuple[Argument, ...]:
-        """See the class."""
-        return ()
-
-    @property
-    def work(self) -> Argument | None:
-        """See the class."""
-        return None
-
-    @property
-    def form(self) -> tuple[Any, ...]:
-        """See the class."""
-        return ()
-
-    @property
-    def values(self) -> dict[str, Array]:
-        """{name: (samples or 1, steps or 1, columns)} of the inputs that are not tables."""
-        return {}
-
-    @property
-    def tables(self) -> tuple[StaticTable, ...]:
-        """The inputs that are tables, in their order."""
-        return ()
 
     @property
     def stamped(self) -> bool:
         """Whether the stamp of the package's sources covers its part of a program, which is then cached by name."""
         return covers(type(self))
-
-    @property
-    def solves(self) -> bool:
-        """Whether ``solve`` finds the velocities after a step, together with all impulses."""
-        return False
 
     def structure(self) -> Effect:
         """An equal effect without large values, for the keys of caches."""

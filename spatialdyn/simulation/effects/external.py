@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -29,7 +30,7 @@ class ExternalForces(Effect):
     inputs = (replace(FEXT, optional=False),)
     work = work.EXTERNAL
 
-    @property
+    @cached_property
     def values(self) -> dict[str, Array]:
         return {FEXT.name: self.rows}
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
@@ -37,7 +38,6 @@ from .constraints import Constrained
 from .effect import Effect, Forces, find, torques_of
 from .motor import CURRENT, DRIVES, Drive, Law, geared
 
-Array = NDArray[Any]
 IMPLICIT, LUGRE, SMOOTH = WAYS = ("implicit", "lugre", "smooth")
 STEPPED = "semi_implicit_euler"  # the method for "implicit" and "lugre", and for all impulses
 UNSOLVED = 1e-2  # [rad/s | m/s] violation of Coulomb's law that is an error
@@ -53,18 +53,22 @@ class JointFriction(Effect):
     name = "friction"
     drives = False
     way = ""
-    inputs: ClassVar[tuple[Argument, ...]] = LAW
+    inputs = LAW
     work = work.FRICTION
 
-    @property
-    def coefficients(self) -> tuple[Array, ...]:
-        """Coefficients beside those of the law, which all kinds have."""
-        return ()
+    needs: ClassVar[dict[str, Argument]] = {}  # fields of ``Friction`` beside the law, which all kinds have
 
-    @property
-    def values(self) -> dict[str, Array]:
-        rows = (*self.friction.law, *self.coefficients)
-        return {x.name: y[None, None] for x, y in zip(self.inputs, rows, strict=True)}
+    @cached_property
+    def values(self) -> dict[str, NDArray[Any]]:
+        """Raises SimulationError for a coefficient that is missing."""
+        more = [getattr(self.friction, name) for name in self.needs]
+        for name, x in zip(self.needs, more, strict=True):
+            if x is None:
+                raise SimulationError(
+                    f'friction has no {name}, expected some for friction_method="{self.way}": sd.Friction.of(model, '
+                    f"{name}=...)"
+                )
+        return {x.name: y[None, None] for x, y in zip(self.inputs, (*self.friction.law, *more), strict=True)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,12 +76,8 @@ class SmoothFriction(JointFriction):
     """A smooth torque against the motion."""
 
     way = SMOOTH
-    inputs: ClassVar[tuple[Argument, ...]] = (*LAW, SMOOTHING)
-
-    @property
-    def coefficients(self) -> tuple[Array, ...]:
-        """The smoothing."""
-        return (_needed(self.friction.smoothing, "smoothing", SMOOTH),)
+    needs: ClassVar[dict[str, Argument]] = {"smoothing": SMOOTHING}
+    inputs = (*LAW, *needs.values())
 
     def torque(self, at: Arithmetic, q: Any, v: Any) -> Any:
         (made,) = at.evaluate(FRICTION_TORQUE, v=v).values()
@@ -93,17 +93,14 @@ class DryFriction(JointFriction):
 
     coupled: bool = False
     way = IMPLICIT
+    solves = True
 
-    @property
+    @cached_property
     def states(self) -> Any:
         return () if self.coupled else (VIOLATION,)
 
     def as_coupled(self) -> DryFriction:
         return DryFriction(self.friction, True)
-
-    @property
-    def solves(self) -> bool:
-        return True
 
     def solve(self, at: Arithmetic, acting: tuple[Effect, ...], tau: Any) -> tuple[Any, dict[str, Any], Forces]:
         given, v = at.given, at.given["v"]
@@ -118,7 +115,7 @@ class DryFriction(JointFriction):
         forces[work.FRICTION.name] = dry - law[1] * after + lost
         return after, {VIOLATION.name: np.array([largest], after.dtype)}, forces
 
-    def failure(self, states: dict[str, Array], dt: float, t: float) -> str:
+    def failure(self, states: dict[str, NDArray[Any]], dt: float, t: float) -> str:
         if self.coupled or not states[VIOLATION.name][0] > UNSOLVED:
             return ""
         return (
@@ -132,21 +129,10 @@ class LuGreFriction(JointFriction):
     """Friction by bristles, whose deflection is a state."""
 
     way = LUGRE
-    inputs: ClassVar[tuple[Argument, ...]] = (*LAW, STIFFNESS, DAMPING)
+    needs: ClassVar[dict[str, Argument]] = {"bristle_stiffness": STIFFNESS, "bristle_damping": DAMPING}
+    inputs = (*LAW, *needs.values())
     states = (BRISTLES,)
-
-    @property
-    def coefficients(self) -> tuple[Array, ...]:
-        """Stiffness and damping of the bristles."""
-        given = self.friction
-        return (
-            _needed(given.bristle_stiffness, "bristle_stiffness", LUGRE),
-            _needed(given.bristle_damping, "bristle_damping", LUGRE),
-        )
-
-    @property
-    def solves(self) -> bool:
-        return True
+    solves = True
 
     def solve(self, at: Arithmetic, acting: tuple[Effect, ...], tau: Any) -> tuple[Any, dict[str, Any], Forces]:
         push, forces = with_torques(at, acting, tau)
@@ -223,7 +209,7 @@ def friction_effects(
     if friction is None or (isinstance(friction, (bool, np.bool_)) and not friction):
         return ()
     made = KINDS[way](check_friction(model, friction))
-    made.coefficients  # raises SimulationError for one that is missing
+    made.values  # raises SimulationError for a coefficient that is missing
     return (made,) if motor is None else (made, Drive(check_motor(model, motor), drive))
 
 
@@ -235,11 +221,3 @@ def dry(acting: tuple[Effect, ...], nv: int) -> NDArray[np.bool_]:
     coulomb, _, static, _ = friction.friction.law
     sticks: NDArray[np.bool_] = (coulomb > 0.0) | (static > 0.0)
     return sticks if motor is None else sticks | motor.rubs
-
-
-def _needed(value: Array | None, name: str, way: str) -> Array:
-    if value is None:
-        raise SimulationError(
-            f'friction has no {name}, expected some for friction_method="{way}": sd.Friction.of(model, {name}=...)'
-        )
-    return value

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -31,14 +32,13 @@ class Drive(Effect):
     name = "motor"
     drives = False  # adds no energy beyond that of the commanded torques
 
-    @property
+    @cached_property
     def inputs(self) -> Any:
         return (SUPPLY if self.given == VOLTAGE else STALL, EMF, MOST, EFFICIENCY, LIMIT)
 
-    @property
+    @cached_property
     def values(self) -> dict[str, Array]:
-        stall, emf, most, efficiency, limit = self.motor.lines
-        return {x.name: y[None, None] for x, y in zip(self.inputs, (stall, emf, most, efficiency, limit), strict=True)}
+        return {x.name: y[None, None] for x, y in zip(self.inputs, self.motor.lines, strict=True)}
 
     @property
     def rubs(self) -> NDArray[np.bool_]:

@@ -1,72 +1,71 @@
-"""The kernels of each family of methods for steps that run in Python: they compile nothing.
+"""The kernels of each family of methods in an arithmetic: recorded, or computed by calls. They compile nothing.
 
-A public call or a program walks the tree, also with mimic joints, whose momenta in ``variational`` are Gᵀ times those
-of the whole tree. Charts are recursions in plain Python, on the rows of independent joints.
+A Spec walks the tree, also with mimic joints, whose momenta in ``variational`` are Gᵀ times those of the whole tree.
+Charts are recursions in plain Python, on the rows of independent joints.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ...bodies.kinds import NV
-from ...bodies.table import independent
-from ...calls.by_program import OneByOne
-from ...calls.dynamics import calls
-from ...calls.one_sample import of_model
-from ...engines.programs.record import tracer
-from ...engines.programs.record.mimic_rows import MimicRows, rows_of
-from ...model.model import Model
+from ...algebra.scalars import select
+from ...engines.programs.record.mimic_rows import MimicRows
+from ...recursions import SPECS
 from ...recursions.coordinates.coordinate_rates import DISPLACEMENT_RATE
 from ...recursions.coordinates.coordinate_rates import TURN as TURN_STEP
 from ...recursions.momenta.canonical_coordinates import chart_rate, from_canonical, recenter, to_canonical
 from ...recursions.momenta.discrete_momenta import ENDS, momenta_after, sum_before
-from ..arithmetic import answered, finite
-from ..system import NONFINITE, OK, TURNED, System
+from ..arithmetic import Arithmetic
+from ..system import OK, TURNED, System
 from .explicit import HALF_TURN, ExplicitKernels
-from .iteration import end
+from .iteration import LARGEST, SETTLED, Sweeps, end
 from .methods import CANONICAL, EXPLICIT, Family
 from .symplectic import SymplecticKernels
 from .variational import TURN, VariationalKernels
 
-Array = NDArray[np.float64]
 
+def kernels_of(at: Arithmetic, family: Family, fext: Any = None) -> Any:
+    """The kernels of a family, as ``family.kernels`` gives compiled ones; fext (njoints, 6), None without forces."""
+    forces = () if fext is None else (fext,)
 
-def call_kernels(model: Model, family: Family, fext: Array | None) -> Any:
-    """The kernels of a family, as ``family.kernels`` gives them."""
+    def spec(name: str, count: int, checked: bool = True) -> Callable[..., int]:
+        return at.call(SPECS[name], count, checked)
 
-    zero, aba, integrate = np.zeros(model.nv), calls["aba"], calls["integrate"]
-
-    def call(name: str, out: Any, *inputs: Any) -> int:
-        """Write the result of a public call; returns the status of its error."""
-        return finite(answered(calls[name], out, model, *inputs), out)
-
-    def accelerate(system: System, q: Any, v: Any, a: Any) -> int:
-        code = answered(aba, a, model, q, v, system.tau, fext)
-        return code if a.dot(zero) == 0.0 else code or NONFINITE  # faster than ``finite``
+    integrate = spec("integrate", 2, checked=False)
 
     def move(table: Any, q: Any, u: Any, out: Any) -> int:
-        return answered(integrate, out, model, q, u)
-
-    def field(system: System, q: Any, p: Any, rates: Any) -> int:
-        return call("hamilton_field", rates, q, p, system.zero, fext)
-
-    def load(system: System, q: Any, g: Any) -> int:
-        return call("generalized_gravity", g, q) if fext is None else call("static_torque", g, q, fext)
-
-    def velocity(table: Any, q: Any, p: Any, v: Any) -> int:
-        return call("velocity_from_momentum", v, q, p)
+        return integrate(out, q, u)
 
     if family is EXPLICIT:
-        return ExplicitKernels(accelerate, None, move, *_group_calls(model))
-    rows = rows_of(tracer.table(model.bodies))
+        aba = spec("aba", 3 + len(forces))
+
+        def accelerate(system: System, q: Any, v: Any, a: Any) -> int:
+            return aba(a, q, v, system.tau, *forces)
+
+        return ExplicitKernels(accelerate, None, move, *_group_calls(at))
+    stop = end if not at.recorded else _end
     if family is CANONICAL:
-        to, back, rate, nearer = (_on(rows, x) for x in (to_canonical, from_canonical, chart_rate, recenter))
-        return SymplecticKernels(field, None, to, back, rate, nearer, end)
-    return VariationalKernels(load, None, velocity, move, *_ends(model), end)
+        hamilton = spec("hamilton_field", 3 + len(forces))
+
+        def field(system: System, q: Any, p: Any, rates: Any) -> int:
+            return hamilton(rates, q, p, np.zeros(len(p), p.dtype), *forces)
+
+        charts = (_on(at.rows, x) for x in (to_canonical, from_canonical, chart_rate, recenter))
+        return SymplecticKernels(field, None, *charts, stop)
+    weight = spec("static_torque" if forces else "generalized_gravity", 1 + len(forces))
+    by_momentum = spec("velocity_from_momentum", 2)
+
+    def load(system: System, q: Any, g: Any) -> int:
+        return weight(g, q, *forces)
+
+    def velocity(table: Any, q: Any, p: Any, v: Any) -> int:
+        return by_momentum(v, q, p)
+
+    return VariationalKernels(load, None, velocity, move, *_ends(at), stop)
 
 
 def _on(rows: Any, function: Callable[..., Any]) -> Callable[..., Any]:
@@ -74,58 +73,55 @@ def _on(rows: Any, function: Callable[..., Any]) -> Callable[..., Any]:
     return lambda table, *arrays: function(rows, *arrays)
 
 
-def _same_rate(table: Any, u: Any, v: Any, out: Any) -> int:
-    """``displacement_rate`` of joints of one freedom."""
-    out[:] = v
-    return OK
+def _end(system: System, t: Any, s: Sweeps, y: Any) -> None:
+    """``end`` of recorded numbers: set y to NaN if the iteration has failed."""
+    change = s.change[0]
+    solved = select(s.left[0], select(change - SETTLED, s.still[0], 1.0), select(LARGEST - change, 1.0, 0.0))
+    for i in range(len(y)):
+        y[i] = select(solved, y[i], math.nan)
 
 
-def _straight(table: Any, steps: Any, v: Any, w: Any, u: Any) -> int:
-    """``turn`` of joints of one freedom."""
-    u[:] = steps * w
-    return OK
-
-
-def _group_calls(model: Model) -> tuple[Callable[..., int], Callable[..., int]]:
-    """``displacement_rate`` and ``turn`` of ``explicit``, of any table."""
-    n, kinds = model.nv, np.unique(independent(model.bodies)["kind"][1:])
-    if all(NV[int(kind)] == 1 for kind in kinds):
-        return _same_rate, _straight
-    rate_of = of_model(DISPLACEMENT_RATE, model, (), (True, True))
-    turned_by = of_model(TURN_STEP, model, (), (True, True, True))
+def _group_calls(at: Arithmetic) -> tuple[Callable[..., int], Callable[..., int]]:
+    """``displacement_rate`` and ``turn`` of ``explicit``."""
+    rate_of, turned_by = at.call(DISPLACEMENT_RATE, 2, checked=False), at.call(TURN_STEP, 3, checked=False)
 
     def displacement_rate(table: Any, u: Any, v: Any, out: Any) -> int:
-        found = np.empty(n + 1)
-        code = answered(rate_of, found, u, v)
-        out[:] = found[:n]
-        return code if code != OK or found[n] < HALF_TURN else TURNED
+        found = np.empty(len(u) + 1, u.dtype)
+        code = rate_of(found, u, v)
+        out[:] = found[:-1]
+        return code if at.recorded or code != OK or found[-1] < HALF_TURN else TURNED
 
     def turn(table: Any, steps: Any, v: Any, w: Any, u: Any) -> int:
-        found = np.empty(2 * n)
-        code = answered(turned_by, found, v, w, steps[:1])
-        w[:], u[:] = found[:n], found[n:]
+        found = np.empty(2 * len(w), w.dtype)
+        code = turned_by(found, v, w, steps[:1])
+        w[:], u[:] = found[: len(w)], found[len(w) :]
         return code
 
     return displacement_rate, turn
 
 
-def _ends(model: Model) -> tuple[Callable[..., int], Callable[..., int]]:
+def _ends(at: Arithmetic) -> tuple[Callable[..., int], Callable[..., int]]:
     """The kernels of momenta before and after a step; the second refers to the step of the first one's last call."""
-    n, after, ends = model.nv, np.zeros(model.nv), OneByOne(model, ENDS)
+    ends, after = at.call(ENDS, 2), [np.empty(0)]
 
     def before(table: Any, q: Any, xi: Any, moved: Any, out: Any) -> int:
-        found = ends(q, xi)
-        out[:], after[:] = found[:n], found[n : 2 * n]
-        return (OK if found[2 * n] > TURN else TURNED) if np.isfinite(found).all() else NONFINITE
+        n = len(xi)
+        found = np.empty(2 * n + 1, xi.dtype)
+        code = ends(found, q, xi)
+        out[:], after[0] = found[:n], found[n : 2 * n]
+        if at.recorded:
+            out[0] = select(found[2 * n] - TURN, out[0], math.nan)
+            return OK
+        return code if code != OK or found[2 * n] > TURN else TURNED
 
     def momenta(table: Any, q: Any, xi: Any, moved: Any, out: Any) -> int:
-        out[:] = after
+        out[:] = after[0]
         return OK
 
     return before, momenta
 
 
-# --- recorded -------------------------------------------------------------------------------------------
+# --- of robots with mimic joints ------------------------------------------------------------------------
 
 
 def _before(bodies: MimicRows, work: Any, q: Any, xi: Any, moved: Any, out: Any) -> Any:
