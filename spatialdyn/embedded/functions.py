@@ -33,8 +33,7 @@ from ..recursions.control.paths import CLOCK
 from ..recursions.joints.friction import DT
 from ..recursions.spec import TAU, Argument, Spec
 from ..simulation.scene import Scene
-from ..simulation.scene_program import step_request
-from ..simulation.single_step import step
+from ..simulation.single_step import step, step_request
 from .chip_text import LOCAL
 
 Array = NDArray[Any]

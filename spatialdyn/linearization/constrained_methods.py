@@ -9,7 +9,7 @@ replaces its velocity by the nearest velocity with J v = 0:
 The multipliers are those that satisfy the other equations. The derivative is that of the step, also at states that
 violate the constraints; the step brings the positions of such states onto the constraints.
 
-Source: see ``simulation.methods.rattle`` and ``simulation.methods.constrained_variational``.
+Source: see ``simulation.methods.constrained_symplectic``.
 """
 
 from __future__ import annotations

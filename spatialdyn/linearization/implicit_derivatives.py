@@ -36,8 +36,8 @@ from ..simulation.effects.constraints import Constrained
 from ..simulation.effects.effect import Effect
 from ..simulation.effects.external import ExternalForces
 from ..simulation.fixed_steps import failure_message
-from ..simulation.kernel_steps import UNDER
 from ..simulation.methods.call_kernels import kernels_of
+from ..simulation.methods.constrained_symplectic import UNDER
 from ..simulation.methods.methods import DISCRETE, Method, integrators
 from ..simulation.methods.symplectic import GAUSS2, GAUSS4, GAUSS6, Tableau
 from ..simulation.momenta_steps import begun as begun_rows

@@ -23,11 +23,10 @@ from ..engines.programs.record import recording
 from ..errors import NonFiniteError, ShapeError, SimulationError
 from ..model.model import Model
 from ..recursions.spec import FEXT
-from .driver import check_solved, run_alone
+from .driver import check_solved, in_range, run_alone
 from .effects.effect import Effect
 from .methods.methods import EXPLICIT_METHODS
 from .plan import Inputs, Plan, plan_of, specs_of_step
-from .program_steps import in_range
 from .states import RunStates
 
 Array = NDArray[Any]

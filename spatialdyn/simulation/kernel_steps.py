@@ -23,8 +23,8 @@ from ..recursions.spec import FEXT
 from .arithmetic import Computed
 from .effects.effect import Effect, torques_of
 from .effects.external import external_torque
-from .methods import constrained_variational, rattle
 from .methods.call_kernels import kernels_of
+from .methods.constrained_symplectic import UNDER
 from .methods.explicit import ExplicitKernels
 from .methods.methods import DISCRETE, EXPLICIT, Family
 from .methods.symplectic import GAUSS2, GAUSS4, GAUSS6
@@ -36,7 +36,6 @@ from .torques import forces_at
 
 Array = NDArray[np.float64]
 Step = Callable[[System, float, float, State], None]
-UNDER = {rattle.NAME: rattle.rattle, constrained_variational.NAME: constrained_variational.constrained_variational}
 WEIGHTS = {"implicit_midpoint": GAUSS2.b, "gauss4": GAUSS4.b, "gauss6": GAUSS6.b}  # of the stages' last torques
 
 

@@ -6,14 +6,13 @@ The scene keeps what depends on scene and method alone: a run that is like an ea
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property, lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..bodies.table import JointTable, joint_table
 from ..calls.arguments import core_shape
 from ..calls.dynamics import python_calls
 from ..calls.specialize import specialize
@@ -60,63 +59,41 @@ def way_of(scene: Scene, method: Any) -> Way:
     return kept  # type: ignore[no-any-return]
 
 
-@dataclass(frozen=True, eq=False)
 class Plan:
     """A run.
 
-    scene    Scene
-    method   name of the method
-    effects  the effects of this run, including its control law
-    works    whether work is recorded
-    force    external forces of a run that are a function of (t, q, v); their effect holds its last value
+    scene, model  Scene and its Model
+    method       name of the method, ``integrator``
+    effects      the effects of this run, including its control law
+    works        whether work is recorded
+    force        external forces of a run that are a function of (t, q, v); their effect holds its last value
+    feedback, constrained, contact  the control law, the constraints and what acts by impulses, among the effects
+    judged       the effects that judge steps by the states after them
+    structure    the effects without large values: keys of caches
+    tables       the static inputs of a step, in order
+    values       {name: (samples or 1, steps or 1, columns)} of its other inputs, in order, without dt and tau
+    work         states of the work that is recorded; symplectic methods integrate none of constraints, which is 0
+    states       the states that the run carries beside q and v
+    bare         whether only torques and constant forces act, so that a loop may be compiled as it is
     """
 
-    scene: Scene
-    method: str
-    effects: tuple[Effect, ...]
-    works: bool = False
-    force: Force | None = None
+    def __init__(
+        self, scene: Scene, method: str, effects: tuple[Effect, ...], works: bool = False, force: Force | None = None
+    ) -> None:
+        """See the class."""
+        self.scene, self.model, self.method, self.effects, self.force = scene, scene.model, method, effects, force
+        self.integrator: Method = integrators[method]
+        self.feedback, self.constrained = find(effects, Feedback), find(effects, Constrained)
+        self.contact = find(effects, Contact)
+        self.judged = tuple(x for x in effects if type(x).failure is not Effect.failure)
+        self.structure = tuple(x.structure() for x in effects)
+        self.tables = tuple(x for effect in effects for x in effect.tables)
+        self.values = {name: x for effect in effects for name, x in effect.values.items()}
+        self.works, self.work = works, self._work() if works else ()
+        self.states = (*(x for effect in effects for x in effect.states), *self.work)
+        self.bare = force is None and not works and all(x.work is work.EXTERNAL for x in effects)
 
-    @cached_property
-    def model(self) -> Model:
-        """The model of the scene."""
-        return self.scene.model
-
-    @cached_property
-    def integrator(self) -> Method:
-        """The method."""
-        return integrators[self.method]
-
-    @cached_property
-    def table(self) -> JointTable:
-        """The table of joints for kernels."""
-        return joint_table(self.model.bodies)
-
-    @cached_property
-    def units(self) -> Array:
-        """The units of the model."""
-        return units(self.model)
-
-    @cached_property
-    def feedback(self) -> Feedback | None:
-        """The control law."""
-        return find(self.effects, Feedback)
-
-    @cached_property
-    def constrained(self) -> Constrained | None:
-        """The constraints."""
-        return find(self.effects, Constrained)
-
-    @cached_property
-    def contact(self) -> Contact | None:
-        """The effect that acts by impulses."""
-        return find(self.effects, Contact)
-
-    @cached_property
-    def work(self) -> tuple[Argument, ...]:
-        """The states of the work that is recorded. Symplectic methods integrate no work of constraints: it is 0."""
-        if not self.works:
-            return ()
+    def _work(self) -> tuple[Argument, ...]:
         works = [x.work for x in self.effects if x.work is not None]
         if self.constrained is not None and self.method not in (*EXPLICIT_METHODS, *SCIPY_METHODS):
             works.remove(work.CONSTRAINTS)
@@ -125,34 +102,9 @@ class Plan:
         return (work.TORQUE, *works)
 
     @cached_property
-    def states(self) -> tuple[Argument, ...]:
-        """The states that the run carries beside q and v."""
-        return (*(x for effect in self.effects for x in effect.states), *self.work)
-
-    @cached_property
     def unstarted(self) -> RunStates:
         """The states with the starts of their arguments."""
         return run_states(self.model, self.states, self.tables, None)
-
-    @cached_property
-    def tables(self) -> tuple[Any, ...]:
-        """The static inputs of a step, in order."""
-        return tuple(x for effect in self.effects for x in effect.tables)
-
-    @cached_property
-    def values(self) -> dict[str, Array]:
-        """{name: (samples or 1, steps or 1, columns)} of the other inputs, in order, without dt and tau."""
-        return {name: x for effect in self.effects for name, x in effect.values.items()}
-
-    @cached_property
-    def structure(self) -> tuple[Effect, ...]:
-        """The effects without large values: keys of caches."""
-        return tuple(x.structure() for x in self.effects)
-
-    @cached_property
-    def bare(self) -> bool:
-        """Whether only torques and constant forces act, so that a loop may be compiled as it is."""
-        return self.force is None and not self.works and all(x.work is work.EXTERNAL for x in self.effects)
 
     @cached_property
     def _cores(self) -> dict[str, tuple[int, ...]]:
@@ -169,11 +121,6 @@ class Plan:
             made[name] = row if self._cores[name] else float(row)
         static = (x for effect in self.effects for x in effect.inputs if x.static)
         return made | dict(zip((x.name for x in static), self.tables, strict=True))
-
-    @cached_property
-    def judged(self) -> tuple[Effect, ...]:
-        """The effects that judge steps by the states after them."""
-        return tuple(x for x in self.effects if type(x).failure is not Effect.failure)
 
     def failure(self, states: dict[str, Array], dt: float, t: float) -> str:
         """The error in the steps until t, found from the states (flat) after them; "" without one."""
@@ -195,7 +142,7 @@ class Plan:
     @cached_property
     def step_values(self) -> list[Array]:
         """(samples or 1, steps or 1, columns) of the inputs of a program after dt and tau, in order."""
-        momenta = () if self.method in EXPLICIT_METHODS else (self.units[None, None],)
+        momenta = () if self.method in EXPLICIT_METHODS else (units(self.model)[None, None],)
         return [*self.values.values(), *momenta]
 
     @cached_property

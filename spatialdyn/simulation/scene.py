@@ -22,7 +22,7 @@ from .effects import of_scene
 from .effects.effect import Effect
 from .effects.friction import IMPLICIT, STEPPED
 from .effects.motor import CURRENT
-from .methods import constrained_variational, rattle
+from .methods.constrained_symplectic import UNDER, unfit
 from .methods.methods import EXPLICIT_METHODS, SCIPY_METHODS, integrators
 
 Array = NDArray[np.float64]
@@ -34,7 +34,7 @@ FIELDS = (
     "fext",
 )  # fmt: skip
 
-SYMPLECTIC = (rattle.NAME, constrained_variational.NAME)  # symplectic methods that take constraints
+SYMPLECTIC = tuple(UNDER)  # symplectic methods that take constraints
 DEFAULTS = {"stabilization": None, "friction_method": IMPLICIT, "limits": False, "drive": CURRENT, "fext": None}
 
 
@@ -217,7 +217,7 @@ class Scene:
         """Why a symplectic method cannot take the constraints; "" if it can."""
         if self.constraints is None or method not in SYMPLECTIC:
             return ""
-        return rattle.unfit(self.model, self.constraints, self.stabilization, method)
+        return unfit(self.model, self.constraints, self.stabilization, method)
 
     @property
     def method(self) -> str:

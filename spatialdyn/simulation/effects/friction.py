@@ -53,7 +53,7 @@ class JointFriction(Effect):
     name = "friction"
     drives = False
     way = ""
-    inputs = LAW
+    inputs = tuple(LAW)
     work = work.FRICTION
 
     needs: ClassVar[dict[str, Argument]] = {}  # fields of ``Friction`` beside the law, which all kinds have
