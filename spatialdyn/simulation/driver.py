@@ -9,7 +9,6 @@ in plain Python, then table kernels.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -19,21 +18,17 @@ from ..calls.dynamics import calls
 from ..control.cost import is_of_cost
 from ..control.law_specs import own_name
 from ..engines.compiled import numba_kernels
-from ..engines.programs.record import recording
-from ..engines.programs.record.program import Program
 from ..engines.programs.run import time_loop
 from ..engines.programs.run.time_loop import StepInput
 from ..engines.programs.transform import float32_range
 from ..errors import SimulationError, SpatialDynError
 from ..model.model import Model
-from ..recursions.spec import Spec
 from .fixed_steps import run_sample
 from .methods.methods import EXPLICIT_METHODS
 from .momenta_steps import begun
 from .plan import Plan
 from .recorder import Recorder, Steps
 from .states import RunStates
-from .steps import step_specs
 from .torques import Torque
 
 Array = NDArray[Any]
@@ -164,8 +159,8 @@ def on_lanes(
     forced = tau is not None
     given = [np.full((1, 1, 1), dt), *(() if tau is None else (tau,)), *plan.step_values]
     if numba_kernels.PLAIN:
-        recorded = _recorded(model, step_specs(plan.method, plan.structure, (), forced), plan.tables)
-        return None if recorded is None else time_loop.replay(recorded, states, given, records, total, every)
+        made = plan.recorded(forced)
+        return None if made is None else time_loop.replay(made.program, states, given, records, total, every)
     dtype = records[0].dtype if in_range(model, states[0][0], records[0].dtype) else np.dtype(np.float64)
     common: tuple[int, ...] = ()
     if plan.feedback is not None:  # gains and paths of hundreds of numbers, shared by all samples
@@ -176,11 +171,11 @@ def on_lanes(
     kernel = plan.kernel((), forced, dtype, False, common)
     if kernel is None:
         return None
-    made = records if dtype == records[0].dtype else [np.empty(x.shape, dtype) for x in records]
+    found = records if dtype == records[0].dtype else [np.empty(x.shape, dtype) for x in records]
     with np.errstate(over="ignore"):
         start, inputs = [x.astype(dtype, copy=False) for x in states], [x.astype(dtype, copy=False) for x in given]
-        left = time_loop.run(kernel, start, [StepInput(x) for x in inputs], made, total, every)
-        for x, y in zip(records, made, strict=True):
+        left = time_loop.run(kernel, start, [StepInput(x) for x in inputs], found, total, every)
+        for x, y in zip(records, found, strict=True):
             if x is not y:
                 x[...] = y
     return left
@@ -210,12 +205,6 @@ def _in_momenta(
         for x, y in zip(records, made, strict=True):
             x[sound[done]] = y[done]
     return np.setdiff1d(np.arange(len(states[0])), sound[done])
-
-
-@lru_cache(maxsize=32)
-def _recorded(model: Model, specs: tuple[Spec, ...], static: tuple[Any, ...]) -> Program | None:
-    fits = recording.fits(specs, model.bodies, static=static)
-    return recording.record(specs, model.bodies, static).program if fits else None
 
 
 def in_range(model: Model, q: Array, dtype: np.dtype[Any]) -> bool:

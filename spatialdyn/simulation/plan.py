@@ -19,6 +19,7 @@ from ..calls.specialize import specialize
 from ..calls.specialized import Specialized
 from ..control.control import recorded
 from ..engines.programs.record import recording
+from ..engines.programs.record.recording import Recording
 from ..engines.programs.run import batch_kernels
 from ..model.model import Model
 from ..recursions.spec import Argument, Spec
@@ -158,6 +159,12 @@ class Plan:
         parts = self.method, self.structure, works, self.tables, forced, np.dtype(dtype), one, common
         return _kernel(self.model, *parts)
 
+    def recorded(self, forced: bool = True) -> Recording | None:
+        """The recording of a step; None if the robot is too long for a program, or a joint has zero inertia."""
+        specs = specs_of_step(self.method, self.structure, (), forced)
+        fits = recording.fits(specs, self.model.bodies, static=self.tables)
+        return recorded(specs, self.model, self.tables, np.dtype(float)) if fits else None
+
     @cached_property
     def observed(self) -> dict[str, Specialized]:
         """Calls on samples of q and v or q and p: programs, so that no bit depends on the number of samples."""
@@ -175,7 +182,7 @@ def _kernel(
         return None
     made = None if specs[0].stamped else recorded(specs, model, static, dtype)  # which a check of the law has too
     if made is not None and common:
-        made = recording.Recording(made.program, replace(made.layout, common=common))
+        made = Recording(made.program, replace(made.layout, common=common))
     return batch_kernels.kernel(specs, model.bodies, model.key, static, dtype=dtype, one=one, recorded=made)
 
 

@@ -6,6 +6,7 @@ gives its matrix, whose eigenvalues are the factors by which motions grow.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -101,23 +102,15 @@ def _largest_factor(method: str, Minv: Array, K: Array, D: Array, h: float) -> f
 def _taken(method: str, A: Array, B: Array, h: float) -> Array:
     """The map of (x, v) by a step of an explicit method on v̇ = A x + B v, taken from all unit states at once."""
 
-    def accelerate(system: System, x: Any, v: Any, a: Any) -> int:
-        a[:] = A @ x + B @ v
-        return OK
+    def kernel(value: Callable[..., Array]) -> Callable[..., int]:
+        def write(table: Any, *arrays: Any) -> int:
+            arrays[-1][:] = value(*arrays[:-1])
+            return OK
 
-    def move(table: Any, x: Any, u: Any, out: Any) -> int:
-        out[:] = x + u
-        return OK
+        return write
 
-    def rate(table: Any, u: Any, v: Any, out: Any) -> int:
-        out[:] = v
-        return OK
-
-    def turn(table: Any, steps: Any, v: Any, w: Any, u: Any) -> int:
-        u[:] = steps * w
-        return OK
-
-    n = len(A)
+    n, accelerate, move = len(A), kernel(lambda x, v: A @ x + B @ v), kernel(lambda x, u: x + u)
+    rate, turn = kernel(lambda u, v: v), kernel(lambda steps, v, w: steps * w)
     x, v = np.eye(2 * n)[None, :n], np.eye(2 * n)[None, n:]  # one vector of matrices: methods loop over vectors
     kernels = ExplicitKernels(accelerate, None, move, rate, turn)
     system = System(kernels, held_torque, *(None,) * 7, np.zeros(3))
