@@ -73,7 +73,8 @@ class Writer:
         self.whole = self.schedule.whole
         self.poison_slot = self.schedule.slot_count  # followed by the floor's slot, if ranges are checked
         self.stage = self.poison_slot + (1 if layout.range is None else 2)  # slots of rows to be streamed
-        staged = [len(places) for places in layout.outputs if stream and len(places) % lanes]
+        self.staged = [columns.staged(len(places), lanes, stream) for places in layout.outputs]
+        staged = [len(places) for places, first in zip(layout.outputs, self.staged, strict=True) if first]
         kept = [r for r in program.regions if r in self.schedule.cut or not runs_once(program.lines, r)]
         carried = dict.fromkeys(k for region in kept for k in region.carried)
         self.carried = {k: self.stage + max(staged, default=0) + at for at, k in enumerate(carried)}  # their slots
@@ -360,9 +361,9 @@ class Writer:
                     t.do(f"call void @chunk{len(functions) - 1}(ptr %ws, ptr %numbers, ptr %out{a}, i64 %first)")
             else:
                 squares = self._write_columns(t, a, blocks, set() if floor else seen, sums, bool(floor))
-            if self._staged(a):
+            if self.staged[a]:
                 to = t.at(t.vector, "%ws", self.stage)
-                t.do(f"call void @stream(ptr %out{a}, i64 %tile, i64 {len(places)}, ptr {to})")
+                t.do(f"call void @copy(ptr %out{a}, i64 %tile, i64 {len(places)}, ptr {to})")
             if floor and squares:
                 total = self._added(t, squares)
                 sums[0] = t.poisoned_unless(t.compare("oge", total, floor), sums[0])
@@ -372,10 +373,6 @@ class Writer:
         if self.lanes < 16:
             bits = t.put(f"zext i{self.lanes} {bits} to i16")
         t.store("i16", bits, t.at("i16", "%bits", "%tile"), 2)
-
-    def _staged(self, a: int) -> bool:
-        """Whether the rows of an output are written by ``stream``."""
-        return self.stream and len(self.layout.outputs[a]) % self.lanes > 0
 
     def _output_function(self, i: int, a: int, blocks: Sequence[tuple[int, int]], seen: set[int]) -> str:
         """The function of some blocks of an output of a long program: its results are in the workspace."""
@@ -396,12 +393,12 @@ class Writer:
         """
         lines, zero, places = self.program.lines, t.constant(0.0), self.layout.outputs[a]
         squares = [t.spread("%numbers", self.numbers.squares[a]), *[ZERO] * 3] if floor else []
-        if self._staged(a):
+        if self.staged[a]:
             to = t.at(t.vector, "%ws", self.stage)
             starts = [t.number(to, r * len(places)) for r in range(self.lanes)]
         else:
             starts = columns.starts(t, f"%out{a}", len(places))
-        past = self.stream and not self._staged(a)  # whether stores bypass the CPU caches
+        past = self.stream and not self.staged[a]  # whether stores bypass the CPU caches
         align = t.size * (self.lanes if past else 1)
         for first, size in blocks:
             vectors = []
