@@ -68,6 +68,8 @@ class Writer:
         self.schedule = Schedule(program, layout, is_whole(program, layout) if whole is None else whole)
         self.numbers = Numbers(program, layout)
         self.bounded = layout.range is None and finite.bounded(program)
+        nothing: frozenset[int] = frozenset()
+        self.implied = finite.implied(program, layout) if layout.range is None else (nothing, nothing)
         self.afresh = not held(program, layout)
         self.common = _common(program, layout)
         self.whole = self.schedule.whole
@@ -128,7 +130,6 @@ class Writer:
         poison = [ZERO] * 4
         given: list[str] = []
         wide = self.layout.range
-        implied = frozenset() if wide else finite.implied(self.program, self.layout)
         driving: list[str] = []
         for a, width in enumerate(self.layout.inputs):
             if a in self.layout.common:
@@ -141,7 +142,7 @@ class Writer:
         for i, x in enumerate(given):
             if not x:
                 continue
-            if i not in implied:
+            if i not in self.implied[0]:
                 poison[i % 4] = t.fused(x, x if wide else zero, poison[i % 4])
             if i in index:
                 self.values[index[i]] = x
@@ -405,7 +406,7 @@ class Writer:
             for c in range(first, first + size):
                 x = self._result(t, places[c])
                 line = self.program.outputs[places[c]][0]
-                checked = a < len(self.layout.checked) and not self.bounded
+                checked = a < len(self.layout.checked) and not self.bounded and line not in self.implied[1]
                 if checked and line not in seen and lines[line].code != CONST:
                     seen.add(line)
                     i = len(seen) % 4
@@ -441,9 +442,13 @@ class Writer:
         return poison
 
     def _added(self, t: Vectors, four: Sequence[str]) -> str:
-        """The sum of four vectors."""
+        """The sum of four vectors, without those that are 0 for all samples."""
+
+        def sum_of(x: str, y: str) -> str:
+            return y if x == ZERO else x if y == ZERO else t.binary("fadd", x, y)
+
         a, b, c, d = four
-        return t.binary("fadd", t.binary("fadd", a, b), t.binary("fadd", c, d))
+        return sum_of(sum_of(a, b), sum_of(c, d))
 
 
 def compile_program(
