@@ -1,7 +1,7 @@
 """Batches of a model with mimic joints that has no program: by the table kernels of its whole tree, reduced by G.
 
 v of the whole tree is G v; an entry of its q is ratio q_leader + offset. ``recursions.mimic`` says which recursions run
-on the whole tree and which solve with M = Gᵀ M G, whose factors are computed by kernels as well. All sums over followers
+on the whole tree and which solve with M = Gᵀ M G, whose factors are computed by kernels as well. Sums over followers
 are taken in the order of their rows, so a sample has the same bits in every batch.
 """
 
@@ -115,8 +115,8 @@ class Reduced:
     def visit(self, see: Callable[[Spec], None], spec: Spec, static: tuple[Any, ...]) -> None:
         """Call ``see`` with each Spec whose table kernel computes a part of a call; no kernel runs."""
 
-        def run(of: Spec, table: Held, inputs: Any, static: Any, out: Array, status: Status) -> None:
-            see(of)
+        def run(spec: Spec, table: Held, inputs: Any, static: Any, out: Array, status: Status) -> None:
+            see(spec)
             out[...], status[...] = 1.0, OK
 
         shapes = [(1, *(shape_in(x.shape, self.own.sizes) or (1,))) for x in spec.present if not x.static]
