@@ -73,9 +73,7 @@ class RegionWriter:
     ) -> None:
         self._regions, self._t, self._values, self._value, self._spill = regions, t, values, value, spill
         self._before: list[dict[int, str]] = []  # for each region that is being written, the values before it
-        self._after: list[
-            dict[int, str]
-        ] = []  # and of its carried values that are not in the workspace, those at its end
+        self._after: list[dict[int, str]] = []  # and its carried values at its end that are not in the workspace
 
     @property
     def within(self) -> bool:
