@@ -23,9 +23,9 @@ COMPILE_SECONDS = 6.0  # expected time to compile a kernel on lanes
 class LaneBatches:
     """As ``numba_kernels.batch_kernel``, on lanes once compiling that kernel pays."""
 
-    def __init__(self, spec: Spec) -> None:
-        """The batches of a call for which ``lane_names.fits``."""
-        self._spec = spec
+    def __init__(self, spec: Spec, width: int) -> None:
+        """The batches of a call for which ``lane_names.fits``, on so many lanes."""
+        self._spec, self._width = spec, width
         self._lanes: Callable[..., int] | None = None
         self._looked = False
         self._spent = 0.0  # seconds in the kernel of one sample
@@ -39,23 +39,25 @@ class LaneBatches:
     def prepare(self, count: int) -> None:
         """Load or compile the kernel for a batch of ``count`` samples, on the calling thread."""
         with self._lock:
-            if self._lanes is None and 2 * count > lane_names.width():
+            if self._lanes is None and 2 * count > self._width:
                 first, self._looked = not self._looked, True
-                stored = first and lane_kernels.is_stored(self._spec, lane_names.width())
+                stored = first and lane_kernels.is_stored(self._spec, self._width)
                 if stored or self._spent >= COMPILE_SECONDS:
-                    self._lanes = lane_kernels.kernel(self._spec, lane_names.width())
+                    self._lanes = lane_kernels.kernel(self._spec, self._width)
         if self._lanes is None:
             numba_kernels.batch_kernel(self._spec)
 
     def compile_now(self) -> None:
-        """Compile both kernels, whether that pays or not."""
+        """Compile the kernels, whether that pays or not."""
         numba_kernels.batch_kernel(self._spec)
+        if self._spec.mirrored and self._width == lane_kernels.WIDE:
+            batches(self._spec, self._width // 2).compile_now()
         self._spent = COMPILE_SECONDS
-        self.prepare(lane_names.width())
+        self.prepare(self._width)
 
     def __call__(self, table: int, n: int, *arguments: Any) -> int:
         lanes = self._lanes
-        if lanes is None or 2 * n <= lane_names.width():
+        if lanes is None or 2 * n <= self._width:
             start = perf_counter()
             failed = numba_kernels.batch_kernel(self._spec)(table, n, *arguments)
             self._spent += perf_counter() - start
@@ -63,6 +65,10 @@ class LaneBatches:
         left = lanes(table, n, *arguments)
         if left == 0:
             return 0
+        if left == lane_kernels.TOO_LARGE and self._width == lane_kernels.WIDE:
+            narrower = batches(self._spec, self._width // 2)
+            narrower.prepare(n)
+            return narrower(table, n, *arguments)
         if left < 0:  # no sample is computed
             return numba_kernels.batch_kernel(self._spec)(table, n, *arguments)
         return self._again(table, arguments)
@@ -82,6 +88,10 @@ class LaneBatches:
 
 
 @cache
-def batches(spec: Spec) -> LaneBatches:
-    """The LaneBatches of a call."""
-    return LaneBatches(spec)
+def _batches(spec: Spec, width: int) -> LaneBatches:
+    return LaneBatches(spec, width)
+
+
+def batches(spec: Spec, width: int | None = None) -> LaneBatches:
+    """The LaneBatches of a call, by default on all lanes of a vector."""
+    return _batches(spec, width or lane_names.width())

@@ -18,7 +18,9 @@ from .numba_kernels import OK
 
 LINE = 64  # bytes of a cache line, to which scratch is aligned
 MOST_BYTES = 48 << 20  # most bytes of a thread's tiles and scratch: with more, lanes are no faster
+MOST_WIDE, WIDE = 4 << 20, 8  # the same of a symmetric matrix on WIDE lanes: half of them are then faster
 RETRY = -1  # status of a sample that the kernel leaves to the caller
+REFUSED, TOO_LARGE = -1, -2  # results of a kernel that has computed no sample
 
 
 def _lines(spec: Spec, width: int) -> tuple[list[str], list[str]]:
@@ -35,7 +37,7 @@ def _lines(spec: Spec, width: int) -> tuple[list[str], list[str]]:
     for x in (*varying, out):
         refused += [f"{x.name}.shape[{k + 1}] != {extent(spec, s)}" for k, s in enumerate(shape_of(x))]
     refused += [f"not no_overlap({x.name}, {out.name})" for x in varying]
-    lines += [f"if {' or '.join(refused)}:", "    return -1"]
+    lines += [f"if {' or '.join(refused)}:", f"    return {REFUSED}"]
     tiles: dict[str, list[str]] = {x.name: [extent(spec, s) for s in shape_of(x)] for x in (*varying, out)}
     tiles |= {f"{x.name}_turned": ["3", extent(spec, "nq")] for x in varying if x.turned}
     scratch = numba_kernels.scratch_of(spec)
@@ -49,7 +51,8 @@ def _lines(spec: Spec, width: int) -> tuple[list[str], list[str]]:
         lines.append(f"size += (8 * {width} * {name}_columns + {LINE - 1}) // {LINE} * {LINE}")
     if spec.work is not None:
         lines += ["work_first = size", f"size += {width} * WORK_SIZE * len(bodies)"]
-    lines += [f"size += {LINE}", f"if size > {MOST_BYTES}:", "    return -1", "block = memory(size)"]
+    most = MOST_WIDE if spec.mirrored and width == WIDE else MOST_BYTES
+    lines += [f"size += {LINE}", f"if size > {most}:", f"    return {TOO_LARGE}", "block = memory(size)"]
     if spec.mirrored:
         lines.append(f"{out.name}_tile = lower(aligned(block, {out.name}_first))")
     for name, shape in tiles.items():
@@ -92,9 +95,9 @@ def _lines(spec: Spec, width: int) -> tuple[list[str], list[str]]:
         inside.append("sound = sound and pivots_regular(bodies, q_tile, pivots_tile)")
     if out.unit_norm:
         inside.append(f"sound = sound and unit_norm(bodies, {out.name}_tile)")
-    drain, columns = ("mirror", side) if spec.mirrored else ("drain", f"{out.name}_columns")
+    drain, columns = ("mirror(bodies, ", side) if spec.mirrored else ("drain(", f"{out.name}_columns")
     inside += [
-        f"sound = {drain}(aligned(block, {out.name}_first), {out.name}_at, {columns}, s, n - 1) and sound",
+        f"sound = {drain}aligned(block, {out.name}_first), {out.name}_at, {columns}, s, n - 1) and sound",
         f"for k in range(s, min(s + {width}, n)):",
         f"    status[k] = {OK} if sound else {RETRY}",
         "    failed += 0 if sound else 1",
@@ -105,7 +108,10 @@ def _lines(spec: Spec, width: int) -> tuple[list[str], list[str]]:
 
 @cache
 def kernel(spec: Spec, width: int) -> Callable[..., int]:
-    """A ``batch_kernel`` on lanes, compiled or from disk; it leaves samples of status RETRY, and returns -1 if all."""
+    """A ``batch_kernel`` on lanes, compiled or from disk; it leaves samples of status RETRY.
+
+    The kernel returns REFUSED or TOO_LARGE if it computes none.
+    """
     with numba_kernels.compiling(spec):
         from . import jit
 
