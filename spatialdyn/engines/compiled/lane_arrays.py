@@ -18,7 +18,7 @@ from numba.extending import intrinsic, lower_builtin
 from numba.np import arrayobj
 
 from .checks import LARGEST
-from .lanes import F8, I8, I32, TRUTH, Lanes, constant, every, size, vector
+from .lanes import F8, I8, I32, TRUTH, Lanes, constant, every, lane_of, put_lane, size, vector
 
 LINE = 64  # alignment of scratch in bytes
 
@@ -230,7 +230,7 @@ def mirror(width: int) -> Any:
                     finite.note([x])
                     at = builder.add(builder.mul(row, n), column)
                     for lane, sample in enumerate(rows):
-                        builder.store(builder.extract_element(x, I32(lane)), builder.gep(sample, [at]))
+                        builder.store(lane_of(builder, x, lane), builder.gep(sample, [at]))
             return finite.all()
 
         return types.boolean(bodies, types.voidptr, types.intp, types.intp, types.intp, types.intp), generate
@@ -314,7 +314,7 @@ def fill(width: int) -> Any:
                 at = builder.add(done, loop.index)
                 x = kind(ir.Undefined)
                 for lane, row in enumerate(rows):
-                    x = builder.insert_element(x, builder.load(builder.gep(row, [at])), I32(lane))
+                    x = put_lane(builder, x, builder.load(builder.gep(row, [at])), lane)
                 builder.store(x, _at(builder, to, builder.mul(at, I8(width)), kind), align=8 * width)
             return context.get_dummy_value()
 
@@ -354,7 +354,7 @@ def drain(width: int) -> Any:
                 x = tile_at(at)
                 finite.note([x])
                 for lane, row in enumerate(rows):
-                    builder.store(builder.extract_element(x, I32(lane)), builder.gep(row, [at]))
+                    builder.store(lane_of(builder, x, lane), builder.gep(row, [at]))
             return finite.all()
 
         return types.boolean(types.voidptr, types.intp, types.intp, types.intp, types.intp), generate

@@ -172,8 +172,8 @@ def test_float32_overflows_as_before_and_a_step_of_zero_serves_all() -> None:
 def test_one_sample_answers_until_compiling_pays(monkeypatch: pytest.MonkeyPatch) -> None:
     spec = numba_kernels.variant(SPECS["generalized_gravity"], ())
     asked: list[int] = []
-    monkeypatch.setattr(lane_kernels, "is_stored", lambda spec, width: False)
-    monkeypatch.setattr(lane_kernels, "kernel", lambda spec, width: asked.append(width) or (lambda *given: 0))
+    monkeypatch.setattr(lane_kernels, "is_stored", lambda spec, width, edited: False)
+    monkeypatch.setattr(lane_kernels, "kernel", lambda spec, width, edited: asked.append(width) or (lambda *given: 0))
     tiers = lane_batches.LaneBatches(spec, lane_names.width())
     given = inputs(spec, model(0), 0)
     tiers.prepare(COUNT)
