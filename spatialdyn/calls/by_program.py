@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from ..engines.compiled import numba_kernels
 from ..engines.programs.record.recording import ProgramOptions, fits
-from ..engines.programs.run.interpreter import InterpretedSample
 from ..engines.programs.run.tiered_program import TieredProgram
 from ..model.model import Model
 from ..recursions.spec import Spec
@@ -49,26 +48,6 @@ def run(
             for column, place in enumerate(layout.outputs[k]):
                 out[k][left, column] = found[place]
     return out[-1] if outputs == 1 else out[-outputs:]
-
-
-class OneByOne:
-    """A Spec computed sample by sample by its interpreted program. For use by one thread."""
-
-    def __init__(self, model: Model, spec: Spec) -> None:
-        """Record the program."""
-        self._model, self._spec = model, spec
-        self._call: InterpretedSample | None = None
-        if numba_kernels.PLAIN or not fits((spec,), model.bodies):
-            return
-        self._call = InterpretedSample(*_program(model, (spec,), "", ()).recording)
-
-    def __call__(self, *inputs: Array) -> Array:
-        """The output, flat; the next call overwrites it."""
-        made: Array | None = None if self._call is None else self._call(*inputs)
-        if made is not None:
-            return made
-        found: Array = run(self._model, self._spec, "", [x.reshape((1, -1)) for x in inputs])[0]
-        return found
 
 
 def along(

@@ -111,19 +111,12 @@ def impulse_step(
 ) -> None:  # fmt: skip
     """Velocities after a step, impulses, gaps before it, residuals of the laws, friction, reactions.
 
-    With M = LᵀD L, Y = J L⁻¹ and w = L (v⁺ - v), u = J v + Y w, and a change δλ changes w by D⁻¹ Yᵀ δλ: only the blocks
-    of G for single points are needed.
-
     z      deflection of bristles, as in ``bristle_step``; None: dry friction
     law    of dry friction if z is None; it may be None: no friction
     fext   may be None; held and h are None without constraints
-    out.after     (nv), written: v⁺; for floating and planar joints in the axes at the beginning, see ``turn``
-    out.impulse   (3 np), written: on each point, in the world's axes
-    out.gap       (np), written: distance of each sphere from the ground before the step, negative in it
-    out.stop      (nl), written: impulse on each joint, positive from its lower limit
+    out.after, impulse, gap, stop, energy  written, as of ``contact_step``: v⁺ in the axes at the beginning
     out.residual  (np + nl + nd), written: the violation of each point's and joint's law [m/s | rad/s]
-    out.energy    (np + nl), written: work of each impulse, ½ λᵀ (u⁻ + u⁺) of the velocities before and after it [J]
-    out.friction  (nv), written: dry friction torque [N m | N], if there is some
+    out.friction  (nv), written: dry friction torque [N m | N], 0 with bristles
     out.bristles  (nv), written: deflections after the step, if there are bristles
     out.reaction  (nc), written: impulse of each equation
     out.start     (rows), written: λ, if steps begin from the λ before
@@ -147,7 +140,7 @@ def impulse_step(
         settle(contact, after, s)
     for k in range(len(s.force)):
         s.total[k] = s.first[k] + s.force[k]
-    write_laws(dt, contact, rubs, out, s)
+    write_laws(dt, contact, out, s)
     keep(contact.start, s.total, out.start)
     if held is not None:
         for k in range(len(out.reaction)):
@@ -156,7 +149,7 @@ def impulse_step(
     solve_outward(bodies, s.L, after)
     for i in range(n):
         after[i] = v[i] + after[i]
-    for j in range(joints if rubs else 0):
+    for j in range(joints):
         i = contacts[1 + points + j].row - 1
         after[i] = select(s.rests[j], 0.0, after[i])
     if z is not None:
@@ -194,12 +187,14 @@ def move_freely(
     if z is None:
         for i in range(n):
             after[i] = tau[i] - after[i]
+            out.friction[i] = 0.0
             if law is not None:
-                out.friction[i] = 0.0
                 L[i, i] = L[i, i] + dt * law.viscous[i]
                 after[i] = after[i] - law.viscous[i] * v[i]
     else:
         add_bristles(v, z, tau, dt, law, L, after, out.bristles)
+        for i in range(n):
+            out.friction[i] = 0.0
     keep_inertia(s)
     factor_tree(bodies, L)
     for i in range(n):
@@ -371,7 +366,7 @@ def settle(contact: Contact, w: Vector, s: Impulses) -> None:
 
 
 @inline
-def write_laws(dt: Number, contact: Contact, rubs: bool, out: ImpulseResult, s: Impulses) -> None:
+def write_laws(dt: Number, contact: Contact, out: ImpulseResult, s: Impulses) -> None:
     """Write the results of points and joints: impulses, stops, dry friction, residuals, energy, which joints rest."""
     contacts, w, force, Y, level = contact.contacts, out.after, s.total, s.Y, s.level
     points = contacts[0].np
@@ -382,14 +377,12 @@ def write_laws(dt: Number, contact: Contact, rubs: bool, out: ImpulseResult, s: 
         alone, u = s.own[k], velocity(Y, s.b, w, k)
         wanted, s.rests[j], _ = joint_law(j, u - alone * force[k], alone * level[j], s)
         out.residual[points + j] = magnitude(u - wanted)
-        dry = 0.0
-        if rubs:
-            dry, least = within(force[k], level[j]), SLOW * alone * level[j]
-            dry = select(u - least, -level[j], select(-least - u, level[j], dry))  # of a joint that moves, against that
-            s.rests[j] = select(least - magnitude(u), 1.0, s.rests[j])
-            out.friction[c.row - 1] = dry / dt
+        rubs, least = within(force[k], level[j]), SLOW * alone * level[j]
+        rubs = select(u - least, -level[j], select(-least - u, level[j], rubs))  # of a joint that moves, against that
+        s.rests[j] = select(least - magnitude(u), 1.0, s.rests[j])
+        out.friction[c.row - 1] = rubs / dt
         if j < contacts[0].nl:
-            out.stop[j] = force[k] - dry
+            out.stop[j] = force[k] - rubs
             out.energy[points + j] = work_of_row(Y, s.before, w, k, out.stop[j])
 
 
@@ -427,8 +420,7 @@ def impulse_step_spec(has: frozenset[str]) -> Spec:
         ),
     )  # fmt: skip
     parts = ImpulseResult(
-        AFTER, IMPULSE, GAP, STOP, RESIDUAL, ENERGY,
-        replace(FRICTION, shape=("nv" if RUBS in has and BENDS not in has else 0,)),
+        AFTER, IMPULSE, GAP, STOP, RESIDUAL, ENERGY, FRICTION,
         Argument("bristles", ("nv" if BENDS in has else 0,), "rad | m", "after the step"),
         replace(REACTION, shape=("nc" if HOLDS in has else 0,)), replace(MISSED, shape=(2 if HOLDS in has else 0,)),
         Argument(f"{START.name}_after", (ROWS if warm else 0,), "", "impulses of rows"),

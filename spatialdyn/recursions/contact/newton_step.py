@@ -17,8 +17,8 @@ from ...algebra.euclidean import sub
 from ...algebra.scalars import Scalar, inline, select
 from ..signatures import Matrix, Number, Record, Vector
 from .contact_rows import Contact, force_of_point, times, velocity, velocity_of_point
-from .coulomb_cone import point_impulse, point_slope
-from .impulse_rows import COUNT, EPSILON, GRIP, Impulses, joint_law, residual_of_joints, respond
+from .coulomb_cone import magnitude, point_impulse, point_slope
+from .impulse_rows import COUNT, EPSILON, GRIP, Impulses, joint_law, respond
 
 BOLD = 4  # steps in which all joints may change their state
 MISSES_MOST = 0.99  # share of the largest residual of all joints, above which a joint may change its state later
@@ -37,7 +37,14 @@ def newton_step(
             s.K[i, j] = s.M[i, j]
     for p in range(points):
         add_point(p, s.state[GRIP] * contact.mu[p], prox / s.firm[p], held is not None, w, s)
-    most, firm = residual_of_joints(contact, w, s), 1.0 / prox
+    most, firm = 0.0, 1.0 / prox
+    for j in range(len(s.level)):
+        k = 3 * points + j
+        u = velocity(s.Y, s.b, w, k)
+        free = u - s.own[k] * (s.first[k] + s.force[k])
+        wanted, _, _ = joint_law(j, free, s.own[k] * s.level[j], s)
+        s.off[j] = magnitude(u - wanted)
+        most = select(s.off[j] - most, s.off[j], most)
     for j in range(len(s.level)):
         add_joint(contact.contacts[1 + points + j].row - 1, 3 * points + j, j, most, firm, w, s)
     if held is not None:
