@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from ..engines.programs.record import recording
 from .effects import of_structure
-from .plan import Plan
 from .states import HIDDEN
+from .steps import step_specs
 
 STEP = "semi_implicit_euler"  # the method whose operations are counted: it takes every scene
 
@@ -18,8 +19,12 @@ STEP = "semi_implicit_euler"  # the method whose operations are counted: it take
 @lru_cache(maxsize=64)
 def operations(scene: Any) -> int | None:
     """Operations of a recorded step of semi_implicit_euler; None for a robot too long for a program."""
-    made = Plan(scene, STEP, of_structure(scene)).recorded()
-    return None if made is None else int(sum(made.program.operations.values()))
+    acting = of_structure(scene)
+    specs, tables = step_specs(STEP, acting), tuple(x for effect in acting for x in effect.tables)
+    if not recording.fits(specs, scene.model.bodies, static=tables):
+        return None
+    counts = recording.record(specs, scene.model.bodies, tables).program.operations
+    return int(sum(counts.values()))
 
 
 def described(scene: Any, defaults: Mapping[str, Any]) -> str:
