@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..bodies.table import joint_table
 from ..calls.progress import Report, reporting
 from ..engines.compiled import numba_kernels
 from ..engines.programs.run import time_loop
@@ -77,8 +76,8 @@ class FixedSteps:
         self.forces = plan.given(sample, 0)[FEXT.name].copy() if pushed else np.zeros((0, 6))
         varies = pushed and (plan.force is not None or plan.values[FEXT.name].shape[1] > 1)
         self.simple = plan.bare and not varies and model.mimic_matrix is None  # a loop may be compiled as it is
-        n, self.status, table = model.nv, np.zeros(3), getattr(joint_table(model.bodies), numba_kernels.TABLE)
-        self.data = table, torque.held, self.forces, units(model), np.zeros(n), np.zeros(n), self.status
+        n, self.status, table = model.nv, np.zeros(3), getattr(plan.table, numba_kernels.TABLE)
+        self.data = table, torque.held, self.forces, plan.units, np.zeros(n), np.zeros(n), self.status
         scratch = np.zeros((len(model.bodies), 6)), np.zeros((family.rows, n * (1 + family.wide)))
         self.state = State(q.copy(), (p if recorder.moves_p else v).copy(), np.zeros(n), np.zeros(model.nq), *scratch)
         asks = held_torque if torque.user is None else user_torque

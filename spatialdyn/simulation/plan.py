@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..bodies.table import JointTable, joint_table
 from ..calls.arguments import core_shape
 from ..calls.dynamics import python_calls
 from ..calls.specialize import specialize
@@ -108,6 +109,16 @@ class Plan:
         return run_states(self.model, self.states, self.tables, None)
 
     @cached_property
+    def table(self) -> JointTable:
+        """The table of joints for kernels."""
+        return joint_table(self.model.bodies)
+
+    @cached_property
+    def units(self) -> Array:
+        """The units of the model."""
+        return units(self.model)
+
+    @cached_property
     def _cores(self) -> dict[str, tuple[int, ...]]:
         """Shapes of the inputs that are not tables."""
         tables = [x for x in self.tables if hasattr(x, "sizes")]
@@ -143,7 +154,7 @@ class Plan:
     @cached_property
     def step_values(self) -> list[Array]:
         """(samples or 1, steps or 1, columns) of the inputs of a program after dt and tau, in order."""
-        momenta = () if self.method in EXPLICIT_METHODS else (units(self.model)[None, None],)
+        momenta = () if self.method in EXPLICIT_METHODS else (self.units[None, None],)
         return [*self.values.values(), *momenta]
 
     @cached_property
