@@ -135,8 +135,9 @@ if TYPE_CHECKING:
     from .operational.whole_body import WholeBody, WholeBodyMotion
     from .pictures.comparison_plots import plot
     from .pictures.view import view
+    from .simulation.contact_record import ContactRecord
     from .simulation.methods.methods import integrators
-    from .simulation.rollout_result import ContactRecord, Rollout
+    from .simulation.rollout_result import Rollout
     from .simulation.rollouts import rollout
     from .simulation.runs import hamilton_simulation, simulate
     from .simulation.scene import Scene
@@ -229,9 +230,9 @@ _LATE = {  # {module: public names}, imported when one is asked for, so that an 
     "operational.space": "OperationalSpace operational_space operational_space_coupling",
     "operational.tasks": "ComTask FrameTask PostureTask",
     "pictures.comparison_plots": "plot", "pictures.view": "view",
-    "control.control": "Control", "control.cost": "Cost",
+    "control.control": "Control", "control.cost": "Cost", "simulation.contact_record": "ContactRecord",
     "monitors.ledger": "EnergyLedger energy_ledger",
-    "simulation.methods.methods": "integrators", "simulation.rollout_result": "ContactRecord Rollout",
+    "simulation.methods.methods": "integrators", "simulation.rollout_result": "Rollout",
     "simulation.rollouts": "rollout", "simulation.runs": "hamilton_simulation simulate", "simulation.scene": "Scene",
     "simulation.single_step": "step", "simulation.trajectory": "Trajectory", "sources.load": "load",
     "sources.mjmodel": "from_mjmodel", "sources.to_mjcf": "to_mjcf", "sources.to_urdf": "to_urdf",

@@ -1,36 +1,22 @@
-"""``Rollout``, the result of ``rollout``: the states of many motions; and the record of contacts in any run."""
+"""``Rollout``, the result of ``rollout``: the states of many motions."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 from numpy.typing import NDArray
 
 from ..errors import SimulationError
 from ..model.model import Model
 from ..waiting import watch
+from .contact_record import ContactRecord
 
 if TYPE_CHECKING:
     from .scene import Scene
 
 Array = NDArray[Any]
-
-
-class ContactRecord(NamedTuple):
-    """Contacts at the recorded times: (N, ...) in a simulation, (B, T, ...) in a rollout.
-
-    impulse   (..., k, 3)  on each of the k points in the step that ends at the record, in the world's axes [N s]
-    gap       (..., k)     distance of each sphere from the ground, negative below its surface [m]
-    residual  (...)        largest violation of Coulomb's law by the impulses of that step [m/s]
-    stop      (..., nv)    impulse of the joint limits in that step, positive at a lower limit [N m s | N s]
-    """
-
-    impulse: Array
-    gap: Array
-    residual: Array
-    stop: Array
 
 
 @dataclass(frozen=True, eq=False, repr=False)

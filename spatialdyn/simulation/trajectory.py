@@ -15,7 +15,7 @@ from ..errors import ModelError, SpatialDynError, literal
 from ..model.model import Model
 from ..sources import run_files
 from ..waiting import watch
-from .rollout_result import ContactRecord
+from .contact_record import ContactRecord
 
 if TYPE_CHECKING:
     from .scene import Scene

@@ -29,7 +29,7 @@ from ...recursions.contact.impulse_step import impulse_step_spec
 from ...recursions.joints.friction import BRISTLES
 from ...recursions.spec import FEXT, Argument, Spec
 from ..arithmetic import Arithmetic
-from ..rollout_result import ContactRecord
+from ..contact_record import ContactRecord
 from . import work
 from .constraints import Constrained
 from .effect import Effect, Forces, find
