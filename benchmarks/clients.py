@@ -4,12 +4,12 @@
     python benchmarks/clients.py --tests pinocchio/unittest/python
 
 Takes files, and folders of repositories that were cloned, whose scripts and notebooks import pinocchio. Each runs to
-its end in a process of its own under either module, in its folder, with what that folder, its repository and that one's
-folder src hold to import, without a screen, with random numbers and configurations of NumPy's, seeded. It does not
-wait where it sleeps, and Enter is pressed where it asks, three times: the next question is its end. Then all numbers
-that it prints, and leaves in global names and in those of its functions, are compared. Prints a line for each: whether
-it ran, and the largest difference by the largest entry of its array. ``--tests`` counts the tests that pass under each
-instead, and names those that pass under Pinocchio alone.
+its end in a process of its own under either module, in its folder, with what that folder, its repository and that
+one's folder src hold to import, without a screen, with hashes, and random numbers and configurations of NumPy's,
+seeded. It does not wait where it sleeps, and Enter is pressed where it asks, three times: the next question is its
+end. Then all numbers that it prints, and leaves in global names and in those of its functions, are compared. Prints a
+line for each: whether it ran, and the largest difference by the largest entry of its array. ``--tests`` counts the
+tests that pass under each instead, and names those that pass under Pinocchio alone.
 """
 
 from __future__ import annotations
@@ -174,7 +174,7 @@ def outcome(what: str, path: Path, root: Path, module: str, seconds: float) -> t
         report = Path(where) / "report"
         command = [sys.executable, __file__, str(path), str(root), "--run", what, module, str(report)]
         place = path if path.is_dir() else path.parent
-        environment = {**os.environ, "MPLBACKEND": "Agg", "PYTHONWARNINGS": "ignore"}
+        environment = {**os.environ, "MPLBACKEND": "Agg", "PYTHONWARNINGS": "ignore", "PYTHONHASHSEED": "0"}
         try:
             done = subprocess.run(
                 command, cwd=place, env=environment, capture_output=True, text=True, timeout=seconds, check=False
