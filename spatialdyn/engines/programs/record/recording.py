@@ -33,7 +33,7 @@ from .program import Program
 from .regroup import regroup
 from .tracer import Tape, table
 
-MOST_ROWS = 128  # with more rows, programs take too long to compile
+MOST_ROWS = 128  # with more rows, programs take too long to compile, though they would be faster than lanes
 MOST_RESULTS = MOST_ROWS**2  # most results or terms of a sample: Christoffel symbols grow by the cube of the rows
 MOST_TABLE = 2048  # most rows of a static table: each height of a ground is in its program
 MOST_EQUATIONS = 36  # most equations of a static table: a matrix of 36 rows takes 8400 multiplications to factor
