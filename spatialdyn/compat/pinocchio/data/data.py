@@ -129,9 +129,10 @@ class Data(Stored, Registered, Copied):
         if model.nframes != self._nframes:
             raise ShapeError(f"data was made for a model of {self._nframes} frames, expected {model.nframes}")
 
-    def note_call(self, run: Run) -> None:
-        """Stamp a Run that was computed just now, and recompute the held fields that it fills."""
+    def note_call(self, run: Run, forces: Array | None = None) -> None:
+        """Stamp a Run that was computed just now, with such forces, and recompute the held fields that it fills."""
         run.stamp = clock()
+        run.note_forces(forces)
         for name in run.getters:
             self._latest[name] = run
         if self._held:

@@ -39,7 +39,7 @@ class Run:
     call            the library's call as a builtin that records inputs and result; returns None if not applicable
     forces_builtin  ``call`` with external forces; None until it is bound
     recompute       functions that recompute the other held fields from the recorded inputs
-    forces          forces on the library's joints, one after the other; None without: ``fext`` (njoints, 6)
+    fext            forces on the library's joints (njoints, 6); None without
     bound           builtins about the inputs, by name and kind of frame
     contact         factors of the constrained system, of a kind that solves one
     cache           field -> (stamp, array), of fields that were read
@@ -48,9 +48,8 @@ class Run:
     """
 
     __slots__ = (
-        "__weakref__", "_a", "_kept", "_own_result", "_stamp", "_v", "bound", "cache", "call", "contact", "forces",
-        "forces_builtin", "getters", "kind", "library", "memory", "oMi", "placed_rows",
-        "q", "recompute", "result", "result_is_held", "tau",
+        "__weakref__", "_a", "_forces", "_kept", "_own_result", "_stamp", "_v", "bound", "cache", "call", "contact",
+        "forces_builtin", "getters", "kind", "library", "memory", "oMi", "placed_rows", "q", "recompute", "result", "result_is_held", "tau",
     )  # fmt: skip
 
     def __init__(self, name: str, library: LibraryModel, shape: tuple[int, ...] | None) -> None:
@@ -58,7 +57,7 @@ class Run:
         self.getters = self.kind.getters  # a slot is read fast
         # of the call, and of the call that left ``placed_rows``
         self._stamp, self.library = array("q", [0, 0]), library
-        self.forces: Array | None = None
+        self._forces: tuple[int, Array | None] = 0, None  # and the time of their call
         self.contact: Any = None
         self.oMi: Array | None = None
         self.placed_rows: Any = None
@@ -105,7 +104,12 @@ class Run:
     @property
     def fext(self) -> Array | None:
         """Forces of the call on the library's joints (njoints, 6), or None."""
-        return None if self.forces is None else self.forces.reshape(-1, 6)
+        then, forces = self._forces
+        return None if forces is None or then != self.stamp else forces.reshape(-1, 6)
+
+    def note_forces(self, forces: Array | None) -> None:
+        """Note the forces of the call just made."""
+        self._forces = self.stamp, forces
 
     @property
     def model(self) -> SdModel:
@@ -153,7 +157,7 @@ class Run:
             self.forces_builtin = self._bind(True)
         result = self.forces_builtin(*inputs, given)
         if result is not None:
-            self.forces = given
+            self._forces = self._stamp[0], given
         return result
 
     def store_inputs(self, *inputs: Array) -> None:
