@@ -82,7 +82,7 @@ def computeJointJacobian(model: Model, data: Data, q: Any, joint_id: int) -> Arr
     try:
         run, _, call = data._bound["joint"]
         if run.library is model._library and (found := call(q, joint_id)) is not None:
-            if run.recompute:
+            if run.recompute is not None:
                 data.recompute_held(run)
             return found  # type: ignore[no-any-return]
     except REFUSED:
@@ -99,7 +99,7 @@ def computeFrameJacobian(model: Model, data: Data, q: Any, frame_id: int, refere
         run, frames, call = data._bound[id(reference_frame)]
         if run.library is model._library and frames is model._frame_placements:
             if (found := call(q, frame_id)) is not None:
-                if run.recompute:
+                if run.recompute is not None:
                     data.recompute_held(run)
                 return found  # type: ignore[no-any-return]
     except REFUSED:

@@ -42,7 +42,7 @@ def updateFramePlacements(model: Model, data: Data) -> None:
     try:
         frames, run, call = data._bound["frames"]
         if frames is model._frame_placements and run.library is model._library and call() is not None:
-            if run.recompute:
+            if run.recompute is not None:
                 data.note_builtin_call(run)
             return
     except (AttributeError, KeyError, ValueError):  # the fast path does not apply
@@ -95,7 +95,7 @@ def framesForwardKinematics(model: Model, data: Data, q: Any) -> None:
             and run.library is model._library
             and (call(q) or (run.library.follow() and call(q)))  # numbers were edited
         ):
-            if run.recompute or frames.recompute:
+            if run.recompute is not None or frames.recompute is not None:
                 data.note_builtin_call(run)
                 data.note_builtin_call(frames)
             return

@@ -28,10 +28,10 @@ Read = tuple[str, tuple[Any, ...], Any]  # kind, inputs and external forces of a
 
 # --- arguments ----------------------------------------------------------------------------------------------
 
-Q = Input("q", "x", "Array", "(nq,) joint positions [rad | m]")
-V = Input("v", "x", "Array", "(nv,) joint velocities [rad/s | m/s]")
-A = Input("a", "x", "Array", "(nv,) joint accelerations [rad/s² | m/s²]")
-TAU = Input("tau", "x", "Array", "(nv,) joint torques [N m | N]")
+Q = Input("q", "x", "Numbers", "(nq,) joint positions [rad | m]")
+V = Input("v", "x", "Numbers", "(nv,) joint velocities [rad/s | m/s]")
+A = Input("a", "x", "Numbers", "(nv,) joint accelerations [rad/s² | m/s²]")
+TAU = Input("tau", "x", "Numbers", "(nv,) joint torques [N m | N]")
 FEXT = Input("fext", "f", "Forces", "a list of njoints Force: on each joint's body, in the joint's frame")
 PUSHED = FEXT.otherwise(None)
 CONVENTION = Input("convention", "o", "Convention", "only selects the fields of data that are filled", Convention.LOCAL)

@@ -114,34 +114,40 @@ def _vectors(face: Face, jacobians: bool, answer: Any) -> dict[str, Any]:
         try:
             run = data._runs[kind]
             if run.library is model._library and (result := run.call(x)) is not None:
-                if run.recompute or (jacobians and data._latest["J"] is not run):
-                    data.note_builtin_call(run)
+                if jacobians and data._latest["J"] is not run:
+                    data.note_latest(run)
+                if run.recompute is not None and run.recompute() is None:
+                    data.recompute_held(run)
                 return result if plain else None if silent else made(run, result)
         except REFUSED:
             pass
-        return answer(face, model, data, x)
+        return answer(model, data, x)
 
     def two(model: Any, data: Any, x: Any, y: Any) -> Any:
         try:
             run = data._runs[kind]
             if run.library is model._library and (result := run.call(x, y)) is not None:
-                if run.recompute or (jacobians and data._latest["J"] is not run):
-                    data.note_builtin_call(run)
+                if jacobians and data._latest["J"] is not run:
+                    data.note_latest(run)
+                if run.recompute is not None and run.recompute() is None:
+                    data.recompute_held(run)
                 return result if plain else None if silent else made(run, result)
         except REFUSED:
             pass
-        return answer(face, model, data, x, y)
+        return answer(model, data, x, y)
 
     def three(model: Any, data: Any, x: Any, y: Any, z: Any) -> Any:
         try:
             run = data._runs[kind]
             if run.library is model._library and (result := run.call(x, y, z)) is not None:
-                if run.recompute or (jacobians and data._latest["J"] is not run):
-                    data.note_builtin_call(run)
+                if jacobians and data._latest["J"] is not run:
+                    data.note_latest(run)
+                if run.recompute is not None and run.recompute() is None:
+                    data.recompute_held(run)
                 return result if plain else made(run, result)
         except REFUSED:
             pass
-        return answer(face, model, data, x, y, z)
+        return answer(model, data, x, y, z)
 
     return {"x": one, "xx": two, "xxx": three}
 
@@ -155,23 +161,27 @@ def _with_options(face: Face, jacobians: bool, answer: Any) -> dict[str, Any]:
             run = data._runs[kind]
             fits = run.library is model._library and (any_value or option is usual)
             if fits and (result := run.call(x)) is not None:
-                if run.recompute or (jacobians and data._latest["J"] is not run):
-                    data.note_builtin_call(run)
+                if jacobians and data._latest["J"] is not run:
+                    data.note_latest(run)
+                if run.recompute is not None and run.recompute() is None:
+                    data.recompute_held(run)
                 return result
         except REFUSED:
             pass
-        return answer(face, model, data, x, option)
+        return answer(model, data, x, option)
 
     def one_forced(model: Any, data: Any, x: Any, fext: Any) -> Any:
         try:
             run = data._runs[kind]
             if run.library is model._library and (result := run.call_with_forces(fext, x)) is not None:
-                if run.recompute or (jacobians and data._latest["J"] is not run):
-                    data.note_builtin_call(run)
+                if jacobians and data._latest["J"] is not run:
+                    data.note_latest(run)
+                if run.recompute is not None and run.recompute() is None:
+                    data.recompute_held(run)
                 return result
         except REFUSED:
             pass
-        return answer(face, model, data, x, fext)
+        return answer(model, data, x, fext)
 
     def forced(model: Any, data: Any, x: Any, y: Any, z: Any, fext: Any) -> Any:
         try:
@@ -179,12 +189,14 @@ def _with_options(face: Face, jacobians: bool, answer: Any) -> dict[str, Any]:
             if run.library is model._library:
                 result = run.call(x, y, z) if fext is None else run.call_with_forces(fext, x, y, z)
                 if result is not None:
-                    if run.recompute or (jacobians and data._latest["J"] is not run):
-                        data.note_builtin_call(run)
+                    if jacobians and data._latest["J"] is not run:
+                        data.note_latest(run)
+                    if run.recompute is not None and run.recompute() is None:
+                        data.recompute_held(run)
                     return result
         except REFUSED:
             pass
-        return answer(face, model, data, x, y, z, fext)
+        return answer(model, data, x, y, z, fext)
 
     def forced_option(model: Any, data: Any, x: Any, y: Any, z: Any, fext: Any, option: Any) -> Any:
         try:
@@ -192,12 +204,12 @@ def _with_options(face: Face, jacobians: bool, answer: Any) -> dict[str, Any]:
             if run.library is model._library and option is usual:
                 result = run.call(x, y, z) if fext is None else run.call_with_forces(fext, x, y, z)
                 if result is not None:
-                    if run.recompute:
-                        data.note_builtin_call(run)
+                    if run.recompute is not None and run.recompute() is None:
+                        data.recompute_held(run)
                     return result
         except REFUSED:
             pass
-        return answer(face, model, data, x, y, z, fext, option)
+        return answer(model, data, x, y, z, fext, option)
 
     return {"xo": one_option, "xf": one_forced, "xxxf": forced, "xxxfo": forced_option}
 
@@ -212,12 +224,14 @@ def _levels(face: Face, jacobians: bool, answer: Any) -> dict[str, Any]:
             if run.library is model._library:
                 result = run.call(x) if y is None else run.call(x, y) if z is None else run.call(x, y, z)
                 if result is not None:
-                    if run.recompute or (jacobians and data._latest["J"] is not run):
-                        data.note_builtin_call(run)
+                    if jacobians and data._latest["J"] is not run:
+                        data.note_latest(run)
+                    if run.recompute is not None and run.recompute() is None:
+                        data.recompute_held(run)
                     return None
         except REFUSED:
             pass
-        return answer(face, model, data, x, y, z)
+        return answer(model, data, x, y, z)
 
     def levels_options(model: Any, data: Any, x: Any, y: Any, z: Any, option: Any, other: Any) -> Any:
         try:
@@ -225,12 +239,12 @@ def _levels(face: Face, jacobians: bool, answer: Any) -> dict[str, Any]:
             if run.library is model._library:
                 result = run.call(x) if y is None else run.call(x, y) if z is None else run.call(x, y, z)
                 if result is not None:
-                    if run.recompute:
-                        data.note_builtin_call(run)
+                    if run.recompute is not None and run.recompute() is None:
+                        data.recompute_held(run)
                     return result
         except REFUSED:
             pass
-        return answer(face, model, data, x, y, z, option, other)
+        return answer(model, data, x, y, z, option, other)
 
     return {"xxx": levels, "xxxoo": levels_options}
 
@@ -246,22 +260,27 @@ def _about_frames(face: Face, jacobians: bool, answer: Any) -> dict[str, Any]:
                 return found
         except REFUSED:
             pass
-        return answer(face, model, data, x, reference)
+        return answer(model, data, x, reference)
 
     def frame(model: Any, data: Any, x: Any, reference: Any, after: Any, other: Any, pose: Any) -> Any:
         try:
-            bound = data._latest[last].bound if last else data._bound
-            frames, call = bound[placed if type(reference) is SE3 else name]
-            if frames is model._frame_placements:
-                if (found := call(x, reference)) is not None:
-                    return found
-            elif type(reference) is SE3 and frames.joints is model._library.frames.joints:
+            frames, call = (data._latest[last].bound if last else data._bound)[name]
+            if frames is model._frame_placements and (found := call(x, reference)) is not None:
+                return found
+        except REFUSED:
+            pass
+        return at_placement(model, data, x, reference, after, other, pose)
+
+    def at_placement(model: Any, data: Any, x: Any, reference: Any, after: Any, *others: Any) -> Any:
+        try:
+            frames, call = (data._latest[last].bound if last else data._bound)[placed]
+            if type(reference) is SE3 and frames.joints is model._library.frames.joints:
                 frames.places[x][...] = reference._x
                 if (found := call(x, LOCAL if after is None else after)) is not None:
                     return found
         except REFUSED:
             pass
-        return answer(face, model, data, x, reference, after, other, pose)
+        return answer(model, data, x, reference, after, *others)
 
     return {"ir": joint, "iroip": frame}
 
@@ -269,8 +288,17 @@ def _about_frames(face: Face, jacobians: bool, answer: Any) -> dict[str, Any]:
 def function(face: Face, module: str) -> Callable[..., Any]:
     """The function of a row: a copy of the form of its inputs' roles, with their names and defaults."""
     roles = "".join(x.role for x in face.inputs)
-    forms = _about_frames if roles[0] == "i" else _levels if face.call[1:] else _vectors if {*roles} == {"x"} else _with_options
-    form = forms(face, "J" in face.fields, face.answer or by_run)[roles]
+
+    def answer(model: Any, data: Any, *given: Any) -> Any:
+        library = getattr(model, "_library", None)
+        if library is not None:
+            before = library.state
+            if library.follow() and library.state is not before:  # numbers were edited
+                return made(model, data, *given)
+        return (face.answer or by_run)(face, model, data, *given)
+
+    makers = _about_frames if roles[0] == "i" else _levels if face.call[1:] else _vectors if set(roles) == {"x"} else _with_options
+    form = makers(face, "J" in face.fields, answer)[roles]
     code, names = form.__code__, ("model", "data", *(x.name for x in face.inputs))
     code = code.replace(co_name=face.name, co_varnames=(*names, *code.co_varnames[len(names) :]))
     defaults = tuple(x.default for x in face.inputs if x.default is not REQUIRED)

@@ -38,7 +38,7 @@ class Run:
     result          what the library returned; the held array of a field if that is the same (``result_is_held``)
     call            the library's call as a builtin that records inputs and result; returns None if not applicable
     forces_builtin  ``call`` with external forces; None until it is bound
-    recompute       functions that recompute the other held fields from the recorded inputs
+    recompute       recomputes the other held fields from the recorded inputs; None if there are none
     fext            forces on the library's joints (njoints, 6); None without
     bound           builtins about the inputs, by name and kind of frame
     contact         factors of the constrained system, of a kind that solves one
@@ -49,7 +49,8 @@ class Run:
 
     __slots__ = (
         "__weakref__", "_a", "_forces", "_kept", "_own_result", "_stamp", "_v", "bound", "cache", "call", "contact",
-        "forces_builtin", "getters", "kind", "library", "memory", "oMi", "placed_rows", "q", "recompute", "result", "result_is_held", "tau",
+        "forces_builtin", "getters", "kind", "library", "memory", "oMi", "placed_rows", "q", "recompute", "result",
+        "result_is_held", "tau",
     )  # fmt: skip
 
     def __init__(self, name: str, library: LibraryModel, shape: tuple[int, ...] | None) -> None:
@@ -84,7 +85,7 @@ class Run:
         library.runs.add(self)
         self.call: Callable[..., Any] = self._bind_and_call
         self.forces_builtin: Callable[..., Any] | None = None
-        self.recompute: list[Callable[[], Any]] = []
+        self.recompute: Callable[[], Any] | None = None
         self.bound: dict[Any, Any] = {}
 
     @property
@@ -191,7 +192,8 @@ class Run:
 
     def hold(self, held: Mapping[str, Array], recompute_field: Callable[[Run, str], Any]) -> None:
         """Have calls write these held fields: the result itself in place, the others by builtin or recipe."""
-        self.recompute, result = [], self._own_result
+        recomputes: list[Callable[[], Any]] = []
+        result = self._own_result
         one_to_one = self.library.has_builtins and self.library.joints is None
         moving = self._moving(held) if one_to_one else {}
         by_call = {*held} if self.kind.places_path and one_to_one else {*moving}
@@ -208,7 +210,7 @@ class Run:
             else:
                 recipe = joint_placements if places else recipe
                 builtin = self._copy_builtin(recipe, x) or self._recompute_builtin(recipe, x)
-                self.recompute.append(builtin or partial(recompute_field, self, name))
+                recomputes.append(builtin or partial(recompute_field, self, name))
         if moving and self.kind.call == "forward_kinematics":
             result = moving["oMi"]
         self.result_is_held = result is not self._own_result
@@ -217,7 +219,8 @@ class Run:
         if result is not self.result or moving or self.placed_rows is not None:
             self.result, self.call, self.forces_builtin = result, self._bind_and_call, None
         if moving:
-            self._bind_motions(moving)
+            recomputes += self._bind_motions(moving)
+        self.recompute = partial(_in_turn, recomputes) if recomputes[1:] else recomputes[0] if recomputes else None
 
     def _moving(self, held: Mapping[str, Array]) -> dict[str, Array]:
         """Those of the held oMi, v and a that one builtin computes: none if not both oMi and v are held."""
@@ -229,17 +232,16 @@ class Run:
             return {}
         return found
 
-    def _bind_motions(self, moving: Mapping[str, Array]) -> None:
-        """Compute these fields by one builtin, which is the call too if that places the joints."""
+    def _bind_motions(self, moving: Mapping[str, Array]) -> list[Callable[[], Any]]:
+        """A builtin that computes these fields; none if it is the call too, where that places the joints."""
         name = "joint_accelerations" if "a" in moving else "joint_velocities"
         words = {"oMi": moving["oMi"].ctypes.data, "v_out": moving["v"].ctypes.data}
         words |= {"found_at": [*moving.values()][-1].ctypes.data, **self.library.words}
         routine, alive = recorded_calls.motions(name), (self.library, self.memory, *moving.values())
         if self.kind.call == "forward_kinematics":
             self.call = routine.bind(words, *alive, record=self.recording(len(routine.inputs)))
-        else:
-            places = {x: getattr(self, x).ctypes.data for x in routine.inputs}
-            self.recompute.append(routine.bind(words, *alive, places=places))
+            return []
+        return [routine.bind(words, *alive, places={x: getattr(self, x).ctypes.data for x in routine.inputs})]
 
     def _may_share(self, x: Array) -> bool:
         return x.shape == self.result.shape and self.kind.call != "aba"  # recipes of aba read its result as an input
@@ -268,6 +270,11 @@ class Run:
         return recorded_calls.rerun(library.code(recipe.call), given, x)
 
 
+def _in_turn(recomputes: list[Callable[[], Any]]) -> bool | None:
+    """Call all; None if one of them was not applicable."""
+    return None if [None for recompute in recomputes if recompute() is None] else True
+
+
 @cache
 def _assigned_kind(name: str) -> Kind:
     return Kind("", "", {name: RESULT})
@@ -280,7 +287,7 @@ class Assigned(Run):
 
     def __init__(self, name: str, x: Array) -> None:
         """Of a field, with its array."""
-        self.kind, self.q, self.recompute, self.cache = _assigned_kind(name), None, [], {}
+        self.kind, self.q, self.recompute, self.cache = _assigned_kind(name), None, None, {}
         self.assign(name, x)
 
     def assign(self, name: str, x: Array) -> None:
