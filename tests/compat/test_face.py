@@ -18,7 +18,7 @@ from spatialdyn.compat.pinocchio.data.face import REQUIRED, Face, Input
 from spatialdyn.compat.pinocchio.data.field_recipes import CALL_KINDS
 
 STUB = Path(calls.__file__).with_suffix(".pyi")
-HEAD = '''"""The functions of the table of names, for type checkers: made from ``table.FACES`` by tests/compat/test_face.py."""
+HEAD = '''"""The functions of ``table.FACES``, for type checkers: made by tests/compat/test_face.py."""
 
 from typing import Any, overload
 
@@ -53,7 +53,10 @@ def declaration(face: Face) -> str:
         parameters = ", ".join(["model: Model", "data: Data", *map(parameter, inputs)])
         lines += ["@overload"] * bool(face.overloads)
         line = f"def {face.name}({parameters}) -> {face.returns}: ..."
-        lines += [line] if len(line) <= 120 else [f"def {face.name}(", f"    {parameters}", f") -> {face.returns}: ..."]
+        if len(line) > 120:
+            listed = parameters if len(parameters) <= 115 else parameters.replace(", ", ",\n    ")
+            line = f"def {face.name}(\n    {listed}\n) -> {face.returns}: ..."
+        lines.append(line)
     return "\n".join(lines)
 
 
@@ -73,7 +76,8 @@ def test_function_is_as_its_row_says(face: Face) -> None:
     assert [*parameters] == ["model", "data", *(x.name for x in face.inputs)]
     defaults = [parameters[x.name].default for x in face.inputs]
     assert defaults == [inspect.Parameter.empty if x.default is REQUIRED else x.default for x in face.inputs]
-    assert function.__doc__.startswith(face.doc) and all(x.name in function.__doc__ for x in face.inputs if x.about)
+    assert function.__doc__.startswith(face.doc)
+    assert all(x.name in function.__doc__ for x in face.inputs if x.about)
     assert function.__name__ == function.__qualname__ == function.__code__.co_name == face.name
 
 

@@ -1,4 +1,4 @@
-"""The functions of the table of names, for type checkers: made from ``table.FACES`` by tests/compat/test_face.py."""
+"""The functions of ``table.FACES``, for type checkers: made by tests/compat/test_face.py."""
 
 from typing import Any, overload
 
@@ -98,7 +98,13 @@ def getFrameClassicalAcceleration(
 def rnea(model: Model, data: Data, q: Numbers, v: Numbers, a: Numbers, fext: Forces | None = ...) -> Array: ...
 @overload
 def aba(
-    model: Model, data: Data, q: Numbers, v: Numbers, tau: Numbers, fext: Forces | None = ..., convention: Convention = ...
+    model: Model,
+    data: Data,
+    q: Numbers,
+    v: Numbers,
+    tau: Numbers,
+    fext: Forces | None = ...,
+    convention: Convention = ...
 ) -> Array: ...
 @overload
 def aba(model: Model, data: Data, q: Numbers, v: Numbers, tau: Numbers, convention: Convention = ...) -> Array: ...

@@ -38,12 +38,15 @@ def _library_model(model: Model) -> Any:
 
 
 def _checked(model: Model, name: str, clipped: bool = False, **given: Any) -> Array:
-    """A call of the library, its arguments checked; ``clipped``: configurations are clipped to finite products first."""
-    library, values = _library_model(model), []
+    """A call of the library with argument checks; ``clipped``: configurations are clipped to finite products first."""
+    library = _library_model(model)
+    values: list[Any] = []
     for x, value in given.items():
-        values.append(number(value, x) if x == "alpha" else vector(x, value, model.nv if x == "v" else model.nq))
-        if clipped and x != "alpha":
-            values[-1] = _clipped(model, values[-1])
+        if x == "alpha":
+            values.append(number(value, x))
+        else:
+            q = vector(x, value, model.nv if x == "v" else model.nq)
+            values.append(_clipped(model, q) if clipped else q)
     found: Array = library.compute(name, *values)
     return found
 

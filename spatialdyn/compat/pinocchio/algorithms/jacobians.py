@@ -97,11 +97,11 @@ def computeFrameJacobian(model: Model, data: Data, q: Any, frame_id: int, refere
     """
     try:
         run, frames, call = data._bound[id(reference_frame)]
-        if run.library is model._library and frames is model._frame_placements:
-            if (found := call(q, frame_id)) is not None:
-                if run.recompute is not None:
-                    data.recompute_held(run)
-                return found  # type: ignore[no-any-return]
+        fits = run.library is model._library and frames is model._frame_placements
+        if fits and (found := call(q, frame_id)) is not None:
+            if run.recompute is not None:
+                data.recompute_held(run)
+            return found  # type: ignore[no-any-return]
     except REFUSED:
         pass
     return _at(model, data, q, frame_id, reference_frame, id(reference_frame))
@@ -112,10 +112,10 @@ def _at(model: Model, data: Data, q: Any, index: Any, reference: Any, key: Any) 
     library, of_joints = library_of(model, data), key == "joint"
     frames = joints_as_frames(model) if of_joints else frame_placements(model)
     run, bound, call = data._bound.get(key, (None, None, unavailable))
-    if run is not None and run.library is library and bound is frames:  # numbers were edited
-        if (found := call(q, index)) is not None:
-            data.note_builtin_call(run)
-            return found  # type: ignore[no-any-return]
+    fits = run is not None and run.library is library and bound is frames
+    if fits and (found := call(q, index)) is not None:  # numbers were edited
+        data.recompute_held(run)
+        return found  # type: ignore[no-any-return]
     q, code = vector("q", q, model.nq), reference_code(reference)
     joint, placement, _ = about_frame(model, of_joints, index, reference)
     if code == ALIGNED:

@@ -131,7 +131,7 @@ def _force(run: Any, result: Any) -> Force:
 PAIR, THREE, FOUR = (f"tuple[{', '.join(['Array'] * n)}]" for n in (2, 3, 4))
 _motion = partial(Face, returns="Motion", answer=motion_of_frame)
 _jacobian = partial(Face, answer=recorded_jacobian)
-_derivative = partial(Face, answer=derivatives_of_frame)
+_derivative = partial(Face, answer=derivatives_of_frame, bound=False)
 _moving = (OPTIONAL[0], LOCALLY, *OPTIONAL[2:])
 
 KINEMATICS = (
@@ -142,7 +142,7 @@ KINEMATICS = (
     _motion("getClassicalAcceleration", (JOINT, LOCALLY), ("a",),
             "Classical acceleration of a joint's frame, from ``data.v`` and ``data.a``."),
     _motion("getFrameVelocity", _moving, ("v",),
-            "Velocity of a frame of the model, or of one placed on a joint, from ``data.v``.", overloads=LISTED_LOCALLY),
+            "Velocity of a frame of the model, or one placed on a joint, from ``data.v``.", overloads=LISTED_LOCALLY),
     _motion("getFrameAcceleration", _moving, ("a",),
             "Spatial acceleration of a frame, from ``data.a``; see getFrameVelocity.", overloads=LISTED_LOCALLY),
     _motion("getFrameClassicalAcceleration", _moving, ("a",),
@@ -160,7 +160,7 @@ DYNAMICS = (
     Face("computeGeneralizedGravity", (Q,), ("gravity",), "Gravity torques g(q) (nv,)."),
     Face("computeStaticTorque", (Q, FEXT), ("static",), "Torques g(q) - Σ Jᵀ fext (nv,) that hold the robot still.",
          read=_with_forces),
-    Face("computeCoriolisMatrix", (Q, V), ("coriolis",), "Coriolis matrix C(q, v) (nv, nv) of the Christoffel symbols."),
+    Face("computeCoriolisMatrix", (Q, V), ("coriolis",), "Coriolis matrix C(q, v) (nv, nv), of Christoffel symbols."),
     Face("computeMinverse", (Q_,), ("minverse",), "Inverse of the mass matrix (nv, nv); by default at the last aba.\n\n"
          "Raises InertiaError naming a joint with zero articulated inertia, where Pinocchio returns inf.", last="ddq"),
     Face("computeAllTerms", (Q, V), ("all",), "M, nle, g, J, dJ, centroidal terms and energies, in ``data``.", "None"),
@@ -193,14 +193,14 @@ JACOBIANS = (
     _jacobian("getJointJacobianTimeVariation", (JOINT, REFERENCE), ("frame_jacobian_dot",),
               "Time derivative (6, nv) of a joint's Jacobian, at the q, v of ``data.dJ``.", last="dJ"),
     _jacobian("getFrameJacobianTimeVariation", OPTIONAL, ("frame_jacobian_dot",),
-              "Time derivative (6, nv) of a frame's Jacobian, at the q, v of ``data.dJ``.", last="dJ", overloads=LISTED),
+              "Time derivative (6, nv) of a frame's Jacobian at the q, v of ``data.dJ``.", last="dJ", overloads=LISTED),
 )  # fmt: skip
 
 CENTROIDAL = (
     Face("centerOfMass", (Q_, V_, A_, SUBTREES, LEVEL), ("com0", "com1", "com2"),
-         "Centre of mass of all moving bodies (3,), also ``data.com[0]``; its velocity and acceleration in ``data``.\n\n"
-         "A level in place of arrays takes so many inputs of the last forwardKinematics. ``data.com[k]`` is the centre\n"
-         "of joint k's subtree, in its frame; vcom and acom likewise.", read=_of_com,
+         "Centre of mass of all moving bodies (3,), also ``data.com[0]``; vcom and acom likewise.\n\n"
+         "A level in place of arrays takes so many inputs of the last forwardKinematics. ``data.com[k]`` is the\n"
+         "centre of joint k's subtree, in its frame.", read=_of_com,
          overloads=((Q, SUBTREES), (Q, V, SUBTREES), (Q, V, A, SUBTREES), (LEVEL, SUBTREES))),
     Face("jacobianCenterOfMass", (Q_, SUBTREES), ("com_jacobian",),
          "Jacobian of the centre of mass (3, nv) in the world; by default at the last call.", read=_of_com_jacobian,
@@ -241,7 +241,7 @@ DERIVATIVES = (
     _derivative("getFrameVelocityDerivatives", OPTIONAL, ("frame_velocity_derivatives",),
                 "∂V/∂q and ∂V/∂v of a frame; see getJointVelocityDerivatives.", PAIR, overloads=LISTED),
     _derivative("getFrameAccelerationDerivatives", OPTIONAL, ("frame_acceleration_derivatives",),
-                "∂V/∂q, ∂A/∂q, ∂A/∂v and ∂A/∂a of a frame; see getJointAccelerationDerivatives.", FOUR, overloads=LISTED),
+                "∂V/∂q, ∂A/∂q, ∂A/∂v, ∂A/∂a of a frame; see getJointAccelerationDerivatives.", FOUR, overloads=LISTED),
 )  # fmt: skip
 
 FACES = (*KINEMATICS, *DYNAMICS, *JACOBIANS, *CENTROIDAL, *DERIVATIVES)

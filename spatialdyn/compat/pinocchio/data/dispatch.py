@@ -11,7 +11,7 @@ from ....errors import ShapeError
 from ....model.robot_checks import masked
 from ....recursions import spec
 from ...native.recorded_calls import PARTS
-from ..model.library_model import FramePlacements, LibraryModel, frame_placements, joints_as_frames, library_model
+from ..model.library_model import FramePlacements, LibraryModel, frame_placements, joints_as_frames
 from ..model.model import Model
 from ..types.arguments import (
     NUMBERS,

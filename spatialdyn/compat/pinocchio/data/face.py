@@ -11,13 +11,14 @@ from dataclasses import dataclass
 from types import FunctionType
 from typing import Any, NamedTuple
 
-from ..types.frame import LOCAL
+from ..types.frame import LOCAL, Convention
 from ..types.se3 import SE3
 from .dispatch import compute, last_call, placed_name
 from .field_recipes import CALL_KINDS
 
 REFUSED = AttributeError, IndexError, KeyError, TypeError, ValueError  # the fast path does not apply
 REQUIRED: Any = object()  # the default of an argument that has to be given
+LOCALLY, WORLD = Convention.LOCAL, Convention.WORLD
 ERRORS = "Raises ArgumentError, a TypeError, for a wrong type, ShapeError, a ValueError, for a wrong size."
 
 
@@ -50,6 +51,7 @@ class Face:
     read       kind, inputs and external forces of the arguments, if these are not as the kind takes them
     made       what is returned, from the Run and the new array
     answer     what answers where no builtin does
+    bound      whether builtins are bound for it
     overloads  lists of arguments, for type checkers, if ``inputs`` stands for several
     """
 
@@ -62,6 +64,7 @@ class Face:
     read: Callable[..., tuple[str, tuple[Any, ...], Any]] | None = None
     made: Callable[[Any, Any], Any] | None = None
     answer: Callable[..., Any] | None = None
+    bound: bool = True
     overloads: tuple[tuple[Input, ...], ...] = ()
 
     @property
@@ -105,7 +108,7 @@ def _as_given(face: Face, model: Any, data: Any, *given: Any) -> tuple[str, tupl
 # --- the forms, by the roles of their inputs ----------------------------------------------------------------
 
 
-def _vectors(face: Face, jacobians: bool, answer: Any) -> dict[str, Any]:
+def _vectors(face: Face, answer: Any) -> dict[str, Any]:
     """Calls that a Run records."""
     kind, made, silent = face.call[0], face.made or (lambda run, result: result), face.returns == "None"
     plain = face.made is None and not silent
@@ -114,74 +117,74 @@ def _vectors(face: Face, jacobians: bool, answer: Any) -> dict[str, Any]:
         try:
             run = data._runs[kind]
             if run.library is model._library and (result := run.call(x)) is not None:
-                if jacobians and data._latest["J"] is not run:
+                if run.getters and data._latest["J"] is not run:
                     data.note_latest(run)
                 if run.recompute is not None and run.recompute() is None:
                     data.recompute_held(run)
                 return result if plain else None if silent else made(run, result)
         except REFUSED:
             pass
-        return answer(model, data, x)
+        return answer(face, model, data, x)
 
     def two(model: Any, data: Any, x: Any, y: Any) -> Any:
         try:
             run = data._runs[kind]
             if run.library is model._library and (result := run.call(x, y)) is not None:
-                if jacobians and data._latest["J"] is not run:
+                if run.getters and data._latest["J"] is not run:
                     data.note_latest(run)
                 if run.recompute is not None and run.recompute() is None:
                     data.recompute_held(run)
                 return result if plain else None if silent else made(run, result)
         except REFUSED:
             pass
-        return answer(model, data, x, y)
+        return answer(face, model, data, x, y)
 
     def three(model: Any, data: Any, x: Any, y: Any, z: Any) -> Any:
         try:
             run = data._runs[kind]
             if run.library is model._library and (result := run.call(x, y, z)) is not None:
-                if jacobians and data._latest["J"] is not run:
+                if run.getters and data._latest["J"] is not run:
                     data.note_latest(run)
                 if run.recompute is not None and run.recompute() is None:
                     data.recompute_held(run)
                 return result if plain else made(run, result)
         except REFUSED:
             pass
-        return answer(model, data, x, y, z)
+        return answer(face, model, data, x, y, z)
 
     return {"x": one, "xx": two, "xxx": three}
 
 
-def _with_options(face: Face, jacobians: bool, answer: Any) -> dict[str, Any]:
+def _with_options(face: Face, answer: Any) -> dict[str, Any]:
     """Calls that a Run records, with external forces and options."""
-    kind, usual, any_value = face.call[0], face.inputs[-1].default, face.inputs[-1].any_value
+    kind, any_value = face.call[0], face.inputs[-1].any_value
+    world = f"{kind}_world"
 
     def one_option(model: Any, data: Any, x: Any, option: Any) -> Any:
         try:
-            run = data._runs[kind]
-            fits = run.library is model._library and (any_value or option is usual)
-            if fits and (result := run.call(x)) is not None:
-                if jacobians and data._latest["J"] is not run:
+            run = data._runs[kind if any_value or option is LOCALLY else world if option is WORLD else ""]
+            if run.library is model._library and (result := run.call(x)) is not None:
+                if run.getters and data._latest["J"] is not run:
                     data.note_latest(run)
                 if run.recompute is not None and run.recompute() is None:
                     data.recompute_held(run)
                 return result
         except REFUSED:
             pass
-        return answer(model, data, x, option)
+        return answer(face, model, data, x, option)
 
     def one_forced(model: Any, data: Any, x: Any, fext: Any) -> Any:
         try:
             run = data._runs[kind]
             if run.library is model._library and (result := run.call_with_forces(fext, x)) is not None:
-                if jacobians and data._latest["J"] is not run:
+                if run.getters and data._latest["J"] is not run:
                     data.note_latest(run)
                 if run.recompute is not None and run.recompute() is None:
                     data.recompute_held(run)
                 return result
         except REFUSED:
             pass
-        return answer(model, data, x, fext)
+        return answer(face, model, data, x, fext)
 
     def forced(model: Any, data: Any, x: Any, y: Any, z: Any, fext: Any) -> Any:
         try:
@@ -189,32 +192,34 @@ def _with_options(face: Face, jacobians: bool, answer: Any) -> dict[str, Any]:
             if run.library is model._library:
                 result = run.call(x, y, z) if fext is None else run.call_with_forces(fext, x, y, z)
                 if result is not None:
-                    if jacobians and data._latest["J"] is not run:
+                    if run.getters and data._latest["J"] is not run:
                         data.note_latest(run)
                     if run.recompute is not None and run.recompute() is None:
                         data.recompute_held(run)
                     return result
         except REFUSED:
             pass
-        return answer(model, data, x, y, z, fext)
+        return answer(face, model, data, x, y, z, fext)
 
     def forced_option(model: Any, data: Any, x: Any, y: Any, z: Any, fext: Any, option: Any) -> Any:
         try:
-            run = data._runs[kind]
-            if run.library is model._library and option is usual:
+            run = data._runs[kind if option is LOCALLY else world if option is WORLD else ""]
+            if run.library is model._library:
                 result = run.call(x, y, z) if fext is None else run.call_with_forces(fext, x, y, z)
                 if result is not None:
+                    if run.getters and data._latest["J"] is not run:
+                        data.note_latest(run)
                     if run.recompute is not None and run.recompute() is None:
                         data.recompute_held(run)
                     return result
         except REFUSED:
             pass
-        return answer(model, data, x, y, z, fext, option)
+        return answer(face, model, data, x, y, z, fext, option)
 
     return {"xo": one_option, "xf": one_forced, "xxxf": forced, "xxxfo": forced_option}
 
 
-def _levels(face: Face, jacobians: bool, answer: Any) -> dict[str, Any]:
+def _levels(face: Face, answer: Any) -> dict[str, Any]:
     """Calls that a Run records, by another kind for each number of inputs."""
     first, second, third = face.call[0], face.call[-2], face.call[-1]
 
@@ -224,14 +229,14 @@ def _levels(face: Face, jacobians: bool, answer: Any) -> dict[str, Any]:
             if run.library is model._library:
                 result = run.call(x) if y is None else run.call(x, y) if z is None else run.call(x, y, z)
                 if result is not None:
-                    if jacobians and data._latest["J"] is not run:
+                    if run.getters and data._latest["J"] is not run:
                         data.note_latest(run)
                     if run.recompute is not None and run.recompute() is None:
                         data.recompute_held(run)
                     return None
         except REFUSED:
             pass
-        return answer(model, data, x, y, z)
+        return answer(face, model, data, x, y, z)
 
     def levels_options(model: Any, data: Any, x: Any, y: Any, z: Any, option: Any, other: Any) -> Any:
         try:
@@ -244,12 +249,12 @@ def _levels(face: Face, jacobians: bool, answer: Any) -> dict[str, Any]:
                     return result
         except REFUSED:
             pass
-        return answer(model, data, x, y, z, option, other)
+        return answer(face, model, data, x, y, z, option, other)
 
     return {"xxx": levels, "xxxoo": levels_options}
 
 
-def _about_frames(face: Face, jacobians: bool, answer: Any) -> dict[str, Any]:
+def _frames(face: Face, answer: Any) -> dict[str, Any]:
     """Calls about a joint's frame or a frame: by a builtin of the Data, or of the last Run that filled a Jacobian."""
     name, placed, last = face.name, placed_name(face.name), face.last
 
@@ -260,7 +265,7 @@ def _about_frames(face: Face, jacobians: bool, answer: Any) -> dict[str, Any]:
                 return found
         except REFUSED:
             pass
-        return answer(model, data, x, reference)
+        return answer(face, model, data, x, reference)
 
     def frame(model: Any, data: Any, x: Any, reference: Any, after: Any, other: Any, pose: Any) -> Any:
         try:
@@ -269,18 +274,28 @@ def _about_frames(face: Face, jacobians: bool, answer: Any) -> dict[str, Any]:
                 return found
         except REFUSED:
             pass
-        return at_placement(model, data, x, reference, after, other, pose)
+        if type(reference) is SE3:
+            try:
+                frames, call = (data._latest[last].bound if last else data._bound)[placed]
+                if frames.joints is model._library.frames.joints:
+                    frames.places[x][...] = reference._x
+                    if (found := call(x, LOCAL if after is None else after)) is not None:
+                        return found
+            except REFUSED:
+                pass
+        return answer(face, model, data, x, reference, after, other, pose)
 
-    def at_placement(model: Any, data: Any, x: Any, reference: Any, after: Any, *others: Any) -> Any:
-        try:
-            frames, call = (data._latest[last].bound if last else data._bound)[placed]
-            if type(reference) is SE3 and frames.joints is model._library.frames.joints:
-                frames.places[x][...] = reference._x
-                if (found := call(x, LOCAL if after is None else after)) is not None:
-                    return found
-        except REFUSED:
-            pass
-        return answer(model, data, x, reference, after, *others)
+    return {"ir": joint, "iroip": frame}
+
+
+def _unbound(face: Face, answer: Any) -> dict[str, Any]:
+    """Calls about a joint's frame or a frame for which no builtin is bound."""
+
+    def joint(model: Any, data: Any, x: Any, reference: Any) -> Any:
+        return answer(face, model, data, x, reference)
+
+    def frame(model: Any, data: Any, x: Any, reference: Any, after: Any, other: Any, pose: Any) -> Any:
+        return answer(face, model, data, x, reference, after, other, pose)
 
     return {"ir": joint, "iroip": frame}
 
@@ -288,17 +303,9 @@ def _about_frames(face: Face, jacobians: bool, answer: Any) -> dict[str, Any]:
 def function(face: Face, module: str) -> Callable[..., Any]:
     """The function of a row: a copy of the form of its inputs' roles, with their names and defaults."""
     roles = "".join(x.role for x in face.inputs)
-
-    def answer(model: Any, data: Any, *given: Any) -> Any:
-        library = getattr(model, "_library", None)
-        if library is not None:
-            before = library.state
-            if library.follow() and library.state is not before:  # numbers were edited
-                return made(model, data, *given)
-        return (face.answer or by_run)(face, model, data, *given)
-
-    makers = _about_frames if roles[0] == "i" else _levels if face.call[1:] else _vectors if set(roles) == {"x"} else _with_options
-    form = makers(face, "J" in face.fields, answer)[roles]
+    makers = (_frames if face.bound else _unbound) if roles[0] == "i" else _levels if face.call[1:] else _vectors
+    makers = _with_options if makers is _vectors and {*roles} != {"x"} else makers
+    form = makers(face, face.answer or by_run)[roles]
     code, names = form.__code__, ("model", "data", *(x.name for x in face.inputs))
     code = code.replace(co_name=face.name, co_varnames=(*names, *code.co_varnames[len(names) :]))
     defaults = tuple(x.default for x in face.inputs if x.default is not REQUIRED)

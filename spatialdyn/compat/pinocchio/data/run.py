@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from functools import cache, partial
 from operator import attrgetter
 from typing import Any
+from weakref import ref
 
 import numpy as np
 
@@ -174,7 +175,7 @@ class Run:
         return self.call(*inputs)
 
     def _bind(self, forces: bool) -> Callable[..., Any]:
-        library, kind = self.library, self.kind
+        library, kind, otherwise = self.library, self.kind, self._following("forces_builtin" if forces else "call")
         if not (library.has_builtins and kind.call):
             return unavailable
         if self.placed_rows is not None:
@@ -182,9 +183,24 @@ class Run:
             places["oMi"] = 0 if self.oMi is None else self.oMi.ctypes.data
             record = self.recording(1, self.result)
             words = {**places, **library.words}
-            return recorded_calls.jacobians().bind(words, library, self.placed_rows, self.oMi, record=record)
+            alive = library, self.placed_rows, self.oMi
+            return recorded_calls.jacobians().bind(words, *alive, record=record, otherwise=otherwise)
         code, record = library.code(kind.call, forces), self.recording(len(kind.inputs.split()), self.result)
-        return recorded_calls.recorded_call(code, library.words, record, kind.unused_inputs, kind.returns, self.result)
+        plan = kind.unused_inputs, kind.returns, self.result
+        return recorded_calls.recorded_call(code, library.words, record, *plan, otherwise)
+
+    def _following(self, name: str) -> Callable[..., Any]:
+        """What a builtin calls that does not apply: if numbers were edited, it again, else it returns None."""
+        here = ref(self)  # the builtin would be a cycle
+
+        def follow(*inputs: Any) -> Any:
+            run = here()
+            if run is None:
+                return None
+            library, before = run.library, run.library.state
+            return getattr(run, name)(*inputs) if library.follow() and library.state is not before else None
+
+        return follow
 
     def recording(self, count: int, result: Array | None = None) -> Words:
         """Words of a builtin that records its first inputs, this many, its result, if given, and the stamp."""
@@ -239,7 +255,8 @@ class Run:
         words |= {"found_at": [*moving.values()][-1].ctypes.data, **self.library.words}
         routine, alive = recorded_calls.motions(name), (self.library, self.memory, *moving.values())
         if self.kind.call == "forward_kinematics":
-            self.call = routine.bind(words, *alive, record=self.recording(len(routine.inputs)))
+            record, otherwise = self.recording(len(routine.inputs)), self._following("call")
+            self.call = routine.bind(words, *alive, record=record, otherwise=otherwise)
             return []
         return [routine.bind(words, *alive, places={x: getattr(self, x).ctypes.data for x in routine.inputs})]
 
@@ -272,7 +289,11 @@ class Run:
 
 def _in_turn(recomputes: list[Callable[[], Any]]) -> bool | None:
     """Call all; None if one of them was not applicable."""
-    return None if [None for recompute in recomputes if recompute() is None] else True
+    done: bool | None = True
+    for recompute in recomputes:
+        if recompute() is None:
+            done = None
+    return done
 
 
 @cache
