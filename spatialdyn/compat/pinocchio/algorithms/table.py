@@ -112,14 +112,6 @@ def _energy(run: Any, result: Any) -> Any:
     return run.result.item()
 
 
-def _mechanical_energy(run: Any, result: Any) -> float:
-    return mechanical_energy(run)
-
-
-def _columns(run: Any, result: Any) -> Any:
-    return columns(run)
-
-
 def _force(run: Any, result: Any) -> Force:
     made = Force.__new__(Force)
     made._x = result
@@ -169,15 +161,15 @@ DYNAMICS = (
     Face("computePotentialEnergy", (Q_,), ("potential",),
          "Potential energy of gravity [J]; by default at the last call.", "float", "oMi", made=_energy),
     Face("computeMechanicalEnergy", (Q_, V_), ("mechanical",),
-         "Kinetic plus potential energy [J]; by default at the last call.", "float", "v", made=_mechanical_energy),
+         "Kinetic plus potential energy [J]; by default at the last call.", "float", "v", made=mechanical_energy),
     Face("computeJointTorqueRegressor", (Q, V, A), ("torque_regressor",),
-         "Y (nv, 10 (njoints - 1)): rnea is Y π and the armatures' torques.", made=_columns),
+         "Y (nv, 10 (njoints - 1)): rnea is Y π and the armatures' torques.", made=columns),
     Face("computeStaticRegressor", (Q,), ("static_regressor",),
-         "Y (3, 4 (njoints - 1)): the centre of mass is Y times masses and first moments.", made=_columns),
+         "Y (3, 4 (njoints - 1)): the centre of mass is Y times masses and first moments.", made=columns),
     Face("computeKineticEnergyRegressor", (Q, V), ("kinetic_regressor",),
-         "Y (10 (njoints - 1),): the energy is Y π and the armatures' energies.", made=_columns),
+         "Y (10 (njoints - 1),): the energy is Y π and the armatures' energies.", made=columns),
     Face("computePotentialEnergyRegressor", (Q,), ("potential_regressor",),
-         "Y (10 (njoints - 1),): the energy is Y π.", made=_columns),
+         "Y (10 (njoints - 1),): the energy is Y π.", made=columns),
 )  # fmt: skip
 
 JACOBIANS = (

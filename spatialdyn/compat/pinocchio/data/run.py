@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from array import array
 from collections.abc import Callable, Mapping
-from functools import cache, partial
+from functools import cache, partial, reduce
 from operator import attrgetter
 from typing import Any
 from weakref import ref
@@ -175,7 +175,7 @@ class Run:
         return self.call(*inputs)
 
     def _bind(self, forces: bool) -> Callable[..., Any]:
-        library, kind, otherwise = self.library, self.kind, self._following("forces_builtin" if forces else "call")
+        library, kind, otherwise = self.library, self.kind, self._following(forces)
         if not (library.has_builtins and kind.call):
             return unavailable
         if self.placed_rows is not None:
@@ -189,7 +189,7 @@ class Run:
         plan = kind.unused_inputs, kind.returns, self.result
         return recorded_calls.recorded_call(code, library.words, record, *plan, otherwise)
 
-    def _following(self, name: str) -> Callable[..., Any]:
+    def _following(self, forces: bool) -> Callable[..., Any]:
         """What a builtin calls that does not apply: if numbers were edited, it again, else it returns None."""
         here = ref(self)  # the builtin would be a cycle
 
@@ -198,7 +198,9 @@ class Run:
             if run is None:
                 return None
             library, before = run.library, run.library.state
-            return getattr(run, name)(*inputs) if library.follow() and library.state is not before else None
+            if not library.follow() or library.state is before:
+                return None
+            return run.forces_builtin(*inputs) if forces else run.call(*inputs)  # type: ignore[misc]
 
         return follow
 
@@ -236,7 +238,7 @@ class Run:
             self.result, self.call, self.forces_builtin = result, self._bind_and_call, None
         if moving:
             recomputes += self._bind_motions(moving)
-        self.recompute = partial(_in_turn, recomputes) if recomputes[1:] else recomputes[0] if recomputes else None
+        self.recompute = reduce(_both, recomputes) if recomputes else None
 
     def _moving(self, held: Mapping[str, Array]) -> dict[str, Array]:
         """Those of the held oMi, v and a that one builtin computes: none if not both oMi and v are held."""
@@ -255,7 +257,7 @@ class Run:
         words |= {"found_at": [*moving.values()][-1].ctypes.data, **self.library.words}
         routine, alive = recorded_calls.motions(name), (self.library, self.memory, *moving.values())
         if self.kind.call == "forward_kinematics":
-            record, otherwise = self.recording(len(routine.inputs)), self._following("call")
+            record, otherwise = self.recording(len(routine.inputs)), self._following(False)
             self.call = routine.bind(words, *alive, record=record, otherwise=otherwise)
             return []
         return [routine.bind(words, *alive, places={x: getattr(self, x).ctypes.data for x in routine.inputs})]
@@ -287,13 +289,9 @@ class Run:
         return recorded_calls.rerun(library.code(recipe.call), given, x)
 
 
-def _in_turn(recomputes: list[Callable[[], Any]]) -> bool | None:
-    """Call all; None if one of them was not applicable."""
-    done: bool | None = True
-    for recompute in recomputes:
-        if recompute() is None:
-            done = None
-    return done
+def _both(first: Callable[[], Any], second: Callable[[], Any]) -> Callable[[], Any]:
+    """Both calls as one; None if one of them was not applicable."""
+    return lambda: None if first() is None else second()
 
 
 @cache
