@@ -132,7 +132,7 @@ class Data(Stored, Registered, Copied):
     def note_call(self, run: Run, forces: Array | None = None) -> None:
         """Stamp a Run that was computed just now, with such forces, and recompute the held fields that it fills."""
         run.stamp = clock()
-        run.note_forces(forces)
+        run.forces = run.stamp, forces
         self.note_latest(run)
         if self._held:
             self.recompute_held(run)

@@ -51,7 +51,7 @@ class Face:
     read       kind, inputs and external forces of the arguments, if these are not as the kind takes them
     made       what is returned, from the Run and the new array
     answer     what answers where no builtin does
-    bound      whether builtins are bound for it
+    bound      whether one is bound to frames
     overloads  lists of arguments, for type checkers, if ``inputs`` stands for several
     """
 
@@ -173,19 +173,6 @@ def _with_options(face: Face, answer: Any) -> dict[str, Any]:
             pass
         return answer(face, model, data, x, option)
 
-    def one_forced(model: Any, data: Any, x: Any, fext: Any) -> Any:
-        try:
-            run = data._runs[kind]
-            if run.library is model._library and (result := run.call_with_forces(fext, x)) is not None:
-                if run.getters and data._latest["J"] is not run:
-                    data.note_latest(run)
-                if run.recompute is not None and run.recompute() is None:
-                    data.recompute_held(run)
-                return result
-        except REFUSED:
-            pass
-        return answer(face, model, data, x, fext)
-
     def forced(model: Any, data: Any, x: Any, y: Any, z: Any, fext: Any) -> Any:
         try:
             run = data._runs[kind]
@@ -215,6 +202,19 @@ def _with_options(face: Face, answer: Any) -> dict[str, Any]:
         except REFUSED:
             pass
         return answer(face, model, data, x, y, z, fext, option)
+
+    def one_forced(model: Any, data: Any, x: Any, fext: Any) -> Any:
+        try:
+            run = data._runs[kind]
+            if run.library is model._library and (result := run.call_with_forces(fext, x)) is not None:
+                if run.getters and data._latest["J"] is not run:
+                    data.note_latest(run)
+                if run.recompute is not None and run.recompute() is None:
+                    data.recompute_held(run)
+                return result
+        except REFUSED:
+            pass
+        return answer(face, model, data, x, fext)
 
     return {"xo": one_option, "xf": one_forced, "xxxf": forced, "xxxfo": forced_option}
 
@@ -256,9 +256,11 @@ def _levels(face: Face, answer: Any) -> dict[str, Any]:
 
 def _frames(face: Face, answer: Any) -> dict[str, Any]:
     """Calls about a joint's frame or a frame: by a builtin of the Data, or of the last Run that filled a Jacobian."""
-    name, placed, last = face.name, placed_name(face.name), face.last
+    name, placed, last, bound = face.name, placed_name(face.name), face.last, face.bound
 
     def joint(model: Any, data: Any, x: Any, reference: Any) -> Any:
+        if not bound:
+            return answer(face, model, data, x, reference)
         try:
             frames, call = (data._latest[last].bound if last else data._bound)[name]
             if frames is model._library.frames and (found := call(x, reference)) is not None:
@@ -268,6 +270,8 @@ def _frames(face: Face, answer: Any) -> dict[str, Any]:
         return answer(face, model, data, x, reference)
 
     def frame(model: Any, data: Any, x: Any, reference: Any, after: Any, other: Any, pose: Any) -> Any:
+        if not bound:
+            return answer(face, model, data, x, reference, after, other, pose)
         try:
             frames, call = (data._latest[last].bound if last else data._bound)[name]
             if frames is model._frame_placements and (found := call(x, reference)) is not None:
@@ -288,24 +292,12 @@ def _frames(face: Face, answer: Any) -> dict[str, Any]:
     return {"ir": joint, "iroip": frame}
 
 
-def _unbound(face: Face, answer: Any) -> dict[str, Any]:
-    """Calls about a joint's frame or a frame for which no builtin is bound."""
-
-    def joint(model: Any, data: Any, x: Any, reference: Any) -> Any:
-        return answer(face, model, data, x, reference)
-
-    def frame(model: Any, data: Any, x: Any, reference: Any, after: Any, other: Any, pose: Any) -> Any:
-        return answer(face, model, data, x, reference, after, other, pose)
-
-    return {"ir": joint, "iroip": frame}
-
-
 def function(face: Face, module: str) -> Callable[..., Any]:
     """The function of a row: a copy of the form of its inputs' roles, with their names and defaults."""
     roles = "".join(x.role for x in face.inputs)
-    makers = (_frames if face.bound else _unbound) if roles[0] == "i" else _levels if face.call[1:] else _vectors
-    makers = _with_options if makers is _vectors and {*roles} != {"x"} else makers
-    form = makers(face, face.answer or by_run)[roles]
+    plain = _vectors if {*roles} == {"x"} else _with_options
+    forms = _frames if roles[0] == "i" else _levels if face.call[1:] else plain
+    form = forms(face, face.answer or by_run)[roles]
     code, names = form.__code__, ("model", "data", *(x.name for x in face.inputs))
     code = code.replace(co_name=face.name, co_varnames=(*names, *code.co_varnames[len(names) :]))
     defaults = tuple(x.default for x in face.inputs if x.default is not REQUIRED)

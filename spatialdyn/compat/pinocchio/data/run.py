@@ -49,8 +49,8 @@ class Run:
     """
 
     __slots__ = (
-        "__weakref__", "_a", "_forces", "_kept", "_own_result", "_stamp", "_v", "bound", "cache", "call", "contact",
-        "forces_builtin", "getters", "kind", "library", "memory", "oMi", "placed_rows", "q", "recompute", "result",
+        "__weakref__", "_a", "_kept", "_own_result", "_stamp", "_v", "bound", "cache", "call", "contact",
+        "forces", "forces_builtin", "getters", "kind", "library", "memory", "oMi", "placed_rows", "q", "recompute", "result",
         "result_is_held", "tau",
     )  # fmt: skip
 
@@ -59,7 +59,7 @@ class Run:
         self.getters = self.kind.getters  # a slot is read fast
         # of the call, and of the call that left ``placed_rows``
         self._stamp, self.library = array("q", [0, 0]), library
-        self._forces: tuple[int, Array | None] = 0, None  # and the time of their call
+        self.forces: tuple[int, Array | None] = 0, None  # and the time of their call
         self.contact: Any = None
         self.oMi: Array | None = None
         self.placed_rows: Any = None
@@ -106,12 +106,8 @@ class Run:
     @property
     def fext(self) -> Array | None:
         """Forces of the call on the library's joints (njoints, 6), or None."""
-        then, forces = self._forces
+        then, forces = self.forces
         return None if forces is None or then != self.stamp else forces.reshape(-1, 6)
-
-    def note_forces(self, forces: Array | None) -> None:
-        """Note the forces of the call just made."""
-        self._forces = self.stamp, forces
 
     @property
     def model(self) -> SdModel:
@@ -159,7 +155,7 @@ class Run:
             self.forces_builtin = self._bind(True)
         result = self.forces_builtin(*inputs, given)
         if result is not None:
-            self._forces = self._stamp[0], given
+            self.forces = self._stamp[0], given
         return result
 
     def store_inputs(self, *inputs: Array) -> None:
