@@ -49,8 +49,8 @@ class Run:
     """
 
     __slots__ = (
-        "__weakref__", "_a", "_kept", "_own_result", "_stamp", "_v", "bound", "cache", "call", "contact",
-        "forces", "forces_builtin", "getters", "kind", "library", "memory", "oMi", "placed_rows", "q", "recompute", "result",
+        "__weakref__", "_a", "_kept", "_own_result", "_stamp", "_v", "bound", "cache", "call", "contact", "forces",
+        "forces_builtin", "getters", "kind", "library", "memory", "oMi", "placed_rows", "q", "recompute", "result",
         "result_is_held", "tau",
     )  # fmt: skip
 
