@@ -20,7 +20,7 @@ from ..bodies.static_table import StaticTable
 from ..bodies.table import ANY_NORM
 from ..recursions.spec import Spec
 from ..waiting import watch
-from . import locks, threads
+from . import locks, mimic_batches, threads
 from .compiled import lane_batches, lane_names, numba_kernels, tiers
 from .failed import ALL_OK as ALL_OK
 from .failed import Arrays as Arrays
@@ -28,6 +28,7 @@ from .failed import Failed as Failed
 from .failed import concatenate_failed as concatenate_failed
 from .failed import in_order
 from .numbers.samples import Evaluation
+from .programs.record import parameters as edits
 from .programs.record import recording
 from .programs.record.parameters import Parameter
 from .programs.run import batch_kernels
@@ -40,6 +41,7 @@ FEW_ALONE = 16  # as FEW, for a recursion that branches on values, which NumPy r
 MANY_ALONE = 512  # a batch of so many samples compiles a recursion that branches on values at once
 MOST_STEPS = 200_000  # most rows of the table times numbers of a result that NumPy computes
 MOST_BESIDE_LANES = 1 << 12  # most numbers of a mass matrix that a program computes, if lanes can
+EDITED_BYTES = 1 << 24  # of the tables of samples with parameters of their own, at a time
 MANY = 8192  # samples of the batches that ``compile_program`` prepares for
 _lock = locks.new()
 STATIC = "rows" if numba_kernels.PLAIN else "address"  # the attribute of a StaticTable that kernels take
@@ -184,11 +186,11 @@ def run_table_kernel(
 
     A recursion that branches on values has no program; it runs in plain Python until compiling pays, with the same
     bits. NumPy computes a few samples with NaN or infinity, so that no kernel is compiled for a result of NaN. NumPy
-    also computes all samples of a model with mimic joints, whose reduced recursions have no table kernel, of a model
-    without joints, and of a Spec that is ``large``.
+    also computes all samples of a model without joints, of a Spec that is ``large``, and of a model with mimic joints
+    where ``mimic_batches`` does not.
     """
     count = len(out) if at is None else len(at)
-    in_numpy = len(table.bodies) == 1 or table.bodies["leader"].any()
+    in_numpy = len(table.bodies) == 1 or (mimic_batches.reduced(table) is not None and not mimic_batches.fits(spec))
     if in_numpy or (spec.large and not numba_kernels.PLAIN):
         samples = np.arange(count) if at is None else at
         return run_in_numpy(spec, table, inputs, static, out, samples, columns, seen)
@@ -214,7 +216,7 @@ def preview(spec: Spec, table: Table, inputs: Arrays, static: tuple[Any, ...], c
     if (
         numba_kernels.PLAIN
         or not spec.traceable  # its recursion is compiled when that pays
-        or table.bodies["leader"].any()  # mimic joints have no table kernel
+        or mimic_batches.reduced(table) is not None  # their calls run several kernels
         or numba_kernels.is_made(spec)
         or (lane_names.fits(spec) and lane_batches.batches(spec).is_made)
         or count > _few(spec, table, static)
@@ -257,11 +259,14 @@ def _run_table_kernel(
 ) -> Failed:
     """As ``run_table_kernel``, for samples of any kind."""
     core, rows = _core(spec, table, hashable(static)), getattr(table, numba_kernels.TABLE)
-    kernel = _kernel(spec, len(out) if at is None else len(at))
+    reduced = mimic_batches.reduced(table)
+    kernel = _kernel(spec, len(out) if at is None else len(at)) if reduced is None else None
 
     def compute(here: slice, given: Arrays, flat: NDArray[np.float64], status: NDArray[np.int8]) -> None:
         results = flat.reshape((len(flat), *core))
-        if kernel is not None:
+        if reduced is not None:
+            reduced.compute(_run_kernel, spec, given, static, results, status)
+        elif kernel is not None:
             _share(kernel, rows, given, static, results, status)
         else:
             _one_by_one(spec, rows, given, static, results, status)
@@ -270,8 +275,24 @@ def _run_table_kernel(
     return _in_slices(compute, len(table.bodies), math.prod(core), inputs, out, at, columns, seen, least)
 
 
-def compile_table_kernel(spec: Spec) -> None:
-    """Compile the table kernel that computes batches of a call without a program."""
+def _run_kernel(
+    spec: Spec, table: Any, inputs: Sequence[NDArray[np.float64]], static: tuple[Any, ...], out: NDArray[np.float64],
+    status: NDArray[np.int8],
+) -> None:  # fmt: skip
+    """A ``mimic_batches.Run``."""
+    _share(_kernel(spec, len(out)), getattr(table, numba_kernels.TABLE), inputs, static, out, status)
+
+
+def compile_table_kernel(spec: Spec, table: Table, static: tuple[Any, ...] = ()) -> None:
+    """Compile the table kernels that compute batches of a call without a program."""
+    reduced = mimic_batches.reduced(table)
+    if reduced is None:
+        _compile_kernel(spec)
+    elif mimic_batches.fits(spec):
+        reduced.visit(_compile_kernel, spec, static)
+
+
+def _compile_kernel(spec: Spec) -> None:
     if lane_names.fits(spec):
         lane_batches.batches(spec).compile_now()
     else:
@@ -300,6 +321,40 @@ def _one_by_one(
         given = (x[k] if len(x) == len(out) else x[0] for x in inputs)
         values = known | {x.name: y if x.shape else float(y) for x, y in zip(varying, given, strict=True)}
         status[k] = kernel(rows, *(values[x.name] for x in spec.present), out[k])
+
+
+def run_edited(
+    spec: Spec,
+    table: Table,
+    parameters: Sequence[Parameter],
+    values: Arrays,
+    inputs: Arrays,
+    static: tuple[Any, ...],
+    out: NDArray[Any],
+    at: NDArray[np.intp],
+    columns: NDArray[np.intp] | None,
+) -> NDArray[np.bool_]:
+    """As ``run_table_kernel``, for samples with parameters of their own: on lanes, each sample with its own table.
+
+    Returns which samples are not computed, because they fail or have big angles: the caller runs them one by one.
+    """
+    left = np.ones(len(at), np.bool_)
+    if not lane_names.fits(spec) or table.bodies[0]["kind"] == ANY_NORM or table.bodies["leader"].any():
+        return left
+    core, kernel = _core(spec, table, hashable(static)), lane_batches.batches(spec, edited=True)
+    count = max(lane_names.width(), EDITED_BYTES // table.bodies.nbytes)
+    for first in range(0, len(at), count):
+        here = slice(first, min(first + count, len(at)))
+        n = here.stop - first
+        of_each = [x[here] if len(x) == len(at) else np.repeat(x, n, axis=0) for x in values]
+        given = [y for x in inputs for y in ((x[here], 1) if len(x) == len(at) else (x, 0))]
+        results, status = np.empty((n, *core)), np.full(n, numba_kernels.NONFINITE, np.int8)
+        kernel.prepare(n)
+        kernel(edits.tables(table.bodies, parameters, of_each), n, *given, *static, results, status)
+        flat = results.reshape(n, -1)
+        _store(out, at[here], flat if columns is None else flat[:, columns], status)
+        left[here] = status != numba_kernels.OK
+    return left
 
 
 def run_in_numpy(
