@@ -25,7 +25,6 @@ It acts in every method, in programs and in kernels; its work is recorded, and t
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
 from numpy.typing import NDArray
@@ -39,7 +38,6 @@ Kind = TypeVar("Kind", bound="Effect")
 Forces = dict[str, Any]  # {state of work: torques (nv,), or the work as a function of the displacement h (v + v⁺)/2}
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class Effect:
     """One thing that acts in a run. Effects are equal if their steps are the same programs; values are inputs.
 
@@ -54,14 +52,34 @@ class Effect:
     drives  whether it may add energy; if nothing does, a run whose energy rises has diverged
     """
 
-    name: str = field(default="", init=False, repr=False)
-    inputs: tuple[Argument, ...] = field(default=(), init=False, repr=False)
-    tables: tuple[Any, ...] = field(default=(), init=False, repr=False)
-    states: tuple[Argument, ...] = field(default=(), init=False, repr=False)
-    work: Argument | None = field(default=None, init=False, repr=False)
-    form: tuple[Any, ...] = field(default=(), init=False, repr=False)
-    solves: bool = field(default=False, init=False, repr=False)
-    drives: bool = field(default=True, init=False, repr=False)
+    name = ""
+    solves = False
+    drives = True
+
+    @property
+    def inputs(self) -> tuple[Argument, ...]:
+        """See the class."""
+        return ()
+
+    @property
+    def tables(self) -> tuple[Any, ...]:
+        """See the class."""
+        return ()
+
+    @property
+    def states(self) -> tuple[Argument, ...]:
+        """See the class."""
+        return ()
+
+    @property
+    def work(self) -> Argument | None:
+        """See the class."""
+        return None
+
+    @property
+    def form(self) -> tuple[Any, ...]:
+        """See the class."""
+        return ()
 
     @property
     def values(self) -> Mapping[str, Array]:

@@ -54,8 +54,8 @@ def kernels_of(at: Arithmetic, family: Family, fext: Any = None) -> Any:
         def field(system: System, q: Any, p: Any, rates: Any) -> int:
             return hamilton(rates, q, p, np.zeros(len(p), p.dtype), *forces)
 
-        charts = (_on(at.rows, x) for x in (to_canonical, from_canonical, chart_rate, recenter))
-        return SymplecticKernels(field, None, *charts, stop)
+        to, back, rate, nearer = (_on(at.rows, x) for x in (to_canonical, from_canonical, chart_rate, recenter))
+        return SymplecticKernels(field, None, to, back, rate, nearer, stop)
     weight = spec("static_torque" if forces else "generalized_gravity", 1 + len(forces))
     by_momentum = spec("velocity_from_momentum", 2)
 
