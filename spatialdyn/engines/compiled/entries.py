@@ -8,50 +8,65 @@ compiling pays (see ``tiers``), with the same bits.
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
+from enum import Enum
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ...recursions.spec import Spec
-from . import numba_kernels, tiers
-from .tiers import NATIVE, Tier, Twin, scope_in
+from . import memory, numba_kernels, tiers
+from .memory import at, word
+from .stamp import STAMP, covers, names
+from .tiers import Tier
 
 NO_LIMIT = np.array([1 << 62])  # a counter of calls
-F8, INDICES, BODIES = np.float64, np.intp, "bodies"
-Shape = tuple[int | str, ...]
+Place = Enum("Place", ["WORDS", "INPUT", "OUTPUT"])
 
 
-def of_memory(name: str) -> Callable[[], Any]:
-    """A function that gives a function of ``memory_at``, as a Twin needs it."""
+class Argument(NamedTuple):
+    """Where an entry finds an argument of its function.
 
-    def compiled() -> Any:
-        from . import memory_at
+    place   WORDS: words of the context; INPUT, OUTPUT: at an address in ``inputs`` or ``outputs``
+    at      which of them
+    shape   of an array of float64: sizes, or ~k for word k of the context; () for a float; None for an int
+    record  a named tuple of words
+    """
 
-        return getattr(memory_at, name)
+    place: Place
+    at: tuple[int, ...]
+    shape: tuple[int, ...] | None = None
+    record: type | None = None
 
-    return compiled
+
+def read(arguments: Sequence[Argument], context: int, inputs: int, outputs: int) -> list[Any]:
+    """The arguments of an entry's function."""
+    return [_read(x, context, outputs if x.place is Place.OUTPUT else inputs) for x in arguments]
 
 
-MEMORY: dict[str, Any] = {  # how a source reads memory: a word, an array of numbers, an array of indices
-    "word": Twin(tiers.word, of_memory("word")),
-    "at": Twin(lambda address, shape: tiers.array_of(address, shape, F8), of_memory("at")),
-    "places": Twin(lambda address, shape: tiers.array_of(address, shape, INDICES), of_memory("places")),
-    **NATIVE,
-}
+def _read(x: Argument, context: int, places: int) -> Any:
+    if x.place is Place.WORDS:
+        words = [word(context, k) for k in x.at]
+        return words[0] if x.record is None else x.record(*words)
+    address = word(places, x.at[0])
+    if x.shape is None:
+        return word(address, 0)
+    found = at(address, tuple(n if n >= 0 else word(context, ~n) for n in x.shape or (1,)))
+    return found if x.shape or x.place is Place.OUTPUT else float(found[0])
 
 
 class Entry(Tier):
-    """An entry generated as text: its address, which calls plain Python until compiling pays."""
+    """An entry: its address, which calls plain Python until compiling pays."""
 
-    def __init__(self, name: str, text: Sequence[str], scope: Mapping[str, Any]) -> None:
-        """Of statements that read ``context``, ``inputs`` and ``outputs``."""
+    def __init__(self, plain: Callable[..., Any], compiled: Callable[[], Callable[..., Any]], key: str = "") -> None:
+        """``plain`` is the entry in plain Python; ``compiled()`` makes the one to compile.
+
+        key  what the code is, in text, if it is to be kept on disk
+        """
         super().__init__()
-        self._made_of = f"entry_{name}", ["context", "inputs", "outputs"], ["stamp", *text]
-        self._scope = {**MEMORY, **scope}
+        self._made_by, self._key = compiled, key
         self._dispatcher: Any = None
-        plain = self._function(plain=True)
 
         def call(context: int, inputs: int, outputs: int) -> int:
             if self._spent >= self.compile_seconds:
@@ -65,21 +80,21 @@ class Entry(Tier):
         self.address = ctypes.cast(self._callback, ctypes.c_void_p).value or 0
         self.code()
 
-    def _function(self, plain: bool) -> Callable[..., Any]:
-        return numba_kernels.kernel_from_text(*self._made_of, scope_in(plain, self._scope))
-
-    def _jitted(self, plain: bool) -> Any:
+    def _jitted(self) -> Any:
         from . import jit
 
-        return jit.numba_jit(self._function(plain), nogil=False, from_c=True, contract=False)
+        if self._dispatcher is None:
+            options = {"keep": bool(self._key), "key": self._key}
+            self._dispatcher = jit.numba_jit(self._made_by(), nogil=False, from_c=True, contract=False, **options)
+        return self._dispatcher
 
     def _is_stored(self, *arguments: Any) -> bool:
-        return tiers.is_stored(self._jitted(plain=True), _signature())
+        return bool(self._key) and tiers.is_stored(self._jitted(), _signature())
 
     def _compile(self) -> Any:
-        self._dispatcher = self._jitted(plain=False)
-        self._dispatcher.compile(_signature())
-        made = self._dispatcher.overloads[_signature()]
+        dispatcher = self._jitted()
+        dispatcher.compile(_signature())
+        made = dispatcher.overloads[_signature()]
         self.address = made.library.get_pointer_to_function(made.fndesc.llvm_cfunc_wrapper_name)
         return self
 
@@ -96,11 +111,35 @@ def _signature() -> tuple[Any, ...]:
     return (types.intp,) * 3
 
 
+def entry_of(function: Callable[..., Any], arguments: Sequence[Argument], name: str) -> Entry:
+    """The Entry of a function of such arguments that returns whether it applies.
+
+    name  says which function it is, with all that it captures
+    """
+    key = repr((STAMP, name, function.__module__, function.__qualname__, arguments)) if covers(function) else ""
+
+    def plain(context: int, inputs: int, outputs: int) -> bool:
+        return bool(function(*read(arguments, context, inputs, outputs)))
+
+    def compiled() -> Callable[..., Any]:
+        from . import memory_at
+
+        given = memory_at.reader(arguments)
+
+        def entry(context: int, inputs: int, outputs: int) -> int:
+            return 1 if function(*given(context, inputs, outputs)) else 0
+
+        entry.__qualname__ = f"entry_{name}"
+        return entry
+
+    return Entry(plain, compiled, key)
+
+
 @cache
 def table_entry(spec: Spec) -> Entry:
     """The Entry of a call on any table, whose address is the context."""
-    kernel, arrays = tiers.table_kernel(spec), [*spec.present, spec.output]
-    text = ["bodies = table_at(context)"]
+    arrays = [*spec.present, spec.output]
+    text = ["stamp", "bodies = table_at(context)"]
     for k, x in enumerate(arrays):
         shape = ", ".join(numba_kernels.extent(spec, size) for size in numba_kernels.kernel_shape(x))
         place = "word(outputs, 0)" if x is spec.output else f"word(inputs, {k})"
@@ -108,4 +147,7 @@ def table_entry(spec: Spec) -> Entry:
         text.append(f"x{k} = at({place}, ({shape},)){one}")
     passed = ", ".join(f"x{k}" for k in range(len(arrays)))
     text.append(f"return 1 if kernel(context, {passed}) == {numba_kernels.OK} else 0")
-    return Entry(numba_kernels.label(spec), text, {"kernel": kernel.twin})
+    scope = {"kernel": tiers.table_kernel(spec), "word": word, "at": at, "table_at": memory.table_at}
+    name = f"entry_{numba_kernels.label(spec)}"
+    made = numba_kernels.kernel_from_text(name, ["context", "inputs", "outputs"], text, scope)
+    return Entry(made, lambda: made, repr((STAMP, name, text)) if names(spec) else "")

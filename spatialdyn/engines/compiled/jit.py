@@ -10,10 +10,11 @@ from functools import partial
 from typing import Any, cast
 
 import numpy as np
-from numba import carray, njit, types  # type: ignore[attr-defined]
+from numba import carray, njit, typeof, types  # type: ignore[attr-defined]
 from numba.core import cgutils
 from numba.core.compiler_lock import global_compiler_lock
-from numba.extending import intrinsic
+from numba.core.typing.templates import infer_global, make_intrinsic_template
+from numba.extending import intrinsic, typeof_impl
 from numba.np import arrayobj
 
 from ...algebra.scalars import compiled_as, inline, register
@@ -21,9 +22,11 @@ from ...bodies.table import BODIES
 from ...waiting import watch
 from ..interrupt import interruptible
 from . import disk_cache
+from . import memory as plain_memory
 from .numba_cache import NumbaCache
 from .numba_settings import PLAIN
 from .sines import turn as turn
+from .tiers import TableKernel
 
 try:
     from .inlining import PIPELINES, Plain
@@ -81,22 +84,37 @@ def _array_at(typing_context: Any, memory: Any, shape: Any, dtype: Any) -> Any:
     kind = array(dtype.dtype, len(shape), "C")
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        made, put = context.make_array(kind)(context, builder), cast(Any, arrayobj.populate_array)
-        size = context.get_abi_sizeof(context.get_data_type(kind.dtype))
         extents = [builder.extract_value(arguments[1], axis) for axis in range(kind.ndim)]
-        strides = [context.get_constant(types.intp, size)]
-        for extent in reversed(extents[1:]):
-            strides.insert(0, builder.mul(strides[0], extent))
-        put(made, builder.bitcast(arguments[0], made.data.type), extents, strides, strides[-1], meminfo=None)
-        return made._getvalue()
+        return array_of(context, builder, kind, arguments[0], extents)
 
     return kind(memory, shape, dtype), generate
 
 
+def array_of(context: Any, builder: Any, kind: Any, place: Any, extents: list[Any]) -> Any:
+    """The array of a type and shape, in C order, at an address or a pointer."""
+    made, put = context.make_array(kind)(context, builder), cast(Any, arrayobj.populate_array)
+    size = context.get_abi_sizeof(context.get_data_type(kind.dtype))
+    strides = [context.get_constant(types.intp, size)]
+    for extent in reversed(extents[1:]):
+        strides.insert(0, builder.mul(strides[0], extent))
+    cast_to = builder.inttoptr if place.type == extents[0].type else builder.bitcast
+    put(made, cast_to(place, made.data.type), extents, strides, strides[-1], meminfo=None)
+    return made._getvalue()
+
+
+def intrinsic_as(function: Callable[..., Any], define: Callable[..., Any]) -> Any:
+    """The intrinsic of a definition, which compiled code runs in place of ``function``."""
+    made: Any = intrinsic(define)
+    infer_global(function, types.Function(make_intrinsic_template(made, define, function.__name__)))
+    return made
+
+
 pointer: Any = intrinsic(_pointer_at)
-memory: Any = intrinsic(_memory)  # (bytes) -> memory for the calling function, on the stack if small
-release: Any = intrinsic(_release)  # (memory, bytes): free the memory if it is not on the stack
-array_at: Any = intrinsic(_array_at)  # (memory, shape, dtype) -> the array there: as carray, but compiles faster
+# (bytes) -> memory for the calling function, on the stack if small
+memory = intrinsic_as(plain_memory.memory, _memory)
+release = intrinsic_as(plain_memory.release, _release)  # (memory, bytes): free the memory if it is not on the stack
+# (memory, shape, dtype) -> the array there: as carray, but compiles faster
+array_at = intrinsic_as(plain_memory.array_at, _array_at)
 
 
 @inline
@@ -135,22 +153,31 @@ def _number_of(x):  # type: ignore[no-untyped-def]
 
 def hand_over() -> None:
     """Register with Numba all functions that compiled code may call."""
+    from . import memory_at as memory_at  # it registers its own
+
     register(PIPELINES)
 
 
+@typeof_impl.register(TableKernel)
+def _type_of_kernel(kernel: TableKernel, found: Any) -> Any:
+    return typeof(kernel.dispatcher())
+
+
 def numba_jit(
-    function: Callable[..., Any], nogil: bool = True, keep: bool = True, from_c: bool = False, contract: bool = True
-) -> Callable[..., Any]:
+    function: Callable[..., Any], nogil: bool = True, keep: bool = True, from_c: bool = False, contract: bool = True,
+    key: str = "",
+) -> Callable[..., Any]:  # fmt: skip
     """A function made by ``kernel_from_text``, compiled at its first call of each type, and cached on disk if ``keep``.
 
     from_c    whether the function has an entry that C can call
     contract  whether LLVM may fuse multiplications and additions
+    key       text that says what the code is, of a function that holds more than text
     """
     hand_over()
     flags = {name: x for name, x in FLAGS.items() if contract or name != "fastmath"}
     dispatcher: Any = njit(**{**flags, "nogil": nogil, "no_cfunc_wrapper": not from_c, **OWN})(function)
     if keep and not PLAIN:
-        dispatcher._cache = NumbaCache(function)
+        dispatcher._cache = NumbaCache(function, key)
     return compile_aside(dispatcher)
 
 
