@@ -53,7 +53,7 @@ def _read(x: Argument, context: int, places: int) -> Any:
     if x.shape is None:
         return word(address, 0)
     found = at(address, tuple(n if n >= 0 else word(context, ~n) for n in x.shape or (1,)))
-    return found if x.shape or x.place is Place.OUTPUT else float(found[0])
+    return found if x.shape or x.place is Place.OUTPUT else found[0]
 
 
 class Entry(Tier):

@@ -14,7 +14,7 @@ import math
 import struct
 from collections.abc import Callable
 from fractions import Fraction
-from functools import cache, cached_property, partial
+from functools import cache, cached_property
 from time import perf_counter
 from typing import Any
 
@@ -193,16 +193,19 @@ class TableKernel(Tiered):
 
     def __init__(self, spec: Spec) -> None:
         """Of a call."""
+        super().__init__(self._text, self._jitted)
+        self._spec = spec
+        self.compile_seconds = COMPILE_SECONDS if spec.traceable else BRANCHING_SECONDS
+
+    def _text(self) -> Callable[..., Any]:
+        spec = self._spec
         parameters = ["table", *(x.name for x in spec.present), spec.output.name]
         turns = {f"turn({x.name}, {x.name}_turned)": f"{x.name}_turned = turned({x.name}, {x.name}_turned)"
                  for x in spec.present if x.turned}  # fmt: skip
         body = numba_kernels.statements(spec, lambda status: f"return {status}")
         text = ["bodies = table_at(table)", *(turns.get(x, x) for x in body), f"return {numba_kernels.OK}"]
-        name, scope = f"{numba_kernels.label(spec)}_unfused", {**numba_kernels.scope(spec), **SCRATCH}
-        scope["table_at"] = memory.table_at
-        super().__init__(partial(numba_kernels.kernel_from_text, name, parameters, text, scope), self._jitted)
-        self._spec = spec
-        self.compile_seconds = COMPILE_SECONDS if spec.traceable else BRANCHING_SECONDS
+        scope = {**numba_kernels.scope(spec), **SCRATCH, "table_at": memory.table_at}
+        return numba_kernels.kernel_from_text(f"{numba_kernels.label(spec)}_unfused", parameters, text, scope)
 
     @cached_property
     def batches(self) -> Callable[..., int]:

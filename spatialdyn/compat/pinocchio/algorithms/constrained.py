@@ -159,10 +159,10 @@ def _solve(
         m, n = len(f.C), len(f.C) + model.nv
         words = {**library.words, **{name: x.ctypes.data for name, x in places.items()}}
         words |= {"clock": run.stamp_words["clock"], "before": call.stamp_words["time"], "m": m}
-        words |= {"rows": n, "columns": n}
+        words["rows"] = n
         kept = None if kind == BORDERED else run.result
         noted = record(recorded, call.memory, kept, run._stamp, library.table)
-        builtin = make().bind(words, library, call, run, f, places, record=noted)
+        builtin = make.bind(words, library, call, run, f, places, record=noted)
         data._bound[kind] = library, call, run, builtin
     return f
 
@@ -172,7 +172,7 @@ class _Builtin(NamedTuple):
     how many there are.
     """
 
-    make: Callable[[], Routine]
+    make: Routine
     source: str
     reads: str
     recorded: int

@@ -14,7 +14,7 @@ import numpy as np
 from ....errors import ModelError
 from ....recursions.tree.regressor import body_force
 from ...native import tree_kernels
-from ...native.operator_kernels import compiled_text
+from ...native.operator_kernels import on_motions
 from ..data.data import Data, library_of
 from ..data.dispatch import IDENTITY, fast_calls, frame_index, joint_index, reference_code
 from ..data.field_recipes import columns, mechanical_energy
@@ -133,9 +133,7 @@ def bodyRegressor(velocity: Motion, acceleration: Motion) -> Array:
     return out
 
 
-_body_force = compiled_text(
-    "body_force", ["v", "a", "out"], ["force(read_motion(v), read_motion(a), out)"], force=body_force
-)
+_body_force = on_motions(body_force)
 
 
 def jointBodyRegressor(model: Model, data: Data, joint_id: int) -> Array:

@@ -177,7 +177,7 @@ class Run:
             places["oMi"] = 0 if self.oMi is None else self.oMi.ctypes.data
             record = self.recording(1, self.result)
             words = {**places, **library.words}
-            return recorded_calls.jacobians().bind(words, library, self.placed_rows, self.oMi, record=record)
+            return recorded_calls.jacobians.bind(words, library, self.placed_rows, self.oMi, record=record)
         code, record = library.code(kind.call, forces), self.recording(len(kind.inputs.split()), self.result)
         return recorded_calls.recorded_call(code, library.words, record, kind.unused_inputs, kind.returns, self.result)
 
@@ -227,10 +227,10 @@ class Run:
 
     def _bind_motions(self, moving: Mapping[str, Array]) -> None:
         """Compute these fields by one builtin, which is the call too if that places the joints."""
-        name = "joint_accelerations" if "a" in moving else "joint_velocities"
         words = {"oMi": moving["oMi"].ctypes.data, "v_out": moving["v"].ctypes.data}
-        words |= {"found_at": [*moving.values()][-1].ctypes.data, **self.library.words}
-        routine, alive = recorded_calls.motions(name), (self.library, self.memory, *moving.values())
+        words |= {"a_out": [*moving.values()][-1].ctypes.data, **self.library.words}
+        routine = recorded_calls.accelerations if "a" in moving else recorded_calls.velocities
+        alive = (self.library, self.memory, *moving.values())
         if self.kind.call == "forward_kinematics":
             self.call = routine.bind(words, *alive, record=self.recording(len(routine.inputs)))
         else:

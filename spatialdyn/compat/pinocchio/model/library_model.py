@@ -139,7 +139,7 @@ class LibraryModel:
         places = {"now": now, "then": then, "rows": self.rows, "sums": sums}
         words = {"table": self.address, "size": len(now), "njoints": len(self.rows), "count": len(sums)}
         words |= {name: x.ctypes.data for name, x in places.items()}
-        return put_numbers().bind(words, self.table, *places.values())
+        return put_numbers.bind(words, self.table, *places.values())
 
     def state_at(self, stamp: int) -> bytes:
         """The state at the time of a call."""

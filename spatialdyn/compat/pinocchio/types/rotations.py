@@ -8,25 +8,27 @@ from typing import Any
 import numpy as np
 
 from ....algebra.euclidean import Vec, cross
+from ....algebra import lie
 from ....algebra.scalars import EPS
 from ....errors import SpatialDynError
+from ...native import operators
 from .arguments import ArgumentError, Array, ValueRuntimeError, array, described, expected, number, of_pinocchio, row
-from .value import Value, on_table, on_values, own_value, part, preset
+from .value import Value, on_values, own_value, part, preset
 
 __all__ = ["AngleAxis", "Quaternion", "XAxis", "YAxis", "ZAxis", "skew", "skewSquare", "unSkew"]
 
 OPPOSITE = 1e-12  # directions with a cosine this near -1 define no plane
 XAxis, YAxis, ZAxis = (np.array([float(i == k) for i in range(3)]) for k in range(3))
 
-skew, unSkew, skewSquare, _of_matrix = on_table("""
-skew(u: vec) -> rot = skew(u)
-    The matrix (3, 3) of u × for u (3,).
-unSkew(U: rot) -> vec = scale(0.5, Vec(U.zy - U.yz, U.xz - U.zx, U.yx - U.xy))
-    The vector u (3,) whose ``skew`` is the antisymmetric part of a matrix (3, 3).
-skewSquare(u: vec, v: vec) -> rot = matmul(skew(u), skew(v))
-    The matrix (3, 3) of u × (v × ·) for u, v (3,).
-coefficients(rotation: rot) -> quat = quaternion_of_matrix(rotation)
-""")
+skew = on_values("skew", operators.skew, "rot", "The matrix (3, 3) of u × for u (3,).", u="vec")
+unSkew = on_values(
+    "unSkew", operators.unskew, "vec",
+    "The vector u (3,) whose ``skew`` is the antisymmetric part of a matrix (3, 3).", U="rot",
+)  # fmt: skip
+skewSquare = on_values(
+    "skewSquare", operators.skew_product, "rot", "The matrix (3, 3) of u × (v × ·) for u, v (3,).", u="vec", v="vec"
+)
+_of_matrix = on_values("coefficients", operators.quaternion_of_matrix, "quat", rotation="rot")
 
 
 class Rotation(Value):
@@ -127,18 +129,15 @@ class Quaternion(Rotation, kind="Quat"):
         """The coefficients x y z (3,), a copy."""
         return self._x[:3].copy()
 
-    matrix, conjugate, dot, squaredNorm, norm = on_table("""
-matrix(self: Quat) -> rot = rotation_matrix(self)
-    The rotation matrix (3, 3); a rotation only if the norm is 1.
-conjugate(self: Quat) -> Quat = conjugate(self)
-    The conjugate: the inverse rotation, of the same norm.
-dot(self: Quat, other: Quat) -> number = self.x * other.x + self.y * other.y + self.z * other.z + self.w * other.w
-    Dot product of the coefficients.
-squaredNorm(self: Quat) -> number = self.x * self.x + self.y * self.y + self.z * self.z + self.w * self.w
-    Squared norm.
-norm(self: Quat) -> number = sqrt(self.x * self.x + self.y * self.y + self.z * self.z + self.w * self.w)
-    Euclidean norm.
-""")
+    matrix = on_values(
+        "matrix", lie.matrix, "rot", "The rotation matrix (3, 3); a rotation only if the norm is 1.", self="Quat"
+    )
+    conjugate = on_values(
+        "conjugate", lie.conjugate, "Quat", "The conjugate: the inverse rotation, of the same norm.", self="Quat"
+    )
+    dot = on_values("dot", operators.dot_quats, "number", "Dot product of the coefficients.", self="Quat", other="Quat")
+    squaredNorm = on_values("squaredNorm", operators.squared_norm, "number", "Squared norm.", self="Quat")
+    norm = on_values("norm", operators.norm, "number", "Euclidean norm.", self="Quat")
     toRotationMatrix, __abs__ = matrix, norm
 
     def _product(self, other: Rotation) -> Any:
@@ -185,7 +184,7 @@ norm(self: Quat) -> number = sqrt(self.x * self.x + self.y * self.y + self.z * s
         return f"(x,y,z,w) = {row(self._x)}\n"
 
 
-_product = on_values("__mul__(self: Quat, other: Quat) -> Quat", "product(self, other)")
+_product = on_values("__mul__", lie.product, "Quat", self="Quat", other="Quat")
 
 
 class AngleAxis(Rotation):
