@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable, Mapping
-from functools import cache, cached_property
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -46,11 +46,6 @@ class Kind(NamedTuple):
 
 
 @inline
-def _as_it_is(x: Any) -> Any:
-    return x
-
-
-@inline
 def _write_number(out: Any, x: Any) -> None:
     out[0] = x
 
@@ -59,11 +54,13 @@ SHAPES: dict[str, tuple[int, ...]] = {
     "pose": (4, 4), "motion": (6,), "force": (6,), "vec": (3,), "rot": (3, 3), "quat": (4,), "seven": (7,),
     "body": (10,), "inertia": (6, 6), "tangent": (6, 6),
 }  # fmt: skip
-_NUMBER = Kind((), _as_it_is, _write_number)
+_NUMBER = Kind((), operators.itself, _write_number)
 KINDS: dict[str, Kind] = {"number": _NUMBER, "truth": _NUMBER, "precision": _NUMBER._replace(default=1e-12)}
 for _name, _shape in SHAPES.items():
     # a kind in lower case is the array; a capitalized one an object that holds it; "Motion|motion" is either
-    _kind = Kind(_shape, getattr(public_arrays, f"read_{_name}", _as_it_is), getattr(public_arrays, f"write_{_name}"))
+    _kind = Kind(
+        _shape, getattr(public_arrays, f"read_{_name}", operators.itself), getattr(public_arrays, f"write_{_name}")
+    )
     KINDS[_name], KINDS[_name.capitalize()] = _kind, _kind._replace(owner=_name.capitalize())
     KINDS[f"{_name.capitalize()}|{_name}"] = _kind._replace(owner=_name.capitalize(), or_array=True)
 
@@ -96,13 +93,18 @@ def compiled(function: Operation, name: str = "") -> Operation:
     return Tiered(lambda: function, jitted)
 
 
+def label(function: Operation) -> str:
+    """The name of a function, with its module."""
+    return f"{function.__module__}.{function.__name__}"
+
+
 def _on_pair(function: Operation, read_a: Operation, read_b: Operation, write: Operation) -> Operation:
     """A kernel ``(a, b, out)`` of a function."""
 
     def on_pair(a: Any, b: Any, out: Any) -> None:
         write(out, function(read_a(a), read_b(b)))
 
-    return compiled(on_pair, function.__name__)
+    return compiled(on_pair, label(function))
 
 
 compose = _on_pair(spatial.compose, read_pose, read_pose, write_pose)
@@ -119,7 +121,7 @@ def on_motions(function: Operation) -> Operation:
     def of_motions(v: Any, a: Any, out: Any) -> None:
         function(read_motion(v), read_motion(a), out)
 
-    return compiled(of_motions, function.__name__)
+    return compiled(of_motions, label(function))
 
 
 def _quat_matrix(q: Any, out: Any) -> None:
@@ -151,8 +153,8 @@ class Operator(NamedTuple):
     def on_arrays(self) -> Callable[..., bool]:
         """The function as ``(*arrays, out) -> True``; a number is written to ``out[0]``."""
         function, write = self.function, KINDS[self.output].write
-        reads = [_as_it_is if self.raw else x.read for x in self.kinds]
-        read0, read1, read2 = (*reads, *[_as_it_is] * 3)[:3]
+        reads = [operators.itself if self.raw else x.read for x in self.kinds]
+        read0, read1, read2 = (*reads, *[operators.itself] * 3)[:3]
 
         def of_none(out: Any) -> bool:
             write(out, function())
@@ -191,7 +193,7 @@ class Operator(NamedTuple):
 
         inputs = {f"x{k}": described(kind, f"class{k}") for k, kind in enumerate(self.kinds)}
         output: Result = Truth() if self.output == "truth" else described(KINDS[self.output], "made")
-        name = "_".join([self.function.__name__, *self.inputs.values(), self.output, "raw" * self.raw])
+        name = "_".join([label(self.function), *self.inputs.values(), self.output, "raw" * self.raw])
         return Routine(inline(self.on_arrays()), inputs, output, name)
 
     def bind(self, slot: int, classes: Mapping[str, type], otherwise: Operation = unavailable) -> Operation:

@@ -37,7 +37,6 @@ from ...algebra.spatial import (
     inertia_at_parent,
     motion_at_child,
     power,
-    scale_force,
     scale_motion,
 )
 
@@ -82,24 +81,6 @@ def rotation_of_rpy(rpy: Vec) -> Mat3:
 
 
 @inline
-def about_x(angle: Scalar) -> Mat3:
-    """The rotation by an angle about x."""
-    return rotation_of_angles(angle, 0.0, 0.0)
-
-
-@inline
-def about_y(angle: Scalar) -> Mat3:
-    """The rotation by an angle about y."""
-    return rotation_of_angles(0.0, angle, 0.0)
-
-
-@inline
-def about_z(angle: Scalar) -> Mat3:
-    """The rotation by an angle about z."""
-    return rotation_of_angles(0.0, 0.0, angle)
-
-
-@inline
 def unskew(A: Mat3) -> Vec:
     """The vector whose matrix is the antisymmetric part of A."""
     return scale(0.5, Vec(A.zy - A.yz, A.xz - A.zx, A.yx - A.xy))
@@ -115,18 +96,6 @@ def skew_product(a: Vec, b: Vec) -> Mat3:
 def dot_quats(p: lie.Quat, q: lie.Quat) -> Scalar:
     """The sum of the products of coefficients."""
     return p.x * q.x + p.y * q.y + p.z * q.z + p.w * q.w
-
-
-@inline
-def squared_norm(q: lie.Quat) -> Scalar:
-    """|q|²."""
-    return dot_quats(q, q)
-
-
-@inline
-def norm(q: lie.Quat) -> Scalar:
-    """|q|."""
-    return sqrt(dot_quats(q, q))
 
 
 @inline
@@ -152,12 +121,6 @@ def divide(a: Vec, s: Scalar) -> Vec:
 
 
 @inline
-def joined(linear: Vec, angular: Vec) -> Motion:
-    """The motion of these parts."""
-    return Motion(angular, linear)
-
-
-@inline
 def divided_motion(m: Motion, s: Scalar) -> Motion:
     """m / s."""
     return Motion(divide(m.w, s), divide(m.v, s))
@@ -167,18 +130,6 @@ def divided_motion(m: Motion, s: Scalar) -> Motion:
 def divided_force(f: Force, s: Scalar) -> Force:
     """f / s."""
     return Force(divide(f.n, s), divide(f.f, s))
-
-
-@inline
-def multiple_of_motion(m: Motion, s: Scalar) -> Motion:
-    """s m."""
-    return scale_motion(s, m)
-
-
-@inline
-def multiple_of_force(f: Force, s: Scalar) -> Force:
-    """s f."""
-    return scale_force(s, f)
 
 
 @inline
@@ -203,12 +154,6 @@ def power_of_force(f: Force, m: Motion) -> Scalar:
 def cross_matrix(m: Motion) -> lie.Tangent:
     """The matrix of m ×."""
     return lie.Tangent(skew(m.w), skew(m.v))
-
-
-@inline
-def pose_of(R: Mat3, p: Vec) -> Pose:
-    """The pose of a rotation matrix and an origin."""
-    return Pose(R, p)
 
 
 @inline
@@ -506,12 +451,6 @@ def near(a: Any, b: Any, precision: Scalar) -> Scalar:
         first += a[i] * a[i]
         second += b[i] * b[i]
     return 1.0 if apart <= precision * precision * min(first, second) else 0.0
-
-
-@inline
-def same_poses(A: Pose, B: Pose) -> Scalar:
-    """1 if two poses agree in each entry, else 0."""
-    return same(A.R, B.R) * same(A.p, B.p)
 
 
 @inline

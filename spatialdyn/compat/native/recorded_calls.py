@@ -352,9 +352,7 @@ def velocities(q: Any, v: Any, table: int, nq: int, njoints: int, oMi: int, v_ou
 
 
 @routine(q=("nq",), v=("nv",), a=("nv",))
-def accelerations(
-    q: Any, v: Any, a: Any, table: int, nq: int, njoints: int, oMi: int, v_out: int, a_out: int
-) -> bool:
+def accelerations(q: Any, v: Any, a: Any, table: int, nq: int, njoints: int, oMi: int, v_out: int, a_out: int) -> bool:
     """``joint_accelerations``, and velocities and poses in the world."""
     bodies = table_at(table)
     if not unit_norm(bodies, q):
@@ -421,7 +419,7 @@ def on_rows(function: Any, read_a: Any, read_b: Any, write: Any) -> Callable[...
         for k in range(len(places)):
             write(out[k], function(read_a(a[places[k]]), read_b(b[k])))
 
-    return operator_kernels.compiled(rows, function.__name__)
+    return operator_kernels.compiled(rows, operator_kernels.label(function))
 
 
 compose_all = on_rows(spatial.compose, read_pose, read_pose, write_pose)

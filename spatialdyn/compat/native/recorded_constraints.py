@@ -147,9 +147,7 @@ def impact(
 
 
 @routine(("rows", "rows"), q=("nq",), J=("m", "nv"), mu=())
-def inverse(
-    q: Any, J: Any, mu: float, table: int, nv: int, m: int, M: int, kept: Kept, scratch: int, out: Any
-) -> bool:
+def inverse(q: Any, J: Any, mu: float, table: int, nv: int, m: int, M: int, kept: Kept, scratch: int, out: Any) -> bool:
     """The inverse of [M Jᵀ; J -μ 1], which has ``rows`` rows; q is to be recorded."""
     s = system_at(scratch, nv, m)
     if not mu >= 0.0 or compute_M(table, q, s.M) != OK:

@@ -18,18 +18,12 @@ __all__ = [
     "rpyToMatrix",
 ]  # fmt: skip
 
-_ABOUT = {
-    axis: on_values("rotate", about, "rot", angle="number")
-    for axis, about in zip("xyz", (operators.about_x, operators.about_y, operators.about_z), strict=True)
-}
 matrixToRpy = on_values(
     "matrixToRpy", operators.rpy_of_rotation, "vec",
     "Roll in ±π, pitch in ±π/2, yaw in ±π (3,) [rad] of a rotation matrix (3, 3).", R="rot",
 )  # fmt: skip
 _of_array = on_values("rpyToMatrix", operators.rotation_of_rpy, "rot", rpy="vec")
-_of_angles = on_values(
-    "rpyToMatrix", operators.rotation_of_angles, "rot", roll="number", pitch="number", yaw="number"
-)
+_of_angles = on_values("rpyToMatrix", operators.rotation_of_angles, "rot", roll="number", pitch="number", yaw="number")
 
 
 def rpyToMatrix(roll: Any, pitch: Any = None, yaw: Any = None) -> Array:
@@ -41,10 +35,10 @@ def rpyToMatrix(roll: Any, pitch: Any = None, yaw: Any = None) -> Array:
 
 def rotate(axis: str, angle: float) -> Array:
     """The rotation (3, 3) by an angle [rad] about an axis, "x", "y" or "z"."""
-    about = _ABOUT.get(axis)
-    if about is None:
+    angles = {"x": (angle, 0.0, 0.0), "y": (0.0, angle, 0.0), "z": (0.0, 0.0, angle)}.get(axis)
+    if angles is None:
         raise SpatialDynError(f'axis is {axis!r}, expected "x", "y" or "z"')
-    return about(angle)  # type: ignore[no-any-return]
+    return _of_angles(*angles)  # type: ignore[no-any-return]
 
 
 def computeRpyJacobian(rpy: Any, reference_frame: ReferenceFrame = LOCAL) -> Array:

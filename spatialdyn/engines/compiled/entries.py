@@ -116,7 +116,7 @@ def entry_of(function: Callable[..., Any], arguments: Sequence[Argument], name: 
 
     name  says which function it is, with all that it captures
     """
-    key = repr((STAMP, name, function.__module__, function.__qualname__, arguments)) if covers(function) else ""
+    key = repr((STAMP, name, function.__module__, function.__qualname__, *arguments)) if covers(function) else ""
 
     def plain(context: int, inputs: int, outputs: int) -> bool:
         return bool(function(*read(arguments, context, inputs, outputs)))

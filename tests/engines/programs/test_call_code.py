@@ -41,7 +41,6 @@ def _same(x: Any, out: Any) -> bool:
     return True
 
 
-
 @pytest.fixture(scope="module")
 def model() -> Any:
     return random_tree(2, 7, floating=True).model

@@ -6,7 +6,6 @@ A damping μ makes J a + γ = -μ λ of them.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np

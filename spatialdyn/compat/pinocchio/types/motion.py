@@ -18,7 +18,7 @@ __all__ = ["Force", "Motion"]
 Vector = TypeVar("Vector", bound="Spatial")
 
 FLOAT = np.dtype(np.float64)
-_joined = on_values("joined", operators.joined, "motion", linear="vec", angular="vec")
+_joined = on_values("joined", spatial.Motion, "motion", angular="vec", linear="vec")
 
 
 class Spatial(Summable, InFrames):
@@ -31,7 +31,7 @@ class Spatial(Summable, InFrames):
 
     def __init__(self, linear: Any = None, angular: Any = None, *, array: Any = None, clone: Any = None) -> None:
         if angular is not None:
-            self._x = _joined(linear, angular)
+            self._x = _joined(angular, linear)
         elif type(linear) is np.ndarray and linear.shape == (6,) and linear.dtype == FLOAT:
             self._x = linear.copy()
         else:
@@ -59,7 +59,7 @@ class Spatial(Summable, InFrames):
         return x
 
     def __mul__(self: Vector, scale: Any) -> Vector:
-        return self._scaled(float(scale)) if isinstance(scale, (float, int)) else NotImplemented
+        return self._scaled(float(scale), self) if isinstance(scale, (float, int)) else NotImplemented
 
     def __rmul__(self: Vector, scale: Any) -> Vector:
         if isinstance(scale, (float, int)):
@@ -74,8 +74,6 @@ class Spatial(Summable, InFrames):
         return f"{linear} = {row(self._x[:3])}\n{angular} = {row(self._x[3:])}\n"
 
 
-
-
 class Force(Spatial, kind="Force"):
     """A spatial force: ``Force(linear (3,), angular (3,))``, ``Force(vector (6,))`` [N, N m about the origin] or
     ``Force(other)``, also of Pinocchio's own class.
@@ -85,12 +83,14 @@ class Force(Spatial, kind="Force"):
     __add__ = on_values("__add__", spatial.add_force, "Force", self="Force", other="Force")
     __sub__ = on_values("__sub__", spatial.sub_force, "Force", self="Force", other="Force")
     __neg__ = on_values("__neg__", operators.minus_force, "Force", self="Force")
-    _scaled = on_values("scaled", operators.multiple_of_force, "Force", self="Force", s="number")
+    _scaled = staticmethod(on_values("scaled", spatial.scale_force, "Force", s="number", self="Force"))
     _divided = on_values("divided", operators.divided_force, "Force", self="Force", s="number")
     _to_parent = on_values("act", spatial.force_to_parent, "Force", self="Pose", x="Force")
     _to_child = on_values("actInv", spatial.force_to_child, "Force", self="Pose", x="Force")
     Zero = staticmethod(on_values("Zero", spatial.zero_force, "Force", "Zero."))
-    dot = on_values("dot", operators.power_of_force, "number", "The power along a Motion [W].", self="Force", m="Motion")
+    dot = on_values(
+        "dot", operators.power_of_force, "number", "The power along a Motion [W].", self="Force", m="Motion"
+    )
 
 
 class Motion(Spatial, kind="Motion"):
@@ -104,7 +104,7 @@ class Motion(Spatial, kind="Motion"):
     __add__ = on_values("__add__", spatial.add_motion, "Motion", self="Motion", other="Motion")
     __sub__ = on_values("__sub__", spatial.sub_motion, "Motion", self="Motion", other="Motion")
     __neg__ = on_values("__neg__", operators.minus_motion, "Motion", self="Motion")
-    _scaled = on_values("scaled", operators.multiple_of_motion, "Motion", self="Motion", s="number")
+    _scaled = staticmethod(on_values("scaled", spatial.scale_motion, "Motion", s="number", self="Motion"))
     _divided = on_values("divided", operators.divided_motion, "Motion", self="Motion", s="number")
     _to_parent = on_values("act", spatial.motion_to_parent, "Motion", self="Pose", x="Motion")
     _to_child = on_values("actInv", spatial.motion_to_child, "Motion", self="Pose", x="Motion")

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from ....algebra.euclidean import Vec, cross
 from ....algebra import lie
+from ....algebra.euclidean import Vec, cross
 from ....algebra.scalars import EPS
 from ....errors import SpatialDynError
 from ...native import operators
@@ -136,9 +136,17 @@ class Quaternion(Rotation, kind="Quat"):
         "conjugate", lie.conjugate, "Quat", "The conjugate: the inverse rotation, of the same norm.", self="Quat"
     )
     dot = on_values("dot", operators.dot_quats, "number", "Dot product of the coefficients.", self="Quat", other="Quat")
-    squaredNorm = on_values("squaredNorm", operators.squared_norm, "number", "Squared norm.", self="Quat")
-    norm = on_values("norm", operators.norm, "number", "Euclidean norm.", self="Quat")
-    toRotationMatrix, __abs__ = matrix, norm
+    toRotationMatrix = matrix
+
+    def squaredNorm(self) -> float:
+        """Squared norm."""
+        return self.dot(self)  # type: ignore[no-any-return]
+
+    def norm(self) -> float:
+        """Euclidean norm."""
+        return math.sqrt(self.dot(self))
+
+    __abs__ = norm
 
     def _product(self, other: Rotation) -> Any:
         return _product(self, other) if isinstance(other, Quaternion) else NotImplemented

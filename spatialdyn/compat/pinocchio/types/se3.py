@@ -19,12 +19,12 @@ IDENTITY = np.eye(4)
 
 _point_to_parent = on_values("act", operators.point_to_parent, "vec", self="Pose", point="vec")
 _point_to_child = on_values("actInv", operators.point_to_child, "vec", self="Pose", point="vec")
-_pose_of = on_values("pose_of", operators.pose_of, "pose", rotation="rot", translation="vec")
+_pose_of = on_values("pose_of", spatial.Pose, "pose", rotation="rot", translation="vec")
 _pose_of_quaternion = on_values("pose_of", operators.pose_of_quaternion, "pose", quat="Quat", translation="vec")
 _random = on_values("Random", operators.random_pose, "Pose", u="motion")
 
 
-class SE3(Value, kind="Pose", near=operators.near_poses, same=operators.same_poses, raw=False):
+class SE3(Value, kind="Pose", near=operators.near_poses, raw=False):
     """The pose of a frame in a reference frame: ``SE3(rotation (3, 3), translation (3,))``,
     ``SE3(quaternion, translation)``, ``SE3(homogeneous (4, 4))``, ``SE3(other)``, also of Pinocchio's own class or
     coal's Transform3s, ``SE3(1)`` for the identity.
@@ -51,7 +51,9 @@ class SE3(Value, kind="Pose", near=operators.near_poses, same=operators.same_pos
     translation = part("translation", np.s_[:3, 3], "The translation (3,) [m], a view.")
 
     _matrix = on_values("matrix", operators.itself, "pose", "The homogeneous matrix (4, 4), a copy.", self="Pose")
-    inverse = on_values("inverse", spatial.inverse, "Pose", "The pose of the reference frame in the frame.", self="Pose")
+    inverse = on_values(
+        "inverse", spatial.inverse, "Pose", "The pose of the reference frame in the frame.", self="Pose"
+    )
     toActionMatrix = on_values(
         "toActionMatrix", operators.action, "tangent",
         "The matrix (6, 6) that takes Motion vectors from the frame to the reference frame.", self="Pose",
