@@ -58,9 +58,8 @@ _NUMBER = Kind((), operators.itself, _write_number)
 KINDS: dict[str, Kind] = {"number": _NUMBER, "truth": _NUMBER, "precision": _NUMBER._replace(default=1e-12)}
 for _name, _shape in SHAPES.items():
     # a kind in lower case is the array; a capitalized one an object that holds it; "Motion|motion" is either
-    _kind = Kind(
-        _shape, getattr(public_arrays, f"read_{_name}", operators.itself), getattr(public_arrays, f"write_{_name}")
-    )
+    _read, _write = getattr(public_arrays, f"read_{_name}", operators.itself), getattr(public_arrays, f"write_{_name}")
+    _kind = Kind(_shape, _read, _write)
     KINDS[_name], KINDS[_name.capitalize()] = _kind, _kind._replace(owner=_name.capitalize())
     KINDS[f"{_name.capitalize()}|{_name}"] = _kind._replace(owner=_name.capitalize(), or_array=True)
 
@@ -185,7 +184,7 @@ class Operator(NamedTuple):
     def routine(self) -> Routine:
         """``(*inputs) -> output``: inputs that are arrays may have any strides, results are new.
 
-        Words: ``slot``, the offset of the slot; ``class0``, ... the classes of the inputs; ``made``, that of the output.
+        Words: ``slot``, the offset of the slot; ``class0``, ... the classes of the inputs, and ``made``.
         """
 
         def described(kind: Kind, word: str) -> Shape | Owner:

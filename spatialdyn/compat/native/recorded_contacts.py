@@ -39,7 +39,7 @@ class Contacts(NamedTuple):
     joints.
     """
 
-    count: int
+    size: int
     given: int
     found: int
     rows: int
@@ -141,7 +141,7 @@ def contact_dynamics(
 ) -> bool:  # fmt: skip
     """Accelerations under contacts, but dependent ones; it writes the settings. q, v and a are to be recorded."""
     mu, size = settings[MU], 0.0
-    for k in range(contacts.count):
+    for k in range(contacts.size):
         c = at(word(contacts.given, k), (GIVEN,))
         size += c[0]
         if c[1] > 1.0:
@@ -155,7 +155,7 @@ def contact_dynamics(
         return False
     bodies, first = table_at(table), 0
     work = np.empty(len(bodies), WORK)
-    for k in range(contacts.count):
+    for k in range(contacts.size):
         c, own = at(word(contacts.given, k), (GIVEN,)), at(word(contacts.found, k), (FOUND,))
         end = first + int(c[0])
         rows = at(contacts.rows, (njoints,))
@@ -168,7 +168,7 @@ def contact_dynamics(
     solve_proximally(bodies, J, r, s.g, settings, s.L, s.Y, s.C, s.x, s.force)
     copy_vector(s.x, out)
     first = 0
-    for k in range(contacts.count):
+    for k in range(contacts.size):
         own, count = at(word(contacts.found, k), (FOUND,)), int(at(word(contacts.given, k), (GIVEN,))[0])
         for i in range(count):
             own[i] = s.force[first + i]

@@ -84,8 +84,9 @@ class Entry(Tier):
         from . import jit
 
         if self._dispatcher is None:
-            options = {"keep": bool(self._key), "key": self._key}
-            self._dispatcher = jit.numba_jit(self._made_by(), nogil=False, from_c=True, contract=False, **options)
+            self._dispatcher = jit.numba_jit(
+                self._made_by(), nogil=False, keep=bool(self._key), from_c=True, contract=False, key=self._key
+            )
         return self._dispatcher
 
     def _is_stored(self, *arguments: Any) -> bool:

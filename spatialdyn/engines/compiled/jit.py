@@ -105,7 +105,9 @@ def array_of(context: Any, builder: Any, kind: Any, place: Any, extents: list[An
 def intrinsic_as(function: Callable[..., Any], define: Callable[..., Any]) -> Any:
     """The intrinsic of a definition, which compiled code runs in place of ``function``."""
     made: Any = intrinsic(define)
-    infer_global(function, types.Function(make_intrinsic_template(made, define, function.__name__)))
+    template: Any = make_intrinsic_template
+    of_global: Any = infer_global
+    of_global(function, types.Function(template(made, define, function.__name__)))
     return made
 
 
@@ -160,7 +162,8 @@ def hand_over() -> None:
 
 @typeof_impl.register(TableKernel)
 def _type_of_kernel(kernel: TableKernel, found: Any) -> Any:
-    return typeof(kernel.dispatcher())
+    kind: Any = typeof
+    return kind(kernel.dispatcher())
 
 
 def numba_jit(

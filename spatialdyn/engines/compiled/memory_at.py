@@ -90,8 +90,8 @@ def reader(arguments: Sequence[Argument]) -> Callable[..., Any]:
 
             return target.make_tuple(builder, signature.return_type, [*map(value, arguments, kinds)])
 
-        made: Any = types.Tuple(kinds)
-        return made(types.intp, types.intp, types.intp), generate
+        made: Any = types.Tuple
+        return made(kinds)(types.intp, types.intp, types.intp), generate
 
     made: Callable[..., Any] = intrinsic(typed)
     return made

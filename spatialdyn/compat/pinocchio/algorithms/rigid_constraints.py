@@ -200,7 +200,7 @@ def _bind(data: Data, every: Run, run: Run, pairs: Any) -> None:
     arrays |= {"L": f.L, "Y": f.Y, "C": f.C, "force": f.force, "given": addresses[0], "found": addresses[1]}
     arrays["scratch"] = scratch_of(len(f.L), len(f.force))
     words = {**library.words, **every.stamp_words, **{name: x.ctypes.data for name, x in arrays.items()}}
-    words |= {"m": len(f.force), "count": len(pairs), "before": words.pop("time")}
+    words |= {"m": len(f.force), "size": len(pairs), "before": words.pop("time")}
     noted = record(2, every.memory, run.result, run._stamp, library.table)
     call = contact_dynamics.bind(words, library, arrays, models, datas, every, run, record=noted)
     data._bound["contacts"] = library, models, datas, every, run, f, call

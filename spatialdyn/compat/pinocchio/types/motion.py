@@ -88,9 +88,7 @@ class Force(Spatial, kind="Force"):
     _to_parent = on_values("act", spatial.force_to_parent, "Force", self="Pose", x="Force")
     _to_child = on_values("actInv", spatial.force_to_child, "Force", self="Pose", x="Force")
     Zero = staticmethod(on_values("Zero", spatial.zero_force, "Force", "Zero."))
-    dot = on_values(
-        "dot", operators.power_of_force, "number", "The power along a Motion [W].", self="Force", m="Motion"
-    )
+    dot = on_values("dot", operators.power_of_force, "number", "Power along a Motion [W].", self="Force", m="Motion")
 
 
 class Motion(Spatial, kind="Motion"):

@@ -51,9 +51,7 @@ class SE3(Value, kind="Pose", near=operators.near_poses, raw=False):
     translation = part("translation", np.s_[:3, 3], "The translation (3,) [m], a view.")
 
     _matrix = on_values("matrix", operators.itself, "pose", "The homogeneous matrix (4, 4), a copy.", self="Pose")
-    inverse = on_values(
-        "inverse", spatial.inverse, "Pose", "The pose of the reference frame in the frame.", self="Pose"
-    )
+    inverse = on_values("inverse", spatial.inverse, "Pose", "Pose of the reference frame in the frame.", self="Pose")
     toActionMatrix = on_values(
         "toActionMatrix", operators.action, "tangent",
         "The matrix (6, 6) that takes Motion vectors from the frame to the reference frame.", self="Pose",

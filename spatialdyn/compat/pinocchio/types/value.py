@@ -47,11 +47,10 @@ class Value(Copied):
         if not kind:
             return
         Value._classes[kind] = cls
-        one, both = {"self": kind}, {"self": kind, "other": kind}
-        cls.copy = on_values("copy", operators.itself, kind, Value.copy.__doc__, **one)  # type: ignore[method-assign]
-        cls.__eq__ = on_values("__eq__", operators.same, "truth", raw=True, **both)  # type: ignore[method-assign]
+        cls.copy = on_values("copy", operators.itself, kind, Value.copy.__doc__, self=kind)  # type: ignore[method-assign]
+        cls.__eq__ = on_values("__eq__", operators.same, "truth", raw=True, self=kind, other=kind)  # type: ignore[method-assign]
         cls.isApprox = on_values(  # type: ignore[method-assign]
-            "isApprox", near, "truth", Value.isApprox.__doc__, raw=raw, **both, prec="precision"
+            "isApprox", near, "truth", Value.isApprox.__doc__, raw=raw, self=kind, other=kind, prec="precision"
         )
 
     @classmethod

@@ -115,7 +115,7 @@ class _Call(_Writer):
     values   addresses of the argument objects, by parameter; ``%given`` has a bit for each that is not None
     inputs   addresses of the numbers of the inputs, ``sizes`` of their ends; ``%m`` counts them
     cells    words of inputs that are an index or a choice
-    outputs  addresses of the numbers of the results; ``results`` their objects, null for a number, which is in ``number``
+    outputs  addresses of the numbers of the results; ``results`` their objects: null for a number, in ``number``
     """
 
     def __init__(self) -> None:
@@ -353,7 +353,7 @@ class _Call(_Writer):
         self.do(f"%value = phi ptr [ %inner, %object.end ], [ {outer}, %passed ]")
 
     def _unbox_array(self, kind: str, shape: str) -> str:
-        """The address of the numbers of ``%value``, gathered if they are apart, or if the result is written over them."""
+        """The address of the numbers of ``%value``, gathered if apart, or if the result is written over them."""
         rank = self.bits(kind, AXES)
         self.is_array("%value", rank, layout.ALIGNED)
         data = self.pointer("%value", layout.DATA)
