@@ -454,6 +454,12 @@ def near(a: Any, b: Any, precision: Scalar) -> Scalar:
 
 
 @inline
+def same_poses(A: Pose, B: Pose) -> Scalar:
+    """1 if two poses agree in each entry, else 0."""
+    return same(A.R, B.R) * same(A.p, B.p)
+
+
+@inline
 def near_poses(A: Pose, B: Pose, precision: Scalar) -> Scalar:
     """1 if rotations and origins are ``near``, else 0."""
     return near(A.R, B.R, precision) * near(A.p, B.p, precision)

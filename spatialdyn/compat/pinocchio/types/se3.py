@@ -24,7 +24,7 @@ _pose_of_quaternion = on_values("pose_of", operators.pose_of_quaternion, "pose",
 _random = on_values("Random", operators.random_pose, "Pose", u="motion")
 
 
-class SE3(Value, kind="Pose", near=operators.near_poses, raw=False):
+class SE3(Value, kind="Pose", near=operators.near_poses, same=operators.same_poses, raw=False):
     """The pose of a frame in a reference frame: ``SE3(rotation (3, 3), translation (3,))``,
     ``SE3(quaternion, translation)``, ``SE3(homogeneous (4, 4))``, ``SE3(other)``, also of Pinocchio's own class or
     coal's Transform3s, ``SE3(1)`` for the identity.

@@ -40,15 +40,15 @@ class Value(Copied):
     _arguments: ClassVar[tuple[str, ...]]  # attributes that the constructor takes
     _compared: ClassVar[tuple[Any, ...]] = (...,)  # places of the parts whose norms ``isApprox`` compares
 
-    def __init_subclass__(cls, kind: str = "", near: Any = operators.near, raw: bool = True, **options: Any) -> None:
-        """``near`` compares two objects, a function of ``on_values``; by default one of all their numbers."""
+    def __init_subclass__(cls, kind: str = "", near: Any = operators.near, same: Any = operators.same, raw: bool = True, **options: Any) -> None:
+        """``near`` and ``same`` compare two objects as functions of ``on_values``, by default all their numbers."""
         super().__init_subclass__(**options)
         Value._named[cls.__name__] = cls
         if not kind:
             return
         Value._classes[kind] = cls
         cls.copy = on_values("copy", operators.itself, kind, Value.copy.__doc__, self=kind)  # type: ignore[method-assign]
-        cls.__eq__ = on_values("__eq__", operators.same, "truth", raw=True, self=kind, other=kind)  # type: ignore[method-assign]
+        cls.__eq__ = on_values("__eq__", same, "truth", raw=raw, self=kind, other=kind)  # type: ignore[method-assign]
         cls.isApprox = on_values(  # type: ignore[method-assign]
             "isApprox", near, "truth", Value.isApprox.__doc__, raw=raw, self=kind, other=kind, prec="precision"
         )
