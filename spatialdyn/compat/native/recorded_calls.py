@@ -54,6 +54,7 @@ from ...recursions.tree.kinematics import (
     joint_jacobians,
     placed_frame_jacobian,
 )
+from ...recursions.tree.regressor import body_force
 from . import operator_kernels, operators
 
 ARRAY, PARTS, RESULT = range(3)  # what a recorded call returns
@@ -407,6 +408,14 @@ def frame_jacobian_at(
         write_pose(at(oMf + 128 * k, (4, 4)), spatial.compose(pose_of(work[i].X), read_pose(p)))
     release(scratch, space)
     return bool(all_finite(out))
+
+
+@routine((6, 10), k=Index("njoints"))
+def joint_body_regressor(k: int, velocities: int, accelerations: int, out: Any) -> bool:
+    """The matrix of ``body_force`` of a joint's body, of motions of all joints."""
+    v, a = at(velocities + 48 * k, (6,)), at(accelerations + 48 * k, (6,))
+    body_force(read_motion(v), read_motion(a), out)
+    return True
 
 
 # --- rows -----------------------------------------------------------------------------------------------

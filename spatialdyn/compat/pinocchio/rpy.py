@@ -35,10 +35,16 @@ def rpyToMatrix(roll: Any, pitch: Any = None, yaw: Any = None) -> Array:
 
 def rotate(axis: str, angle: float) -> Array:
     """The rotation (3, 3) by an angle [rad] about an axis, "x", "y" or "z"."""
-    angles = {"x": (angle, 0.0, 0.0), "y": (0.0, angle, 0.0), "z": (0.0, 0.0, angle)}.get(axis)
-    if angles is None:
+    found: Array
+    if axis == "x":
+        found = _of_angles(angle, 0.0, 0.0)
+    elif axis == "y":
+        found = _of_angles(0.0, angle, 0.0)
+    elif axis == "z":
+        found = _of_angles(0.0, 0.0, angle)
+    else:
         raise SpatialDynError(f'axis is {axis!r}, expected "x", "y" or "z"')
-    return _of_angles(*angles)  # type: ignore[no-any-return]
+    return found
 
 
 def computeRpyJacobian(rpy: Any, reference_frame: ReferenceFrame = LOCAL) -> Array:

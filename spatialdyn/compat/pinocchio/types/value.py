@@ -40,7 +40,9 @@ class Value(Copied):
     _arguments: ClassVar[tuple[str, ...]]  # attributes that the constructor takes
     _compared: ClassVar[tuple[Any, ...]] = (...,)  # places of the parts whose norms ``isApprox`` compares
 
-    def __init_subclass__(cls, kind: str = "", near: Any = operators.near, same: Any = operators.same, raw: bool = True, **options: Any) -> None:
+    def __init_subclass__(
+        cls, kind: str = "", near: Any = operators.near, same: Any = operators.same, raw: bool = True, **options: Any
+    ) -> None:
         """``near`` and ``same`` compare two objects as functions of ``on_values``, by default all their numbers."""
         super().__init_subclass__(**options)
         Value._named[cls.__name__] = cls
