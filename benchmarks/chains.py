@@ -1,21 +1,39 @@
-"""Chains of rods: time of a call against the number of joints, one engine at a time, and the slopes."""
+"""Chains of rods: time of a call against the number of joints, one engine at a time, and the slopes.
+
+As a script: chains and trees of mixed joints. Prints nanoseconds of CPU time per row of a sample (crba: per entry of M that is not
+zero) of the kernel of one sample, of the kernel on lanes, of the public call, with its engine, and of Pinocchio from
+Python; how many times faster than the first and the last the public call is; and the step from the row before.
+Results are compared with Pinocchio's before they are timed.
+"""
 
 from __future__ import annotations
 
-from typing import Any
+import argparse
+import time
+from collections.abc import Callable
+from functools import partial
+from typing import Any, NamedTuple
 
+import machine
 import numpy as np
 import pinocchio as pin
-from cases import SCALED, aligned, random_state
+from cases import SCALED, Array, aligned, random_state
 from measure import interleaved
+from tables import number, plain
 
 import spatialdyn as sd
+from spatialdyn.engines import run
+from spatialdyn.engines.compiled import lane_kernels, lane_names, numba_kernels
+from spatialdyn.recursions import SPECS
 
 LENGTHS = (10, 30, 100, 300, 1000)
 FROM = 30  # joints: the slope is of chains this long or longer
 HELD = 300  # joints: Pinocchio's longest chain, as its Data has several n³ tensors, 32 GB at 1000
 SAMPLES = 512  # of a batch: the least that runs on lanes
 ARGUMENTS = {"rnea": "qva", "aba": "qvt", "crba": "q"}
+MIXED = (60, 100, 150, 300, 600, 1000)  # joints of chains and trees of mixed joints
+KINDS = "revolute", "prismatic", "continuous", "spherical"
+MIXED_SAMPLES, MOST_NUMBERS = 64, 1 << 24  # samples of a batch, but no more than so many results beyond 8 samples
 ROD = (1.0, (0.0, 0.0, 0.5), np.diag([1 / 12, 1 / 12, 1e-3]))
 
 
@@ -93,3 +111,141 @@ def _slope(values: list[float]) -> float:
     """Slope of log time over log n from FROM joints on."""
     x, y = np.log([(n, t) for n, t in zip(LENGTHS, values, strict=False) if n >= FROM]).T
     return float(np.polyfit(x, y, 1)[0])
+
+
+# --- chains and trees of mixed joints ---------------------------------------------------------------------
+
+
+class Pair(NamedTuple):
+    """A model here and in Pinocchio, if its Data fits into memory there."""
+
+    ours: sd.Model
+    theirs: Any
+
+
+def mixed(n: int, branching: float) -> Pair:
+    """So many bodies on seeded random joints, depth first; ``branching``: the chance to hang higher than on the last."""
+    rng = np.random.default_rng(n)
+    builder, model, line = sd.ModelBuilder(f"mixed{n}"), pin.Model(), [-1]
+    mass_of = pin.Inertia(ROD[0], np.array(ROD[1]), ROD[2])
+    for k in range(n):
+        while len(line) > 1 and rng.random() < branching:
+            line.pop()
+        kind, axis = KINDS[rng.integers(len(KINDS))], rng.normal(size=3)
+        axis /= np.linalg.norm(axis)
+        turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+        X = np.eye(4)
+        X[:3, :3], X[:3, 3] = turn * np.sign(np.linalg.det(turn)), (0.0, 0.0, 1.0)
+        parent = f"b{line[-1]:04d}" if line[-1] >= 0 else None
+        builder.add_body(f"b{k:04d}", parent, kind, (0, 0, 1) if kind == "spherical" else axis, X, ROD)
+        joint = (
+            pin.JointModelSpherical() if kind == "spherical"
+            else pin.JointModelPrismaticUnaligned(axis) if kind == "prismatic"
+            else pin.JointModelRevoluteUnaligned(axis)
+        )  # fmt: skip
+        at = model.addJoint(line[-1] + 1, joint, pin.SE3(X), f"b{k:04d}")
+        model.appendBodyToJoint(at, mass_of, pin.SE3.Identity())
+        line.append(k)
+    return Pair(builder.build(), model if n <= HELD else None)
+
+
+def ways_of(pair: Pair, call: str) -> tuple[dict[str, Callable[[], Any]], int, str]:
+    """Functions that compute a batch, or with Pinocchio a sample; the samples; and the engine of the public call."""
+    model, other = pair
+    wide = model.nv ** (1 + (call == "crba"))
+    count = max(8, min(MIXED_SAMPLES, MOST_NUMBERS // wide))
+    state = random_state(model, count)
+    arguments = [state[letter] for letter in ARGUMENTS[call]]
+    spec = numba_kernels.variant(SPECS[call], ())
+    outs = {way: aligned((count, *[model.nv] * (1 + (call == "crba")))) for way in ("table", "lanes", "call")}
+    kernels = {"table": numba_kernels.batch_kernel(spec), "lanes": lane_kernels.kernel(spec, lane_names.width())}
+    known = [y for x in arguments for y in (x, 1)]
+    status = np.empty(count, np.int8)
+    found: dict[str, Callable[[], Any]] = {
+        way: partial(kernel, model.address, count, *known, outs[way], status) for way, kernel in kernels.items()
+    }
+    public = getattr(sd, call)
+    sd.compile(model, public)
+    found["call"] = lambda: public(model, *arguments, out=outs["call"])
+    if found["lanes"]() < 0:  # no room
+        del found["lanes"], outs["lanes"]
+    for compute in found.values():
+        compute()
+    np.testing.assert_array_equal(outs.get("lanes", outs["table"]), outs["table"])
+    if other is not None:
+        data, one, function = other.createData(), [np.array(x[0]) for x in arguments], getattr(pin, call)
+        found["pinocchio"] = lambda: function(other, data, *one)
+        for way, out in outs.items():
+            error = _error(call, pair, one, out[0])
+            assert error <= SCALED, f"{model.name}, {call}: scaled error {error:.1e} of {way} against Pinocchio"
+    return found, count, "lanes" if run.program(spec, model, ()) is None else "program"
+
+
+def _error(call: str, pair: Pair, one: list[Array], found: Array) -> float:
+    """Scaled error of one sample against Pinocchio; of aba, whose M is badly conditioned, the torques' of its answer."""
+    model, data = pair.theirs, pair.theirs.createData()
+    if call == "aba":
+        q, v, tau = one
+        M = pin.crba(model, data, q)
+        scale = (abs(np.triu(M) + np.triu(M, 1).T) @ abs(found)).max()
+        return float(abs(pin.rnea(model, data, q, v, found) - tau).max() / scale)
+    wanted = np.array(getattr(pin, call)(model, data, *one))
+    wanted = np.triu(wanted) + np.triu(wanted, 1).T if call == "crba" else wanted
+    return float(abs(found - wanted).max() / abs(wanted).max())
+
+
+def of_mixed(lengths: list[int], calls: list[str], rounds: int) -> list[list[str]]:
+    """A row of the table for each shape, call and length."""
+    rows = []
+    for shape, branching in (("chain", 0.0), ("tree", 0.3)):
+        last: dict[str, float] = {}
+        for n in lengths:
+            pair = mixed(n, branching)
+            for call in calls:
+                ways, count, engine = ways_of(pair, call)
+                unit = np.count_nonzero(sd.crba(pair.ours, sd.neutral(pair.ours))) if call == "crba" else pair.ours.nv
+                times = interleaved(ways, rounds, 0.02, time.thread_time)
+                ns = {way: 1e9 * t / unit / (1 if way == "pinocchio" else count) for way, t in times.items()}
+                beside = ns["pinocchio"] / ns["call"] if "pinocchio" in ns else None
+                step = ns["call"] / last[call] if call in last else None
+                last[call] = ns["call"]
+                cells = [
+                    ns["table"],
+                    ns.get("lanes"),
+                    ns["call"],
+                    ns.get("pinocchio"),
+                    ns["table"] / ns["call"],
+                    beside,
+                ]
+                rows.append([f"{shape} {n}", str(pair.ours.nv), call, engine, *(number(x, 2) for x in (*cells, step))])
+                print(*(x.ljust(10) for x in rows[-1]), flush=True)
+    return rows
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--lengths", type=int, nargs="*", default=list(MIXED), help="numbers of bodies")
+    parser.add_argument("--calls", nargs="*", default=list(ARGUMENTS), choices=tuple(ARGUMENTS))
+    parser.add_argument("--rounds", type=int, default=5)
+    given = parser.parse_args()
+    sd.set_num_threads(1)
+    headings = [
+        "bodies",
+        "rows",
+        "call",
+        "engine",
+        "table",
+        "lanes",
+        "call",
+        "pinocchio",
+        "x table",
+        "x pinocchio",
+        "step",
+    ]
+    title = f"ns of CPU time a row of one sample, crba: an entry; one thread of {machine.machine()['processor']}"
+    print(plain(title, headings, of_mixed(given.lengths, given.calls, given.rounds)))
+
+
+if __name__ == "__main__":
+    main()

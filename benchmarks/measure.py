@@ -15,15 +15,18 @@ def per_call(run: Callable[[], object], calls: int, clock: Callable[[], float] =
     return (clock() - start) / calls
 
 
-def interleaved(contestants: Mapping[str, Callable[[], object]], rounds: int, seconds: float) -> dict[str, float]:
+def interleaved(
+    contestants: Mapping[str, Callable[[], object]], rounds: int, seconds: float,
+    clock: Callable[[], float] = time.perf_counter,
+) -> dict[str, float]:  # fmt: skip
     """Median seconds per call of each contestant; in a round each runs for about ``seconds``."""
     calls = {}
     for name, run in contestants.items():
         run()
-        once = per_call(run, 1)
-        calls[name] = max(1, int(seconds / (once if once > seconds else max(per_call(run, 3), 1e-9))))
+        once = per_call(run, 1, clock)
+        calls[name] = max(1, int(seconds / (once if once > seconds else max(per_call(run, 3, clock), 1e-9))))
     taken: dict[str, list[float]] = {name: [] for name in contestants}
     for _ in range(rounds):
         for name, run in contestants.items():
-            taken[name].append(per_call(run, calls[name]))
+            taken[name].append(per_call(run, calls[name], clock))
     return {name: median(values) for name, values in taken.items()}

@@ -120,7 +120,7 @@ def _of_frame(spec: Spec) -> bool:
 def _compile(spec: Spec, model: Model, static: tuple[Any, ...]) -> None:
     """The code that a call runs: its program for one sample and for batches; the table kernel if it has none."""
     if not run.compile_program(spec, model, static):
-        run.compile_table_kernel(spec)
+        run.compile_table_kernel(spec, model, static)
 
 
 compile = compile_calls  # as ``sd.compile``

@@ -20,7 +20,7 @@ from ..bodies.static_table import StaticTable
 from ..bodies.table import ANY_NORM
 from ..recursions.spec import Spec
 from ..waiting import watch
-from . import locks, threads
+from . import locks, mimic_batches, threads
 from .compiled import lane_batches, lane_names, numba_kernels, tiers
 from .failed import ALL_OK as ALL_OK
 from .failed import Arrays as Arrays
@@ -184,11 +184,11 @@ def run_table_kernel(
 
     A recursion that branches on values has no program; it runs in plain Python until compiling pays, with the same
     bits. NumPy computes a few samples with NaN or infinity, so that no kernel is compiled for a result of NaN. NumPy
-    also computes all samples of a model with mimic joints, whose reduced recursions have no table kernel, of a model
-    without joints, and of a Spec that is ``large``.
+    also computes all samples of a model without joints, of a Spec that is ``large``, and of a model with mimic joints
+    where ``mimic_batches`` does not.
     """
     count = len(out) if at is None else len(at)
-    in_numpy = len(table.bodies) == 1 or table.bodies["leader"].any()
+    in_numpy = len(table.bodies) == 1 or (mimic_batches.reduced(table) is not None and not mimic_batches.fits(spec))
     if in_numpy or (spec.large and not numba_kernels.PLAIN):
         samples = np.arange(count) if at is None else at
         return run_in_numpy(spec, table, inputs, static, out, samples, columns, seen)
@@ -214,7 +214,7 @@ def preview(spec: Spec, table: Table, inputs: Arrays, static: tuple[Any, ...], c
     if (
         numba_kernels.PLAIN
         or not spec.traceable  # its recursion is compiled when that pays
-        or table.bodies["leader"].any()  # mimic joints have no table kernel
+        or mimic_batches.reduced(table) is not None  # their calls run several kernels
         or numba_kernels.is_made(spec)
         or (lane_names.fits(spec) and lane_batches.batches(spec).is_made)
         or count > _few(spec, table, static)
@@ -257,11 +257,14 @@ def _run_table_kernel(
 ) -> Failed:
     """As ``run_table_kernel``, for samples of any kind."""
     core, rows = _core(spec, table, hashable(static)), getattr(table, numba_kernels.TABLE)
-    kernel = _kernel(spec, len(out) if at is None else len(at))
+    reduced = mimic_batches.reduced(table)
+    kernel = _kernel(spec, len(out) if at is None else len(at)) if reduced is None else None
 
     def compute(here: slice, given: Arrays, flat: NDArray[np.float64], status: NDArray[np.int8]) -> None:
         results = flat.reshape((len(flat), *core))
-        if kernel is not None:
+        if reduced is not None:
+            reduced.compute(_run_kernel, spec, given, static, results, status)
+        elif kernel is not None:
             _share(kernel, rows, given, static, results, status)
         else:
             _one_by_one(spec, rows, given, static, results, status)
@@ -270,8 +273,24 @@ def _run_table_kernel(
     return _in_slices(compute, len(table.bodies), math.prod(core), inputs, out, at, columns, seen, least)
 
 
-def compile_table_kernel(spec: Spec) -> None:
-    """Compile the table kernel that computes batches of a call without a program."""
+def _run_kernel(
+    spec: Spec, table: Any, inputs: Sequence[NDArray[np.float64]], static: tuple[Any, ...], out: NDArray[np.float64],
+    status: NDArray[np.int8],
+) -> None:  # fmt: skip
+    """A ``mimic_batches.Run``."""
+    _share(_kernel(spec, len(out)), getattr(table, numba_kernels.TABLE), inputs, static, out, status)
+
+
+def compile_table_kernel(spec: Spec, table: Table, static: tuple[Any, ...] = ()) -> None:
+    """Compile the table kernels that compute batches of a call without a program."""
+    reduced = mimic_batches.reduced(table)
+    if reduced is None:
+        _compile_kernel(spec)
+    elif mimic_batches.fits(spec):
+        reduced.visit(_compile_kernel, spec, static)
+
+
+def _compile_kernel(spec: Spec) -> None:
     if lane_names.fits(spec):
         lane_batches.batches(spec).compile_now()
     else:

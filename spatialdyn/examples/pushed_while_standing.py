@@ -2,11 +2,11 @@
 
 Learn    sd.WholeBody finds joint torques for a robot whose base has no motor: accelerations and forces of the feet at
          once, within friction, torques and limits, so that the centre of mass and the posture come back.
-Look at  the largest impulse in N s that each survives, found by bisection, and five seconds of standing after it. Talos
-         weighs 886 N on soles of 20 by 12 cm, which alone hold it: the forces may only push, and their centre has to
-         stay under the feet. Where no torque within all limits is left, the smallest relaxation is taken, and it has a
-         name.
-Needs    pip install example-robot-data qpsolvers daqp
+Look at  the largest impulse in N s that each survives, found by bisection, and three seconds of standing after it.
+         Talos weighs 886 N on soles of 20 by 12 cm, which alone hold it: the forces may only push, and their centre
+         has to stay under the feet. Where no torque within all limits is left, the smallest relaxation is taken, and it
+         has a name.
+Needs    pip install example-robot-data daqp
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ import spatialdyn as sd
 from spatialdyn.examples.gallery import need, picture, start, write
 from spatialdyn.model.robot import Link, RobotJoint
 
-DT, PUSH, UP, HALVES = 4e-3, (0.5, 0.6), 0.8, 3  # UP: of its height, below which a robot has fallen
+DT, START, PUSHED, UP, HALVES = 4e-3, 0.1, 0.1, 0.8, 3  # UP: of its height, below which a robot has fallen
 SOLE = ((0.1, 0.06), (0.1, -0.06), (-0.1, 0.06), (-0.1, -0.06))
 
 
@@ -52,35 +52,40 @@ def solo() -> tuple[sd.Model, dict[str, float], Any]:
     return model, {f"{leg}_FOOT": 0.016 for leg in legs}, q
 
 
-def stand(robot: Any, frame: str, impulse: float, seconds: float) -> tuple[Any, Any, bool]:
-    """Times, the centre of mass's distance from where it was, and whether it stays up, of a robot that is pushed."""
+def standing(robot: tuple[sd.Model, dict[str, float], Any], frame: str) -> tuple[sd.WholeBody, Any, str]:
+    """The law by which a robot's centre of mass, frame and posture come back; it on its feet; the frame to push."""
     model, points, q = robot
     contacts = sd.Contacts(model, points, friction=0.7)
     q[2] -= sd.contact_gaps(model, contacts, q).min()
     scene, c = sd.Scene(model, contacts=contacts, friction=False), sd.center_of_mass(model, q)
     base = sd.FrameTask(frame, target=sd.frame_placement(model, q, frame), axes="rxyz", Kp=50.0)
     tasks = [sd.ComTask(c, Kp=30.0, weight=10.0), base, sd.PostureTask(q, Kp=50.0, weight=0.1)]
-    body = sd.WholeBody(scene, tasks, dt=DT, infeasible="relax")
+    return sd.WholeBody(scene, tasks, dt=DT, infeasible="relax"), q, frame
+
+
+def stand(robot: tuple[sd.WholeBody, Any, str], impulse: float, seconds: float) -> tuple[Any, Any, bool]:
+    """Times, the centre of mass's distance from where it was, and whether it stays up, of a robot that is pushed."""
+    (body, stance, frame), model = robot, robot[0].model
 
     def push(t: float, q: Any, v: Any) -> Any:
-        return sd.wrench_at(model, q, frame, np.eye(6)[0] * impulse / (PUSH[1] - PUSH[0]) * (PUSH[0] <= t < PUSH[1]))
+        return sd.wrench_at(model, q, frame, np.eye(6)[0] * impulse / PUSHED * (START <= t < START + PUSHED))
 
     try:
-        run = sd.simulate(scene, q, np.zeros(model.nv), seconds, DT, torque=body, fext=push, record=5)
+        run = sd.simulate(body.scene, stance, np.zeros(model.nv), seconds, DT, torque=body, fext=push, record=5)
     except sd.SpatialDynError:  # a robot on its back, whose feet no torque can hold
         return np.zeros(1), np.ones(1), False
-    found = sd.center_of_mass(model, run.q)
+    c, found = sd.center_of_mass(model, stance), sd.center_of_mass(model, run.q)
     return run.t, np.linalg.norm(found - c, axis=1), bool(found[:, 2].min() > UP * c[2])
 
 
-def largest(robot: Any, frame: str, impulse: float, seconds: float) -> float:
+def largest(robot: tuple[sd.WholeBody, Any, str], impulse: float, seconds: float) -> float:
     """The largest impulse [N s] that it survives, from one that it does: doubled until it falls, then bisected."""
     step = impulse
-    while stand(robot, frame, impulse + step, seconds)[2]:
+    while stand(robot, impulse + step, seconds)[2]:
         impulse, step = impulse + step, 2.0 * step
     for _ in range(HALVES):
         step *= 0.5
-        if stand(robot, frame, impulse + step, seconds)[2]:
+        if stand(robot, impulse + step, seconds)[2]:
             impulse += step
     return impulse
 
@@ -90,13 +95,13 @@ def main(quick: bool = False, save: str | None = None) -> dict[str, Any]:
 
     Quick: Solo12 alone, pushed by 1 N s.
     """
-    need("qpsolvers", "wbc")
+    need("daqp", "wbc")
     robots: dict[str, Any] = {"Solo12": (solo, "base_link", 1.0), "Talos": (talos, "torso_2_link", 16.0)}
     found = {}
     for name, (make, frame, impulse) in list(robots.items())[: 1 if quick else 2]:
-        robot = make()
-        most = impulse if quick else largest(robot, frame, impulse, 2.5)
-        found[name] = most, *stand(robot, frame, most, 1.5 if quick else 5.6)
+        robot = standing(make(), frame)
+        most = impulse if quick else largest(robot, impulse, 2.1)
+        found[name] = most, *stand(robot, most, 1.1 if quick else 3.2)
         off, word = found[name][2], "" if quick else "survives"
         print(f"{name} {word} {most:g} N s: {off.max():.3f} m off its place, {off[-1]:.1e} m at the end")
     if save:

@@ -6,11 +6,12 @@ qpsolvers.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..calls.arguments import as_word
 from ..errors import ConstraintError, SpatialDynError, pip_install
 
 Array = NDArray[np.float64]
@@ -18,6 +19,7 @@ VIOLATED = 1e-5  # relative to the robot's weight, a limit or a braking accelera
 RELAXED = 1e-6  # likewise relative: with a smaller relaxation the program counts as feasible
 STEEP = 1e6  # weight of the relaxation relative to the cost, which only makes the answer unique
 NONE = 1e29  # a bound this large counts as none
+DIRECT = "daqp"
 EQUAL = 5  # DAQP's word for an equation
 
 
@@ -54,18 +56,25 @@ class Relaxation(NamedTuple):
         return f"{self.name} by {self.amount:.4g} {self.unit}"
 
 
-def available() -> list[str]:
-    """Installed solvers. Raises SpatialDynError without qpsolvers."""
+def check_solver(solver: Any) -> str:
+    """The name of an installed solver. Raises SpatialDynError for any other, and without qpsolvers."""
+    if isinstance(solver, str) and solver == DIRECT:
+        try:
+            import daqp  # noqa: F401
+        except ImportError:
+            pass
+        else:
+            return solver  # qpsolvers would import JAX, which takes a second
     try:
         import qpsolvers
     except ImportError:
         raise SpatialDynError(f"qpsolvers is not installed; {pip_install('wbc')}") from None
-    return list(qpsolvers.available_solvers)
+    return as_word("solver", solver, qpsolvers.available_solvers)
 
 
 def raw(solver: str, p: Program) -> Array | None:
     """The solver's answer; None if it has none."""
-    if solver == "daqp":
+    if solver == DIRECT:
         import daqp
 
         x, _, flag, _ = daqp.solve(p.P, p.g, p.rows, p.high, p.low, p.sense.copy())  # DAQP writes to sense

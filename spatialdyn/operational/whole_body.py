@@ -30,7 +30,7 @@ from ..simulation.scene import Scene
 from .feet import feet_of
 from .goals import Goals, Joints, goals_of, terms_of
 from .hierarchy import check_tasks
-from .quadratic import EQUAL, NONE, Program, Relaxation, available, relax, residual, solve
+from .quadratic import EQUAL, NONE, Program, Relaxation, check_solver, relax, residual, solve
 from .standing import Standing
 from .tasks import Rows, Task
 from .terms import State, Terms
@@ -128,7 +128,7 @@ class WholeBody:
         self.standing = standing if whole else _positive("standing", standing)
         self.largest = math.inf if largest is None else _positive("largest", largest)
         self.infeasible = as_word("infeasible", infeasible, ("raise", "relax"))
-        self.solver = as_word("solver", solver, available())
+        self.solver = check_solver(solver)
         floats = [x for x in model.joints[1:] if x.kind == "floating" and x.parent == 0]
         self.base = 6 if floats else 0
         self.weight = max(float(np.linalg.norm(model.gravity)) * model.total_mass, 1e-300)

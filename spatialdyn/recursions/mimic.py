@@ -21,9 +21,9 @@ from .constraints.constraint_rows import (
 from .contact.contact_rows import write_gaps, write_point_rows
 from .derivatives.derivatives import aba_derivatives_by_factor, aba_derivatives_through_M
 from .signatures import Array, Bodies, Matrix, Vector
-from .spec import MassMatrix
+from .spec import MassMatrix, Spec
 from .tree.aba import acceleration_through_M
-from .tree.ltdl import factor_tree, solve_tree
+from .tree.ltdl import FACTORED, INVERTED, SOLVED, factor_tree, solve_tree
 
 
 class Reduction(NamedTuple):
@@ -35,6 +35,7 @@ class Reduction(NamedTuple):
                  arguments q, v and J are those of the model
     through_M    names of calls that solve with M
     factor, solve  ``factor(bodies, M)`` and ``solve(bodies, L, x)`` in place, by the parents of the rows
+    factored, solved, inverted  the Specs of the factors of M, of M⁻¹ x and M⁻¹ by given factors
     by_factor    ``(bodies, work, q, v, tau, fext, D, pivots, a, inverse)``, a recursion that factors M itself
     of_factor    the same from a given M: ``(M, q, v, tau, fext) -> a, parts of D``, each (samples, ...)
     """
@@ -45,6 +46,9 @@ class Reduction(NamedTuple):
     through_M: tuple[str, ...]
     factor: Callable[[Bodies, Matrix], None]
     solve: Callable[[Bodies, Matrix, Vector], None]
+    factored: Spec
+    solved: Spec
+    inverted: Spec
     by_factor: Any
     of_factor: Callable[..., tuple[Array, tuple[Array, ...]]]
 
@@ -60,5 +64,6 @@ REDUCTION = Reduction(
     "crba",
     ("crba", "rnea", "modified_rnea", "momentum_rate", "frame_placement", "frame_jacobian", "frame_jacobian_dot"),
     (carry_axes, place_bias, place_rows, write_drift, write_error, write_gaps, write_jacobian, write_point_rows),
-    ("aba", "hamilton_field"), factor_tree, solve_tree, aba_derivatives_by_factor, accelerations_and_derivatives,
+    ("aba", "hamilton_field"), factor_tree, solve_tree, FACTORED, SOLVED, INVERTED,
+    aba_derivatives_by_factor, accelerations_and_derivatives,
 )  # fmt: skip

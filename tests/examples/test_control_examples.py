@@ -178,10 +178,11 @@ def test_a_quadruped_stands_through_a_push() -> None:
 def test_what_robots_survive_and_what_not() -> None:
     """The impulses that the example finds, 10 s of both; a push of twice that of Talos throws it."""
     pytest.importorskip("qpsolvers")
-    from spatialdyn.examples.pushed_while_standing import solo, stand, talos
+    from spatialdyn.examples.pushed_while_standing import solo, stand, standing, talos
 
-    for robot, frame, impulse in ((solo(), "base_link", 3.0), (talos(), "torso_2_link", 30.0)):
-        _, off, up = stand(robot, frame, impulse, 10.0)
+    humanoid = standing(talos(), "torso_2_link")
+    for robot, impulse in ((standing(solo(), "base_link"), 3.0), (humanoid, 30.0)):
+        _, off, up = stand(robot, impulse, 10.0)
         assert up
         assert off[-1] < 1e-3
-    assert not stand(talos(), "torso_2_link", 60.0, 2.5)[2]
+    assert not stand(humanoid, 60.0, 2.1)[2]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from typing import Any
 
 import numpy as np
@@ -87,6 +88,17 @@ def test_other_solvers_find_the_same(asked: float) -> None:
         np.testing.assert_allclose(other[:n], x[:n], atol=tolerance * max(1.0, abs(x[:n]).max()))
         np.testing.assert_allclose(other[n:], x[n:], atol=1e2 * tolerance)  # forces weigh a ten-thousandth
     np.testing.assert_allclose(sd.WholeBody(scene, tasks, solver="quadprog").solve(q, v).a, x[:n], atol=1e-6)
+
+
+def test_daqp_alone_needs_no_qpsolvers(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Which imports JAX and takes a second."""
+    model, scene, q = box()
+    monkeypatch.setitem(sys.modules, "qpsolvers", None)
+    assert sd.WholeBody(scene, standing(model, q)).solver == "daqp"
+    monkeypatch.setitem(sys.modules, "daqp", None)
+    for missing in ("quadprog", "daqp"):
+        with pytest.raises(sd.SpatialDynError, match=r"qpsolvers is not installed; pip install qpsolvers daqp"):
+            sd.WholeBody(scene, standing(model, q), solver=missing)
 
 
 def test_forces_stay_in_their_cones_and_torques_in_their_limits() -> None:

@@ -7,7 +7,7 @@ from ...algebra.records import table_dtype
 from ...algebra.scalars import inline
 from ...algebra.spatial import Force, Inertia, Pose
 from ..signatures import Bodies, Config, Matrix, Vector, Work
-from ..spec import FEXT_OPTIONAL, TAU, TURNED_Q, A, Spec, V
+from ..spec import FEXT_OPTIONAL, TAU, TURNED_Q, A, Argument, Spec, V
 from .aba import acceleration_through_M
 from .crba import crba
 from .rnea import rnea
@@ -87,6 +87,39 @@ def solve_outward(bodies: Bodies, L: Matrix, x: Vector) -> None:
 
 
 @inline
+def factored(bodies: Bodies, M: Matrix, L: Matrix) -> None:
+    """The factors of a given M: D on the diagonal of L, L below it, zeros above."""
+    for i in range(len(bodies) - 1):
+        for j in range(i):
+            L[i, j] = M[i, j]
+            L[j, i] = 0.0
+        L[i, i] = M[i, i]
+    factor_tree(bodies, L)
+
+
+@inline
+def solved(bodies: Bodies, L: Matrix, x: Vector, y: Vector) -> None:
+    """y = (LᵀD L)⁻¹ x."""
+    for i in range(len(bodies) - 1):
+        y[i] = x[i]
+    solve_tree(bodies, L, y)
+
+
+@inline
+def inverted(bodies: Bodies, L: Matrix, inverse: Matrix) -> None:
+    """(LᵀD L)⁻¹, column by column; the upper triangle is a copy of the lower one."""
+    for k in range(len(bodies) - 1):
+        column = inverse[k]
+        for i in range(len(bodies) - 1):
+            column[i] = 0.0
+        column[k] = 1.0
+        solve_tree(bodies, L, column)
+    for i in range(len(bodies) - 1):
+        for j in range(i):
+            inverse[i, j] = inverse[j, i]
+
+
+@inline
 def add_times_L(bodies: Bodies, L: Matrix, x: Vector, y: Vector) -> None:
     """y += L x."""
     for i in range(1, len(bodies)):
@@ -106,3 +139,10 @@ SPECS = (
         scratch=(("nv", "nv"),), through_M=acceleration_through_M, residual=("rnea", "minverse"),
     ),
 )  # fmt: skip
+_LTDL = "Featherstone, RBDA (2008), section 6.3."
+_M = Argument("M", ("nv", "nv"), "kg m² | kg m | kg", "mass matrix")
+_L = Argument("L", ("nv", "nv"), "kg m² | kg m | kg; 1", "D of M = LᵀD L on the diagonal, L below it")
+_MINV = Argument("Minv", ("nv", "nv"), "1/(kg m²) | 1/(kg m) | 1/kg", "inverse of M")
+FACTORED = Spec("factored", factored, None, (_M,), _L, "Factors of a given mass matrix.", _LTDL)
+SOLVED = Spec("solved", solved, None, (_L, TAU), A, "a = M⁻¹ tau for given factors of M.", _LTDL)
+INVERTED = Spec("inverted", inverted, None, (_L,), _MINV, "M⁻¹ for given factors of M.", _LTDL)

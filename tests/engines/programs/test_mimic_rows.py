@@ -137,7 +137,7 @@ def test_a_big_angle_and_a_nan_have_their_own_answers(models: tuple[sd.Model, sd
 
 @COMPILED
 def test_what_a_program_rejects_compiles_no_table_kernel(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The reduced recursions have none; the program runs in NumPy."""
+    """The program runs in NumPy."""
     model = claw(False)
     monkeypatch.setattr(run, "run_table_kernel", lambda *given, **more: pytest.fail("the table kernel ran"))
     q, v = sd.random_configuration(model, np.random.default_rng(0), (3,)), np.ones((3, model.nv))

@@ -535,23 +535,34 @@ def test_any_number_of_columns_is_transposed_there_and_back(shape: Shape, dtype:
 
 @pytest.mark.parametrize("shape", [s for s in NARROW if s.lanes > 1], ids=name_of)
 @pytest.mark.parametrize("dtype", slow_but([np.float64], [np.float64, np.float32]))
-def test_streamed_results_are_the_stored_ones(monkeypatch: pytest.MonkeyPatch, shape: Shape, dtype: Any) -> None:
-    """Columns that are whole vectors and those that are not, cut into functions or not."""
-    for c in (1, 5, 8, 17, 49):
+def test_rows_are_written_in_place_in_halves_staged_or_streamed(
+    monkeypatch: pytest.MonkeyPatch, shape: Shape, dtype: Any
+) -> None:
+    """Columns that are whole vectors, half ones more, and neither, cut into functions or not."""
+    for c in (1, 5, 8, 28, 49):
         tape = Tape()
         x = [tape.input(k) for k in range(3)]
         results = [x[k % 3] * float(k + 2) for k in range(c)]
         program, layout = Program(tape, results, 3), KernelLayout((3,), (tuple(range(c)), tuple(range(c // 2 + 1))))
         values = np.arange(4 * shape.lanes * 3).reshape(-1, 3)
-        wanted, _ = Runner(program, layout, shape, dtype)(values)
-        for whole in (schedule.MOST_WHOLE, 0) if c == 17 else (schedule.MOST_WHOLE,):
+        wanted = np.stack([values[:, k % 3] * (k + 2) for k in range(c)], axis=1)
+        for whole in (schedule.MOST_WHOLE, 0) if c == 49 else (schedule.MOST_WHOLE,):
             with monkeypatch.context() as patch:
                 patch.setattr(schedule, "MOST_WHOLE", whole)
                 patch.setattr(simd, "STORED", 8)
-                found, valid = Runner(program, layout, shape, dtype, stream=True)(values)
-            assert valid.all()
-            for one, other in zip(found, wanted, strict=True):
-                np.testing.assert_array_equal(one, other)
+                for stream in (False, True):
+                    (first, second), valid = Runner(program, layout, shape, dtype, stream)(values)
+                    assert valid.all()
+                    np.testing.assert_array_equal(first, wanted)
+                    np.testing.assert_array_equal(second, wanted[:, : c // 2 + 1])
+
+
+@pytest.mark.parametrize("columns_of", [(36, True, False), (81, False, True), (6, False, False), (64, False, False)])
+def test_long_rows_are_staged_unless_a_vector_or_half_of_one_divides_them(columns_of: tuple[int, bool, bool]) -> None:
+    count, halved, staged = columns_of
+    assert columns.halved(count, 8) == halved
+    assert columns.staged(count, 8, stream=False) == staged
+    assert columns.staged(count, 8, stream=True) == (count % 8 > 0)
 
 
 def test_an_input_with_step_zero_serves_every_sample() -> None:

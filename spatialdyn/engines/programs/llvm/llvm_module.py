@@ -26,14 +26,14 @@ def module(main: Vectors, functions: Sequence[str], layout: KernelLayout, worksp
     body, last = _in_blocks(main.lines)
     wide = 8 * size * main.lanes
     # without alignstack, vectors spilled to the stack may straddle cache lines, which is slower
-    streaming = _STREAM.format(v=v, align=size * main.lanes) if stream else ""
+    copy = _COPY.format(v=v, align=size * main.lanes, to=size * (main.lanes if stream else 1), how=_PAST * stream)
     columns = tuple(map(len, layout.outputs))
     return f"""
 declare {v} @llvm.fma.{suffix}({v}, {v}, {v})
 declare {v} @llvm.fabs.{suffix}({v})
 declare {v} @llvm.sqrt.{suffix}({v})
 declare {v} @llvm.copysign.{suffix}({v}, {v})
-{streaming}
+{copy}
 {"".join(functions)}
 define void @kernel(i64 %tiles, {ins}{outs}ptr noalias %bits, ptr noalias %ws, ptr noalias %numbers) #0 {{
 entry:
@@ -74,9 +74,10 @@ def _in_blocks(lines: Sequence[str]) -> tuple[str, str]:
     return "\n".join(text), last
 
 
-_STREAM = """
+_PAST = ", !nontemporal !0"
+_COPY = """
 !0 = !{{i32 1}}
-define internal void @stream(ptr noalias %out, i64 %tile, i64 %columns, ptr noalias %from) noinline #0 {{
+define internal void @copy(ptr noalias %out, i64 %tile, i64 %columns, ptr noalias %from) noinline #0 {{
 entry:
   %start = mul i64 %tile, %columns
   br label %loop
@@ -86,7 +87,7 @@ loop:
   %x = load {v}, ptr %source, align {align}
   %at = add i64 %start, %k
   %target = getelementptr {v}, ptr %out, i64 %at
-  store {v} %x, ptr %target, align {align}, !nontemporal !0
+  store {v} %x, ptr %target, align {to}{how}
   %next = add i64 %k, 1
   %more = icmp slt i64 %next, %columns
   br i1 %more, label %loop, label %done

@@ -68,12 +68,15 @@ class Writer:
         self.schedule = Schedule(program, layout, is_whole(program, layout) if whole is None else whole)
         self.numbers = Numbers(program, layout)
         self.bounded = layout.range is None and finite.bounded(program)
+        nothing: frozenset[int] = frozenset()
+        self.implied = finite.implied(program, layout) if layout.range is None else (nothing, nothing)
         self.afresh = not held(program, layout)
         self.common = _common(program, layout)
         self.whole = self.schedule.whole
         self.poison_slot = self.schedule.slot_count  # followed by the floor's slot, if ranges are checked
         self.stage = self.poison_slot + (1 if layout.range is None else 2)  # slots of rows to be streamed
-        staged = [len(places) for places in layout.outputs if stream and len(places) % lanes]
+        self.staged = [columns.staged(len(places), lanes, stream) for places in layout.outputs]
+        staged = [len(places) for places, first in zip(layout.outputs, self.staged, strict=True) if first]
         kept = [r for r in program.regions if r in self.schedule.cut or not runs_once(program.lines, r)]
         carried = dict.fromkeys(k for region in kept for k in region.carried)
         self.carried = {k: self.stage + max(staged, default=0) + at for at, k in enumerate(carried)}  # their slots
@@ -127,7 +130,6 @@ class Writer:
         poison = [ZERO] * 4
         given: list[str] = []
         wide = self.layout.range
-        implied = frozenset() if wide else finite.implied(self.program, self.layout)
         driving: list[str] = []
         for a, width in enumerate(self.layout.inputs):
             if a in self.layout.common:
@@ -140,7 +142,7 @@ class Writer:
         for i, x in enumerate(given):
             if not x:
                 continue
-            if i not in implied:
+            if i not in self.implied[0]:
                 poison[i % 4] = t.fused(x, x if wide else zero, poison[i % 4])
             if i in index:
                 self.values[index[i]] = x
@@ -360,9 +362,9 @@ class Writer:
                     t.do(f"call void @chunk{len(functions) - 1}(ptr %ws, ptr %numbers, ptr %out{a}, i64 %first)")
             else:
                 squares = self._write_columns(t, a, blocks, set() if floor else seen, sums, bool(floor))
-            if self._staged(a):
+            if self.staged[a]:
                 to = t.at(t.vector, "%ws", self.stage)
-                t.do(f"call void @stream(ptr %out{a}, i64 %tile, i64 {len(places)}, ptr {to})")
+                t.do(f"call void @copy(ptr %out{a}, i64 %tile, i64 {len(places)}, ptr {to})")
             if floor and squares:
                 total = self._added(t, squares)
                 sums[0] = t.poisoned_unless(t.compare("oge", total, floor), sums[0])
@@ -372,10 +374,6 @@ class Writer:
         if self.lanes < 16:
             bits = t.put(f"zext i{self.lanes} {bits} to i16")
         t.store("i16", bits, t.at("i16", "%bits", "%tile"), 2)
-
-    def _staged(self, a: int) -> bool:
-        """Whether the rows of an output are written by ``stream``."""
-        return self.stream and len(self.layout.outputs[a]) % self.lanes > 0
 
     def _output_function(self, i: int, a: int, blocks: Sequence[tuple[int, int]], seen: set[int]) -> str:
         """The function of some blocks of an output of a long program: its results are in the workspace."""
@@ -396,19 +394,19 @@ class Writer:
         """
         lines, zero, places = self.program.lines, t.constant(0.0), self.layout.outputs[a]
         squares = [t.spread("%numbers", self.numbers.squares[a]), *[ZERO] * 3] if floor else []
-        if self._staged(a):
+        if self.staged[a]:
             to = t.at(t.vector, "%ws", self.stage)
             starts = [t.number(to, r * len(places)) for r in range(self.lanes)]
         else:
             starts = columns.starts(t, f"%out{a}", len(places))
-        past = self.stream and not self._staged(a)  # whether stores bypass the CPU caches
+        past = self.stream and not self.staged[a]  # whether stores bypass the CPU caches
         align = t.size * (self.lanes if past else 1)
         for first, size in blocks:
             vectors = []
             for c in range(first, first + size):
                 x = self._result(t, places[c])
                 line = self.program.outputs[places[c]][0]
-                checked = a < len(self.layout.checked) and not self.bounded
+                checked = a < len(self.layout.checked) and not self.bounded and line not in self.implied[1]
                 if checked and line not in seen and lines[line].code != CONST:
                     seen.add(line)
                     i = len(seen) % 4
@@ -444,9 +442,13 @@ class Writer:
         return poison
 
     def _added(self, t: Vectors, four: Sequence[str]) -> str:
-        """The sum of four vectors."""
+        """The sum of four vectors, without those that are 0 for all samples."""
+
+        def sum_of(x: str, y: str) -> str:
+            return y if x == ZERO else x if y == ZERO else t.binary("fadd", x, y)
+
         a, b, c, d = four
-        return t.binary("fadd", t.binary("fadd", a, b), t.binary("fadd", c, d))
+        return sum_of(sum_of(a, b), sum_of(c, d))
 
 
 def compile_program(

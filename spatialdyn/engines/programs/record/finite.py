@@ -45,22 +45,24 @@ def bounded(program: Program) -> bool:
     return True
 
 
-def implied(program: Program, layout: KernelLayout) -> frozenset[int]:
-    """The inputs that need no check: where they are not finite, an angle or a result is not, and those are checked.
+def implied(program: Program, layout: KernelLayout) -> tuple[frozenset[int], frozenset[int]]:
+    """The inputs, and the lines of results, that need no check: where one is not finite, a checked number is not.
 
-    A sum or product is not finite if an operand is not: infinity less infinity and 0 times infinity are NaN.
+    A sum or product is not finite if an operand is not: infinity less infinity and 0 times infinity are NaN. So the
+    torque of a joint needs no check if that of the joint before it is the sum of it and more.
     """
     lines = program.lines
     within = {k for region in program.regions for k in range(region.head, region.end + 1)}
-    seen = bytearray(len(lines))
-    if not bounded(program):
-        for places in layout.checked:
-            for place in places:
-                seen[program.outputs[place][0]] = 1
+    results = {program.outputs[place][0] for places in layout.checked for place in places}
+    checked = frozenset() if bounded(program) else results
+    read = bytearray(len(lines))  # whether a line is an operand of one that is checked, or of such an operand, ...
     for k in range(len(lines) - 1, -1, -1):
         op = lines[k]
         form = FORMS.get(op.code)
-        if k not in within and form and (form.angle or (seen[k] and op.code in PROPAGATING)):
+        if k in within or not form:
+            continue
+        if form.angle or ((read[k] or k in checked) and op.code in PROPAGATING):
             for operand in operands(op):
-                seen[operand] = 1
-    return frozenset(op.a for k, op in enumerate(lines) if op.code == INPUT and seen[k])
+                read[operand] = 1
+    inputs = (k for k, op in enumerate(lines) if op.code == INPUT and (read[k] or k in checked))
+    return frozenset(lines[k].a for k in inputs), frozenset(k for k in checked if read[k] and k not in within)
