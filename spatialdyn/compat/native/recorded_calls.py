@@ -32,10 +32,11 @@ from ...algebra.spatial import Motion, Pose, identity_pose
 from ...bodies.joints import place_joint
 from ...bodies.kinds import CONTINUED
 from ...engines.compiled import entries, numba_kernels
+from ...engines.compiled.angles import turned
 from ...engines.compiled.checks import all_finite, unit_norm
 from ...engines.compiled.memory import array_at, at, memory, places, records, release, table_at, word
 from ...engines.compiled.numba_kernels import FLOAT, OK
-from ...engines.compiled.tiers import table_kernel, turned
+from ...engines.compiled.tiers import table_kernel
 from ...engines.object_layout import Words
 from ...engines.programs.llvm.single_call_text import ARRAY as INPUT
 from ...engines.programs.llvm.single_call_text import FIXED, NUMBER

@@ -9,51 +9,18 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable, Sequence
-from enum import Enum
 from functools import cache
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from ...recursions.spec import Spec
 from . import memory, numba_kernels, tiers
-from .memory import at, word
+from .memory import Argument, at, read, word
 from .stamp import STAMP, covers, names
 from .tiers import Tier
 
 NO_LIMIT = np.array([1 << 62])  # a counter of calls
-Place = Enum("Place", ["WORDS", "INPUT", "OUTPUT"])
-
-
-class Argument(NamedTuple):
-    """Where an entry finds an argument of its function.
-
-    place   WORDS: words of the context; INPUT, OUTPUT: at an address in ``inputs`` or ``outputs``
-    at      which of them
-    shape   of an array of float64: sizes, or ~k for word k of the context; () for a float; None for an int
-    record  a named tuple of words
-    """
-
-    place: Place
-    at: tuple[int, ...]
-    shape: tuple[int, ...] | None = None
-    record: type | None = None
-
-
-def read(arguments: Sequence[Argument], context: int, inputs: int, outputs: int) -> list[Any]:
-    """The arguments of an entry's function."""
-    return [_read(x, context, outputs if x.place is Place.OUTPUT else inputs) for x in arguments]
-
-
-def _read(x: Argument, context: int, places: int) -> Any:
-    if x.place is Place.WORDS:
-        words = [word(context, k) for k in x.at]
-        return words[0] if x.record is None else x.record(*words)
-    address = word(places, x.at[0])
-    if x.shape is None:
-        return word(address, 0)
-    found = at(address, tuple(n if n >= 0 else word(context, ~n) for n in x.shape or (1,)))
-    return found if x.shape or x.place is Place.OUTPUT else found[0]
 
 
 class Entry(Tier):
@@ -82,6 +49,7 @@ class Entry(Tier):
 
     def _jitted(self) -> Any:
         from . import jit
+        from . import memory_at as memory_at  # it registers what compiled code runs
 
         if self._dispatcher is None:
             self._dispatcher = jit.numba_jit(

@@ -10,23 +10,22 @@ from functools import partial
 from typing import Any, cast
 
 import numpy as np
-from numba import carray, njit, typeof, types  # type: ignore[attr-defined]
+from numba import carray, njit, types  # type: ignore[attr-defined]
 from numba.core import cgutils
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.typing.templates import infer_global, make_intrinsic_template
-from numba.extending import intrinsic, typeof_impl
+from numba.extending import intrinsic
 from numba.np import arrayobj
 
-from ...algebra.scalars import compiled_as, inline, register
+from ...algebra.scalars import compiled_as, inline, inlined_as, register
 from ...bodies.table import BODIES
 from ...waiting import watch
 from ..interrupt import interruptible
-from . import disk_cache
+from . import angles, disk_cache
 from . import memory as plain_memory
 from .numba_cache import NumbaCache
 from .numba_settings import PLAIN
 from .sines import turn as turn
-from .tiers import TableKernel
 
 try:
     from .inlining import PIPELINES, Plain
@@ -120,6 +119,7 @@ array_at = intrinsic_as(plain_memory.array_at, _array_at)
 
 
 @inline
+@inlined_as(plain_memory.table_at)
 def table_at(address: int) -> Any:
     """The table of bodies at an address; ``last_row`` of row 0 is the number of rows that follow it."""
     world = carray(pointer(address), (1,), BODIES)
@@ -134,6 +134,7 @@ def rows_at(address: int, dtype: Any) -> Any:
 
 
 @inline
+@inlined_as(angles.turned)
 def turned(q: Any, memory: Any) -> Any:
     """q, cos q and sin q as an array (3, nq) in ``memory``, the form in which a recursion takes ``TURNED_Q``."""
     turn(q, memory)
@@ -155,15 +156,7 @@ def _number_of(x):  # type: ignore[no-untyped-def]
 
 def hand_over() -> None:
     """Register with Numba all functions that compiled code may call."""
-    from . import memory_at as memory_at  # it registers its own
-
     register(PIPELINES)
-
-
-@typeof_impl.register(TableKernel)
-def _type_of_kernel(kernel: TableKernel, found: Any) -> Any:
-    kind: Any = typeof
-    return kind(kernel.dispatcher())
 
 
 def numba_jit(

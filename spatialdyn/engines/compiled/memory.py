@@ -1,4 +1,4 @@
-"""Memory at an address, and scratch, as functions that plain Python and compiled code run.
+"""Memory at an address, scratch, and arguments of entries, as functions that plain Python and compiled code run.
 
 These are the functions of plain Python; ``memory_at`` has those that compiled code runs in their place.
 """
@@ -7,8 +7,10 @@ from __future__ import annotations
 
 import ctypes
 import math
+from collections.abc import Sequence
+from enum import Enum
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -68,3 +70,39 @@ def array_at(memory: Any, shape: tuple[int, ...], dtype: Any) -> Any:
 
 def release(memory: Any, size: int) -> None:
     """Release such memory."""
+
+
+# --- arguments of entries ----------------------------------------------------------------------------------
+
+Place = Enum("Place", ["WORDS", "INPUT", "OUTPUT"])
+
+
+class Argument(NamedTuple):
+    """Where an entry finds an argument of its function.
+
+    place   WORDS: words of the context; INPUT, OUTPUT: at an address in ``inputs`` or ``outputs``
+    at      which of them
+    shape   of an array of float64: sizes, or ~k for word k of the context; () for a float; None for an int
+    record  a named tuple of words
+    """
+
+    place: Place
+    at: tuple[int, ...]
+    shape: tuple[int, ...] | None = None
+    record: type | None = None
+
+
+def read(arguments: Sequence[Argument], context: int, inputs: int, outputs: int) -> list[Any]:
+    """The arguments of an entry's function."""
+    return [_read(x, context, outputs if x.place is Place.OUTPUT else inputs) for x in arguments]
+
+
+def _read(x: Argument, context: int, places: int) -> Any:
+    if x.place is Place.WORDS:
+        words = [word(context, k) for k in x.at]
+        return words[0] if x.record is None else x.record(*words)
+    address = word(places, x.at[0])
+    if x.shape is None:
+        return word(address, 0)
+    found = at(address, tuple(n if n >= 0 else word(context, ~n) for n in x.shape or (1,)))
+    return found if x.shape or x.place is Place.OUTPUT else found[0]

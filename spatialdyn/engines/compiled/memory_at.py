@@ -7,12 +7,13 @@ from typing import Any
 
 import numpy as np
 from llvmlite import ir
-from numba import carray, types  # type: ignore[attr-defined]
-from numba.extending import intrinsic
+from numba import carray, typeof, types  # type: ignore[attr-defined]
+from numba.extending import intrinsic, typeof_impl
 
 from ...algebra.scalars import inlined_as
-from . import jit, memory, tiers
-from .entries import Argument, Place
+from . import jit, memory
+from .memory import Argument, Place
+from .tiers import TableKernel
 
 _WORD = ir.IntType(64)
 _pointer = jit.pointer
@@ -56,18 +57,14 @@ def _records(address: int, shape: tuple[int, ...], dtype: Any) -> Any:
     return carray(_pointer(address), shape, dtype)
 
 
-@inlined_as(memory.table_at)
-def _table_at(address: int) -> Any:
-    return jit.table_at(address)
-
-
-@inlined_as(tiers.turned)
-def _turned(q: Any, room: Any) -> Any:
-    return jit.turned(q, room)
+@typeof_impl.register(TableKernel)
+def _type_of_kernel(kernel: TableKernel, found: Any) -> Any:
+    kind: Any = typeof
+    return kind(kernel.dispatcher())
 
 
 def reader(arguments: Sequence[Argument]) -> Callable[..., Any]:
-    """``(context, inputs, outputs)`` -> the tuple of an entry's arguments, as ``entries.read`` in plain Python."""
+    """``(context, inputs, outputs)`` -> the tuple of an entry's arguments, as ``memory.read`` in plain Python."""
 
     def typed(typing_context: Any, context: Any, inputs: Any, outputs: Any) -> Any:
         kinds = [_kind(x) for x in arguments]

@@ -10,26 +10,20 @@ Compiled code reads memory by address, plain Python by ``ctypes``: ``memory`` ha
 
 from __future__ import annotations
 
-import math
-import struct
 from collections.abc import Callable
-from fractions import Fraction
 from functools import cache, cached_property
 from time import perf_counter
 from typing import Any
 
 import numpy as np
 
-from ...algebra.scalars import cos, sin
 from ...recursions.spec import Spec
 from .. import locks
-from ..polynomials import COSINE, HALF_PI, MAGIC, MAX_ANGLE, SINE
-from . import memory, numba_kernels
+from . import angles, memory, numba_kernels
 from .numba_settings import PLAIN
 
 COMPILE_SECONDS = 1.0  # expected time to compile a function
 BRANCHING_SECONDS = 10.0  # the same for a function that branches on values, the square-root ABA
-SHIFT, (LARGE, SMALL, LEAST) = MAGIC["double"], HALF_PI["double", True]
 
 
 class Tier:
@@ -126,63 +120,7 @@ def is_stored(dispatcher: Any, signature: tuple[Any, ...]) -> bool:
     return bool(dispatcher._cache.is_stored(signature, dispatcher.targetctx))
 
 
-# --- sines, as compiled kernels have them ------------------------------------------------------------------
-
-
-class Angle(float):
-    """An angle with its cosine and sine."""
-
-    cosine: float
-    sine: float
-
-
-cos.register(Angle)(lambda x: x.cosine)
-sin.register(Angle)(lambda x: x.sine)
-
-
-def fma(a: float, b: float, c: float) -> float:
-    """a b + c, rounded once."""
-    found = Fraction(a) * Fraction(b) + Fraction(c)
-    return float(found) if found else a * b + c
-
-
-def _angle(x: float) -> Angle:
-    """An Angle by the polynomials of ``sines.turn``; by the C library for large x or without fused multiply-add."""
-    made = Angle(x)
-    if not abs(x) <= MAX_ANGLE or not _has_fma():
-        made.cosine, made.sine = cos(x), sin(x)
-        return made
-    shifted = fma(x, 2.0 / math.pi, SHIFT)
-    n = shifted - SHIFT
-    whole = fma(n, -LARGE, x)
-    r = fma(n, -LEAST, fma(n, -SMALL, whole))
-    low = fma(n, -SMALL, whole - r)
-    z = r * r
-    p, c = SINE["double"][-1], COSINE["double"][-1]
-    for a, b in zip(SINE["double"][-2::-1], COSINE["double"][-2::-1], strict=True):
-        p, c = fma(z, p, a), fma(z, c, b)
-    c = fma(z, c, -0.5)
-    s, c = fma(z, fma(r, p, low), r), fma(z, c, 1.0)
-    (quadrant,) = struct.unpack("<q", struct.pack("<d", shifted))
-    if quadrant & 1:
-        s, c = c, s
-    made.cosine, made.sine = -c if quadrant + 1 & 2 else c, -s if quadrant & 2 else s
-    return made
-
-
-@cache
-def _has_fma() -> bool:
-    from .sines import has_fma
-
-    return has_fma()
-
-
-def turned(q: Any, room: Any = None) -> list[Angle]:
-    """Coordinates with their cosines and sines, the form in which a recursion takes ``TURNED_Q`` in plain Python."""
-    return [_angle(float(x)) for x in q]
-
-
-SCRATCH = {"memory": memory.memory, "array_at": memory.array_at, "release": memory.release, "turned": turned}
+SCRATCH = {"memory": memory.memory, "array_at": memory.array_at, "release": memory.release, "turned": angles.turned}
 
 
 # --- table kernels -----------------------------------------------------------------------------------------
