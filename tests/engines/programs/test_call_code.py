@@ -7,7 +7,7 @@ import os
 import subprocess
 import sys
 import tracemalloc
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -19,6 +19,7 @@ from spatialdyn.algebra.scalars import inline
 from spatialdyn.compat.native import recorded_calls
 from spatialdyn.engines import run
 from spatialdyn.engines.compiled import entries, numba_kernels
+from spatialdyn.engines.compiled.memory import at
 from spatialdyn.engines.programs.run import single_call
 from spatialdyn.engines.programs.run.call_code import CallCode
 from spatialdyn.engines.programs.run.routine import Choice, Index, Routine, Truth
@@ -178,6 +179,34 @@ def test_a_routine_is_compiled_once_that_pays() -> None:
     np.testing.assert_array_equal(call(matrix[:, 1], 0.5), matrix[:, 1])
     np.testing.assert_array_equal(call(matrix[::-1, 1], 1.0), 2.0 * matrix[::-1, 1])
     assert call(x, 2.0) is call(x[:2], 0.5) is call(x, 1) is None
+
+
+class _Line(NamedTuple):
+    slope: int
+    places: int
+
+
+@inline
+def _on_line(x: float, n: int, line: _Line, out: Any) -> bool:
+    """slope x + the numbers at ``places``."""
+    places = at(line.places, (n,))
+    for k in range(n):
+        out[k] = line.slope * x + places[k]
+    return True
+
+
+def test_words_may_come_in_a_record() -> None:
+    places = np.arange(3.0)
+    routine = Routine(_on_line, {"x": ()}, ("n",))
+    call = routine.bind({"n": 3, "slope": 2, "places": places.ctypes.data}, places)
+    np.testing.assert_array_equal(call(5.0), [10.0, 11.0, 12.0])
+    routine.entry._spent = routine.entry.compile_seconds
+    np.testing.assert_array_equal(call(5.0), [10.0, 11.0, 12.0])
+    places[0] = 4.0
+    np.testing.assert_array_equal(call(5.0), [14.0, 11.0, 12.0])
+    out = np.empty(3)
+    assert routine.function(5.0, 3, _Line(2, places.ctypes.data), out)
+    np.testing.assert_array_equal(out, [14.0, 11.0, 12.0])
 
 
 def test_a_number_may_be_a_truth_and_another_function_may_answer() -> None:

@@ -70,7 +70,7 @@ def of_pinocchio(value: Any, kind: str) -> bool:
 
 
 @lru_cache(256)
-def _is_pinocchios(given: type, kind: str) -> bool:
+def _is_pinocchios(given: Any, kind: str) -> bool:
     return any(
         x.__name__ == kind and f"{x.__module__}.".startswith(OF_PINOCCHIO) and "casadi" not in x.__module__
         for x in given.__mro__
