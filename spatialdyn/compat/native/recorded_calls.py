@@ -45,7 +45,7 @@ from ...engines.programs.run.call_code import CallCode
 from ...engines.programs.run.routine import Choice, Index, Kind, Owner, routine
 from ...engines.programs.run.single_call import Parameter, unavailable
 from ...recursions import SPECS
-from ...recursions.spec import LOCAL, WORLD
+from ...recursions.spec import LOCAL, LOCAL_WORLD_ALIGNED, WORLD
 from ...recursions.steps import placed_in_world
 from ...recursions.tree.body_motions import WORK_ACCELERATION, WORK_VELOCITY, joint_accelerations, joint_velocities
 from ...recursions.tree.kinematics import (
@@ -172,8 +172,9 @@ def _in_place(program: tuple[int, int, int], inputs: Sequence[Array], out: Array
     return single_call.bound(unavailable, [Parameter(f"x{k}", FIXED) for k in range(len(places))], plan)
 
 
-_forward_kinematics, _frame_jacobian, _frame_jacobian_dot = (
-    table_kernel(SPECS[name]) for name in ("forward_kinematics", "frame_jacobian", "frame_jacobian_dot")
+_forward_kinematics, _frame_jacobian, _frame_jacobian_dot, _velocity_derivatives = (
+    table_kernel(SPECS[name])
+    for name in ("forward_kinematics", "frame_jacobian", "frame_jacobian_dot", "frame_velocity_derivatives")
 )
 
 
@@ -294,6 +295,18 @@ def frame_jacobian_dot(
     if word(time, 0) < word(table, -1):
         return False
     return bool(_frame_jacobian_dot(table, at(q_address, (nq,)), at(v_address, (nv,)), i, p, code, out) == OK)
+
+
+@routine((2, 6, "nv"), **OF_FRAME)
+def frame_velocity_derivatives(
+    k: int, code: int, table: int, nq: int, nv: int, q_address: int, v_address: int, time: int, frames: Frames, out: Any
+) -> bool:
+    """``frame_velocity_derivatives`` at the recorded q and v, but not in axes of the world at the frame's origin."""
+    i, p = word(frames.joints, k), at(word(frames.placements, k), (4, 4))
+    if code == LOCAL_WORLD_ALIGNED or word(time, 0) < word(table, -1):
+        return False
+    q, v = at(q_address, (nq,)), at(v_address, (nv,))
+    return bool(_velocity_derivatives(table, q, v, i, p, code, out) == OK)
 
 
 @inline

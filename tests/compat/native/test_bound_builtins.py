@@ -82,3 +82,27 @@ def test_configurations_are_compared_to_their_precision(model: Any) -> None:
             pin.isNormalized(model, q, wrong)
         with pytest.raises(ValueError, match="expected a number that is not negative"):
             pin.isSameConfiguration(model, q, q, wrong)
+
+
+@pytest.mark.parametrize("reference", [pin.LOCAL, pin.WORLD, pin.LOCAL_WORLD_ALIGNED])
+def test_velocity_derivatives_follow_each_call_and_moved_joints(model: Any, reference: Any) -> None:
+    data = model.createData()
+
+    def derivatives(data: Any) -> Any:
+        return pin.getFrameVelocityDerivatives(model, data, model.nframes - 1, reference)
+
+    for seed in range(3):
+        if seed == 2:
+            model.jointPlacements[2].translation[0] += 0.1
+        given = state(model, seed)
+
+        def prepare(data: Any, given: Any = given) -> None:
+            pin.computeForwardKinematicsDerivatives(model, data, *given)
+
+        prepare(data)
+        expected = of_new_data(model, derivatives, prepare)
+        for _ in range(3):
+            np.testing.assert_allclose(derivatives(data), expected, **CLOSE)
+    before = derivatives(data)
+    model.jointPlacements[2].translation[0] += 0.1  # after the call: its derivatives are those of its placements
+    np.testing.assert_array_equal(derivatives(data), before)

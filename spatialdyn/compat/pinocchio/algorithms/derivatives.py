@@ -10,9 +10,22 @@ from typing import Any
 
 import numpy as np
 
+from ....engines.programs.run.single_call import unavailable
 from ....errors import SpatialDynError
+from ...native import recorded_calls
 from ..data.data import Data, library_of
-from ..data.dispatch import ALIGNED, IN_WORLD, about_frame, fast_calls, joint_index, last_call, named, reference_code
+from ..data.dispatch import (
+    ALIGNED,
+    IN_WORLD,
+    REFERENCES,
+    about_frame,
+    fast_calls,
+    frames_for,
+    joint_index,
+    last_call,
+    named,
+    reference_code,
+)
 from ..data.run import Run
 from ..model.model import Model
 from ..types.arguments import ArgumentError, Array, ValueRuntimeError, documented_rows, expected
@@ -138,15 +151,31 @@ def _of_frame(name: str, run: Run, joint: int, placement: Array, reference: Any,
     return found
 
 
+def _bind_velocities(model: Model, run: Run, name: str, of_joints: bool, about: tuple[Any, ...]) -> None:
+    """Bind the builtin of the derivatives of velocities of frames at the inputs of a run, for later calls."""
+    library, (key, frames) = run.library, frames_for(model, name, of_joints, about)
+    if key == name and library.has_builtins:
+        words = {"q_address": run.q.ctypes.data, "v_address": run.v.ctypes.data, "time": run.stamp_words["time"]}
+        words |= {**library.words, **REFERENCES, **frames.words(rows=True)}
+        run.bound[name] = frames, recorded_calls.frame_velocity_derivatives.bind(words, library, run.memory, frames)
+
+
 def _derivatives(name: str, doc: str) -> Callable[..., tuple[Array, ...]]:
     """Derivatives of the velocity of a frame or a joint's frame, and of its spatial acceleration."""
     of_joints, accelerations = "Frame" not in name, "Acceleration" in name
 
     def function(model: Model, data: Data, *given: Any, **named: Any) -> tuple[Array, ...]:
         run = _kinematics(model, data, accelerations)
+        frames, call = (None, unavailable) if accelerations or named else run.bound.get(name, (None, unavailable))
+        if frames is not None and frames is (run.library.frames if of_joints else model._frame_placements):
+            found = call(*given)
+            if found is not None:
+                return tuple(found)
         about = about_frame(model, of_joints, *given, **named)
         velocities = _of_frame("frame_velocity_derivatives", run, *about)
         if not accelerations:
+            if frames is None and not named:
+                _bind_velocities(model, run, name, of_joints, given)
             return tuple(velocities)
         return velocities[0], *_of_frame("frame_acceleration_derivatives", run, *about, 0)
 
