@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...algebra import lie, public_arrays, spatial
+from ...algebra import public_arrays, spatial
 from ...algebra.public_arrays import read_body, read_force, read_motion, read_pose, write_body, write_force, write_pose
 from ...algebra.scalars import inline
 from ...engines.compiled.memory import real_of, word
@@ -107,7 +107,6 @@ def _on_pair(function: Operation, read_a: Operation, read_b: Operation, write: O
 
 
 compose = _on_pair(spatial.compose, read_pose, read_pose, write_pose)
-motion_to_parent = _on_pair(spatial.motion_to_parent, read_pose, read_motion, public_arrays.write_motion)
 force_to_parent = _on_pair(spatial.force_to_parent, read_pose, read_force, write_force)
 force_to_child = _on_pair(spatial.force_to_child, read_pose, read_force, write_force)
 body_to_parent = _on_pair(operators.body_to_parent, read_pose, read_body, write_body)
@@ -121,13 +120,6 @@ def on_motions(function: Operation) -> Operation:
         function(read_motion(v), read_motion(a), out)
 
     return compiled(of_motions, label(function))
-
-
-def _quat_matrix(q: Any, out: Any) -> None:
-    public_arrays.write_rot(out, lie.matrix(public_arrays.read_quat(q)))
-
-
-quat_matrix = compiled(_quat_matrix)
 
 
 # --- on objects --------------------------------------------------------------------------------------------

@@ -22,6 +22,7 @@ from ..model.model import Model
 from ..types.arguments import NUMBERS, ArgumentError, Array, described, documented_rows, expected, number
 from ..types.frame import ARG0, ARG1, ArgumentPosition
 from ..types.random import GENERATOR
+from ..types.rotations import Quaternion
 
 __all__ = [
     "compactTangentMap", "dDifference", "dIntegrate", "dIntegrateTransport", "difference", "distance", "integrate",
@@ -250,7 +251,7 @@ def _block(group: str, q: Array) -> Array:
     if group == "SE(2)":
         T[:2, :2] = [[q[2], -q[3]], [q[3], q[2]]]
     else:
-        operator_kernels.quat_matrix(np.array(q[3:7]), T[:3, :3])
+        T[:3, :3] = Quaternion(np.array(q[3:7])).matrix()
     return T
 
 
