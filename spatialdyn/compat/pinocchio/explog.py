@@ -22,31 +22,15 @@ __all__ = [
 ]  # fmt: skip
 
 
-exp3 = on_values(
-    "exp3", operators.exp_matrix, "rot",
-    "The rotation (3, 3) by |w| about w (3,) [rad].",
-    w="vec",
-)  # fmt: skip
-exp3_quat = on_values(
-    "exp3_quat", lie.exp_rotation, "quat",
-    "The quaternion x y z w (4,) of the rotation by |w| about w (3,) [rad].",
-    w="vec",
-)  # fmt: skip
-Jexp3 = on_values(
-    "Jexp3", operators.exp_matrix_jacobian, "rot",
-    "The right Jacobian J (3, 3): exp(w + δ) = exp(w) exp(J δ) to first order.",
-    w="vec",
-)  # fmt: skip
-Jlog3 = on_values(
-    "Jlog3", operators.log_matrix_jacobian, "rot",
-    "The matrix J (3, 3) with log(R exp(δ)) = log R + J δ to first order.",
-    R="rot",
-)  # fmt: skip
-Hlog3 = on_values(
-    "Hlog3", operators.log_matrix_jacobian_derivative, "rot",
-    "The derivative (3, 3) of ``Jlog3(R exp(s v))`` by s, at s = 0.",
-    R="rot", v="vec",
-)  # fmt: skip
+exp3 = on_values("exp3", operators.exp_matrix, "rot", "The rotation (3, 3) by |w| about w (3,) [rad].", w="vec")
+exp3_quat = on_values("exp3_quat", lie.exp_rotation, "quat",
+    "The quaternion x y z w (4,) of the rotation by |w| about w (3,) [rad].", w="vec")  # fmt: skip
+Jexp3 = on_values("Jexp3", operators.exp_matrix_jacobian, "rot",
+    "The right Jacobian J (3, 3): exp(w + δ) = exp(w) exp(J δ) to first order.", w="vec")  # fmt: skip
+Jlog3 = on_values("Jlog3", operators.log_matrix_jacobian, "rot",
+    "The matrix J (3, 3) with log(R exp(δ)) = log R + J δ to first order.", R="rot")  # fmt: skip
+Hlog3 = on_values("Hlog3", operators.log_matrix_jacobian_derivative, "rot",
+    "The derivative (3, 3) of ``Jlog3(R exp(s v))`` by s, at s = 0.", R="rot", v="vec")  # fmt: skip
 exp6 = on_values(
     "exp6", operators.exp_pose, "Pose",
     "The exponential of a Motion or an array (6,): the pose reached at this body velocity in unit time, an SE3.",
@@ -62,26 +46,17 @@ log6 = on_values(
     "The logarithm of an SE3 or an array (4, 4): the Motion with exp6(v) = M and a rotation up to π.",
     M="Pose|pose",
 )  # fmt: skip
-log6_quat = on_values(
-    "log6_quat", operators.log_seven, "Motion",
-    "``log6`` of x y z and quaternion x y z w (7,).",
-    q="seven",
-)  # fmt: skip
+log6_quat = on_values("log6_quat", operators.log_seven,
+    "Motion", "``log6`` of x y z and quaternion x y z w (7,).", q="seven")  # fmt: skip
 Jexp6 = on_values(
     "Jexp6", lie.exp_jacobian, "tangent",
     "The right Jacobian J (6, 6): exp(v + δ) = exp(v) exp(J δ) to first order; v a Motion or an array (6,).",
     v="Motion|motion",
 )  # fmt: skip
-Jlog6 = on_values(
-    "Jlog6", operators.log_pose_jacobian, "tangent",
-    "The matrix J (6, 6) with log(M exp(δ)) = log M + J δ to first order; M an SE3.",
-    M="Pose",
-)  # fmt: skip
-SE3ToXYZQUAT = on_values(
-    "SE3ToXYZQUAT", operators.seven_of_pose, "seven",
-    "Translation x y z and quaternion x y z w (7,) of an SE3.",
-    M="Pose",
-)  # fmt: skip
+Jlog6 = on_values("Jlog6", operators.log_pose_jacobian, "tangent",
+    "The matrix J (6, 6) with log(M exp(δ)) = log M + J δ to first order; M an SE3.", M="Pose")  # fmt: skip
+SE3ToXYZQUAT = on_values("SE3ToXYZQUAT", operators.seven_of_pose, "seven",
+    "Translation x y z and quaternion x y z w (7,) of an SE3.", M="Pose")  # fmt: skip
 _log_of_matrix = on_values("log3", operators.log_matrix, "vec", R="rot")
 _log_of_quaternion = on_values("log3", lie.log_rotation, "vec", quat="Quat|quat")
 _pose_of_seven = on_values("XYZQUATToSE3", operators.pose_of_seven, "Pose", x="seven")

@@ -18,10 +18,8 @@ __all__ = [
     "rpyToMatrix",
 ]  # fmt: skip
 
-matrixToRpy = on_values(
-    "matrixToRpy", operators.rpy_of_rotation, "vec",
-    "Roll in ±π, pitch in ±π/2, yaw in ±π (3,) [rad] of a rotation matrix (3, 3).", R="rot",
-)  # fmt: skip
+matrixToRpy = on_values("matrixToRpy", operators.rpy_of_rotation,
+    "vec", "Roll in ±π, pitch in ±π/2, yaw in ±π (3,) [rad] of a rotation matrix (3, 3).", R="rot")  # fmt: skip
 _of_array = on_values("rpyToMatrix", operators.rotation_of_rpy, "rot", rpy="vec")
 _of_angles = on_values("rpyToMatrix", operators.rotation_of_angles, "rot", roll="number", pitch="number", yaw="number")
 

@@ -66,7 +66,8 @@ def described(value: Any) -> str:
 
 def of_pinocchio(value: Any, kind: str) -> bool:
     """Whether a value is of Pinocchio's own class of that name; those of its symbolic numbers are left out."""
-    return _is_pinocchios(type(value), kind)
+    given: Any = type(value)
+    return _is_pinocchios(given, kind)
 
 
 @lru_cache(256)

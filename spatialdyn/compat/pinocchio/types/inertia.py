@@ -137,16 +137,12 @@ class Inertia(Summable, InFrames, kind="Body", near=operators.near_bodies):
     __mul__ = on_values("__mul__", operators.body_momentum, "Force", self="Body", v="Motion")
     _to_parent = on_values("act", operators.body_to_parent, "Body", self="Pose", I="Body")
     _to_child = on_values("actInv", operators.body_to_child, "Body", self="Pose", I="Body")
-    vxiv = on_values(
-        "vxiv", operators.bias_force, "Force", "v ×* I v: the bias force of a body.", self="Body", v="Motion"
-    )
-    vtiv = on_values(
-        "vtiv", operators.twice_the_energy, "number", "vᵀ I v: twice the kinetic energy [J].", self="Body", v="Motion"
-    )
-    matrix = on_values(
-        "matrix", operators.inertia_about_origin, "inertia",
-        "The matrix (6, 6) that maps motions to momenta, about the origin.", self="Body",
-    )  # fmt: skip
+    vxiv = on_values("vxiv", operators.bias_force,
+        "Force", "v ×* I v: the bias force of a body.", self="Body", v="Motion")  # fmt: skip
+    vtiv = on_values("vtiv", operators.twice_the_energy, "number",
+        "vᵀ I v: twice the kinetic energy [J].", self="Body", v="Motion")  # fmt: skip
+    matrix = on_values("matrix", operators.inertia_about_origin, "inertia",
+        "The matrix (6, 6) that maps motions to momenta, about the origin.", self="Body")  # fmt: skip
     np = property(matrix)
     __array__ = as_array(matrix)
 

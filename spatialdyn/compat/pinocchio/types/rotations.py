@@ -21,13 +21,10 @@ OPPOSITE = 1e-12  # directions with a cosine this near -1 define no plane
 XAxis, YAxis, ZAxis = (np.array([float(i == k) for i in range(3)]) for k in range(3))
 
 skew = on_values("skew", operators.skew, "rot", "The matrix (3, 3) of u × for u (3,).", u="vec")
-unSkew = on_values(
-    "unSkew", operators.unskew, "vec",
-    "The vector u (3,) whose ``skew`` is the antisymmetric part of a matrix (3, 3).", U="rot",
-)  # fmt: skip
-skewSquare = on_values(
-    "skewSquare", operators.skew_product, "rot", "The matrix (3, 3) of u × (v × ·) for u, v (3,).", u="vec", v="vec"
-)
+unSkew = on_values("unSkew", operators.unskew,
+    "vec", "The vector u (3,) whose ``skew`` is the antisymmetric part of a matrix (3, 3).", U="rot")  # fmt: skip
+skewSquare = on_values("skewSquare", operators.skew_product, "rot",
+    "The matrix (3, 3) of u × (v × ·) for u, v (3,).", u="vec", v="vec")  # fmt: skip
 _of_matrix = on_values("coefficients", operators.quaternion_of_matrix, "quat", rotation="rot")
 
 
@@ -129,12 +126,10 @@ class Quaternion(Rotation, kind="Quat"):
         """The coefficients x y z (3,), a copy."""
         return self._x[:3].copy()
 
-    matrix = on_values(
-        "matrix", lie.matrix, "rot", "The rotation matrix (3, 3); a rotation only if the norm is 1.", self="Quat"
-    )
-    conjugate = on_values(
-        "conjugate", lie.conjugate, "Quat", "The conjugate: the inverse rotation, of the same norm.", self="Quat"
-    )
+    matrix = on_values("matrix", lie.matrix, "rot",
+        "The rotation matrix (3, 3); a rotation only if the norm is 1.", self="Quat")  # fmt: skip
+    conjugate = on_values("conjugate", lie.conjugate,
+        "Quat", "The conjugate: the inverse rotation, of the same norm.", self="Quat")  # fmt: skip
     dot = on_values("dot", operators.dot_quats, "number", "Dot product of the coefficients.", self="Quat", other="Quat")
     toRotationMatrix = matrix
 

@@ -52,13 +52,10 @@ class SE3(Value, kind="Pose", near=operators.near_poses, same=operators.same_pos
 
     _matrix = on_values("matrix", operators.itself, "pose", "The homogeneous matrix (4, 4), a copy.", self="Pose")
     inverse = on_values("inverse", spatial.inverse, "Pose", "Pose of the reference frame in the frame.", self="Pose")
-    toActionMatrix = on_values(
-        "toActionMatrix", operators.action, "tangent",
-        "The matrix (6, 6) that takes Motion vectors from the frame to the reference frame.", self="Pose",
-    )  # fmt: skip
-    toActionMatrixInverse = on_values(
-        "toActionMatrixInverse", operators.action_back, "tangent", "The inverse of ``toActionMatrix``.", self="Pose"
-    )
+    toActionMatrix = on_values("toActionMatrix", operators.action, "tangent",
+        "The matrix (6, 6) that takes Motion vectors from the frame to the reference frame.", self="Pose")  # fmt: skip
+    toActionMatrixInverse = on_values("toActionMatrixInverse", operators.action_back, "tangent",
+        "The inverse of ``toActionMatrix``.", self="Pose")  # fmt: skip
     _to_parent = on_values("act", spatial.compose, "Pose", self="Pose", other="Pose")  # also of what an SE3 moves
     _to_child = on_values("actInv", operators.relative_pose, "Pose", self="Pose", other="Pose")
     Identity = on_values("Identity", spatial.identity_pose, "Pose", "The identity.")
