@@ -163,11 +163,11 @@ def numba_jit(
     function: Callable[..., Any], nogil: bool = True, keep: bool = True, from_c: bool = False, contract: bool = True,
     key: str = "",
 ) -> Callable[..., Any]:  # fmt: skip
-    """A function made by ``kernel_from_text``, compiled at its first call of each type, and cached on disk if ``keep``.
+    """A function of compiled code, compiled at its first call of each type, and cached on disk if ``keep``.
 
     from_c    whether the function has an entry that C can call
     contract  whether LLVM may fuse multiplications and additions
-    key       text that says what the code is, of a function that holds more than text
+    key       text that says what the code is; a function of ``kernel_from_text``, which captures text only, needs none
     """
     hand_over()
     flags = {name: x for name, x in FLAGS.items() if contract or name != "fastmath"}
