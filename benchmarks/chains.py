@@ -33,7 +33,7 @@ SAMPLES = 512  # of a batch: the least that runs on lanes
 ARGUMENTS = {"rnea": "qva", "aba": "qvt", "crba": "q"}
 MIXED = (60, 100, 150, 300, 600, 1000)  # joints of chains and trees of mixed joints
 KINDS = "revolute", "prismatic", "continuous", "spherical"
-MIXED_SAMPLES, MOST_NUMBERS = 64, 1 << 24  # samples of a batch, but no more than so many results beyond 8 samples
+MIXED_SAMPLES, MOST_NUMBERS = 512, 1 << 24  # samples of a batch, but no more than so many results beyond 8 samples
 ROD = (1.0, (0.0, 0.0, 0.5), np.diag([1 / 12, 1 / 12, 1e-3]))
 
 

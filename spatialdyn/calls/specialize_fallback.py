@@ -7,7 +7,7 @@ Raises the errors of the public calls.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -69,7 +69,8 @@ def compute(
     in_numpy = has_program and request.model.bodies[0]["kind"] != ANY_NORM  # ANY_NORM allows q off its unit norm
     varied = [given[name] for name in request.parameter_names]
     together = in_numpy or all(len(x) == 1 for x in varied)
-    for group in [slice(0, count)] if together else [slice(k, k + 1) for k in range(count)]:
+    left = range(count) if together else _on_lanes(request, full, varied, results, samples, seen)
+    for group in [slice(0, count)] if together else [slice(k, k + 1) for k in left]:
         model = request.model if in_numpy else _model_of(request, varied, group.start, count)
         part = {name: x[group] if len(x) == count else x for name, x in full.items()}
         done = 0
@@ -90,6 +91,30 @@ def compute(
             for k, result in enumerate(results[:own] if seen else ()):
                 result[samples[group.stop if k <= done else group.start :]] = np.nan
             raise
+
+
+def _on_lanes(
+    request: SpecializeRequest,
+    full: Mapping[str, NDArray[np.float64]],
+    varied: Sequence[NDArray[np.float64]],
+    results: Sequence[NDArray[Any]],
+    samples: NDArray[np.intp],
+    seen: bool,
+) -> list[int]:
+    """Compute samples with parameters of their own together; returns those that are left."""
+    left = np.zeros(len(samples), bool)
+    try:
+        for k, spec in enumerate(request.specs):
+            arrays = [full[x.name] for x in spec.present if not x.static]
+            static = tuple(request.static[x.name] for x in spec.present if x.static)
+            columns = None if request.output_places is None else request.output_places[k].ravel()
+            given = request.model, request.parameters, varied, arrays, static, results[k], samples, columns
+            left |= run.run_edited(spec, *given)
+    except KeyboardInterrupt:
+        for result in results[: len(request.specs)] if seen else ():
+            result[samples] = np.nan
+        raise
+    return np.flatnonzero(left).tolist()
 
 
 def _raise(

@@ -28,6 +28,7 @@ from .failed import Failed as Failed
 from .failed import concatenate_failed as concatenate_failed
 from .failed import in_order
 from .numbers.samples import Evaluation
+from .programs.record import parameters as edits
 from .programs.record import recording
 from .programs.record.parameters import Parameter
 from .programs.run import batch_kernels
@@ -40,6 +41,7 @@ FEW_ALONE = 16  # as FEW, for a recursion that branches on values, which NumPy r
 MANY_ALONE = 512  # a batch of so many samples compiles a recursion that branches on values at once
 MOST_STEPS = 200_000  # most rows of the table times numbers of a result that NumPy computes
 MOST_BESIDE_LANES = 1 << 12  # most numbers of a mass matrix that a program computes, if lanes can
+EDITED_BYTES = 1 << 24  # of the tables of samples with parameters of their own, at a time
 MANY = 8192  # samples of the batches that ``compile_program`` prepares for
 _lock = locks.new()
 STATIC = "rows" if numba_kernels.PLAIN else "address"  # the attribute of a StaticTable that kernels take
@@ -319,6 +321,40 @@ def _one_by_one(
         given = (x[k] if len(x) == len(out) else x[0] for x in inputs)
         values = known | {x.name: y if x.shape else float(y) for x, y in zip(varying, given, strict=True)}
         status[k] = kernel(rows, *(values[x.name] for x in spec.present), out[k])
+
+
+def run_edited(
+    spec: Spec,
+    table: Table,
+    parameters: Sequence[Parameter],
+    values: Arrays,
+    inputs: Arrays,
+    static: tuple[Any, ...],
+    out: NDArray[Any],
+    at: NDArray[np.intp],
+    columns: NDArray[np.intp] | None,
+) -> NDArray[np.bool_]:
+    """As ``run_table_kernel``, for samples with parameters of their own: on lanes, each sample with its own table.
+
+    Returns which samples are not computed, because they fail or have big angles: the caller runs them one by one.
+    """
+    left = np.ones(len(at), np.bool_)
+    if not lane_names.fits(spec) or table.bodies[0]["kind"] == ANY_NORM or table.bodies["leader"].any():
+        return left
+    core, kernel = _core(spec, table, hashable(static)), lane_batches.batches(spec, edited=True)
+    count = max(lane_names.width(), EDITED_BYTES // table.bodies.nbytes)
+    for first in range(0, len(at), count):
+        here = slice(first, min(first + count, len(at)))
+        n = here.stop - first
+        of_each = [x[here] if len(x) == len(at) else np.repeat(x, n, axis=0) for x in values]
+        given = [y for x in inputs for y in ((x[here], 1) if len(x) == len(at) else (x, 0))]
+        results, status = np.empty((n, *core)), np.full(n, numba_kernels.NONFINITE, np.int8)
+        kernel.prepare(n)
+        kernel(edits.tables(table.bodies, parameters, of_each), n, *given, *static, results, status)
+        flat = results.reshape(n, -1)
+        _store(out, at[here], flat if columns is None else flat[:, columns], status)
+        left[here] = status != numba_kernels.OK
+    return left
 
 
 def run_in_numpy(

@@ -9,7 +9,7 @@ Needs    pip install torch
 
 from __future__ import annotations
 
-from itertools import pairwise
+from itertools import accumulate, pairwise
 from typing import Any
 
 import numpy as np
@@ -17,7 +17,7 @@ import numpy as np
 import spatialdyn as sd
 from spatialdyn.examples.gallery import need, picture, start, write
 
-DT, SWING = 0.02, 500  # of measured states [s], and how many steps are predicted
+DT, SWING, HELD = 0.02, 500, (np.array([2.0, 0.5]), np.zeros(2))  # [s] of measured states; steps predicted, from there
 
 
 def friction(v: Any) -> Any:
@@ -56,13 +56,12 @@ def main(quick: bool = False, long: bool = False, save: str | None = None) -> di
     """Print the energy of the swing by each way; returns the energies."""
     torch, model, rng = need("torch", "torch"), sd.load_urdf("two_link"), np.random.default_rng(0)
     torch.manual_seed(0)
+    torch.set_num_threads(1)  # on networks as small as these, threads take longer
     k, n, steps, width = sd.specialize(model, sd.aba), 64, 60 if quick else 6000 if long else 400, 64 if long else 32
-    states = [(rng.uniform(-3.0, 3.0, (n, 2)), rng.normal(scale=2.0, size=(n, 2)))]
-    for _ in range(99):
-        states.append(runge_kutta(lambda q, v: k(q, v, friction(v)), *states[-1]))
+    ways: dict[str, Any] = {"robot": (lambda q, v: k(q, v, friction(v)), []), **networks(torch, k, width)}
+    first, found = (rng.uniform(-3.0, 3.0, (n, 2)), rng.normal(scale=2.0, size=(n, 2))), dict[str, Any]()
+    states = [*accumulate(range(99), lambda x, _: runge_kutta(ways["robot"][0], *x), initial=first)]
     before, behind = (torch.tensor(np.concatenate(x, 1).reshape(2, -1, 2)) for x in (states[:-1], states[1:]))
-    found, swing = dict[str, Any](), [(np.array([2.0, 0.5]), np.zeros(2))]
-    ways = {"robot": (lambda q, v: k(q, v, friction(v)), []), **networks(torch, k, width)}
     for name, (acceleration, trained) in ways.items():
         optimizer: Any = torch.optim.Adam(trained, 0.005) if trained else None
         for _ in range(steps if trained else 0):
@@ -72,7 +71,7 @@ def main(quick: bool = False, long: bool = False, save: str | None = None) -> di
             optimizer.zero_grad()
             loss.backward()
             optimizer.step()
-        path = [tuple(torch.tensor(x) for x in swing[0])] if trained else list(swing)
+        path = [tuple(map(torch.tensor, HELD)) if trained else HELD]
         for _ in range(SWING):
             path.append(tuple(x.detach() if trained else x for x in runge_kutta(acceleration, *path[-1])))
         q, v = (np.array([np.asarray(x[i]) for x in path]) for i in range(2))

@@ -22,7 +22,7 @@ from .frameworks import framework
 def to_torch(made: Differentiable) -> Callable[..., Any]:
     """``Specialized.to_torch``."""
     torch = framework("torch")
-    unpack_dual, compiling = framework("torch.autograd.forward_ad").unpack_dual, torch.compiler.is_compiling
+    compiling, needed = torch.compiler.is_compiling, derivative_needed()
     count, float32, float64, several = len(made.names), torch.float32, torch.float64, made.several
     call, differentiated, in_graph = operator(made.node()), function_of(made.node()).apply, graph_function(made).apply
 
@@ -32,13 +32,11 @@ def to_torch(made: Differentiable) -> Callable[..., Any]:
             given = converted(tensors)
         if len(given) != count:
             made.aligned([tuple(x.shape) for x in given])  # raises TypeError
-        slopes = torch.is_grad_enabled() and any(x.requires_grad for x in given)
         if compiling():
+            slopes = torch.is_grad_enabled() and any(x.requires_grad for x in given)
             found = in_graph(*given) if slopes else call(*given)
-        elif slopes or any(unpack_dual(x).tangent is not None for x in given):
-            found = differentiated(*given)
         else:
-            found = call(*given)
+            found = differentiated(*given) if needed(given) else call(*given)
         return tuple(found) if several else found[0]
 
     def converted(tensors: Any) -> list[Any]:
@@ -62,6 +60,7 @@ def _library() -> Any:
     return framework("torch.library").Library("spatialdyn", "FRAGMENT")
 
 
+@cache
 def operator(node: Node) -> Any:
     """The operator of a node, for tensors of one dtype whose leading axes broadcast; nodes of equal keys share it."""
     torch = framework("torch")
@@ -118,6 +117,34 @@ def _in_front(node: Node, tensors: Sequence[Any], in_dims: Sequence[Any]) -> lis
 
 
 @cache
+def derivative_needed() -> Callable[[Sequence[Any]], bool]:
+    """A function of tensors: whether a derivative of what is computed from them may be needed.
+
+    That is so by autograd, in either mode, and within torch.func, whose tensors have no memory of their own: PyTorch
+    tells the tangents of the innermost transform alone.
+    """
+    torch, unpack_dual = framework("torch"), framework("torch.autograd.forward_ad").unpack_dual
+    enabled = torch.is_grad_enabled
+
+    def needed(tensors: Sequence[Any]) -> bool:
+        if enabled() and any(x.requires_grad for x in tensors):
+            return True
+        try:
+            for x in tensors:
+                x.data_ptr()
+        except RuntimeError:
+            return True
+        return any(unpack_dual(x).tangent is not None for x in tensors)
+
+    return needed
+
+
+def applied(node: Node, tensors: Sequence[Any]) -> Any:
+    """A node of tensors: its operator alone, unless a derivative may be needed."""
+    return (function_of(node).apply if derivative_needed()(tensors) else operator(node))(*tensors)
+
+
+@cache
 def function_of(node: Node) -> Any:
     """The ``autograd.Function`` of a node; its derivatives in both modes are such functions too."""
     torch, call = framework("torch"), operator(node)
@@ -144,7 +171,7 @@ def function_of(node: Node) -> Any:
             for k, group in enumerate(groups):
                 if any(ctx.needs_input_grad[group]) and any(x is not None for x in seeds):
                     further, given = node.back(k, arrays, results, _filled(seeds, results))
-                    found = function_of(further).apply(*given)
+                    found = applied(further, given)
                     for at, x in zip(range(count)[group], found, strict=True):
                         answers[at] = x.sum_to_size(arrays[at].shape)
             return tuple(answers)
@@ -156,7 +183,7 @@ def function_of(node: Node) -> Any:
             for k, group in enumerate(groups):
                 if any(x is not None for x in rates[group]):
                     further, given = node.along(k, arrays, results, _filled(rates[group], arrays[group]))
-                    terms.append(function_of(further).apply(*given))
+                    terms.append(applied(further, given))
             return tuple(sum(x[1:], x[0]) for x in zip(*terms, strict=True)) if terms else (None,) * len(results)
 
         @staticmethod

@@ -168,6 +168,20 @@ def test_second_derivatives_agree_in_every_mode(case: Case) -> None:
     assert torch.autograd.gradgradcheck(f, tensors([q, v, tau], grad=True))
 
 
+def test_a_transform_sees_tensors_that_a_transform_within_it_does_not(case: Case) -> None:
+    """Rates of q, by which the inner function of y does not differentiate: torch tells the inner tangents alone."""
+    f, (q, v, tau) = sd.specialize(case.model, sd.aba).to_torch(), tensors([x[0] for x in case.given])
+    ones, func = torch.ones(3, dtype=q.dtype), torch.func
+    wanted = func.jacrev(lambda q: f(q, v, tau))(q)
+    assert abs(wanted).max() > 0.1
+    for within in (
+        lambda q: func.jvp(lambda y: f(q, v, tau) * y, (ones,), (ones,))[1],
+        lambda q: func.grad(lambda y: (f(q, v, tau) * y).sum())(ones),
+    ):
+        for jacobian in (func.jacfwd, func.jacrev):
+            np.testing.assert_allclose(jacobian(within)(q), wanted, rtol=0.0, atol=1e-12 * abs(wanted).max())
+
+
 def test_the_operator_tells_shapes_without_a_program(case: Case) -> None:
     from torch._subclasses.fake_tensor import FakeTensorMode
 

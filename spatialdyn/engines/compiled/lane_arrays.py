@@ -18,7 +18,7 @@ from numba.extending import intrinsic, lower_builtin
 from numba.np import arrayobj
 
 from .checks import LARGEST
-from .lanes import F8, I8, I32, TRUTH, Lanes, constant, every, size, vector
+from .lanes import F8, I8, I32, TRUTH, Lanes, constant, every, lane_of, put_lane, size, vector
 
 LINE = 64  # alignment of scratch in bytes
 
@@ -164,12 +164,16 @@ def lower(width: int) -> Any:
 
 @cache
 def mirror(width: int) -> Any:
-    """As ``drain`` for a Lower: an intrinsic (tile, address, n, first, last) that writes matrices (n, n) row by row."""
+    """As ``drain`` for a Lower: an intrinsic (bodies, tile, address, n, first, last) that writes matrices (n, n).
+
+    They are written row by row. Right of a row's subtree they are zero, as M is: nothing is read there.
+    """
     kind = vector(F8, width)
 
-    def write(typing_context: Any, tile: Any, address: Any, n: Any, first: Any, last: Any) -> Any:
+    def write(typing_context: Any, bodies: Any, tile: Any, address: Any, n: Any, first: Any, last: Any) -> Any:
         def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-            tile, address, n, first, last = arguments
+            table, tile, address, n, first, last = arguments
+            row_at = builder.bitcast(context.make_array(bodies)(context, builder, table).data, cgutils.voidptr_t)
             rows = _rows(builder, address, builder.mul(n, n), first, last, width)
             of = builder.bitcast(tile, kind.as_pointer())
             finite = _Finite(builder, width)
@@ -189,32 +193,47 @@ def mirror(width: int) -> Any:
                 for sample, x in zip(rows, _transposed(builder, xs), strict=True):
                     builder.store(x, _at(builder, sample, at, kind), align=8)
 
-            count = I8(width)
+            def zeros(row: Any, column: Any) -> None:
+                at = builder.add(builder.mul(row, n), column)
+                for sample in rows:
+                    builder.store(constant(0.0, width), _at(builder, sample, at, kind), align=8)
+
+            def end_of(row: Any) -> Any:
+                """The last row of the subtree, the world not counted, plus one."""
+                at = builder.add(builder.mul(builder.add(row, I8(1)), I8(bodies.dtype.size)), I8(end))
+                return builder.load(builder.bitcast(builder.gep(row_at, [at]), I8.as_pointer()))
+
+            count, end = I8(width), bodies.dtype.offset("last_row")
             blocks = builder.sdiv(n, count)
             done = builder.mul(blocks, count)
             with cgutils.for_range(builder, n) as down:
                 row = down.index
+                within = builder.sdiv(builder.add(end_of(row), I8(width - 1)), count)  # blocks up to the subtree's end
+                within = builder.select(builder.icmp_signed("<", within, blocks), within, blocks)
                 below = builder.sdiv(builder.add(row, I8(1)), count)  # blocks up to the diagonal
                 below = builder.select(builder.icmp_signed("<", below, blocks), below, blocks)
                 past = builder.sdiv(builder.add(row, I8(width - 1)), count)  # the first block from the diagonal on
                 past = builder.select(builder.icmp_signed("<", past, blocks), past, blocks)
-                for start, end, place in (
+                first_zero = builder.select(builder.icmp_signed("<", past, within), within, past)
+                for start, stop, place in (
                     (I8(0), below, lambda column: (row, column)),
                     (below, past, lambda column: larger(row, column)),
-                    (past, blocks, lambda column: (column, row)),
+                    (past, first_zero, lambda column: (column, row)),
                 ):
-                    with cgutils.for_range(builder, builder.sub(end, start)) as along:
+                    with cgutils.for_range(builder, builder.sub(stop, start)) as along:
                         block(row, builder.mul(builder.add(start, along.index), count), place)
+                with cgutils.for_range(builder, builder.sub(blocks, first_zero)) as along:
+                    zeros(row, builder.mul(builder.add(first_zero, along.index), count))
                 with cgutils.for_range(builder, builder.sub(n, done)) as left:
                     column = builder.add(done, left.index)
                     x = read(*larger(row, column))
                     finite.note([x])
                     at = builder.add(builder.mul(row, n), column)
                     for lane, sample in enumerate(rows):
-                        builder.store(builder.extract_element(x, I32(lane)), builder.gep(sample, [at]))
+                        builder.store(lane_of(builder, x, lane), builder.gep(sample, [at]))
             return finite.all()
 
-        return types.boolean(types.voidptr, types.intp, types.intp, types.intp, types.intp), generate
+        return types.boolean(bodies, types.voidptr, types.intp, types.intp, types.intp, types.intp), generate
 
     return intrinsic(write)
 
@@ -295,7 +314,7 @@ def fill(width: int) -> Any:
                 at = builder.add(done, loop.index)
                 x = kind(ir.Undefined)
                 for lane, row in enumerate(rows):
-                    x = builder.insert_element(x, builder.load(builder.gep(row, [at])), I32(lane))
+                    x = put_lane(builder, x, builder.load(builder.gep(row, [at])), lane)
                 builder.store(x, _at(builder, to, builder.mul(at, I8(width)), kind), align=8 * width)
             return context.get_dummy_value()
 
@@ -335,7 +354,7 @@ def drain(width: int) -> Any:
                 x = tile_at(at)
                 finite.note([x])
                 for lane, row in enumerate(rows):
-                    builder.store(builder.extract_element(x, I32(lane)), builder.gep(row, [at]))
+                    builder.store(lane_of(builder, x, lane), builder.gep(row, [at]))
             return finite.all()
 
         return types.boolean(types.voidptr, types.intp, types.intp, types.intp, types.intp), generate

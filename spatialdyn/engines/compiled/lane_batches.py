@@ -23,9 +23,9 @@ COMPILE_SECONDS = 6.0  # expected time to compile a kernel on lanes
 class LaneBatches:
     """As ``numba_kernels.batch_kernel``, on lanes once compiling that kernel pays."""
 
-    def __init__(self, spec: Spec) -> None:
-        """The batches of a call for which ``lane_names.fits``."""
-        self._spec = spec
+    def __init__(self, spec: Spec, width: int, edited: bool = False) -> None:
+        """The batches of a call for which ``lane_names.fits``, on so many lanes; ``edited`` as of ``lane_kernels``."""
+        self._spec, self._width, self._edited = spec, width, edited
         self._lanes: Callable[..., int] | None = None
         self._looked = False
         self._spent = 0.0  # seconds in the kernel of one sample
@@ -39,35 +39,48 @@ class LaneBatches:
     def prepare(self, count: int) -> None:
         """Load or compile the kernel for a batch of ``count`` samples, on the calling thread."""
         with self._lock:
-            if self._lanes is None and 2 * count > lane_names.width():
+            if self._lanes is None and 2 * count > self._width:
                 first, self._looked = not self._looked, True
-                stored = first and lane_kernels.is_stored(self._spec, lane_names.width())
+                stored = first and lane_kernels.is_stored(self._spec, self._width, self._edited)
                 if stored or self._spent >= COMPILE_SECONDS:
-                    self._lanes = lane_kernels.kernel(self._spec, lane_names.width())
+                    self._lanes = lane_kernels.kernel(self._spec, self._width, self._edited)
         if self._lanes is None:
-            numba_kernels.batch_kernel(self._spec)
+            self._one()
+
+    def _one(self) -> Callable[..., int]:
+        """The kernel of one sample at a time."""
+        if self._edited:
+            return lane_kernels.kernel(self._spec, 1, edited=True)
+        return numba_kernels.batch_kernel(self._spec)
 
     def compile_now(self) -> None:
-        """Compile both kernels, whether that pays or not."""
-        numba_kernels.batch_kernel(self._spec)
+        """Compile the kernels, whether that pays or not."""
+        self._one()
+        if self._spec.mirrored and self._width == lane_kernels.WIDE:
+            batches(self._spec, self._width // 2, self._edited).compile_now()
         self._spent = COMPILE_SECONDS
-        self.prepare(lane_names.width())
+        self.prepare(self._width)
 
-    def __call__(self, table: int, n: int, *arguments: Any) -> int:
-        lanes = self._lanes
-        if lanes is None or 2 * n <= lane_names.width():
+    def __call__(self, table: Any, n: int, *arguments: Any) -> int:
+        """As the kernels; ``table`` is an address, or for edited samples the array of their tables (n, rows)."""
+        lanes, at = self._lanes, table.ctypes.data if self._edited else table
+        if lanes is None or 2 * n <= self._width:
             start = perf_counter()
-            failed = numba_kernels.batch_kernel(self._spec)(table, n, *arguments)
+            failed = self._one()(at, n, *arguments)
             self._spent += perf_counter() - start
             return failed
-        left = lanes(table, n, *arguments)
+        left = lanes(at, n, *arguments)
         if left == 0:
             return 0
+        if left == lane_kernels.TOO_LARGE and self._width == lane_kernels.WIDE:
+            narrower = batches(self._spec, self._width // 2, self._edited)
+            narrower.prepare(n)
+            return narrower(table, n, *arguments)
         if left < 0:  # no sample is computed
-            return numba_kernels.batch_kernel(self._spec)(table, n, *arguments)
+            return self._one()(at, n, *arguments)
         return self._again(table, arguments)
 
-    def _again(self, table: int, arguments: tuple[Any, ...]) -> int:
+    def _again(self, table: Any, arguments: tuple[Any, ...]) -> int:
         """Compute the samples that the kernel on lanes has left; returns how many failed."""
         *given, out, status = arguments
         again = np.flatnonzero(status == lane_kernels.RETRY)
@@ -75,13 +88,19 @@ class LaneBatches:
         for k in range(0, varying, 2):
             if given[k + 1]:
                 given[k] = given[k][again]
+        own = table[again] if self._edited else None  # held until the kernel returns
+        at = table if own is None else own.ctypes.data
         results, found = np.empty((len(again), *out.shape[1:])), np.empty(len(again), np.int8)
-        failed = numba_kernels.batch_kernel(self._spec)(table, len(again), *given, results, found)
+        failed = self._one()(at, len(again), *given, results, found)
         out[again], status[again] = results, found
         return failed
 
 
 @cache
-def batches(spec: Spec) -> LaneBatches:
-    """The LaneBatches of a call."""
-    return LaneBatches(spec)
+def _batches(spec: Spec, width: int, edited: bool) -> LaneBatches:
+    return LaneBatches(spec, width, edited)
+
+
+def batches(spec: Spec, width: int | None = None, edited: bool = False) -> LaneBatches:
+    """The LaneBatches of a call, by default on all lanes of a vector."""
+    return _batches(spec, width or lane_names.width(), edited)

@@ -11,18 +11,21 @@ from collections.abc import Callable
 from functools import cache
 from typing import Any
 
-from ...bodies.table import ANY_NORM
+from ...bodies.table import ANY_NORM, BODIES
 from ...recursions.spec import Spec, flat, gather, is_record
 from . import disk_cache, lane_names, numba_kernels
 from .numba_kernels import OK
 
 LINE = 64  # bytes of a cache line, to which scratch is aligned
 MOST_BYTES = 48 << 20  # most bytes of a thread's tiles and scratch: with more, lanes are no faster
+MOST_WIDE, WIDE = 4 << 20, 8  # the same of a symmetric matrix on WIDE lanes: half of them are then faster
 RETRY = -1  # status of a sample that the kernel leaves to the caller
+REFUSED, TOO_LARGE = -1, -2  # results of a kernel that has computed no sample
 
 
-def _lines(spec: Spec, width: int) -> tuple[list[str], list[str]]:
+def _lines(spec: Spec, width: int, edited: bool) -> tuple[list[str], list[str]]:
     """Parameters and statements of the kernel."""
+    rows = "bodies_tile" if edited else "bodies"
     extent, shape_of = numba_kernels.extent, numba_kernels.kernel_shape
     varying, static, out = [x for x in spec.present if not x.static], [x for x in spec.present if x.static], spec.output
     parameters = ["table", "n"]
@@ -35,11 +38,13 @@ def _lines(spec: Spec, width: int) -> tuple[list[str], list[str]]:
     for x in (*varying, out):
         refused += [f"{x.name}.shape[{k + 1}] != {extent(spec, s)}" for k, s in enumerate(shape_of(x))]
     refused += [f"not no_overlap({x.name}, {out.name})" for x in varying]
-    lines += [f"if {' or '.join(refused)}:", "    return -1"]
+    lines += [f"if {' or '.join(refused)}:", f"    return {REFUSED}"]
     tiles: dict[str, list[str]] = {x.name: [extent(spec, s) for s in shape_of(x)] for x in (*varying, out)}
     tiles |= {f"{x.name}_turned": ["3", extent(spec, "nq")] for x in varying if x.turned}
     scratch = numba_kernels.scratch_of(spec)
     tiles |= {name: shape for name, (shape, dtype) in scratch.items() if dtype == "FLOAT"}
+    if edited:
+        tiles["bodies"] = ["len(bodies)", "TABLE_WORDS"]
     lines.append("size = 0")
     if spec.mirrored:
         side = tiles[out.name][0]
@@ -49,26 +54,29 @@ def _lines(spec: Spec, width: int) -> tuple[list[str], list[str]]:
         lines.append(f"size += (8 * {width} * {name}_columns + {LINE - 1}) // {LINE} * {LINE}")
     if spec.work is not None:
         lines += ["work_first = size", f"size += {width} * WORK_SIZE * len(bodies)"]
-    lines += [f"size += {LINE}", f"if size > {MOST_BYTES}:", "    return -1", "block = memory(size)"]
+    most = MOST_WIDE if spec.mirrored and width == WIDE else MOST_BYTES
+    lines += [f"size += {LINE}", f"if size > {most}:", f"    return {TOO_LARGE}", "block = memory(size)"]
     if spec.mirrored:
         lines.append(f"{out.name}_tile = lower(aligned(block, {out.name}_first))")
     for name, shape in tiles.items():
-        if spec.mirrored and name == out.name:
+        if (spec.mirrored and name == out.name) or name == "bodies":
             continue
         lines.append(f"{name}_tile = lanes{len(shape)}(aligned(block, {name}_first), ({', '.join(shape)},))")
     if spec.work is not None:
         lines.append("work_tile = works(aligned(block, work_first), (len(bodies),))")
+    if edited:
+        lines.append("bodies_tile = tables(aligned(block, bodies_first), (len(bodies),))")
     lines += [f"{x.name}_at = {x.name}.ctypes.data" for x in (*varying, out)]
     lines += ["failed = 0", f"for s in range(0, n, {width}):", "    sound = True"]
-    inside = []
+    inside = ["fill(table, bodies_columns, s, n - 1, aligned(block, bodies_first))"] if edited else []
     for x in varying:
         inside.append(
             f"fill({x.name}_at, {x.name}_columns, s * {x.name}_step, (n - 1) * {x.name}_step, "
             f"aligned(block, {x.name}_first))"
         )
-    inside += [f"sound = sound and unit_norm(bodies, {x.name}_tile)" for x in varying if x.unit_norm]
+    inside += [f"sound = sound and unit_norm({rows}, {x.name}_tile)" for x in varying if x.unit_norm]
     inside += [f"sound = turn_lanes({x.name}_tile, {x.name}_turned_tile) and sound" for x in varying if x.turned]
-    passed: list[str | None] = ["bodies", "work_tile"] if spec.work is not None else ["bodies"]
+    passed: list[str | None] = [rows, "work_tile"] if spec.work is not None else [rows]
 
     def named(x: Any) -> str:
         if x.static:
@@ -89,12 +97,12 @@ def _lines(spec: Spec, width: int) -> tuple[list[str], list[str]]:
     passed += ["pivots_tile"] * spec.pivots + gather(spec.scratch, lambda _: next(names), call_of)
     inside.append(f"recursion({', '.join(x or 'None' for x in passed)})")
     if spec.pivots:
-        inside.append("sound = sound and pivots_regular(bodies, q_tile, pivots_tile)")
+        inside.append(f"sound = sound and pivots_regular({rows}, q_tile, pivots_tile)")
     if out.unit_norm:
-        inside.append(f"sound = sound and unit_norm(bodies, {out.name}_tile)")
-    drain, columns = ("mirror", side) if spec.mirrored else ("drain", f"{out.name}_columns")
+        inside.append(f"sound = sound and unit_norm({rows}, {out.name}_tile)")
+    drain, columns = ("mirror(bodies, ", side) if spec.mirrored else ("drain(", f"{out.name}_columns")
     inside += [
-        f"sound = {drain}(aligned(block, {out.name}_first), {out.name}_at, {columns}, s, n - 1) and sound",
+        f"sound = {drain}aligned(block, {out.name}_first), {out.name}_at, {columns}, s, n - 1) and sound",
         f"for k in range(s, min(s + {width}, n)):",
         f"    status[k] = {OK} if sound else {RETRY}",
         "    failed += 0 if sound else 1",
@@ -104,26 +112,32 @@ def _lines(spec: Spec, width: int) -> tuple[list[str], list[str]]:
 
 
 @cache
-def kernel(spec: Spec, width: int) -> Callable[..., int]:
-    """A ``batch_kernel`` on lanes, compiled or from disk; it leaves samples of status RETRY, and returns -1 if all."""
+def kernel(spec: Spec, width: int, edited: bool = False) -> Callable[..., int]:
+    """A ``batch_kernel`` on lanes, compiled or from disk; it leaves samples of status RETRY.
+
+    edited  each sample has a table of its own: the tables of all lie one behind the other. They differ in numbers alone
+
+    The kernel returns REFUSED or TOO_LARGE if it computes none.
+    """
     with numba_kernels.compiling(spec):
         from . import jit
 
-        return jit.compile_signature(source(spec, width), numba_kernels.batch_signature(spec), contract=False)
+        return jit.compile_signature(source(spec, width, edited), numba_kernels.batch_signature(spec), contract=False)
 
 
-def source(spec: Spec, width: int) -> Callable[..., int]:
+def source(spec: Spec, width: int, edited: bool = False) -> Callable[..., int]:
     """The kernel's Python function."""
-    parameters, lines = _lines(spec, width)
-    name = f"{numba_kernels.label(spec)}_lanes{width}"
-    scope = numba_kernels.scope(spec) | lane_names.known(spec, width) | {"ANY_NORM": ANY_NORM}
+    parameters, lines = _lines(spec, width, edited)
+    name = f"{numba_kernels.label(spec)}_{'edited' if edited else 'lanes'}{width}"
+    words = BODIES.itemsize // 8
+    scope = numba_kernels.scope(spec) | lane_names.known(spec, width) | {"ANY_NORM": ANY_NORM, "TABLE_WORDS": words}
     return numba_kernels.kernel_from_text(name, parameters, lines, scope)
 
 
-def is_stored(spec: Spec, width: int) -> bool:
+def is_stored(spec: Spec, width: int, edited: bool = False) -> bool:
     """Whether the compiled kernel is on disk."""
     from . import jit, tiers
 
     if disk_cache.folder() is None:
         return False
-    return tiers.is_stored(jit.numba_jit(source(spec, width), contract=False), numba_kernels.batch_signature(spec))
+    return tiers.is_stored(jit.numba_jit(source(spec, width, edited), contract=False), numba_kernels.batch_signature(spec))

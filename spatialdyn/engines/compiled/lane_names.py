@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import cache
 from typing import Any
 
+from ...bodies.table import BODIES
 from ...recursions.spec import Spec
 from .numba_settings import PLAIN
 from .stamp import names
@@ -28,16 +29,13 @@ def width() -> int:
 def known(spec: Spec, width: int) -> dict[str, Any]:
     """The names in a kernel's text that have a meaning on lanes."""
     from . import lane_arrays, lanes
+    from .lane_turn import turn_lanes
 
     kind = lanes.Lanes(width)
     found: dict[str, Any] = {f"lanes{axes}": lane_arrays.array_of(kind, axes) for axes in (1, 2, 3)}
     if spec.work is not None:
         found["works"] = lane_arrays.array_of(lane_arrays.record(spec.work, width), 1)
-    if width == 1:
-        return found | {"lanes_of": lane_arrays.lanes_of}
-    from .lane_turn import turn_lanes
-
-    found |= {"fill": lane_arrays.fill(width), "drain": lane_arrays.drain(width), "aligned": lane_arrays.aligned}
-    return found | {
-        "lower": lane_arrays.lower(width), "mirror": lane_arrays.mirror(width), "turn_lanes": turn_lanes
-    }  # fmt: skip
+    of_width = ("fill", "drain", "lower", "mirror")
+    found |= {name: getattr(lane_arrays, name)(width) for name in of_width}
+    found["tables"] = lane_arrays.array_of(lane_arrays.record(BODIES, width), 1)
+    return found | {"lanes_of": lane_arrays.lanes_of, "aligned": lane_arrays.aligned, "turn_lanes": turn_lanes}

@@ -163,17 +163,24 @@ def every(builder: Any, mask: Any) -> Any:
     return builder.icmp_unsigned("==", found, found.type(-1))
 
 
+def lane_of(builder: Any, x: Any, lane: int) -> Any:
+    """The number of one sample."""
+    return x if width_of(x.type) == 1 else builder.extract_element(x, I32(lane))
+
+
+def put_lane(builder: Any, x: Any, number: Any, lane: int) -> Any:
+    """Lanes with another number of one sample."""
+    return number if width_of(x.type) == 1 else builder.insert_element(x, number, I32(lane))
+
+
 def of_each(context: Any, builder: Any, function: Any, arguments: Any) -> Any:
     """Apply a function of floats lane by lane."""
     n = width_of(arguments[0].type)
     kind = types.float64(*[types.float64] * len(arguments))
     emit = context.get_function(function, kind)
-    if n == 1:
-        return emit(builder, arguments)
     found = arguments[0].type(ir.Undefined)
     for lane in range(n):
-        x = emit(builder, [builder.extract_element(a, I32(lane)) for a in arguments])
-        found = builder.insert_element(found, x, I32(lane))
+        found = put_lane(builder, found, emit(builder, [lane_of(builder, a, lane) for a in arguments]), lane)
     return found
 
 

@@ -130,7 +130,7 @@ def lanes(monkeypatch: pytest.MonkeyPatch) -> None:
     """No programs, and lanes at once."""
     monkeypatch.setattr(recording, "MOST_ROWS", 1)
     monkeypatch.setattr(lane_batches, "COMPILE_SECONDS", 0.0)
-    lane_batches.batches.cache_clear()
+    lane_batches._batches.cache_clear()
     run.forget_programs()
 
 
@@ -172,9 +172,9 @@ def test_float32_overflows_as_before_and_a_step_of_zero_serves_all() -> None:
 def test_one_sample_answers_until_compiling_pays(monkeypatch: pytest.MonkeyPatch) -> None:
     spec = numba_kernels.variant(SPECS["generalized_gravity"], ())
     asked: list[int] = []
-    monkeypatch.setattr(lane_kernels, "is_stored", lambda spec, width: False)
-    monkeypatch.setattr(lane_kernels, "kernel", lambda spec, width: asked.append(width) or (lambda *given: 0))
-    tiers = lane_batches.LaneBatches(spec)
+    monkeypatch.setattr(lane_kernels, "is_stored", lambda spec, width, edited: False)
+    monkeypatch.setattr(lane_kernels, "kernel", lambda spec, width, edited: asked.append(width) or (lambda *given: 0))
+    tiers = lane_batches.LaneBatches(spec, lane_names.width())
     given = inputs(spec, model(0), 0)
     tiers.prepare(COUNT)
     wanted, _ = result(numba_kernels.batch_kernel(spec), spec, model(0), given)
@@ -195,7 +195,18 @@ def test_results_larger_than_the_caches_are_left_to_one_sample() -> None:
     bodies[0]["q_index"] = bodies[0]["last_row"] = n
     kernel = lane_kernels.kernel(spec, lane_names.width())
     given = np.zeros((1, n)), 1, np.empty((1, n, n)), np.empty(1, np.int8)
-    assert kernel(bodies.ctypes.data, 1, *given) == -1
+    assert kernel(bodies.ctypes.data, 1, *given) == lane_kernels.TOO_LARGE
+
+
+@pytest.mark.usefixtures("lanes")
+@pytest.mark.skipif(lane_names.width() < lane_kernels.WIDE, reason="the lanes here are narrow")
+def test_large_mass_matrices_run_on_half_of_the_lanes() -> None:
+    of, spec = random_tree(1, 380, kinds=("revolute",), branching=0.1).model, numba_kernels.variant(SPECS["crba"], ())
+    q = np.random.default_rng(0).normal(size=(9, of.nq))
+    alone = np.array([sd.crba(of, x) for x in q])
+    np.testing.assert_array_equal(sd.crba(of, q), alone)
+    assert lane_batches.batches(spec, lane_kernels.WIDE // 2).is_made
+    assert (alone == 0.0).any()  # of rows on other branches
 
 
 def test_the_mass_matrix_of_a_long_chain_has_no_program() -> None:

@@ -55,7 +55,7 @@ def test_lanes_have_the_bits_of_one_sample(name: str, monkeypatch: pytest.Monkey
     model, made = claw(False), []
     _, found = batch(name, model)
     monkeypatch.setattr(lane_batches, "COMPILE_SECONDS", 0.0)
-    lane_batches.batches.cache_clear()
+    lane_batches._batches.cache_clear()
     np.testing.assert_array_equal(batch(name, model)[1], found)
     reduced = mimic_batches.reduced(model)
     assert reduced is not None

@@ -22,14 +22,14 @@ from ....algebra.rotations import UNIT_TOLERANCE
 from ...polynomials import MAX_ANGLE
 from ..record import finite
 from ..record.kernel_layout import Float32Range, KernelLayout
-from ..record.operations import AGAIN, CARRIED, CONST, FORMS, INPUT, NEXT, REPEAT, signed
+from ..record.operations import AGAIN, CONST, FORMS, INPUT, REPEAT, signed
 from ..record.program import Program
-from ..record.regions import runs_once
 from ..record.structure import Numbers
 from . import columns, lookups
 from .host_cpu import host, lanes_of, object_code
 from .llvm_module import module
 from .llvm_vectors import ZERO, Vectors
+from .region_text import Regions, RegionWriter
 from .schedule import Schedule, held, is_whole
 
 STORED = 128  # most columns that one function of a long program writes
@@ -77,12 +77,9 @@ class Writer:
         self.stage = self.poison_slot + (1 if layout.range is None else 2)  # slots of rows to be streamed
         self.staged = [columns.staged(len(places), lanes, stream) for places in layout.outputs]
         staged = [len(places) for places, first in zip(layout.outputs, self.staged, strict=True) if first]
-        kept = [r for r in program.regions if r in self.schedule.cut or not runs_once(program.lines, r)]
-        carried = dict.fromkeys(k for region in kept for k in region.carried)
-        self.carried = {k: self.stage + max(staged, default=0) + at for at, k in enumerate(carried)}  # their slots
-        self.regions = {region.head: region for region in program.regions}
-        self.once = self.regions.keys() - {region.head for region in kept}
-        slots = self.stage + max(staged, default=0) + len(self.carried)
+        slots = self.stage + max(staged, default=0)
+        self.regions = Regions(program, self.schedule.cut, slots)
+        slots += len(self.regions.carried)
         self.lookups = lookups.find(program, self.common if self.whole else {})
         if self.lookups.tables:  # only in programs of one function, whose values have no other slots
             self.schedule.slots |= {end: slots + at for at, end in enumerate(self.lookups.of_end)}
@@ -105,7 +102,8 @@ class Writer:
                 main.store_vector(floor, "%ws", self.poison_slot + 1)
             for i, chunk in enumerate(self.schedule.chunks):
                 if i in self.schedule.control:
-                    self._control(main, chunk)
+                    for k in chunk:
+                        self.regions.write_around(main, k, self.program.lines[k], lambda k: self._kept(main, k))
                     continue
                 functions.append(self._chunk(len(functions), chunk))
                 main.do(f"call void @chunk{len(functions) - 1}(ptr %ws, ptr %numbers)")
@@ -189,20 +187,6 @@ class Writer:
         t.do("ret void")
         return t.function(f"define internal void @chunk{i}(ptr noalias %ws, ptr noalias %numbers)", " noinline #0")
 
-    def _control(self, t: Vectors, chunk: Sequence[int]) -> None:
-        """Write the first or last lines of regions whose bodies are functions."""
-        for k in chunk:
-            op = self.program.lines[k]
-            if op.code == CARRIED:
-                t.store_vector(self._kept(t, op.a), "%ws", self.carried[k])
-            elif op.code == NEXT:
-                t.store_vector(self._kept(t, op.b), "%ws", self.carried[op.a])
-            elif op.code == REPEAT:
-                t.jump(f"repeat{k}", then=f"repeat{k}")
-                self._enter(t, k, self._kept(t, op.a))
-            else:
-                self._leave(t, op.a, {})
-
     def _kept(self, t: Vectors, k: int) -> str:
         """The value of an operand that is a number, or in the workspace."""
         if k < 0:
@@ -213,7 +197,7 @@ class Writer:
 
     def _operations(self, t: Vectors, chunk: Sequence[int], poison: str, inside: bool) -> str:
         """Write some lines; ``inside``: in one of several functions, which spills values that others need."""
-        lines, values, slots = self.program.lines, self.values, self.schedule.slots
+        lines, values = self.program.lines, self.values
         angles: set[int] = set()
         tables: set[tuple[int, ...]] = set()  # tables that have been looked up
         reach = ""
@@ -232,37 +216,10 @@ class Writer:
                 values[k] = self._absent(t, k)
             return values[k]
 
-        before: list[dict[int, str]] = []  # for each region that is being written, the values before it
-        after: list[dict[int, str]] = []  # and of its carried values that are not in the workspace, those at its end
+        regions = RegionWriter(self.regions, t, values, value, lambda k: self._computed(t, k, inside))
         for k in chunk:
             op = lines[k]
-            if op.code == REPEAT:
-                before.append(dict(values))
-                after.append({})
-                t.jump(f"repeat{k}", then=f"repeat{k}")
-                self._enter(t, k, value(op.a))
-                continue
-            if op.code == NEXT:
-                if op.a in self.carried:
-                    t.store_vector(value(op.b), "%ws", self.carried[op.a])
-                else:
-                    after[-1][op.a] = value(op.b)
-                continue
-            if op.code == AGAIN:
-                values.clear()
-                values |= before.pop()
-                self._leave(t, op.a, after.pop())
-                for held in self.regions[op.a].carried:
-                    if inside and held in slots and held not in self.carried:
-                        t.store_vector(value(held), "%ws", slots[held])
-                continue
-            if op.code == CARRIED:
-                if k in self.carried:
-                    t.store_vector(value(op.a), "%ws", self.carried[k])
-                    continue
-                values[k] = value(op.a)
-                if inside and k in slots:
-                    t.store_vector(values[k], "%ws", slots[k])
+            if regions.write(k, op):
                 continue
             if k in self.lookups.links:
                 continue
@@ -273,7 +230,7 @@ class Writer:
                     self._look_up(t, [value(c) for c in conditions], self.lookups.tables[conditions])
                 continue
             form, given = FORMS[op.code], [value(operand) for operand in signed(op)]
-            if form.angle and not (before or within) and op.a not in angles:  # in regions, out of range is NaN
+            if form.angle and not (regions.within or within) and op.a not in angles:  # in regions, out of range is NaN
                 angles.add(op.a)
                 x = given[0]
                 reach = t.fused(x, x, reach) if reach else t.binary("fmul", x, x)
@@ -286,22 +243,6 @@ class Writer:
         if reach:
             poison = t.poisoned_unless(t.compare("ole", reach, t.constant(self.most_reach)), poison)
         return poison
-
-    def _enter(self, t: Vectors, head: int, running: str) -> None:
-        """Begin a run of a region if some lane needs it."""
-        runs = t.put(f"bitcast {t.truth} {t.above_zero(running)} to i{self.lanes}")
-        some = t.put(f"icmp ne i{self.lanes} {runs}, 0")
-        t.branch(some, f"run{head}", f"behind{head}", then=f"run{head}")
-
-    def _leave(self, t: Vectors, head: int, after: dict[int, str]) -> None:
-        """End a region; ``after``: carried values at its end, if it runs once."""
-        if head not in self.once:
-            t.jump(f"repeat{head}", then=f"behind{head}")
-            return
-        t.jump(f"again{head}", then=f"again{head}")
-        t.jump(f"behind{head}", then=f"behind{head}")
-        for k, x in after.items():
-            self.values[k] = t.put(f"phi {t.vector} [ {self.values[k]}, %repeat{head} ], [ {x}, %again{head} ]")
 
     def _input_angles(self, chunk: Sequence[int]) -> list[int]:
         """The angles that are inputs, in the order of their first readers, without those read in regions only."""
@@ -316,7 +257,8 @@ class Writer:
 
     def _absent(self, t: Vectors, k: int) -> str:
         """The value of a line that this function has not computed."""
-        return t.load_vector("%ws", self.carried[k] if k in self.carried else self.schedule.slots[k])
+        carried = self.regions.carried
+        return t.load_vector("%ws", carried[k] if k in carried else self.schedule.slots[k])
 
     def _computed(self, t: Vectors, k: int, inside: bool) -> None:
         """Spill the value of a line if another function reads it; ``inside`` as of ``_operations``."""
@@ -427,8 +369,7 @@ class Writer:
             x = t.spread(f"%in{self.common[line][0]}", self.common[line][1])
         else:
             if line not in self.values:
-                kept = self.carried[line] if line in self.carried else self.schedule.slots[line]
-                self.values[line] = t.load_vector("%ws", kept)
+                self.values[line] = self._absent(t, line)
             x = self.values[line]
         return t.negative(x) if minus else x
 

@@ -103,9 +103,22 @@ def changed(bodies: NDArray[Any], parameters: Sequence[Parameter], values: Seque
     return made
 
 
+def tables(
+    bodies: NDArray[Any], parameters: Sequence[Parameter], values: Sequence[NDArray[np.float64]]
+) -> NDArray[Any]:
+    """Copies of the table (n, rows) with the values (n, ...) of the parameters of each sample, as of ``changed``."""
+    rows, n = table(bodies), len(values[0])
+    put(rows, parameters, [list(x.reshape(n, -1).T) for x in values], withdraw(rows, parameters))
+    made = np.repeat(bodies[None], n, axis=0)
+    for k, row in enumerate(rows):
+        for name in ("gravity", "armature", "inertia", "inertia_bound"):
+            _write(made[:, k], name, row)
+    return made
+
+
 def _write(record: Any, name: str, row: Any) -> None:
     value = getattr(row, name)
-    if isinstance(value, (int, float)):
+    if isinstance(value, (int, float, np.ndarray)):
         record[name] = value
         return
     for part in record.dtype[name].names:
