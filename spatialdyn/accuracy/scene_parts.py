@@ -115,9 +115,11 @@ def _locked(model: Model, names: list[str], q: Array) -> dict[str, Any]:
 
 
 def _light(model: Model, least: int) -> dict[str, tuple[float, list[str]]]:
-    """{joint: (mass, joints)} of light subtrees of at least ``least`` joints, without subtrees inside them."""
-    if model.mimic_matrix is not None:
-        return {}
+    """{joint: (mass, joints)} of light subtrees of at least ``least`` joints, without subtrees inside them.
+
+    A subtree counts if no joint outside it mimics one inside, nor the other way round.
+    """
+    pairs = [(j.name, model.joints[j.mimic[0]].name) for j in model.joints[1:] if j.mimic is not None]
     mass = model.bodies["inertia"]["m"][[j.row for j in model.joints]].copy()
     below: list[list[str]] = [[j.name] for j in model.joints]
     for k in range(model.njoints - 1, 0, -1):
@@ -129,7 +131,8 @@ def _light(model: Model, least: int) -> dict[str, tuple[float, list[str]]]:
     for k in range(1, model.njoints):
         name = model.joints[k].name
         rotor = any(_is_rotor(model, x) for x in below[k])
-        light = mass[k] < LIGHT * model.total_mass and name != ROOT_JOINT and not rotor
+        tied = any((x in below[k]) != (leader in below[k]) for x, leader in pairs)
+        light = mass[k] < LIGHT * model.total_mass and name != ROOT_JOINT and not rotor and not tied
         if light and len(below[k]) >= least and name not in inside:
             found[name] = float(mass[k]), sorted(below[k])
             inside |= set(below[k])

@@ -17,7 +17,7 @@ from ..calls.specialize import specialize
 from ..calls.states import random_configuration
 from ..engines.compiled import numba_kernels
 from ..engines.programs.record import recording
-from ..errors import ModelError, SpatialDynError, literal
+from ..errors import SpatialDynError, literal
 from ..model.changes import lock_values, resting
 from ..model.model import Model
 from ..waiting import watch
@@ -97,7 +97,7 @@ def simplify(
 
     lock                as ``Model.reduced`` takes it: joint name -> coordinates, or names: locked at rest
     merge_lighter_than  mass [kg]: a joint whose subtree is lighter is locked at neutral, or at its nearest limit if
-                        neutral is outside the limits
+                        neutral is outside the limits; with the joints that mimic it, if those carry less together
     drop                some of "armature" (rotors too), "damping", "friction", "gravity": set to zero
 
     Returns the Model and its Savings. The error is the largest difference between the two models over 4096 random
@@ -112,8 +112,7 @@ def simplify(
     >>> small.nv, savings.nv
     (1, (2, 1))
     """
-    if check_model(model).mimic_matrix is not None:
-        raise ModelError(f'model "{model.name}" has mimic joints, expected one without (mimic=False) to simplify')
+    check_model(model)
     dropped = as_words("drop", drop, DROPPED)
     locked = _locked(model, lock, merge_lighter_than)
     small = _without(model.reduced(locked), dropped)
@@ -136,12 +135,17 @@ def _locked(model: Model, lock: Any, lightest: float) -> dict[str, Any]:
         raise SpatialDynError(f"merge_lighter_than is {literal(lightest)}, expected a finite mass >= 0")
     locked = lock_values(model, lock)
     if lightest > 0.0:
-        carried = model.bodies["inertia"]["m"][[j.row for j in model.joints]]
+        mass = model.bodies["inertia"]["m"][[j.row for j in model.joints]]
+        moves = [{k} for k in range(model.njoints)]  # joints that move with each joint
         for k in range(model.njoints - 1, 0, -1):
-            carried[model.joints[k].parent] += carried[k]
+            moves[model.joints[k].parent] |= moves[k]
+        for k, joint in enumerate(model.joints):
+            if joint.mimic is not None:
+                moves[joint.mimic[0]] |= moves[k]
         rotors = {j.name for j in model.robot.joints if j.spring is not None}  # without a link's mass, not without use
-        for joint, mass in zip(model.joints[1:], carried[1:], strict=True):
-            if mass < lightest and joint.name not in {*locked, *rotors}:
+        for k, joint in enumerate(model.joints[1:], start=1):
+            moved = sorted(moves[k if joint.mimic is None else joint.mimic[0]])
+            if mass[moved].sum() < lightest and joint.name not in {*locked, *rotors}:
                 locked[joint.name] = resting(model, joint)
     return locked
 
@@ -218,6 +222,8 @@ def _places(model: Model, small: Model) -> tuple[NDArray[np.intp], NDArray[np.in
     in_q: list[int] = []
     in_v: list[int] = []
     for joint in small.joints[1:]:
+        if joint.mimic is not None:
+            continue
         whole = model.joint(joint.name)
         in_q += range(whole.idx_q, whole.idx_q + whole.nq)
         in_v += range(whole.idx_v, whole.idx_v + whole.nv)

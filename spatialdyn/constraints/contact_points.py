@@ -17,6 +17,7 @@ from ..calls.arguments import as_array, as_count, as_number, check_model
 from ..calls.failures import joint_of_velocity
 from ..errors import ConstraintError, ModelError, literal
 from ..model.model import Model
+from ..model.motion_limits import position_limits
 from .dilated_ground import dilated, heights_table
 from .kinds import across
 from .table import other_model
@@ -364,24 +365,12 @@ def _of_points(what: str, given: Any, names: tuple[str, ...], most: float) -> Ar
 def _stops(model: Model) -> list[dict[str, Any]]:
     """Columns of the row of each joint of one coordinate that has a limit, or is led to one by a joint that mimics it.
 
-    Raises ModelError for a joint that mimics another whose limits no position of that one meets.
+    Raises ModelError as ``position_limits``.
     """
-    ranges = {k: (model.lower[k], model.upper[k]) for k in range(model.nq)}
-    given = {x.name: x for x in model.robot.joints}
-    for joint in model.joints[1:]:
-        if joint.mimic is not None and joint.mimic[1]:
-            leader, ratio, offset = joint.mimic
-            k, own = joint.idx_q, given[joint.name]
-            ends = sorted(((own.lower - offset) / ratio, (own.upper - offset) / ratio))
-            ranges[k] = max(ranges[k][0], ends[0]), min(ranges[k][1], ends[1])
-            if not ranges[k][0] <= ranges[k][1]:
-                raise ModelError(
-                    f'joint "{joint.name}" mimics "{model.joints[leader].name}" with limits {own.lower:g} to '
-                    f"{own.upper:g}, expected some that a position within the limits of that one meets"
-                )
+    least, most = position_limits(model)
     made = []
     for joint in model.joints[1:]:
-        lower, upper = ranges[joint.idx_q]
+        lower, upper = float(least[joint.idx_q]), float(most[joint.idx_q])
         own_row = joint.mimic is None and int(model.bodies[joint.row]["kind"]) in R1
         if own_row and np.isfinite([lower, upper]).any():
             made.append({"row": joint.idx_v + 1, "q_index": joint.idx_q, "lower": lower, "upper": upper})

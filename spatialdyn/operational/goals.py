@@ -125,7 +125,7 @@ def put_rest(task: Any, joints: Joints, model: Model, out: Array) -> None:
         raise ShapeError(f'target of task "{task.name}" has shape {target.shape}, expected that of one state')
     chosen = set(range(model.nv)[joints.at] if isinstance(joints.at, slice) else joints.at.tolist())
     for joint in model.joints[1:]:
-        if joint.idx_v in chosen:
+        if joint.idx_v in chosen and joint.mimic is None:
             out[joint.idx_q : joint.idx_q + joint.nq] = target[joint.idx_q : joint.idx_q + joint.nq]
 
 

@@ -54,7 +54,8 @@ class Standing(NamedTuple):
         pyramids = (n + ns + 4 * points[:, None] + np.arange(4)).ravel()
         columns = np.r_[np.arange(n), (n + 3 * points[:, None] + np.arange(3)).ravel()].astype(np.intp)
         whole = len(bodies) == n and at == tuple(range(len(contacts)))
-        joints = [(joint.name, *units(joint)) for joint in body.model.joints[1:] for _ in range(joint.nv)]
+        own = [joint for joint in body.model.joints[1:] if joint.mimic is None]
+        joints = [(joint.name, *units(joint)) for joint in own for _ in range(joint.nv)]
         names = [(f'position or velocity limit of joint "{x}"', unit) for x, unit, _ in joints]
         names += [(f'push of the ground at point "{contacts.names[p]}"', "N") for p in at for _ in range(3)]
         names += [(f'torque limit of joint "{joints[i][0]}"', joints[i][2]) for i in bodies]

@@ -28,6 +28,7 @@ from ..calls.arguments import (
 from ..calls.dynamics import calls
 from ..errors import ModelError, NonFiniteError, ShapeError, SpatialDynError, literal
 from ..model.model import Frame, Model
+from ..model.robot_checks import quoted
 from .spectral import ALL_AXES, axes_of
 from .turning import turning
 
@@ -279,7 +280,7 @@ class PostureTask(Task):
     """Joints follow positions, or have accelerations; the other fields are those of ``FrameTask``.
 
     target  (..., nq)  a configuration, of which only the named joints count
-    joints  names; all but a floating base if left out
+    joints  names of joints with coordinates of their own; all but a floating base if left out
 
     >>> import spatialdyn as sd
     >>> sd.PostureTask([0.5, -0.3], Kp=25.0, joints=["joint2"]).name
@@ -311,9 +312,18 @@ class PostureTask(Task):
         """The freedoms of the joints, by index in v. Raises ModelError."""
         check_model(model)
         if self.joints is None:
-            named = [joint for joint in model.joints[1:] if not (joint.kind == "floating" and joint.parent == 0)]
+            named = [
+                joint
+                for joint in model.joints[1:]
+                if joint.mimic is None and not (joint.kind == "floating" and joint.parent == 0)
+            ]
         else:
             named = [model.joint(name) for name in self.joints]
+            followers = [joint.name for joint in named if joint.mimic is not None]
+            if followers:
+                raise ModelError(
+                    f'joints {quoted(followers)} of task "{self.name}" mimic others, expected those that they mimic'
+                )
         found = [k for joint in named for k in range(joint.idx_v, joint.idx_v + joint.nv)]
         if not found:
             raise ModelError(f'task "{self.name}" has no joints of robot "{model.name}", expected one or more')
@@ -329,7 +339,8 @@ class PostureTask(Task):
         at = self.at(model)
         J = np.eye(model.nv)[at]
         e = None if self.target is None else np.asarray(calls["difference"](model, q, self.target))[..., at]
-        kinds = {k: joint for joint in model.joints[1:] for k in range(joint.idx_v, joint.idx_v + joint.nv)}
+        own = [joint for joint in model.joints[1:] if joint.mimic is None]
+        kinds = {k: joint for joint in own for k in range(joint.idx_v, joint.idx_v + joint.nv)}
         turning = np.array([kinds[k].kind != "prismatic" for k in at])
         return Rows(J, 0.0 * v[..., at], feedback(self, v[..., at], e), turning)
 

@@ -24,6 +24,7 @@ from ..calls.arguments import as_finite, as_number, as_word, as_words, check_mod
 from ..calls.dynamics import calls
 from ..constraints.contact_points import Contacts
 from ..errors import ConstraintError, ModelError, ShapeError, SpatialDynError, literal
+from ..model.motion_limits import position_limits, velocity_limits
 from ..recursions.control.whole_body import FAR
 from ..simulation.effects.motor import CURRENT
 from ..simulation.scene import Scene
@@ -81,10 +82,10 @@ class WholeBody:
     infeasible  "raise", or "relax": take the smallest relaxation of limits, and report it
 
     ``solve(q, v)`` is a WholeBodyMotion; the object itself is a torque function of ``simulate``, held over a step of
-    contacts: ``sd.simulate(scene, q, v, 5.0, 2e-3, torque=whole_body)``. Every answer of the solver is checked.
-    Freedoms without a motor have no torque; with the scene's Motor torques are at most those that it gives at rest.
-    Losses of motors and friction of joints are not compensated. Over a Heightfield each point has the axes of the
-    ground below it.
+    contacts: ``sd.simulate(scene, q, v, 5.0, 2e-3, torque=whole_body)``. Every answer of the solver is checked. Limits
+    of joints that mimic others hold too. Freedoms without a motor have no torque; with the scene's Motor torques are at
+    most those that it gives at rest. Losses of motors and friction of joints are not compensated. Over a Heightfield
+    each point has the axes of the ground below it.
     Raises  ModelError, ConstraintError and SpatialDynError naming what does not fit; ``solve`` ConstraintError with the
             smallest relaxation, by name, if the limits allow no solution
 
@@ -110,8 +111,6 @@ class WholeBody:
         """See the class."""
         self.scene = scene if isinstance(scene, Scene) else Scene(check_model(scene))
         self.model = model = self.scene.model
-        if model.mimic_matrix is not None:
-            raise ModelError(f'robot "{model.name}" has joints that mimic others, expected none for WholeBody')
         if self.scene.constraints is not None:
             raise ConstraintError("the scene has constraints, expected none beside contacts for WholeBody")
         if self.scene.motor is not None and self.scene.drive != CURRENT:
@@ -150,12 +149,14 @@ class WholeBody:
     def _constants(self) -> tuple[Array, Array]:
         """The settings of the program that are the same at every state."""
         model, n = self.model, self.model.nv
-        stops = [(x.idx_v, x.idx_q) for x in model.joints[1:] if x.nq == x.nv == 1 and "position" in self.limits]
-        lower, upper = np.full(n, -FAR), np.full(n, FAR)
-        at_v, at_q = np.array(stops, np.intp).reshape(-1, 2).T
-        lower[at_v], upper[at_v] = np.maximum(model.lower[at_q], -FAR), np.minimum(model.upper[at_q], FAR)
-        fastest, effort = np.array(model.velocity_limit), np.array(model.effort_limit)
-        fastest = np.where((fastest > 0.0) & ("velocity" in self.limits), np.minimum(fastest, FAR), FAR)
+        lower, upper, fastest, effort = np.full(n, -FAR), np.full(n, FAR), np.full(n, FAR), np.array(model.effort_limit)
+        if "position" in self.limits:
+            least, most = position_limits(model)
+            stops = [(x.idx_v, x.idx_q) for x in model.joints[1:] if x.nq == x.nv == 1 and x.mimic is None]
+            at_v, at_q = np.array(stops, np.intp).reshape(-1, 2).T
+            lower[at_v], upper[at_v] = np.maximum(least[at_q], -FAR), np.minimum(most[at_q], FAR)
+        if "velocity" in self.limits:
+            fastest = np.minimum(velocity_limits(model), FAR)
         effort = np.where(effort > 0.0, effort, np.inf)
         passive = np.arange(n) < self.base
         if self.scene.motor is not None:

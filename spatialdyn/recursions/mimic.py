@@ -23,6 +23,7 @@ from .derivatives.derivatives import aba_derivatives_by_factor, aba_derivatives_
 from .signatures import Array, Bodies, Matrix, Vector
 from .spec import MassMatrix, Spec
 from .tree.aba import acceleration_through_M
+from .tree.kinematics import frame_motion
 from .tree.ltdl import FACTORED, INVERTED, SOLVED, factor_tree, solve_tree
 
 
@@ -62,8 +63,14 @@ def accelerations_and_derivatives(
 
 REDUCTION = Reduction(
     "crba",
-    ("crba", "rnea", "modified_rnea", "momentum_rate", "frame_placement", "frame_jacobian", "frame_jacobian_dot"),
-    (carry_axes, place_bias, place_rows, write_drift, write_error, write_gaps, write_jacobian, write_point_rows),
+    (
+        "crba", "rnea", "modified_rnea", "momentum_rate", "frame_placement", "frame_jacobian", "frame_jacobian_dot",
+        "center_of_mass", "com_jacobian", "center_of_mass_acceleration",
+    ),
+    (
+        carry_axes, frame_motion, place_bias, place_rows, write_drift, write_error, write_gaps, write_jacobian,
+        write_point_rows,
+    ),
     ("aba", "hamilton_field"), factor_tree, solve_tree, FACTORED, SOLVED, INVERTED,
     aba_derivatives_by_factor, accelerations_and_derivatives,
 )  # fmt: skip

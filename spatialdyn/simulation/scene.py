@@ -18,6 +18,7 @@ from ..constraints.dynamics import stabilization_time
 from ..constraints.table import Constraints, check_constraints
 from ..errors import NonFiniteError, ShapeError, SimulationError, SpatialDynError, literal
 from ..model.model import Model
+from ..model.motion_limits import position_limits
 from .effects import of_scene
 from .effects.effect import Effect
 from .effects.friction import IMPLICIT, STEPPED
@@ -114,6 +115,8 @@ class Scene:
             stabilization = stabilization_time(stabilization)
         if contacts is not None:
             check_contacts(model, contacts)
+        if as_flag("limits", limits):
+            position_limits(model)
         effects = of_scene(model, friction, friction_method, motor, drive)
         given: dict[str, Any] = {
             "model": model, "constraints": constraints, "stabilization": stabilization, "contacts": contacts,

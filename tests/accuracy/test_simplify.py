@@ -212,9 +212,47 @@ def test_what_makes_no_sense_is_refused(how: dict[str, Any], message: str) -> No
     assert message in str(caught.value)
 
 
-def test_mimic_joints_are_refused() -> None:
-    builder, rng = sd.ModelBuilder("m"), np.random.default_rng(1)
-    builder.add_body("a", None, "revolute", (0, 0, 1), inertia=random_inertia(rng), joint_name="lead")
-    builder.add_body("b", "a", "revolute", inertia=random_inertia(rng), mimic={"leader": "lead"})
-    with pytest.raises(sd.ModelError, match="mimic joints"):
-        sd.simplify(builder.build(mimic=True))
+def gripper(mimic: bool = True) -> sd.Model:
+    """An arm of two joints with a hand of two fingers, of which the second follows the first."""
+    builder = sd.ModelBuilder("gripper")
+    for k, parent in enumerate((None, "b0")):
+        builder.add_body(
+            f"b{k}", parent, axis=np.eye(3)[k], inertia=(2.0, (0.1, 0, 0.2), np.eye(3)), joint_name=f"j{k}"
+        )
+    finger = (0.03, (0.01, 0, 0.02), 1e-3 * np.eye(3))
+    for name, follow in (("lead", None), ("other", {"leader": "lead", "multiplier": -0.5, "offset": 0.1})):
+        builder.add_body(name, "b1", "prismatic", (0, 1, 0), inertia=finger, joint_name=name, mimic=follow)
+    return builder.build(mimic=mimic)
+
+
+def test_joints_that_mimic_are_locked_with_the_joint_that_they_mimic() -> None:
+    """Fingers of 0.03 kg each are light together; the cost is that of the tree with both locked, by M = Gᵀ M G."""
+    model = gripper()
+    assert sd.simplify(model, merge_lighter_than=0.05)[1].locked == {}
+    small, savings = sd.simplify(model, merge_lighter_than=0.07)
+    assert savings.locked == {"lead": 0.0, "other": 0.1}
+    assert savings.nv == (3, 2)
+    assert small == model.reduced(savings.locked)
+    with pytest.raises(sd.ModelError, match='joint "other" mimics "lead", which is to be locked; lock both'):
+        sd.simplify(model, lock=["lead"])
+    q = sd.random_configuration(model, np.random.default_rng(0), savings.states)
+    free, G = gripper(mimic=False), np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1], [0, 0, -0.5]])
+    whole = np.concatenate([q, 0.1 - 0.5 * q[:, 2:]], axis=1)
+    M = G.T @ np.asarray(sd.crba(free, whole)) @ G
+    change = abs(np.asarray(sd.crba(small, q[:, :2])) - M[:, :2, :2]).max()
+    assert savings.cost["M"].absolute == pytest.approx(change, rel=1e-9)
+    assert change > 1e-3
+
+
+def test_a_joint_that_mimics_keeps_its_place_in_a_smaller_model() -> None:
+    """Gravity is dropped from its leader's torque too, and M stays."""
+    model = gripper()
+    small, savings = sd.simplify(model, lock={"j1": 0.3}, drop="gravity")
+    assert [x.name for x in small.joints[1:]] == ["j0", "lead", "other"]
+    assert small.mimic_matrix is not None
+    assert savings.nv == (3, 2)
+    _, savings = sd.simplify(model, drop="gravity")
+    assert savings.cost["M"].absolute == 0.0
+    q = sd.random_configuration(model, np.random.default_rng(0), savings.states)
+    g = abs(np.asarray(sd.generalized_gravity(model, q))).max()
+    assert savings.cost["tau"].absolute == pytest.approx(g, rel=1e-9)

@@ -54,3 +54,28 @@ def talos() -> tuple[sd.Model, sd.Scene, Any]:
             q[model.joint(f"leg_{side}_{k}_joint").idx_q] = angle
     q[2] -= sd.contact_gaps(model, contacts, q).min()
     return model, sd.Scene(model, contacts=contacts), q
+
+
+@cache
+def gripper(mimic: bool = True) -> tuple[sd.Model, sd.Scene, Any]:
+    """The box on its corners, with an arm of two fingers: the second follows the first and carries a ball."""
+    limits = sd.JointLimits(-1.0, 1.0, 3.0, 20.0)
+    b = sd.ModelBuilder("gripper", "world").add_body(
+        "box", None, "floating", inertia=(5.0, (0, 0, 0), 0.05 * np.eye(3))
+    )
+    for k, (x, y) in enumerate(((0.1, 0.1), (0.1, -0.1), (-0.1, 0.1), (-0.1, -0.1))):
+        b.add_body(f"corner{k}", "box", "fixed", placement=(x, y, -0.1))
+    finger = (0.4, (0.02, 0.01, 0.1), 0.01 * np.eye(3))
+    b.add_body("upper", "box", "revolute", (0, 1, 0), (0, 0, 0.1), finger, "shoulder", limits=limits)
+    b.add_body("first", "upper", "revolute", (1, 0, 0), (0, 0.1, 0.2), finger, "first", limits=limits)
+    follow = {"leader": "first", "multiplier": -0.8, "offset": 0.1}
+    slower = sd.JointLimits(-0.3, 1.0, 2.0, 20.0)
+    b.add_body("second", "upper", "revolute", (1, 0, 0), (0, -0.1, 0.2), finger, "second", slower, mimic=follow)
+    b.add_body("ball", "second", "revolute", (0, 1, 0), (0, 0, 0.2), finger, "wrist", limits=limits)
+    model = b.build(mimic=mimic)
+    contacts = sd.Contacts(model, {f"corner{k}": 0.0 for k in range(4)}, friction=0.6)
+    q = sd.neutral(model).copy()
+    q[2] = 0.1
+    if not mimic:
+        q[model.joint("second").idx_q] = 0.1
+    return model, sd.Scene(model, contacts=contacts), q

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from standing_robots import box, talos
+from standing_robots import box, gripper, talos
 
 import spatialdyn as sd
 from spatialdyn.operational.quadratic import EQUAL, by_qpsolvers, raw
@@ -56,7 +56,7 @@ def kkt(body: sd.WholeBody, q: Any, v: Any) -> Any:
     return np.linalg.solve(K, np.r_[-p.g, b])[:n]
 
 
-@pytest.mark.parametrize("robot", [box, talos], ids=["box", "talos"])
+@pytest.mark.parametrize("robot", [box, talos, gripper], ids=["box", "talos", "gripper"])
 def test_without_active_limits_it_is_the_solution_of_the_equations(robot: Any) -> None:
     model, scene, q = robot()
     v = np.r_[np.zeros(6), 0.02 * np.cos(np.arange(model.nv - 6))]
@@ -65,6 +65,39 @@ def test_without_active_limits_it_is_the_solution_of_the_equations(robot: Any) -
     np.testing.assert_allclose(found.a, x[: model.nv], atol=KKT * max(1.0, abs(found.a).max()))
     normal = [found.forces[:, 2], found.forces[:, 0], found.forces[:, 1]]
     np.testing.assert_allclose(np.stack(normal, 1).ravel() / body.weight, x[model.nv :], atol=KKT)
+
+
+def test_joints_that_mimic_move_as_those_of_the_tree_times_G() -> None:
+    """Rows of torques, tasks and feet of the tree, reduced; torques that forward dynamics confirm; its limits."""
+    (model, scene, q), (free, free_scene, whole) = gripper(), gripper(mimic=False)
+    G, rng = np.asarray(model.mimic_matrix), np.random.default_rng(0)
+    v = 0.1 * rng.normal(size=model.nv)
+    tasks = [sd.FrameTask("ball", axes="xyz rxyz", reference="local", Kd=3.0), sd.ComTask(acceleration=[0.2, 0, 0])]
+    found = []
+    for s, at, speed in ((scene, q, v), (free_scene, whole, G @ v)):
+        body = sd.WholeBody(s, [*tasks, sd.PostureTask(at)], limits=())
+        state, _ = body._state(body._goals, at, speed)
+        found.append((body, state, at, speed))
+    (body, x, _, _), (other, y, _, _) = found
+    n, N = model.nv, free.nv
+    torques = (x.rows[:n, :n] / body.unit[:, None], y.rows[:N, :N] / other.unit[:, None])
+    np.testing.assert_allclose(torques[0], G.T @ torques[1] @ G, atol=1e-12)
+    np.testing.assert_allclose(x.bias, G.T @ y.bias, atol=1e-11)
+    np.testing.assert_allclose(x.J, y.J @ G, atol=1e-12)
+    np.testing.assert_allclose(x.drift, y.drift, atol=1e-12)
+    np.testing.assert_allclose(x.rows[n:, :n], y.rows[N:, :N] @ G, atol=1e-12)
+    np.testing.assert_allclose(x.low[-len(x.rows) + n :], y.low[-len(y.rows) + N :], atol=1e-10)
+    motion = body.solve(q, v)
+    fext = sum(
+        sd.wrench_at(model, q, name, np.r_[sd.frame_placement(model, q, name)[:3, :3].T @ f, 0, 0, 0])
+        for name, f in zip(motion.points, motion.forces, strict=True)
+    )
+    np.testing.assert_allclose(sd.aba(model, q, v, motion.tau, fext), motion.a, atol=1e-8)
+    bounds = sd.WholeBody(scene, tasks)._settings[0]
+    k = model.joint("first").idx_v
+    np.testing.assert_allclose(bounds[:3, k], [-1.0, 0.4 / 0.8, 2.0 / 0.8])  # its own, then the follower's
+    with pytest.raises(sd.ModelError, match='joints "second" of task "posture" mimic others'):
+        sd.WholeBody(scene, sd.PostureTask(q, joints=["second"]))
 
 
 @pytest.mark.parametrize("asked", [0.5, 30.0], ids=["free", "with active limits"])

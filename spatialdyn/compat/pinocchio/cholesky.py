@@ -1,4 +1,7 @@
-"""``pinocchio.cholesky``: M = U D Uᵀ, U upper triangular with unit diagonal and the sparsity of the tree."""
+"""``pinocchio.cholesky``: M = U D Uᵀ, U upper triangular with unit diagonal and the sparsity of the tree.
+
+With mimic joints M is that of the independent velocities, and has no zeros of a tree.
+"""
 
 from __future__ import annotations
 
@@ -7,8 +10,7 @@ from typing import Any
 import numpy as np
 
 from ...calls.failures import raise_if_singular
-from ...errors import InertiaError, ModelError
-from ...model.model import Model as Robot
+from ...errors import InertiaError
 from ..native import tree_kernels
 from .data.data import Data, library_of
 from .data.dispatch import vector
@@ -16,19 +18,11 @@ from .model.model import Model
 from .types.arguments import Array
 
 
-def without_mimic(model: Robot) -> Robot:
-    """The model, if it has no mimic joints: the zeros of M are then those of the tree. Raises ModelError."""
-    if model.mimic_matrix is not None:
-        raise ModelError(f'model "{model.name}" has mimic joints, expected one without (mimic=False) for constraints')
-    return model
-
-
 def decompose(model: Model, data: Data) -> Array:
     """U (nv, nv) of data.M, also ``data.U``, with D (nv,) in ``data.D``. Raises InertiaError if M is singular."""
     library, M = library_of(model, data), np.ascontiguousarray(data.array("M"))
-    without_mimic(library._model)
     U, D = np.empty(M.shape), np.empty(len(M))
-    if tree_kernels.factor_upper(library.kernel_table, M, np.empty(M.shape), U, D) < 0:
+    if tree_kernels.factor_upper(library.joint_table, M, np.empty(M.shape), U, D) < 0:
         if not M.any():
             raise InertiaError("data.M is zero, expected crba to have been called")
         raise_if_singular(library.model, M.T)
@@ -68,5 +62,5 @@ def computeMinv(model: Model, data: Data) -> Array:
 def _solve(model: Model, data: Data, x: Array) -> None:
     """Each row of x (m, nv) becomes M⁻¹ of it, in place."""
     library, U, D = library_of(model, data), data.array("U"), data.array("D")
-    if tree_kernels.solve_upper(library.kernel_table, np.ascontiguousarray(U), D, np.empty(U.shape), x) < 0:
+    if tree_kernels.solve_upper(library.joint_table, np.ascontiguousarray(U), D, np.empty(U.shape), x) < 0:
         raise InertiaError("data.D is not positive, expected cholesky.decompose to have been called")

@@ -21,7 +21,7 @@ from ...algebra.records import (
     table_dtype,
     vec_of,
 )
-from ...algebra.scalars import Scalar, inline
+from ...algebra.scalars import Scalar, inline, inline_or_by_rows
 from ...algebra.spatial import (
     Force,
     Inertia,
@@ -143,7 +143,7 @@ def _mass(bodies: Bodies) -> Scalar:
     return m
 
 
-@inline
+@inline_or_by_rows
 def center_of_mass(bodies: Bodies, work: Work, q: Config, c: Vector) -> None:
     """c = Σ m c / Σ m, from the first moments summed inward."""
     mass_moment(bodies, work, q)
@@ -174,14 +174,14 @@ def center_of_mass_velocity_derivatives(bodies: Bodies, work: Work, q: Config, v
             write_vec(D[1, :, k - 1], scale(m, momentum(I, S).f))
 
 
-@inline
+@inline_or_by_rows
 def center_of_mass_acceleration(bodies: Bodies, work: Work, q: Config, v: Vector, a: Vector, out: Vector) -> None:
     """Net force over mass."""
     momentum_outward(bodies, work, q, v, a)
     write_vec(out, scale(1.0 / _mass(bodies), _force(bodies, work).f))
 
 
-@inline
+@inline_or_by_rows
 def center_of_mass_jacobian(bodies: Bodies, work: Work, q: Config, J: Matrix) -> None:
     """Column i: linear momentum of the subtree under a unit velocity of row i, over the mass of the robot."""
     momentum_outward(bodies, work, q, None, None)

@@ -147,7 +147,7 @@ def placed_frame_jacobian(bodies: Bodies, work: Work, row: int, placement: Matri
         i = bodies[i].parent
 
 
-@inline
+@inline_or_by_rows
 def frame_motion(
     bodies: Bodies, work: Work, q: Config, v: Vector, a: Vector, row: int, placement: Matrix
 ) -> tuple[Pose, Motion, Motion]:

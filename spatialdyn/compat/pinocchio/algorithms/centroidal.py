@@ -57,12 +57,10 @@ def getJacobianSubtreeCenterOfMass(model: Model, data: Data, subtree_root_joint_
     A joint within the subtree moves its own subtree; one that carries the root joint moves the whole of it.
     """
     root, run = joint_index(model, subtree_root_joint_id), last_call(model, data, "J")
-    if model.mimicking_joints:
-        raise NotImplementedError("Jacobians of subtrees' centres of mass with mimic joints are not supported")
-    out = np.empty((3, model.nv))
-    row = run.library.row_numbers[root : root + 1]
-    tree_kernels.subtree_com_jacobian(run.kernel_table, run.q, row, out)
-    return out
+    library = run.library
+    out, row = np.empty((3, library.tree_nv)), library.row_numbers[root : root + 1]
+    tree_kernels.subtree_com_jacobian(run.kernel_table, library.of_tree(run.q)[0], row, out)
+    return library.of_joints(out)
 
 
 # --- what a frame supports -------------------------------------------------------------------------------

@@ -16,7 +16,6 @@ from ....engines.programs.run.routine import Routine
 from ....errors import ConstraintError, ShapeError
 from ...native import recorded_constraints
 from ...native.recorded_calls import record
-from ..cholesky import without_mimic
 from ..data.data import Data, library_of
 from ..data.dispatch import vector
 from ..data.run import Run
@@ -145,7 +144,7 @@ def _solve(
     bind  its q is that of the call before: bind a builtin to the inputs of that, and to result and factors of this
     """
     library, (make, source, reads, recorded, _) = library_of(model, data), _BUILTINS[kind]
-    f = solved(without_mimic(library.model), data.array("M"), r, J, gamma, mu)
+    f = solved(library.model, data.array("M"), r, J, gamma, mu)
     result = np.empty(0) if kind == BORDERED else before + f.x
     run: Run = data.run_of(kind, model, library, result.shape)
     run.result[...], run.contact = result, f

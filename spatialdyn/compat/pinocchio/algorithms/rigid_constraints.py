@@ -19,7 +19,6 @@ from ....recursions.tree.kinematics import WORK
 from ...native.recorded_calls import record
 from ...native.recorded_constraints import scratch_of
 from ...native.recorded_contacts import FOUND, GIVEN, contact_dynamics, put_contacts
-from ..cholesky import without_mimic
 from ..data.data import Data, library_of
 from ..data.dispatch import IN_FRAME, forces, last_call, vector
 from ..data.run import Run
@@ -113,14 +112,14 @@ def _pairs(models: Any, datas: Any) -> list[tuple[RigidConstraintModel, RigidCon
 
 def _system(at: Any, pairs: Any, write: bool = True) -> tuple[Array, Array]:
     """J (m, nv) and γ (m,) of contacts; ``write``: placements, velocities and errors are written to their data."""
-    model, (n, m) = without_mimic(at.library.model), (len(pairs), sum(x.residualSize() for x, _ in pairs))
+    library, (n, m) = at.library, (len(pairs), sum(x.residualSize() for x, _ in pairs))
     given, found = np.array([x._x for x, _ in pairs]).reshape(n, GIVEN), np.empty((n, FOUND))
-    J, gamma, rows = np.empty((m, model.nv)), np.empty(m), at.library.row_numbers
+    J, gamma, rows = np.empty((m, library.tree_nv)), np.empty(m), library.row_numbers
     run = table_kernels.kernel(put_contacts, 1, 1, 1, 2, 2, 2, 1, work=WORK)
-    run(getattr(model, numba_kernels.TABLE), np.array(at.q), np.array(at.v), rows, given, found, J, gamma)
+    run(getattr(library.model, numba_kernels.TABLE), *library.of_tree(at.q, at.v), rows, given, found, J, gamma)
     for x, (_, own) in zip(found, pairs, strict=True):
         own._x[6:] = x[6:] if write else own._x[6:]
-    return J, gamma
+    return library.of_joints(J), gamma
 
 
 def _six(x: Array) -> Array:

@@ -88,6 +88,8 @@ data.oMf after getFrameJacobian, getFrameJacobianTimeVariation, computeFrameKine
 calls without q after an edit of a joint's placement | from the oMi and liMi of before | from the q of before, on the
     edited model
 computeJointKinematicRegressor, computeFrameKinematicRegressor of models with mimic joints | an error | the result
+constraintDynamics, forwardDynamics, impulseDynamics, computeKKTContactDynamicMatrixInverse, cholesky.decompose,
+    jacobianSubtreeCenterOfMass of models with mimic joints | an error | the result, for the independent velocities
 quaternions and (cos, sin) pairs off their unit norm by more than 1e-6 | accepted | ConfigurationError | strict
 configurations off their unit norm, not strict: difference, interpolate, distance where Pinocchio has NaN, as to the
     limits of a free flyer | NaN or infinite entries | finite: coordinates of joints with several are clipped to 1e30

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from ....algebra.rotations import NORM_ROUNDING
 from ....bodies.kinds import kind_of, unit_part
+from ....bodies.table import joint_table
 from ....calls import dynamics
 from ....engines import run as engine
 from ....engines.compiled.numba_kernels import PLAIN, TABLE, variant
@@ -88,6 +89,7 @@ class LibraryModel:
         self.table = recorded_calls.Table(bodies, block, self.numbers.block)
         self.address = self.table.address
         self.kernel_table: Any = model.bodies if PLAIN else self.address
+        self._chain = None if model.mimic_matrix is None else joint_table(model.bodies)
         self._put_numbers: Any = None
         self._at_call: dict[bytes, SdModel] = {}  # with the numbers of the last earlier call that asked
         self._masses: tuple[Any, Array] = None, np.empty(0)
@@ -95,6 +97,28 @@ class LibraryModel:
         self._codes: dict[Any, CallCode] = {}
         self.runs: WeakSet[Any] = WeakSet()  # the last calls, which keep their state before it is forgotten
         self.words = {"table": self.address, "nq": model.nq, "nv": model.nv, "njoints": model.njoints}
+
+    @property
+    def joint_table(self) -> Any:
+        """The table of independent joints, as kernels take it that factor M: with mimic joints a chain, M is full."""
+        return self.kernel_table if self._chain is None else getattr(self._chain, TABLE)
+
+    def of_tree(self, q: Array, v: Array | None = None) -> tuple[Array, Array]:
+        """q and v of the whole tree, in which mimic joints have coordinates too; copies."""
+        model, speed = self._model, np.zeros(self._model.nv) if v is None else np.array(v)
+        if model.mimic_matrix is None:
+            return np.array(q), speed
+        return q[model.mimic_index] * model.mimic_ratio + model.mimic_offset, model.mimic_matrix @ speed
+
+    def of_joints(self, J: Array) -> Array:
+        """A Jacobian (m, nv) of one for the velocities of the whole tree."""
+        G = self._model.mimic_matrix
+        return J if G is None else np.ascontiguousarray(J @ G)
+
+    @property
+    def tree_nv(self) -> int:
+        """Number of velocities of the whole tree."""
+        return len(self._model.bodies) - 1
 
     def copy(self, block: Array) -> LibraryModel:
         """An independent one, of another Model with such a block."""

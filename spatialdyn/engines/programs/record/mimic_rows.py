@@ -217,7 +217,8 @@ def _on_tree(name: str) -> None:
         sizes = sizes_of(rows.tree)
         whole = np.full(shape_in(spec.output.shape, sizes), 0.0, object)
         recursion(rows.tree, work, *taken, whole)
-        out[...] = rows.output_of_model(spec.output, whole, sizes)
+        made = rows.output_of_model(spec.output, whole, sizes)
+        out[tuple([slice(size) for size in made.shape])] = made  # the first entries of a larger array
 
     recursion.register(MimicRows)(reduced)
 
@@ -230,17 +231,18 @@ def _part_on_tree(part: Any) -> None:
     """Register that a part of recursions, called on MimicRows, runs on the whole tree; its J is reduced."""
     names = [*inspect.signature(part).parameters][1:]
 
-    def reduced(rows: MimicRows, *arrays: Any) -> None:
+    def reduced(rows: MimicRows, *arrays: Any) -> Any:
         given = dict(zip(names, arrays, strict=True))
-        for name, of_tree in (("q", rows.q_of_tree), ("v", rows.v_of_tree)):
-            if name in given:
+        for name, of_tree in (("q", rows.q_of_tree), ("v", rows.v_of_tree), ("a", rows.v_of_tree)):
+            if given.get(name) is not None:
                 given[name] = of_tree(given[name])
         J = given.get("J")
         if J is not None:
             given["J"] = np.full((len(J), len(rows.tree) - 1), 0.0, object)
-        part(rows.tree, *given.values())
+        found = part(rows.tree, *given.values())
         if J is not None:
             J[...] = rows.times_G(given["J"])
+        return found
 
     part.register(MimicRows)(reduced)
 
