@@ -94,5 +94,27 @@ def test_rows_name_kinds_of_calls_whose_fields_they_fill() -> None:
             assert all(data.latest(field) is not None for field in face.fields), face.name
 
 
+@pytest.mark.parametrize("name", ["crba", "aba"])
+def test_conventions_fill_their_own_fields_at_every_call(name: str) -> None:
+    """The first call checks the arguments, the next are a builtin's; neither takes a number for a Convention."""
+    model, rest = pin.buildSampleModelManipulator(), [np.ones(6)] * (2 * (name == "aba"))
+    data, call, world = model.createData(), getattr(pin, name), pin.Convention.WORLD
+    for angle in (0.1, 0.2, 0.3):
+        q, fresh = np.full(6, angle), model.createData()
+        for convention in (pin.Convention.LOCAL, world):
+            call(model, data, q, *rest, convention=convention)
+            call(model, fresh, q, *rest, convention=convention)
+        pin.computeJointJacobians(model, fresh, q)
+        np.testing.assert_allclose(data.J, fresh.J, atol=1e-14)
+        np.testing.assert_allclose(
+            pin.getJointJacobian(model, data, 6, pin.WORLD),
+            pin.getJointJacobian(model, fresh, 6, pin.WORLD),
+            atol=1e-14,
+        )
+        for wrong in (None, 0, 1, 2):
+            with pytest.raises(TypeError, match="convention is"):
+                call(model, data, q, *rest, convention=wrong)
+
+
 if __name__ == "__main__":
     STUB.write_text(stub(), encoding="utf-8")

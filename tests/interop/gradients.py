@@ -24,6 +24,8 @@ class Late:
             pytest.skip(f"{name} is not installed", allow_module_level=True)
 
     def __getattr__(self, name: str) -> Any:
+        if name.startswith("_"):  # pytest asks every name of a module for some
+            raise AttributeError(name)
         return getattr(importlib.import_module(self._name), name)
 
 

@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from scipy.integrate import solve_ivp
 from trees import random_tree
 
 import spatialdyn as sd
@@ -109,6 +108,7 @@ def energy_gradient(model: sd.Model, q: Array, p: Array) -> Array:
 
 def flow(model: sd.Model, q: Array, p: Array, duration: float, count: int = 21) -> SimpleNamespace:
     """A free motion by DOP853 in the coordinates u of q ∘ exp(u)."""
+    from scipy.integrate import solve_ivp  # which takes a third of a second
 
     def rate(_: float, x: Array) -> Array:
         u, momenta = x[: model.nv], x[model.nv :]

@@ -105,8 +105,9 @@ def test_the_main_calls_equal_pinocchio(name: str, root: str) -> None:
 
 
 @pytest.mark.slow(quick="test_every_call_equals_pinocchio")
-@pytest.mark.parametrize(("name", "root"), in_turn(LOADED, 1))
+@pytest.mark.parametrize(("name", "root"), [x for k, x in enumerate(in_turn(LOADED, 1)) if k % 4 < 2])
 def test_every_call_equals_pinocchio_in_many_states(name: str, root: str) -> None:
+    """Of one robot in two, half of them on fixed roots, under the root that they do not have above."""
     hold_every_call(name, root, MANY)
 
 
