@@ -1,9 +1,9 @@
 """Chains of rods: time of a call against the number of joints, one engine at a time, and the slopes.
 
-As a script: chains and trees of mixed joints. Prints nanoseconds of CPU time per row of a sample (crba: per entry of M that is not
-zero) of the kernel of one sample, of the kernel on lanes, of the public call, with its engine, and of Pinocchio from
-Python; how many times faster than the first and the last the public call is; and the step from the row before.
-Results are compared with Pinocchio's before they are timed.
+As a script: chains and trees of mixed joints. Prints nanoseconds of CPU time per row of a sample (crba: per entry of M
+that is not zero) of the kernel of one sample, of the kernel on lanes, of the public call with its engine, and of
+Pinocchio from Python; how many times faster than the first and the last the public call is; and the step from the row
+before. Results are compared with Pinocchio's before they are timed.
 """
 
 from __future__ import annotations
@@ -124,7 +124,7 @@ class Pair(NamedTuple):
 
 
 def mixed(n: int, branching: float) -> Pair:
-    """So many bodies on seeded random joints, depth first; ``branching``: the chance to hang higher than on the last."""
+    """So many bodies on seeded random joints, depth first; ``branching``: the chance to hang higher than the last."""
     rng = np.random.default_rng(n)
     builder, model, line = sd.ModelBuilder(f"mixed{n}"), pin.Model(), [-1]
     mass_of = pin.Inertia(ROD[0], np.array(ROD[1]), ROD[2])
@@ -182,7 +182,7 @@ def ways_of(pair: Pair, call: str) -> tuple[dict[str, Callable[[], Any]], int, s
 
 
 def _error(call: str, pair: Pair, one: list[Array], found: Array) -> float:
-    """Scaled error of one sample against Pinocchio; of aba, whose M is badly conditioned, the torques' of its answer."""
+    """Scaled error of one sample against Pinocchio; of aba, whose M is badly conditioned, that of its torques."""
     model, data = pair.theirs, pair.theirs.createData()
     if call == "aba":
         q, v, tau = one

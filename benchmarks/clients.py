@@ -4,22 +4,25 @@
     python benchmarks/clients.py --tests pinocchio/unittest/python
 
 Takes files, and folders of repositories that were cloned, whose scripts and notebooks import pinocchio. Each runs to
-its end in a process of its own under either module, in its folder, with what that folder and its repository hold to
-import, without a screen, with random numbers and configurations of NumPy's, seeded; then all numbers that it prints,
-and leaves in global names and in those of its functions, are compared. Prints a line for each: whether it ran, and the
-largest difference by the largest entry of its array. ``--tests`` counts the tests that pass under each instead, and
-names those that pass under Pinocchio alone.
+its end in a process of its own under either module, in its folder, with what that folder, its repository and that
+one's folder src hold to import, without a screen, with hashes, and random numbers and configurations of NumPy's,
+seeded. It does not wait where it sleeps, and Enter is pressed where it asks, three times: the next question is its
+end. Then all numbers that it prints, and leaves in global names and in those of its functions, are compared. Prints a
+line for each: whether it ran, and the largest difference by the largest entry of its array. ``--tests`` counts the
+tests that pass under each instead, and names those that pass under Pinocchio alone.
 """
 
 from __future__ import annotations
 
 import argparse
+import builtins
 import json
 import os
 import pickle
 import re
 import subprocess
 import sys
+import time
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import redirect_stdout
@@ -37,6 +40,8 @@ SAME = 1e-6  # relative to the largest entry: what an optimizer of a client stop
 TIMES = "time|l+apsed|duration"  # names of seconds that were measured
 NOTHING = 1e-9  # largest entries below it are rounding errors, as of a difference that should be 0
 PRINTED, NUMBER = "(printed)", r"(?<![\w.])[-+]?\d+\.?\d*(?:e[-+]?\d+)?(?![\w.])"
+ANSWERS = 3  # questions of a script that Enter answers
+ADDRESS = r"\w+://\S*"  # a viewer's
 SKIPPED = ("%", "!", "?")  # lines of notebooks that are not Python
 
 
@@ -110,6 +115,22 @@ def draw_from_numpy(pin: Any) -> None:
     pin.randomConfiguration, pin.SE3.Random = configuration, staticmethod(placement)
 
 
+class LastQuestionError(Exception):
+    """A script asks again, as one that goes on until its user stops it."""
+
+
+def answer_at_once() -> None:
+    """Let a script not wait: it does not sleep, and Enter answers its questions."""
+    asked = iter(range(ANSWERS))
+
+    def answer(*question: Any) -> str:
+        if next(asked, None) is None:
+            raise LastQuestionError
+        return ""
+
+    builtins.input, time.sleep = answer, lambda seconds: None
+
+
 def run(path: Path, root: Path, module: str, report: Path) -> None:
     """Run a file in this process, and write its numbers."""
     if module == "ours":
@@ -119,16 +140,19 @@ def run(path: Path, root: Path, module: str, report: Path) -> None:
     random.seed(0)
     np.random.seed(0)
     draw_from_numpy(__import__("pinocchio"))
-    sys.argv, sys.path[:1] = [str(path)], [str(path.parent), str(root)]
+    answer_at_once()
+    sys.argv, sys.path[:1] = [str(path)], [str(path.parent), str(root), str(root / "src")]
     scope: dict[str, Any] = {"__name__": "__main__", "__file__": str(path), "display": lambda *given: None}
     inside: dict[str, np.ndarray] = {}
     with redirect_stdout(StringIO()) as said:
         sys.setprofile(of_functions(path, inside))
         try:
             exec(compile(source(path), str(path), "exec"), scope)
+        except LastQuestionError:
+            pass
         finally:
             sys.setprofile(None)
-    printed = np.array([float(x) for x in re.findall(NUMBER, said.getvalue())])
+    printed = np.array([float(x) for x in re.findall(NUMBER, re.sub(ADDRESS, "", said.getvalue()))])
     report.write_bytes(pickle.dumps(numbers(scope) | inside | ({PRINTED: printed} if printed.size else {})))
 
 
@@ -150,7 +174,7 @@ def outcome(what: str, path: Path, root: Path, module: str, seconds: float) -> t
         report = Path(where) / "report"
         command = [sys.executable, __file__, str(path), str(root), "--run", what, module, str(report)]
         place = path if path.is_dir() else path.parent
-        environment = {**os.environ, "MPLBACKEND": "Agg", "PYTHONWARNINGS": "ignore"}
+        environment = {**os.environ, "MPLBACKEND": "Agg", "PYTHONWARNINGS": "ignore", "PYTHONHASHSEED": "0"}
         try:
             done = subprocess.run(
                 command, cwd=place, env=environment, capture_output=True, text=True, timeout=seconds, check=False

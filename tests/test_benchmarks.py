@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import importlib.util
 import json
+import pickle
 import sys
 from pathlib import Path
 from typing import Any
@@ -26,6 +27,7 @@ sys.path.insert(0, str(BENCHMARKS))
 
 import cases  # noqa: E402
 import chains  # noqa: E402
+import clients  # noqa: E402
 import contestants  # noqa: E402
 import corpus  # noqa: E402
 import costs  # noqa: E402
@@ -485,3 +487,19 @@ def test_without_a_gpu_the_script_measures_nothing(
     with pytest.raises(SystemExit, match="0"):
         gpu.library()
     assert capsys.readouterr().out == "no GPU with PyTorch or CuPy here: nothing is measured\n"
+
+
+def test_a_client_that_sleeps_and_asks_runs_to_its_last_question(tmp_path: Path) -> None:
+    """What a viewer prints of its address is no number of the client."""
+    script = tmp_path / "examples" / "client.py"
+    script.parent.mkdir()
+    (tmp_path / "src").mkdir()
+    (tmp_path / "src" / "beside.py").write_text("WAIT = 1e6\n", encoding="utf-8")
+    lines = ["import time, pinocchio, beside", "asked = 0.0", "print('http://127.0.0.1:7000/static/ 2.5')"]
+    lines += ["while True:", "    time.sleep(beside.WAIT)", "    asked += 1.0", "    answer = input('again?')"]
+    script.write_text("\n".join(lines), encoding="utf-8")
+    fault, report = clients.outcome("script", script, tmp_path, "wheel", 100.0)
+    assert fault == ""
+    found = pickle.loads(report)
+    assert found[clients.PRINTED].tolist() == [2.5]
+    assert float(found["asked"]) == clients.ANSWERS + 1

@@ -176,17 +176,27 @@ class Specialized:
     @cached_property
     def _recorded(self) -> recording.Recording:
         """The program and its layout, recorded again at first use. Raises InertiaError if there is none."""
+        return self._record(self._request.options)
+
+    @cached_property
+    def _straight(self) -> recording.Recording:
+        """The same in a straight line, if its loops are short."""
+        if not self._recorded.program.regions:
+            return self._recorded
+        return self._record(self._request.options._replace(straight=True))
+
+    def _record(self, options: recording.ProgramOptions) -> recording.Recording:
         request = self._request
         static = tuple(request.static.values())
         try:
-            return derived.record(request.specs, request.model.bodies, static, request.options, request.dtype)
+            return derived.record(request.specs, request.model.bodies, static, options, request.dtype)
         except ZeroDivisionError:
             what = "a joint with zero articulated inertia in every state"
             raise InertiaError(f'model "{request.model.name}" has {what}, expected none for a program') from None
 
     @property
     def program(self) -> Program:
-        """The straight-line program. Raises InertiaError if there is none."""
+        """The program, in a straight line but for loops. Raises InertiaError if there is none."""
         return self._recorded.program
 
     @cached_property
@@ -225,7 +235,7 @@ class Specialized:
         """
         if not as_flag("derivatives", derivatives):
             return self._code("c", name)
-        given = exported(self._request, self._recorded, "c", name)
+        given = exported(self._request, self._straight, "c", name)
         from ..engines.programs.transform.casadi_code import casadi_code
 
         return casadi_code(given.name, given.program, jacobian_of(self._request, given), given.inputs, given.outputs)
@@ -253,7 +263,7 @@ class Specialized:
         from ..interop.casadi import to_casadi
 
         own = as_flag("jacobian", jacobian)
-        given = exported(self._request, self._recorded, "c", name)
+        given = exported(self._request, self._straight, "c", name)
         return to_casadi(given, derivatives_of(self._request, given) if own else None)
 
     def to_jax(self) -> Callable[..., Any]:

@@ -31,7 +31,8 @@ are read in the body or after it. In a sample that does not need the body their 
 0: it ends a loop. Plain Python, compiled kernels and exact numbers run the code as written. A program contains the body
 once, as a loop over a register of samples that ends when no sample needs it; a finished sample keeps its bits,
 whatever the other samples do. Regions nest. In the body of a program the sine of an angle above 1e5, beyond the range
-of lanes, is NaN. Derivatives, bounds, double-double and symbols refuse programs with regions, naming the call.
+of lanes, is NaN. Derivatives, bounds, double-double and CasADi take no regions: for them loops of at most 16 passes
+are recorded pass by pass (``ProgramOptions.straight``), others are refused by name, as all are for symbols.
 
 Three recursions do branch on values. ``aba_square_root`` and ``kkt`` choose pivots: the Spec of the first has
 ``traceable=False``, the second has no Spec. ``rnea`` adds the forces of ``rnea_off_norm`` if a quaternion of q is off

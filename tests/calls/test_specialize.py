@@ -443,6 +443,25 @@ def test_long_programs_run_untraced(arm: sd.Model, model: sd.Model) -> None:
     assert specialize(arm, sd.rnea).engine == ("untraced" if numba_kernels.PLAIN else "lanes")
 
 
+def test_parameters_of_each_sample_without_a_program(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A batch is its samples one by one, an angle beyond the polynomials and a NaN among them, and edited models'."""
+    monkeypatch.setattr(recording, "MOST_ROWS", 1)
+    tree = random_tree(4, 7, kinds=("revolute", "prismatic")).model
+    body, rng, count = tree.robot.links[5].name, np.random.default_rng(0), 11
+    k = specialize(tree, sd.generalized_gravity, inputs=[f"payload:{body}", "gravity"], outputs=[0, 3])
+    assert k.engine == "untraced"
+    q, load, g = rng.normal(size=(count, tree.nq)), np.zeros((count, 10)), rng.normal(size=(count, 3))
+    load[:, :4] = rng.uniform(0.1, 1.0, size=(count, 4))
+    turns = next(j.idx_q for j in tree.joints[1:] if j.kind == "revolute")
+    q[5, turns], q[7, turns] = 1e7, np.nan
+    found = k(q, load, g)
+    np.testing.assert_array_equal(found, [k(*x) for x in zip(q, load, g, strict=True)])
+    assert np.isnan(found[7]).any()
+    for at in (0, 5, 10):
+        other = tree.with_(gravity=g[at], payload={body: (load[at, 0], load[at, 1:4], np.zeros((3, 3)))})
+        assert close(found[at], sd.generalized_gravity(other, q[at])[[0, 3]], CLOSE)
+
+
 # --- errors ------------------------------------------------------------------------------------------------
 
 

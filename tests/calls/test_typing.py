@@ -88,6 +88,11 @@ other = sd.ModelBuilder("robot").add_body("a").build()
 nq: int = other.nq
 placement: SE3 = pin.SE3.Identity()
 same = pin.rnea is rnea
+arm = pin.buildSampleModelManipulator()
+data = arm.createData()
+torque: np.ndarray = rnea(arm, data, tau, tau, tau, [pin.Force.Zero()])
+moved: pin.Motion = pin.getFrameVelocity(arm, data, 1, pin.LOCAL)
+energy: float = pin.computeKineticEnergy(arm, data)
 """
 
 

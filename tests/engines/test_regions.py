@@ -291,13 +291,41 @@ def test_time_loops_run_regions() -> None:
         assert np.array_equal(records[:, k], v)
 
 
-def test_programs_that_need_a_straight_line_refuse_by_name() -> None:
-    for options, what in (("jvp", "a derivative"), ("vjp", "a derivative")):
+def test_short_loops_are_recorded_pass_by_pass_for_what_needs_a_straight_line() -> None:
+    """The same numbers to the bit; the derivative is that of each sample's passes, exact as all of them is."""
+    options, v = recording.ALL._replace(straight=True), inputs()
+    straight, looped = (derived.record((HALVED,), model().bodies, (), x) for x in (options, recording.ALL))
+    assert looped.program.regions
+    assert not straight.program.regions
+    found = [np.empty((N, 7)) for _ in range(2)]
+    for made, out in zip((straight, looped), found, strict=True):
+        assert not len(batch_kernels.compiled(*made)([v], [out]))
+    assert np.array_equal(bits(found[0]), bits(wanted(v)))
+    assert np.array_equal(bits(found[0]), bits(found[1]))
+    slopes, tangent = np.empty((N, 7)), np.zeros_like(v)
+    tangent[:, 0] = 1.0
+    made = derived.record((HALVED,), model().bodies, (), recording.ALL._replace(derivative="jvp"))
+    assert not len(batch_kernels.compiled(*made)([v, tangent], [np.empty((N, 7)), slopes]))
+    passes = found[0][:, 4]
+    assert np.array_equal(slopes[:, 6], 0.5**passes)
+    assert len(set(passes)) > 5
+
+
+def test_programs_that_need_a_straight_line_refuse_long_loops_by_name() -> None:
+    def long(bodies: Any, v: Any, out: Any, x: Any, left: Any) -> None:
+        x[0], left[0] = v[0], v[1]
+        for _ in repeat(99, left, x):
+            if settled(left[0]):
+                break
+            x[0], left[0] = 0.5 * x[0], left[0] - 1.0
+        out[0] = x[0]
+
+    spec = Spec("long", long, None, (V,), Argument("out", (1,), "", ""), "Halves.", "a toy", scratch=((1,), (1,)))
+    asked = [("a derivative", {"derivative": "jvp"}), ("a derivative", {"derivative": "vjp"})]
+    asked += [("a bound of errors", {"bounds": True}), ("double-double", {"double_double": True})]
+    for what, options in asked:
         with pytest.raises(SpatialDynError, match=f"{what} got a program with loops"):
-            derived.record((HALVED,), model().bodies, (), recording.ALL._replace(derivative=options))
-    for asked in (recording.ALL._replace(bounds=True), recording.ALL._replace(double_double=True)):
-        with pytest.raises(SpatialDynError, match="repeat or when"):
-            derived.record((HALVED,), model().bodies, (), asked)
+            derived.record((spec,), model().bodies, (), recording.ALL._replace(**options))
 
 
 def recorded(body: Callable[[Any, Tape], Any]) -> Program:

@@ -174,7 +174,7 @@ def test_the_weights_are_those_of_the_inverse_mass_matrix() -> None:
     work, after, pivots = scratch(friction.WORK, rows), np.zeros((3, n)), np.zeros(n)
     given = [x[0] for x in s.values()]
     given[3] = DT
-    beside = friction.StepScratch(np.zeros((n, n)), np.zeros((n, n)))
+    beside = friction.StepScratch(np.zeros((n, n)), np.zeros((n, n)), np.zeros((2, n)), np.zeros(1), np.zeros(1))
     friction.friction_step(rows, work, *given[:3], None, DT, friction.Law(*given[4:]), after, pivots, beside)
     assert work is not None
     wanted = violation(model, s, after[:1])[1][0]

@@ -55,6 +55,19 @@ def test_a_whole_robot_is_a_text_of_python_and_of_c(name: str) -> None:
 
 
 @compiled
+def test_sweeps_of_dry_friction_are_unrolled_for_casadi() -> None:
+    """The program loops until the guess of what sticks has settled; CasADi gets its ten corrections in a line."""
+    casadi = pytest.importorskip("casadi")
+    scene = scene_with("arm", "friction")
+    (q, v), tau = start(scene.model), np.array([0.3, -0.2, 0.1])
+    k = sd.specialize(scene, sd.step, fixed={"dt": 1e-3})
+    assert k.program.regions
+    found = k.to_casadi(jacobian=False).call([casadi.DM(x.tolist()) for x in (q, v, tau)])
+    for x, y in zip(found, sd.step(scene, q, v, tau, 1e-3), strict=True):
+        np.testing.assert_allclose(x.full().ravel(), y, rtol=0.0, atol=1e-13)
+
+
+@compiled
 def test_derivatives_of_a_specialized_step_are_those_of_the_step() -> None:
     scene = scene_with("arm", "smooth", "fext")
     (q, v), tau, rng = start(scene.model), 0.1 * np.ones(3), np.random.default_rng(3)

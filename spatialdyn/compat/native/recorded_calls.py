@@ -113,6 +113,7 @@ def recorded_call(
     unused: int = 0,
     returns: int = ARRAY,
     result: Array | None = None,
+    otherwise: Builtin = unavailable,
 ) -> Builtin:
     """``(*inputs, *unused) -> result`` of the code of a public call for one sample, a builtin that may record.
 
@@ -121,8 +122,9 @@ def recorded_call(
     unused    number of vectors (nv,) that are recorded only
     returns   ARRAY, a new one; PARTS, a tuple of the parts of a result of three axes; RESULT: ``result`` is written in
               place, and True returned
+    otherwise  called with the arguments where the builtin does not apply
 
-    External forces are a last argument (6 njoints,). Returns None if not applicable.
+    External forces are a last argument (6 njoints,).
     """
     given: list[single_call.Described] = []
     for x in code.spec.present:
@@ -135,7 +137,7 @@ def recorded_call(
     several = single_call.PARTS if returns == PARTS else single_call.ONE
     plan = single_call.plan(NOT_OWN, [output], given, several, (code, place), code.address, recorded)
     kinds = [Parameter(f"x{k}", NUMBER if x == () else INPUT) for k, x in enumerate(given)]
-    return single_call.bound(unavailable, kinds, plan)
+    return single_call.bound(otherwise, kinds, plan)
 
 
 def rerun(code: CallCode, inputs: Sequence[Array], out: Array) -> Builtin:

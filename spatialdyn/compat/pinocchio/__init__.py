@@ -20,6 +20,7 @@ from . import rpy as rpy
 from . import shortcuts as shortcuts
 from . import utils as utils
 from . import visualize as visualize
+from .algorithms.calls import *
 from .algorithms.centroidal import *
 from .algorithms.collisions import *
 from .algorithms.configuration import *

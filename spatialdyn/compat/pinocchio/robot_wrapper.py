@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ...engines.compiled.generated import function_from_text
-from .algorithms import centroidal, collisions, configuration, dynamics, jacobians, kinematics
+from .algorithms import calls, collisions, configuration, jacobians, kinematics
 from .coverage.coverage import Partial, refused
 from .model.geometry import createDatas
 from .model.geometry_from_mjcf import buildModelsFromMJCF
@@ -108,9 +108,9 @@ class RobotWrapper(Partial):
     def com(self, q: Any = None, v: Any = None, a: Any = None) -> Any:
         """Centre of mass; with v the tuple (position, velocity), with a (position, velocity, acceleration)."""
         if q is None:
-            centroidal.centerOfMass(self.model, self.data)
+            calls.centerOfMass(self.model, self.data)
             return self.data.com[0]
-        found = centroidal.centerOfMass(self.model, self.data, q, v, a)
+        found = calls.centerOfMass(self.model, self.data, q, v, a)
         more = [] if v is None else [self.data.vcom[0]] if a is None else [self.data.vcom[0], self.data.acom[0]]
         return (self.data.com[0], *more) if more else found
 
@@ -192,13 +192,13 @@ def _method(row: str) -> Any:
         found = ", ".join(f"self.data.{x}" for x in fields)
         text += [f"    found = call(self.model, self.data, {passed}", f"    return {found or 'found'}"]
         about = f"``{function}``" + (f": ``data.{', '.join(fields)}``" if fields else "")
-    scope = {"LOCAL": LOCAL, "placed": kinematics.forwardKinematics, "call": _FUNCTIONS.get(function)}
+    scope = {"LOCAL": LOCAL, "placed": calls.forwardKinematics, "call": _FUNCTIONS.get(function)}
     method = function_from_text(name, text, {"__name__": __name__, **scope}, f"RobotWrapper.{name}")
     after = ", after forwardKinematics if ``update_kinematics``" * moves
     method.__qualname__, method.__doc__ = f"RobotWrapper.{name}", f"{about}{after}."
     return method
 
 
-_FUNCTIONS = {name: x for at in (centroidal, dynamics, jacobians, kinematics) for name, x in vars(at).items()}
+_FUNCTIONS = {name: x for at in (calls, jacobians, kinematics) for name, x in vars(at).items()}
 for _row in _METHODS.strip().split("\n"):
     setattr(RobotWrapper, _row.partition("(")[0], _method(_row))

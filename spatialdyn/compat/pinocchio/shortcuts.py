@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .algorithms.dynamics import nle
+from .algorithms.calls import nle
 from .model.geometry import createDatas
 from .model.geometry_from_mjcf import buildModelsFromMJCF
 from .model.geometry_from_urdf import buildModelsFromUrdf

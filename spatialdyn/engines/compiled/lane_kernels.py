@@ -140,4 +140,6 @@ def is_stored(spec: Spec, width: int, edited: bool = False) -> bool:
 
     if disk_cache.folder() is None:
         return False
-    return tiers.is_stored(jit.numba_jit(source(spec, width, edited), contract=False), numba_kernels.batch_signature(spec))
+    return tiers.is_stored(
+        jit.numba_jit(source(spec, width, edited), contract=False), numba_kernels.batch_signature(spec)
+    )

@@ -24,6 +24,7 @@ from typing import NamedTuple
 
 from ...algebra.euclidean import Vec
 from ...algebra.records import table_dtype
+from ...algebra.regions import repeat, settled
 from ...algebra.scalars import exp, inline, select
 from ...algebra.spatial import Force, Inertia, Pose
 from ..signatures import Array, Bodies, Config, Matrix, Number, Record, Vector, Work
@@ -48,7 +49,7 @@ WORK = table_dtype(
     level=float,  # F(v): the largest dry friction torque
     stuck=float,  # 1 if the joint is assumed to stick, at rest at the end of the step, else 0
     push=float,  # dry friction of a moving joint, against its motion: F(v) or -F(v); 0 for a sticking joint
-    sticks=float,  # stuck for the next sweep, and its push if it moves
+    sticks=float,  # whether its torque would hold it, and its push if it moves
     against=float,
     s=float,  # need - push, less the terms of the rows behind; inward
     g=float,  # 1 / D of the partial factorization, 0 for a stuck row; inward
@@ -95,6 +96,9 @@ class StepScratch(NamedTuple):
 
     M: Matrix = ("nv", "nv")  # M + h b
     R: Matrix = ("nv", "nv")  # its factors, with some rows stuck
+    guess: Matrix = (2, "nv")  # for the next sweep: which joints stick, and the dry friction of the others
+    wrong: Vector = (1,)  # 1 if it differs from the guess before, else 0
+    sweep: Vector = (1,)  # sweeps done
 
 
 @inline
@@ -179,37 +183,49 @@ def friction_step(
         here.stuck = 0.0
         here.push = 0.0
 
-    for sweep in range(SWEEPS + 1):
-        solve_partly_stuck(bodies, work, v, dt, M, R)
-        if sweep == 0:  # nothing sticks or rubs yet: R and g are the factors of M
-            weigh(bodies, work, R)
-            for i in range(1, n + 1):
-                pivots[i - 1] = R[i - 1, i - 1]
-        least = 0.0
-        for i in range(1, n + 1):
-            here = work[i]
-            after[0, i - 1] = select(here.stuck, 0.0, v[i - 1] + dt * here.x)
-            beyond = here.friction - here.weight * after[0, i - 1] / dt
-            here.sticks = select(here.level - magnitude(beyond), 1.0, 0.0)  # 0 for NaN, so that NaN reaches v⁺
-            here.against = select(beyond, -here.level, here.level)
-            allowed = select(here.sticks, beyond, -here.against)
-            after[1, i - 1] = magnitude(here.friction - allowed) * dt / here.weight
-            if BOLD <= sweep < SWEEPS:
-                half = 0.5 * after[1, i - 1]
-                least = select(half - least, half, least)
-        if sweep < SWEEPS:
-            for i in range(1, n + 1):
-                here = work[i]
-                push = select(here.sticks, 0.0, here.against)
-                if sweep < BOLD:
-                    here.stuck = here.sticks
-                    here.push = push
-                else:
-                    far = after[1, i - 1] - least
-                    here.stuck = select(far, here.sticks, here.stuck)
-                    here.push = select(far, push, here.push)
+    solve_partly_stuck(bodies, work, v, dt, M, R)  # nothing sticks or rubs yet: R and g are the factors of M
+    weigh(bodies, work, R)
     for i in range(1, n + 1):
-        after[2, i - 1] = work[i].friction
+        pivots[i - 1] = R[i - 1, i - 1]
+    s.sweep[0] = 0.0
+    correct_guess(bodies, work, v, dt, after, s)
+    for _ in repeat(SWEEPS, s.wrong, s.guess, s.sweep, after):
+        if settled(s.wrong[0]):
+            break
+        for i in range(1, n + 1):
+            work[i].stuck = s.guess[0, i - 1]
+            work[i].push = s.guess[1, i - 1]
+        solve_partly_stuck(bodies, work, v, dt, M, R)
+        correct_guess(bodies, work, v, dt, after, s)
+
+
+@inline
+def correct_guess(bodies: Bodies, work: Work, v: Vector, dt: Number, after: Matrix, s: StepScratch) -> None:
+    """Write the results of a sweep, the guess for the next one, and whether it differs: if not, all sweeps agree."""
+    n, least, careful = len(bodies) - 1, 0.0, s.sweep[0] - (BOLD - 1.0)
+    for i in range(1, n + 1):
+        here = work[i]
+        after[0, i - 1] = select(here.stuck, 0.0, v[i - 1] + dt * here.x)
+        beyond = here.friction - here.weight * after[0, i - 1] / dt
+        here.sticks = select(here.level - magnitude(beyond), 1.0, 0.0)  # 0 for NaN, so that NaN reaches v⁺
+        here.against = select(beyond, -here.level, here.level)
+        allowed = select(here.sticks, beyond, -here.against)
+        after[1, i - 1] = magnitude(here.friction - allowed) * dt / here.weight
+        after[2, i - 1] = here.friction
+        half = 0.5 * after[1, i - 1]
+        least = select(half - least, half, least)
+    wrong = 0.0
+    for i in range(1, n + 1):
+        here = work[i]
+        far = select(careful, after[1, i - 1] - least, 1.0)
+        stuck = select(far, here.sticks, here.stuck)
+        push = select(far, select(here.sticks, 0.0, here.against), here.push)
+        changed = magnitude(stuck - here.stuck) + magnitude(push - here.push)
+        wrong = select(changed, 1.0, wrong)
+        s.guess[0, i - 1] = stuck
+        s.guess[1, i - 1] = push
+    s.wrong[0] = wrong
+    s.sweep[0] = s.sweep[0] + 1.0
 
 
 @inline

@@ -101,6 +101,50 @@ def test_every_call_on_lanes(of: Spec) -> None:
         check(numba_kernels.variant(of, ()), own, range(len(of.name) % 3, 12, 3))
 
 
+def check_edited(spec: Spec, seeds: Sequence[int]) -> None:
+    """Samples with tables of their own: the bits of a kernel of one sample on that sample's table."""
+    one, width = numba_kernels.batch_kernel(spec), lane_names.width()
+    for seed in seeds:
+        of, rng = model(seed), np.random.default_rng(seed)
+        given, static = inputs(spec, of, seed), static_inputs(spec, of, seed % 3)
+        tables = np.repeat(of.bodies[None], COUNT, axis=0)
+        factor = rng.uniform(0.5, 2.0, size=(COUNT, 1))
+        for field in ("inertia", "armature", "inertia_bound", "coupling"):
+            scaled(tables, field, factor)
+        scaled(tables, "gravity", rng.normal(size=(COUNT, 1)))
+        shape = recording.shape_of(spec.output, of.bodies, ()) or (1,)
+        wanted, status = np.empty((COUNT, *shape)), np.empty(1, np.int8)
+        for k in range(COUNT):
+            own, sample = tables[k].copy(), [y for x in given for y in (x[k : k + 1], 1)]
+            assert not one(own.ctypes.data, 1, *sample, *static, wanted[k : k + 1], status)
+        for w in (1, width):
+            found, left = np.empty_like(wanted), np.empty(COUNT, np.int8)
+            known = [y for x in given for y in (x, 1)]
+            assert not lane_kernels.kernel(spec, w, edited=True)(
+                tables.ctypes.data, COUNT, *known, *static, found, left
+            )
+            np.testing.assert_array_equal(found, wanted)
+
+
+def scaled(tables: Any, field: str, factor: np.ndarray) -> None:
+    """Multiply the numbers of a field by those of each sample."""
+    part = tables[field]
+    for name in part.dtype.names or ():
+        scaled(part, name, factor)
+    if not part.dtype.names:
+        part *= factor
+
+
+def test_samples_with_tables_of_their_own_have_the_bits_of_one() -> None:
+    check_edited(numba_kernels.variant(SPECS["generalized_gravity"], ()), range(12))
+
+
+@pytest.mark.slow(quick="test_samples_with_tables_of_their_own_have_the_bits_of_one")
+@pytest.mark.parametrize("name", [*EVERY_WIDTH, "minverse", "regressor", "momentum_rate"])
+def test_more_calls_with_tables_of_their_own(name: str) -> None:
+    check_edited(numba_kernels.variant(SPECS[name], ()), range(12))
+
+
 def test_calls_run_on_lanes_unless_they_branch_on_values_or_are_made_of_others() -> None:
     assert [x.name for x in SPECS.values() if not x.on_lanes] == ["aba_square_root"]
     assert not STEP.on_lanes

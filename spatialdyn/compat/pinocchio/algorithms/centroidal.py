@@ -8,19 +8,17 @@ import numpy as np
 
 from ...native import tree_kernels
 from ..data.data import Data, library_of
-from ..data.dispatch import fast_calls, frame_index, joint_index, last_call
+from ..data.dispatch import frame_index, joint_index, last_call
 from ..model.library_model import subtree_masses
 from ..model.model import Model
-from ..types.arguments import ArgumentError, Array, described
-from ..types.frame import ACCELERATION, KinematicLevel
+from ..types.arguments import ArgumentError, Array
 from ..types.inertia import Inertia
 from ..types.motion import Force
+from .calls import jacobianCenterOfMass
 
 __all__ = [
-    "ccrba", "centerOfMass", "computeCentroidalMap", "computeCentroidalMapTimeVariation",
-    "computeCentroidalMomentum", "computeCentroidalMomentumTimeVariation", "computeSubtreeMasses",
-    "computeSupportedForceByFrame", "computeSupportedInertiaByFrame", "computeTotalMass", "dccrba",
-    "getJacobianSubtreeCenterOfMass", "jacobianCenterOfMass", "jacobianSubtreeCenterOfMass",
+    "computeSubtreeMasses", "computeSupportedForceByFrame", "computeSupportedInertiaByFrame", "computeTotalMass",
+    "getJacobianSubtreeCenterOfMass", "jacobianSubtreeCenterOfMass",
 ]  # fmt: skip
 
 
@@ -38,49 +36,6 @@ def computeSubtreeMasses(model: Model, data: Data) -> None:
     """Mass of each joint's subtree: ``data.mass``."""
     library_of(model, data)
     data.put("mass", subtree_masses(model._numbers.inertias[:, 0].tolist(), model.parents))
-
-
-def _com_inputs(model: Model, data: Data, q: Any, v: Any, a: Any, level: Any, subtrees: Any) -> tuple[Any, ...]:
-    """q, v and a of ``centerOfMass``, whose level and flag may stand in their places."""
-    values = [x for x in (q, v, a, subtrees, level) if x is not None and not isinstance(x, (bool, np.bool_))]
-    if values and isinstance(values[0], np.ndarray) and len(values) <= 3:
-        return *values, *[None] * (3 - len(values))
-    level = values[0] if values else ACCELERATION
-    if len(values) > 1 or not isinstance(level, (int, KinematicLevel)):
-        raise ArgumentError(f"centerOfMass got {', '.join(map(described, values))}, expected arrays or a level")
-    runs = [last_call(model, data, *fields.split()) for fields in ("oMi", "v oMi", "a oMi")]
-    inputs = zip(runs, "qva", strict=True)
-    return tuple(getattr(run, x).copy() if level >= k else None for k, (run, x) in enumerate(inputs))
-
-
-_CALLS = """
-centerOfMass = com0 com1 com2; options: compute_subtree_coms=True, kinematic_level=None; optional: q, v, a;
-  slow: q, v, a = com_inputs(model, data, q, v, a, kinematic_level, compute_subtree_coms)
-    Centre of mass of all moving bodies (3,), also ``data.com[0]``; its velocity and acceleration in ``data``.
-
-    ``(model, data, q[, v[, a]][, compute_subtree_coms])``; ``(model, data[, kinematic_level][, compute_subtree_coms])``
-    at the inputs of the last forwardKinematics. ``data.com[k]`` is the centre of joint k's subtree, in its frame;
-    vcom and acom likewise, whatever ``compute_subtree_coms``.
-jacobianCenterOfMass = com_jacobian; options: compute_subtree_coms=True; last: oMi;
-  slow: q = last_call(model, data, 'oMi').q.copy() if isinstance(q, (bool, np.bool_)) else q
-    Jacobian of the centre of mass (3, nv) in the world, also ``data.Jcom``; without q at the last call's.
-ccrba = ccrba
-    Centroidal momentum matrix Ag (6, nv), also ``data.Ag``; the momentum is ``data.hg``.
-dccrba = dccrba
-    Time derivative of the centroidal momentum matrix (6, nv), also ``data.dAg``.
-computeCentroidalMap = map
-    Centroidal momentum matrix Ag (6, nv), also ``data.Ag``.
-computeCentroidalMapTimeVariation = map_dot
-    Time derivative of the centroidal momentum matrix (6, nv), also ``data.dAg``.
-computeCentroidalMomentum = momentum; returns: over(result); last: v
-    Momentum about the centre of mass, also ``data.hg``; without q, v at the last call's.
-computeCentroidalMomentumTimeVariation = momentum_dot; returns: over(result); last: a
-    Rate of the momentum about the centre of mass, also ``data.dhg``; without q, v, a at the last call's.
-"""
-(
-    centerOfMass, jacobianCenterOfMass, ccrba, dccrba, computeCentroidalMap, computeCentroidalMapTimeVariation,
-    computeCentroidalMomentum, computeCentroidalMomentumTimeVariation,
-) = fast_calls(_CALLS, com_inputs=_com_inputs, np=np, over=Force.over)  # fmt: skip
 
 
 def jacobianSubtreeCenterOfMass(model: Model, data: Data, *given: Any, **named: Any) -> Array:

@@ -13,7 +13,7 @@ from ..model.geometry import GeometryData, GeometryModel
 from ..model.model import Model
 from ..types.arguments import by_name, expected
 from ..types.se3 import SE3
-from . import kinematics
+from . import calls
 
 __all__ = [
     "computeCollision", "computeCollisions", "computeDistance", "computeDistances", "updateGeometryPlacements",
@@ -26,7 +26,7 @@ def updateGeometryPlacements(
 ) -> None:
     """Place the objects: ``geometry_data.oMg``, at q, or by ``data.oMi`` as it is."""
     if q is not None:
-        kinematics.forwardKinematics(model, data, q)
+        calls.forwardKinematics(model, data, q)
     objects = expected(geometry_model, GeometryModel, "geometry_model").geometryObjects
     if len(expected(geometry_data, GeometryData, "geometry_data").oMg) != len(objects):
         raise ModelError(

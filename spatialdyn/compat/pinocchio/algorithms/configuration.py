@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from math import hypot
 from typing import Any
 
@@ -10,7 +10,6 @@ import numpy as np
 
 from ....algebra.rotations import NORM_ROUNDING
 from ....bodies.kinds import kind_of
-from ....engines.compiled.generated import function_from_text
 from ....engines.programs.run.single_call import READY
 from ....errors import ShapeError, SpatialDynError
 from ...native import operator_kernels, operators
@@ -20,7 +19,7 @@ from ..model.joint_tree import NO_LIMIT
 from ..model.joints import Mimic
 from ..model.library_model import library_model
 from ..model.model import Model
-from ..types.arguments import NUMBERS, ArgumentError, Array, described, documented_rows, expected, number
+from ..types.arguments import NUMBERS, ArgumentError, Array, described, expected, number
 from ..types.frame import ARG0, ARG1, ArgumentPosition
 from ..types.random import GENERATOR
 
@@ -38,57 +37,70 @@ def _library_model(model: Model) -> Any:
     return library_model(expected(model, Model, "model"))
 
 
-def _call(row: str, doc: str) -> Callable[..., Array]:
-    """``name(model, *inputs)`` of a row "name = inputs": the library's call by its builtin, or with checked arguments.
-
-    "; clipped": configurations are clipped to finite products first.
-    """
-    (name, *names), clipped = row.partition(";")[0].replace(" =", "").split(), row.endswith("; clipped")
-
-    def checked(model: Model, *given: Any) -> Array:
-        library = _library_model(model)
-        values: list[Any] = []
-        for x, value in zip(names, given, strict=True):
-            if x == "alpha":
-                values.append(number(value, x))
-            else:
-                q = vector(x, value, model.nv if x == "v" else model.nq)
-                values.append(_clipped(model, q) if clipped else q)
-        found: Array = library.compute(name, *values)
-        return found
-
-    text = [
-        f"def {name}({', '.join(['model', *names])}):",
-        "    try:",
-        f"        found = model._library.{name}({', '.join(names)})",
-        "        if found is not None:",
-        "            return found",
-        "    except AttributeError:  # the fast path does not apply",
-        "        pass",
-        f"    return checked({', '.join(['model', *names])})",
-    ]
-    function = function_from_text(name, text, {"checked": checked, "__name__": __name__}, f"pinocchio {name}")
-    function.__doc__ = doc
-    return function
+def _checked(model: Model, name: str, clipped: bool = False, **given: Any) -> Array:
+    """A call of the library with argument checks; ``clipped``: configurations are clipped to finite products first."""
+    library = _library_model(model)
+    values: list[Any] = []
+    for x, value in given.items():
+        if x == "alpha":
+            values.append(number(value, x))
+        else:
+            q = vector(x, value, model.nv if x == "v" else model.nq)
+            values.append(_clipped(model, q) if clipped else q)
+    found: Array = library.compute(name, *values)
+    return found
 
 
-neutral, integrate, difference, interpolate, normalize = (_call(*row) for row in documented_rows("""
-neutral
-    Configuration (nq,) without displacement of any joint.
-integrate = q v
-    Configuration (nq,) reached from q (nq,) by the displacement v (nv,): a velocity held for unit time.
+def neutral(model: Model) -> Array:
+    """Configuration (nq,) without displacement of any joint."""
+    try:
+        found: Array | None = model._library.neutral()
+    except AttributeError:
+        found = None
+    return _checked(model, "neutral") if found is None else found
+
+
+def integrate(model: Model, q: Any, v: Any) -> Array:
+    """Configuration (nq,) reached from q (nq,) by the displacement v (nv,): a velocity held for unit time.
 
     Raises ArgumentError, a TypeError, for a wrong type, ShapeError, a ValueError, for a wrong size, and in strict mode
     ConfigurationError for a quaternion or (cos, sin) pair whose norm is not 1.
-difference = q1 q2; clipped
-    Displacement v (nv,) with integrate(q1, v) = q2, by the shorter way round.
+    """
+    try:
+        found: Array | None = model._library.integrate(q, v)
+    except AttributeError:
+        found = None
+    return _checked(model, "integrate", q=q, v=v) if found is None else found
+
+
+def difference(model: Model, q1: Any, q2: Any) -> Array:
+    """Displacement v (nv,) with integrate(q1, v) = q2, by the shorter way round.
 
     Outside strict mode joints with several coordinates have them clipped to ±1e30, so that products stay finite.
-interpolate = q1 q2 alpha; clipped
-    Configuration (nq,) at the fraction alpha of the way from q1 to q2.
-normalize = q
-    q (nq,) with its quaternions and (cos, sin) pairs at unit norm.
-"""))  # fmt: skip
+    """
+    try:
+        found: Array | None = model._library.difference(q1, q2)
+    except AttributeError:
+        found = None
+    return _checked(model, "difference", True, q1=q1, q2=q2) if found is None else found
+
+
+def interpolate(model: Model, q1: Any, q2: Any, alpha: float) -> Array:
+    """Configuration (nq,) at the fraction alpha of the way from q1 to q2."""
+    try:
+        found: Array | None = model._library.interpolate(q1, q2, alpha)
+    except AttributeError:
+        found = None
+    return _checked(model, "interpolate", True, q1=q1, q2=q2, alpha=alpha) if found is None else found
+
+
+def normalize(model: Model, q: Any) -> Array:
+    """q (nq,) with its quaternions and (cos, sin) pairs at unit norm."""
+    try:
+        found: Array | None = model._library.normalize(q)
+    except AttributeError:
+        found = None
+    return _checked(model, "normalize", q=q) if found is None else found
 
 
 def _clipped(model: Model, q: Array) -> Array:

@@ -23,7 +23,7 @@ from ..data.run import Run
 from ..model.model import Model
 from ..types.arguments import NUMBERS, ArgumentError, Array, described, number
 from ..types.frame import Convention
-from .dynamics import computeAllTerms, crba
+from .calls import computeAllTerms, crba
 from .rigid_constraints import impulse_of_contacts
 
 __all__ = [

@@ -5,93 +5,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from ....errors import SpatialDynError
 from ..data.data import Data, library_of
-from ..data.dispatch import ALIGNED, IN_WORLD, about_frame, fast_calls, joint_index, last_call, named, reference_code
+from ..data.dispatch import ALIGNED, IN_WORLD, about_frame, compute, joint_index, last_call, reference_code
+from ..data.face import Face
 from ..data.run import Run
 from ..model.model import Model
-from ..types.arguments import ArgumentError, Array, ValueRuntimeError, documented_rows, expected
+from ..types.arguments import Array, ValueRuntimeError, expected
 from ..types.se3 import SE3
-from .dynamics import given_forces
 from .jacobians import call_about_frame
 
 __all__ = [
-    "computeABADerivatives", "computeCentroidalDynamicsDerivatives", "computeForwardKinematicsDerivatives",
-    "computeGeneralizedGravityDerivatives", "computeRNEADerivatives", "computeStaticTorqueDerivatives",
-    "getCenterOfMassVelocityDerivatives", "getCentroidalDynamicsDerivatives", "getFrameAccelerationDerivatives",
-    "getFrameVelocityDerivatives", "getJointAccelerationDerivatives", "getJointVelocityDerivatives",
-    "getPointClassicAccelerationDerivatives", "getPointVelocityDerivatives",
+    "getCenterOfMassVelocityDerivatives", "getCentroidalDynamicsDerivatives", "getPointClassicAccelerationDerivatives",
+    "getPointVelocityDerivatives",
 ]  # fmt: skip
-
-
-# --- torques and accelerations -----------------------------------------------------------------------------
-
-
-def _last_aba(model: Model, data: Data, q: Any, v: Any, tau: Any, fext: Any) -> tuple[Any, ...]:
-    """q, v, tau and fext of computeABADerivatives; q, v, tau of the last aba if they are left out.
-
-    The fext of a call without them may stand in place of q.
-    """
-    if tau is not None:
-        return q, v, tau, fext
-    if v is not None or (q is not None and fext is not None):
-        raise ArgumentError("computeABADerivatives got some of q, v and tau, expected all or none")
-    library_of(model, data)
-    run: Any = _last(data, "aba", "aba_world")
-    if run is None:
-        raise ArgumentError("q is not given and aba was not called with this data, expected either")
-    fext = q if fext is None else fext
-    if run.fext is not None and fext is None:
-        raise ArgumentError("fext is not given and the last aba had some, expected them here too")
-    return run.q.copy(), run.v.copy(), run.tau.copy(), fext
-
-
-_CALLS = """
-computeRNEADerivatives = rnea_derivatives; forces: fext=None
-    ∂tau/∂q, ∂tau/∂v and ∂tau/∂a = M, (nv, nv) each, also ``data.dtau_dq``, ``data.dtau_dv`` and ``data.M``.
-
-    q     (nq,)            joint positions
-    v, a  (nv,)            joint velocities and accelerations
-    fext  list of njoints  Force on each joint's body, fixed in the joint's frame
-
-    Raises ArgumentError (a TypeError) for a wrong type, ShapeError (a ValueError) for a wrong size.
-computeABADerivatives = aba_derivatives; forces: fext=None; optional: q, v, tau;
-  slow: q, v, tau, fext = last_aba(model, data, q, v, tau, fext)
-    ∂ddq/∂q, ∂ddq/∂v and ∂ddq/∂tau = M⁻¹, (nv, nv) each, also ``data.ddq_dq``, ``data.ddq_dv`` and ``data.Minv``.
-
-    ``(model, data, q, v, tau[, fext])``, or ``(model, data[, fext])`` at the inputs of the last ``aba``.
-
-    Raises as computeRNEADerivatives, and InertiaError naming a joint with zero articulated inertia.
-computeGeneralizedGravityDerivatives = gravity_derivatives
-    ∂g/∂q (nv, nv) of the gravity torques.
-computeStaticTorqueDerivatives = static_derivatives; forces: fext; when: fext is not None; slow: given_forces(fext)
-    ∂tau/∂q (nv, nv) of the static torques g(q) - Σ Jᵀ fext; fext as in computeRNEADerivatives.
-computeCentroidalDynamicsDerivatives = centroidal_derivatives
-    ∂h/∂q, ∂(dh/dt)/∂q, ∂(dh/dt)/∂v and ∂(dh/dt)/∂a = Ag, (6, nv) each, of the centroidal momentum h.
-computeForwardKinematicsDerivatives = kinematics_derivatives1 kinematics_derivatives2; returns: None
-    Record q, v and a for the derivatives of velocities and, with a, of accelerations below.
-"""
-(
-    computeRNEADerivatives, computeABADerivatives, computeGeneralizedGravityDerivatives,
-    computeStaticTorqueDerivatives, computeCentroidalDynamicsDerivatives, computeForwardKinematicsDerivatives,
-) = fast_calls(_CALLS, last_aba=_last_aba, given_forces=given_forces)  # fmt: skip
 
 
 def getCentroidalDynamicsDerivatives(model: Model, data: Data) -> tuple[Array, Array, Array, Array]:
     """``computeCentroidalDynamicsDerivatives`` at the inputs of the last computeRNEADerivatives."""
     library_of(model, data)
-    run = _last(data, "rnea_derivatives", "centroidal_derivatives")
+    run = last_of(data, "rnea_derivatives", "centroidal_derivatives")
     if run is None:
         raise ValueRuntimeError("derivatives were not computed, expected computeRNEADerivatives to be called before")
-    found: tuple[Array, Array, Array, Array] = computeCentroidalDynamicsDerivatives(
-        model, data, run.q.copy(), run.v.copy(), run.a.copy()
-    )
-    return found
+    return compute(model, data, "centroidal_derivatives", (run.q.copy(), run.v.copy(), run.a.copy()))[1]  # type: ignore[no-any-return]
 
 
 def getCenterOfMassVelocityDerivatives(model: Model, data: Data) -> Array:
@@ -101,7 +41,7 @@ def getCenterOfMassVelocityDerivatives(model: Model, data: Data) -> Array:
     return np.array(found[0])
 
 
-def _last(data: Data, *kinds: str) -> Run | None:
+def last_of(data: Data, *kinds: str) -> Run | None:
     """The latest call of these kinds, if any."""
     runs: list[Run] = [run for kind in kinds if (run := data._runs.get(kind)) is not None and run.stamp]
     return max(runs, key=lambda run: run.stamp, default=None)
@@ -114,7 +54,7 @@ def _kinematics(model: Model, data: Data, accelerations: bool = False) -> Run:
     """The last call whose inputs derivatives of frames take. Raises ValueRuntimeError if there was none."""
     library_of(model, data)
     kinds = ("kinematics_derivatives2", "rnea_derivatives", "centroidal_derivatives")
-    run = _last(data, *kinds, *([] if accelerations else ["kinematics_derivatives1"]))
+    run = last_of(data, *kinds, *([] if accelerations else ["kinematics_derivatives1"]))
     if run is None:
         raise ValueRuntimeError(
             "derivatives were not computed, expected computeForwardKinematicsDerivatives"
@@ -138,40 +78,15 @@ def _of_frame(name: str, run: Run, joint: int, placement: Array, reference: Any,
     return found
 
 
-def _derivatives(name: str, doc: str) -> Callable[..., tuple[Array, ...]]:
+def derivatives_of_frame(face: Face, model: Model, data: Data, *about: Any) -> tuple[Array, ...]:
     """Derivatives of the velocity of a frame or a joint's frame, and of its spatial acceleration."""
-    of_joints, accelerations = "Frame" not in name, "Acceleration" in name
-
-    def function(model: Model, data: Data, *given: Any, **named: Any) -> tuple[Array, ...]:
-        run = _kinematics(model, data, accelerations)
-        about = about_frame(model, of_joints, *given, **named)
-        velocities = _of_frame("frame_velocity_derivatives", run, *about)
-        if not accelerations:
-            return tuple(velocities)
-        return velocities[0], *_of_frame("frame_acceleration_derivatives", run, *about, 0)
-
-    return named(function, name, doc)
-
-
-(
-    getJointVelocityDerivatives, getJointAccelerationDerivatives, getFrameVelocityDerivatives,
-    getFrameAccelerationDerivatives,
-) = (_derivatives(*row) for row in documented_rows("""
-getJointVelocityDerivatives
-    ∂V/∂q and ∂V/∂v, (6, nv) each, of a joint's frame, ``(model, data, joint_id, reference_frame)``; needs
-    computeForwardKinematicsDerivatives.
-
-    In LOCAL_WORLD_ALIGNED ∂V/∂q is, as in Pinocchio, that of the velocity at the frame's origin as a fixed point.
-getJointAccelerationDerivatives
-    ∂V/∂q, ∂A/∂q, ∂A/∂v and ∂A/∂a, (6, nv) each, of the spatial acceleration A of a joint's frame.
-
-    It needs computeForwardKinematicsDerivatives with a; see getJointVelocityDerivatives.
-getFrameVelocityDerivatives
-    ∂V/∂q and ∂V/∂v of a frame: ``(model, data, frame_id, reference_frame)`` or ``(model, data, joint_id, placement,
-    reference_frame)``; see getJointVelocityDerivatives.
-getFrameAccelerationDerivatives
-    ∂V/∂q, ∂A/∂q, ∂A/∂v and ∂A/∂a of a frame, arguments as of getFrameVelocityDerivatives.
-"""))  # fmt: skip
+    accelerations = "Acceleration" in face.name
+    run = _kinematics(model, data, accelerations)
+    about = about_frame(model, face.of_joints, *about)
+    velocities = _of_frame("frame_velocity_derivatives", run, *about)
+    if not accelerations:
+        return tuple(velocities)
+    return velocities[0], *_of_frame("frame_acceleration_derivatives", run, *about, 0)
 
 
 def getPointVelocityDerivatives(

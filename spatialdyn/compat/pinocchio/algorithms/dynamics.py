@@ -16,99 +16,17 @@ from ....recursions.tree.regressor import body_force
 from ...native import tree_kernels
 from ...native.operator_kernels import compiled_text
 from ..data.data import Data, library_of
-from ..data.dispatch import IDENTITY, fast_calls, frame_index, joint_index, reference_code
-from ..data.field_recipes import columns, mechanical_energy
+from ..data.dispatch import IDENTITY, frame_index, joint_index, reference_code
 from ..model.library_model import library_model
 from ..model.model import Model
-from ..types.arguments import ArgumentError, Array, described, expected
-from ..types.frame import Convention
+from ..types.arguments import Array, expected
 from ..types.motion import Motion
 from ..types.se3 import SE3
 
 __all__ = [
-    "aba", "bodyRegressor", "computeAllTerms", "computeCoriolisMatrix", "computeFrameKinematicRegressor",
-    "computeGeneralizedGravity", "computeJointKinematicRegressor", "computeJointTorqueRegressor",
-    "computeKineticEnergy", "computeKineticEnergyRegressor", "computeMechanicalEnergy", "computeMinverse",
-    "computePotentialEnergy", "computePotentialEnergyRegressor", "computeStaticRegressor", "computeStaticTorque",
-    "crba", "frameBodyRegressor", "getCoriolisMatrix", "jointBodyRegressor", "nle", "nonLinearEffects", "rnea",
+    "bodyRegressor", "computeFrameKinematicRegressor", "computeJointKinematicRegressor", "frameBodyRegressor",
+    "getCoriolisMatrix", "jointBodyRegressor",
 ]  # fmt: skip
-
-
-def _kind(kind: str, convention: Any) -> str:
-    """The kind of call of a convention. Raises ArgumentError for what is none."""
-    if not isinstance(convention, Convention):
-        raise ArgumentError(f"convention is {described(convention)}, expected a Convention")
-    return kind if convention == Convention.LOCAL else f"{kind}_world"
-
-
-def _aba_kind(fext: Any, convention: Any) -> tuple[str, Any]:
-    """Kind and forces of ``aba``, whose convention may stand in place of the forces."""
-    return (_kind("aba", fext), None) if isinstance(fext, Convention) else (_kind("aba", convention), fext)
-
-
-def given_forces(fext: Any) -> None:
-    """Raise ArgumentError if forces that have to be given are None."""
-    if fext is None:
-        raise ArgumentError("fext is None, expected a list of Force")
-
-
-_CALLS = """
-rnea = rnea; forces: fext=None
-    Torques τ = M(q) a + C(q, v) v + g(q) - Σ Jᵀ fext (nv,), also ``data.tau``.
-
-    q     (nq,)            joint positions
-    v, a  (nv,)            joint velocities and accelerations
-    fext  list of njoints  Force on each joint's body, in the joint's frame; the universe's is ignored
-
-    Raises ArgumentError (a TypeError) for a wrong type, ShapeError (a ValueError) for a wrong size.
-aba = aba; forces: fext=None; options: convention=LOCAL; when: convention is LOCAL;
-  slow: kind, fext = aba_kind(fext, convention)
-    Accelerations (nv,) under torques tau (nv,) and external forces, also ``data.ddq``.
-
-    ``aba(model, data, q, v, tau[, fext][, convention])``, fext as in rnea. The convention only selects which fields of
-    data are filled.
-
-    Raises as rnea, and InertiaError naming a joint with zero articulated inertia, where Pinocchio returns nan.
-crba = crba; options: convention=LOCAL; when: convention is LOCAL; slow: kind = by_convention(kind, convention)
-    Mass matrix M(q) (nv, nv), both triangles filled, also ``data.M``; the convention selects the other fields.
-nonLinearEffects = nle
-    Bias torques C(q, v) v + g(q) (nv,), also ``data.nle``.
-computeGeneralizedGravity = gravity
-    Gravity torques g(q) (nv,), also ``data.g``.
-computeStaticTorque = static; forces: fext; when: fext is not None; slow: given_forces(fext)
-    Torques g(q) - Σ Jᵀ fext (nv,) that hold the robot still, also ``data.tau``; fext as in rnea.
-computeCoriolisMatrix = coriolis
-    Coriolis matrix C(q, v) (nv, nv) of the Christoffel symbols, also ``data.C``.
-computeMinverse = minverse; last: ddq
-    Inverse of the mass matrix (nv, nv), also ``data.Minv``; without q that of the last ``aba``.
-
-    Raises InertiaError naming a joint with zero articulated inertia, where Pinocchio returns inf.
-computeAllTerms = all; returns: None
-    Fill ``data`` with M, nle, g, J, dJ, centroidal terms and energies; each is computed at its first read.
-computeKineticEnergy = kinetic; returns: run.result.item(); last: v
-    Kinetic energy [J], rotor inertia counted, also ``data.kinetic_energy``; without q, v at the last call's.
-computePotentialEnergy = potential; returns: run.result.item(); last: oMi
-    Potential energy of gravity [J], also ``data.potential_energy``; without q at the last call's.
-computeMechanicalEnergy = mechanical; returns: mechanical_energy(run); last: v
-    Kinetic plus potential energy [J], all three also in ``data``; without q, v at the last call's.
-computeJointTorqueRegressor = torque_regressor; returns: columns(run)
-    Y (nv, 10 (njoints - 1)), also ``data.jointTorqueRegressor``: rnea is Y π and the armatures' torques.
-computeStaticRegressor = static_regressor; returns: columns(run)
-    Y (3, 4 (njoints - 1)), also ``data.staticRegressor``: the centre of mass is Y times masses and first moments.
-computeKineticEnergyRegressor = kinetic_regressor; returns: columns(run)
-    Y (10 (njoints - 1),), also ``data.kineticEnergyRegressor``: the energy is Y π and the armatures' energies.
-computePotentialEnergyRegressor = potential_regressor; returns: columns(run)
-    Y (10 (njoints - 1),), also ``data.potentialEnergyRegressor``: the energy is Y π.
-"""
-(
-    rnea, aba, crba, nonLinearEffects, computeGeneralizedGravity, computeStaticTorque, computeCoriolisMatrix,
-    computeMinverse, computeAllTerms, computeKineticEnergy, computePotentialEnergy, computeMechanicalEnergy,
-    computeJointTorqueRegressor, computeStaticRegressor, computeKineticEnergyRegressor, computePotentialEnergyRegressor,
-) = fast_calls(
-    _CALLS, LOCAL=Convention.LOCAL, by_convention=_kind, aba_kind=_aba_kind, given_forces=given_forces, columns=columns,
-    mechanical_energy=mechanical_energy,
-)  # fmt: skip
-nle = nonLinearEffects
 
 
 def getCoriolisMatrix(model: Model, data: Data) -> Array:

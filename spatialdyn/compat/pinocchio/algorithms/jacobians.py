@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -10,7 +9,6 @@ import numpy as np
 
 from ....calls import dynamics
 from ....engines.compiled import numba_kernels
-from ....engines.compiled.generated import function_from_text
 from ....engines.compiled.tiers import table_kernel
 from ....engines.programs.run.single_call import unavailable
 from ....recursions import SPECS
@@ -22,26 +20,21 @@ from ..data.dispatch import (
     IN_WORLD,
     REFERENCES,
     about_frame,
-    fast_calls,
-    frame_call,
+    compute,
     frames_for,
     last_call,
-    named,
     reference_code,
     vector,
 )
+from ..data.face import REFUSED, Face
 from ..data.run import Run
 from ..model.library_model import LibraryModel, frame_placements, joints_as_frames
 from ..model.model import Model
-from ..types.arguments import Array, documented_rows
+from ..types.arguments import Array
 from ..types.frame import LOCAL
 from .kinematics import updateFramePlacements
 
-__all__ = [
-    "computeFrameJacobian", "computeJointJacobian", "computeJointJacobians", "computeJointJacobiansTimeVariation",
-    "frameJacobianTimeVariation", "getFrameJacobian", "getFrameJacobianTimeVariation", "getJointJacobian",
-    "getJointJacobianTimeVariation",
-]  # fmt: skip
+__all__ = ["computeFrameJacobian", "computeJointJacobian", "frameJacobianTimeVariation"]
 
 KIND_BY_CODE = {IN_FRAME: "frame_jacobian_local", IN_WORLD: "frame_jacobian_world", ALIGNED: "frame_jacobian_world"}
 _dynamics: Any = dynamics  # Any: its stub names the public calls alone
@@ -83,118 +76,94 @@ def call_about_frame(name: str, run: Run | Inputs, joint: int, placement: Array,
 
 # --- at a configuration ----------------------------------------------------------------------------------
 
-computeJointJacobians, computeJointJacobiansTimeVariation = fast_calls("""
-computeJointJacobians = jacobians; last: oMi
-    Jacobians of all joints in the world (6, nv), also ``data.J``; without q at the last call's.
-computeJointJacobiansTimeVariation = jacobians_dot
-    Time derivatives of all joints' Jacobians in the world (6, nv), also ``data.dJ``.
-""")
+
+def computeJointJacobian(model: Model, data: Data, q: Any, joint_id: int) -> Array:
+    """Jacobian (6, nv) of a joint at q in its own frame; it fills ``data.liMi``."""
+    try:
+        run, _, call = data._bound["joint"]
+        if run.library is model._library and (found := call(q, joint_id)) is not None:
+            if run.recompute is not None:
+                data.recompute_held(run)
+            return found  # type: ignore[no-any-return]
+    except REFUSED:
+        pass
+    return _at(model, data, q, joint_id, LOCAL, "joint")
 
 
-def _at(name: str, doc: str) -> Callable[..., Array]:
-    """A Jacobian at a q, which is recorded for the fields that it fills."""
-    of_joints = "Frame" not in name
-
-    def slow(model: Model, data: Data, q: Any, index: Any, reference: Any) -> Array:
-        library = library_of(model, data)
-        q, code = vector("q", q, model.nq), reference_code(reference)
-        joint, placement, _ = about_frame(model, of_joints, index, reference)
-        frames = joints_as_frames(model) if of_joints else frame_placements(model)
-        if code == ALIGNED:
-            data.check_frames(model)
-            data.hold("oMf")  # the frame is placed at the call, for its placement may be edited after it
-        run = data.run_of(KIND_BY_CODE[code], model, library)
-        run.store_inputs(q)
-        call = unavailable
-        found = call_about_frame("frame_jacobian", Inputs(library, library.state, q), joint, placement, code)
-        data.note_call(run)
-        written = {"oMf": data._held["oMf"]} if code == ALIGNED else {}
-        for array in written.values():
-            array[index] = data.array("oMi")[joint] @ placement
-        if library.has_builtins:
-            fields = {x: data._held.get(x) for x in recorded_calls.HELD if x in run.kind.fills}
-            held = {x: array for x, array in fields.items() if array is not None and library.joints is None} | written
-            words = {x: held[x].ctypes.data if x in held else 0 for x in recorded_calls.HELD}
-            words |= {"code": code, **library.words, **frames.words(rows=True)}
-            call = recorded_calls.frame_jacobian_at().bind(words, library, run, frames, held, record=run.recording(1))
-        data._bound[name if of_joints else id(reference)] = run, frames, call
-        return found
-
-    index = "joint_id" if of_joints else "frame_id"
-    text = [
-        f"def {name}(model, data, q, {index}{'' if of_joints else ', reference_frame=LOCAL'}):",
-        "    try:",
-        f"        run, frames, call = data._bound[{repr(name) if of_joints else 'id(reference_frame)'}]",
-        f"        if run.library is model._library{'' if of_joints else ' and frames is model._frame_placements'}:",
-        f"            found = call(q, {index})",
-        "            if found is None and run.library.follow():  # numbers were edited",
-        f"                found = call(q, {index})",
-        "            if found is not None:",
-        "                if run.recompute:",
-        "                    data.recompute_held(run)",
-        "                return found",
-        "    except (AttributeError, KeyError, ValueError):  # the fast path does not apply",
-        "        pass",
-        f"    return slow(model, data, q, {index}, {'LOCAL' if of_joints else 'reference_frame'})",
-    ]
-    function = function_from_text(name, text, {"slow": slow, "LOCAL": LOCAL}, f"pinocchio {name}")
-    return named(function, name, doc)
-
-
-computeJointJacobian, computeFrameJacobian = (_at(*row) for row in documented_rows("""
-computeJointJacobian
-    Jacobian (6, nv) of a joint at q in its own frame; it fills ``data.liMi``.
-computeFrameJacobian
-    Jacobian (6, nv) of a frame at q: ``(model, data, q, frame_id[, reference_frame])``.
+def computeFrameJacobian(model: Model, data: Data, q: Any, frame_id: int, reference_frame: Any = LOCAL) -> Array:
+    """Jacobian (6, nv) of a frame at q.
 
     It fills ``data.liMi``, in WORLD also ``data.oMi``, in LOCAL_WORLD_ALIGNED also ``data.oMi`` and ``data.oMf``.
-"""))  # fmt: skip
+    """
+    try:
+        run, frames, call = data._bound[id(reference_frame)]
+        fits = run.library is model._library and frames is model._frame_placements
+        if fits and (found := call(q, frame_id)) is not None:
+            if run.recompute is not None:
+                data.recompute_held(run)
+            return found  # type: ignore[no-any-return]
+    except REFUSED:
+        pass
+    return _at(model, data, q, frame_id, reference_frame, id(reference_frame))
+
+
+def _at(model: Model, data: Data, q: Any, index: Any, reference: Any, key: Any) -> Array:
+    """The Jacobian of a frame at a q, which is recorded for the fields that it fills; binds the builtin of ``key``."""
+    library, of_joints = library_of(model, data), key == "joint"
+    frames = joints_as_frames(model) if of_joints else frame_placements(model)
+    run, bound, call = data._bound.get(key, (None, None, unavailable))
+    fits = run is not None and run.library is library and bound is frames
+    if fits and (found := call(q, index)) is not None:  # numbers were edited
+        data.recompute_held(run)
+        return found  # type: ignore[no-any-return]
+    q, code = vector("q", q, model.nq), reference_code(reference)
+    joint, placement, _ = about_frame(model, of_joints, index, reference)
+    if code == ALIGNED:
+        data.check_frames(model)
+        data.hold("oMf")  # the frame is placed at the call, for its placement may be edited after it
+    run = data.run_of(KIND_BY_CODE[code], model, library)
+    run.store_inputs(q)
+    call = unavailable
+    found = call_about_frame("frame_jacobian", Inputs(library, library.state, q), joint, placement, code)
+    data.note_call(run)
+    written = {"oMf": data._held["oMf"]} if code == ALIGNED else {}
+    for array in written.values():
+        array[index] = data.array("oMi")[joint] @ placement
+    if library.has_builtins:
+        fields = {x: data._held.get(x) for x in recorded_calls.HELD if x in run.kind.fills}
+        held = {x: array for x, array in fields.items() if array is not None and library.joints is None} | written
+        words = {x: held[x].ctypes.data if x in held else 0 for x in recorded_calls.HELD}
+        words |= {"code": code, **library.words, **frames.words(rows=True)}
+        call = recorded_calls.frame_jacobian_at().bind(words, library, run, frames, held, record=run.recording(1))
+    data._bound[key] = run, frames, call
+    return found
 
 
 # --- at the inputs of the last call ------------------------------------------------------------------------
 
 
-def _recorded(name: str, doc: str) -> Callable[..., Array]:
+def recorded_jacobian(face: Face, model: Model, data: Data, *about: Any) -> Array:
     """A Jacobian at the inputs of the last call that filled ``data.J``, or its rate at those of ``data.dJ``."""
-    of_joints, rate = "Frame" not in name, "TimeVariation" in name
-    call_name, field = ("frame_jacobian_dot", "dJ") if rate else ("frame_jacobian", "J")
-
-    def slow(model: Model, data: Data, about: tuple[Any, ...]) -> Array:
-        run = last_call(model, data, field, before="computeJointJacobians" + "TimeVariation" * rate)
-        joint, place, reference = about_frame(model, of_joints, *about)
-        found = call_about_frame(call_name, run, joint, place, reference_code(reference))
-        library, call, (key, frames) = run.library, unavailable, frames_for(model, name, of_joints, about)
-        if run.state is not library.state:  # of an earlier call than the last edit
-            return found
-        if library.has_builtins:
-            words = {"q_address": run.q.ctypes.data} | ({"v_address": run.v.ctypes.data} if rate else {})
-            rows = 0 if rate or run.placed_rows is None else run.placed_rows.ctypes.data
-            words |= {"placed_rows": rows, "time": run.stamp_words["time"]}
-            words |= {**library.words, **REFERENCES, **frames.words(rows=True)}
-            call = recorded_calls.frame_jacobian(call_name).bind(words, library, run, frames)
-        run.bound[key] = frames, call
+    (name,), rate = face.call, face.last == "dJ"
+    run = last_call(model, data, face.last, before="computeJointJacobians" + "TimeVariation" * rate)
+    joint, place, reference = about_frame(model, face.of_joints, *about)
+    found = call_about_frame(name, run, joint, place, reference_code(reference))
+    library, call, (key, frames) = run.library, unavailable, frames_for(model, face.name, face.of_joints, about)
+    if run.state is not library.state:  # of an earlier call than the last edit
         return found
-
-    return frame_call(name, of_joints, doc, f"data._latest[{field!r}].bound", slow)
-
-
-getJointJacobian, getFrameJacobian, getJointJacobianTimeVariation, getFrameJacobianTimeVariation = (
-    _recorded(*row) for row in documented_rows("""
-getJointJacobian
-    Jacobian (6, nv) of a joint, ``(model, data, joint_id, reference_frame)``, at the q of data.J.
-getFrameJacobian
-    Jacobian (6, nv) of a frame, at the q of ``data.J``: ``(model, data, frame_id, reference_frame)`` or
-    ``(model, data, joint_id, placement, reference_frame)``.
-getJointJacobianTimeVariation
-    Time derivative (6, nv) of a joint's Jacobian, arguments as of getJointJacobian, at the q, v of ``data.dJ``.
-getFrameJacobianTimeVariation
-    Time derivative (6, nv) of a frame's Jacobian, arguments as of getFrameJacobian, at the q, v of ``data.dJ``.
-"""))  # fmt: skip
+    if library.has_builtins:
+        words = {"q_address": run.q.ctypes.data} | ({"v_address": run.v.ctypes.data} if rate else {})
+        rows = 0 if rate or run.placed_rows is None else run.placed_rows.ctypes.data
+        words |= {"placed_rows": rows, "time": run.stamp_words["time"]}
+        words |= {**library.words, **REFERENCES, **frames.words(rows=True)}
+        call = recorded_calls.frame_jacobian(name).bind(words, library, run, frames)
+    run.bound[key] = frames, call
+    return found
 
 
 def frameJacobianTimeVariation(model: Model, data: Data, q: Any, v: Any, frame_id: int, reference_frame: Any) -> Array:
     """Time derivative (6, nv) of a frame's Jacobian at q, v."""
-    computeJointJacobiansTimeVariation(model, data, q, v)
+    run, _ = compute(model, data, "jacobians_dot", (q, v))
     updateFramePlacements(model, data)
-    found: Array = getFrameJacobianTimeVariation(model, data, frame_id, reference_frame)
-    return found
+    joint, place, reference = about_frame(model, False, frame_id, reference_frame)
+    return call_about_frame("frame_jacobian_dot", run, joint, place, reference_code(reference))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -10,42 +9,16 @@ import numpy as np
 from ....engines.object_layout import slot_offset
 from ...native import operator_kernels, recorded_calls
 from ..data.data import Data, library_of
-from ..data.dispatch import (
-    IDENTITY,
-    REFERENCES,
-    about_frame,
-    fast_calls,
-    frame_call,
-    frame_index,
-    frames_for,
-    reference_code,
-)
+from ..data.dispatch import IDENTITY, REFERENCES, about_frame, compute, frame_index, frames_for, reference_code
+from ..data.face import Face
 from ..data.run import Run
 from ..model.library_model import frame_placements
 from ..model.model import Model
-from ..types.arguments import documented_rows
-from ..types.frame import LOCAL
 from ..types.motion import Motion
 from ..types.se3 import SE3
 from ..types.value import Value
 
-__all__ = [
-    "forwardKinematics", "framesForwardKinematics", "getAcceleration", "getClassicalAcceleration",
-    "getFrameAcceleration", "getFrameClassicalAcceleration", "getFrameVelocity", "getVelocity",
-    "updateFramePlacement", "updateFramePlacements", "updateGlobalPlacements",
-]  # fmt: skip
-
-
-(forwardKinematics,) = fast_calls("""
-forwardKinematics = kinematics0 kinematics1 kinematics2; returns: None
-    Poses of the joints ``data.oMi``; with v their velocities ``data.v``, with a their accelerations ``data.a``.
-
-    q     (nq,)  joint positions
-    v, a  (nv,)  joint velocities and accelerations
-
-    ``updateFramePlacements`` places the frames. Raises ArgumentError, a TypeError, for a wrong type, ShapeError, a
-    ValueError, for a wrong size.
-""")
+__all__ = ["framesForwardKinematics", "updateFramePlacement", "updateFramePlacements", "updateGlobalPlacements"]
 
 
 def updateGlobalPlacements(model: Model, data: Data) -> None:
@@ -69,7 +42,7 @@ def updateFramePlacements(model: Model, data: Data) -> None:
     try:
         frames, run, call = data._bound["frames"]
         if frames is model._frame_placements and run.library is model._library and call() is not None:
-            if run.recompute:
+            if run.recompute is not None:
                 data.note_builtin_call(run)
             return
     except (AttributeError, KeyError, ValueError):  # the fast path does not apply
@@ -122,13 +95,13 @@ def framesForwardKinematics(model: Model, data: Data, q: Any) -> None:
             and run.library is model._library
             and (call(q) or (run.library.follow() and call(q)))  # numbers were edited
         ):
-            if run.recompute or frames.recompute:
+            if run.recompute is not None or frames.recompute is not None:
                 data.note_builtin_call(run)
                 data.note_builtin_call(frames)
             return
     except (AttributeError, KeyError, ValueError):  # the fast path does not apply
         pass
-    forwardKinematics(model, data, q)
+    compute(model, data, "kinematics0", (q,))
     _place_frames(model, data)
     run, frames = data._runs["kinematics0"], data._runs["frames"]
     library, placements = run.library, model._frame_placements
@@ -143,44 +116,19 @@ def framesForwardKinematics(model: Model, data: Data, q: Any) -> None:
 # --- velocities and accelerations ------------------------------------------------------------------------
 
 
-def _motion(name: str, doc: str) -> Callable[..., Motion]:
-    """The motion of a frame, or of a joint's own frame, from a field of Data that has one for each joint."""
-    of_joints, classical, field = "Frame" not in name, "Classical" in name, "v" if "Velocity" in name else "a"
-
-    def slow(model: Model, data: Data, about: tuple[Any, ...]) -> Motion:
-        library = library_of(model, data)
-        joint, place, reference = about_frame(model, of_joints, *about)
-        code, out = reference_code(reference), np.empty(6)
-        X, motions = data.array("oMi")[joint], data.array(field)
-        velocities = data.array("v") if classical else motions
-        recorded_calls.write_frame_motion(X, place, velocities[joint], motions[joint], classical, code, out)
-        if library.has_builtins:
-            (key, frames), motions = frames_for(model, name, of_joints, about), data.hold(field)
-            arrays = {"poses": data.hold("oMi"), "velocities": data.hold("v") if classical else motions}
-            words = {x: array.ctypes.data for x, array in {**arrays, "motions": motions}.items()}
-            words |= {"made": id(Motion), "slot": slot_offset(Value, "_x"), **REFERENCES, **frames.words()}
-            call = recorded_calls.frame_motion(classical).bind(words, *arrays.values(), motions, frames)
-            data._bound[key] = frames, call
-        return Motion.over(out)
-
-    return frame_call(name, of_joints, doc, "data._bound", slow, LOCAL)
-
-
-(
-    getVelocity, getAcceleration, getClassicalAcceleration, getFrameVelocity, getFrameAcceleration,
-    getFrameClassicalAcceleration,
-) = (_motion(*row) for row in documented_rows("""
-getVelocity
-    Velocity of a joint's frame, from ``data.v``.
-getAcceleration
-    Spatial acceleration of a joint's frame, from ``data.a``.
-getClassicalAcceleration
-    Classical acceleration of a joint's frame, from ``data.v`` and ``data.a``.
-getFrameVelocity
-    Velocity of a frame, from ``data.v``: ``(model, data, frame_id[, reference_frame])``, or for a frame that is not in
-    the model ``(model, data, joint_id, placement[, reference_frame])``.
-getFrameAcceleration
-    Spatial acceleration of a frame, from ``data.a``; arguments as of getFrameVelocity.
-getFrameClassicalAcceleration
-    Classical acceleration of a frame, from ``data.v`` and ``data.a``; arguments as of getFrameVelocity.
-"""))  # fmt: skip
+def motion_of_frame(face: Face, model: Model, data: Data, *about: Any) -> Motion:
+    """The motion of a frame, or of a joint's own frame, from the field of Data that has one for each joint."""
+    library, field = library_of(model, data), face.call[0]
+    joint, place, reference = about_frame(model, face.of_joints, *about)
+    code, out, classical = reference_code(reference), np.empty(6), "Classical" in face.name
+    X, motions = data.array("oMi")[joint], data.array(field)
+    velocities = data.array("v") if classical else motions
+    recorded_calls.write_frame_motion(X, place, velocities[joint], motions[joint], classical, code, out)
+    if library.has_builtins:
+        (key, frames), motions = frames_for(model, face.name, face.of_joints, about), data.hold(field)
+        arrays = {"poses": data.hold("oMi"), "velocities": data.hold("v") if classical else motions}
+        words = {x: array.ctypes.data for x, array in {**arrays, "motions": motions}.items()}
+        words |= {"made": id(Motion), "slot": slot_offset(Value, "_x"), **REFERENCES, **frames.words()}
+        call = recorded_calls.frame_motion(classical).bind(words, *arrays.values(), motions, frames)
+        data._bound[key] = frames, call
+    return Motion.over(out)

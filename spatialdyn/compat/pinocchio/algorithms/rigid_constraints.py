@@ -30,7 +30,7 @@ from ..types.bases import Registered
 from ..types.frame import Convention, ReferenceFrame
 from ..types.motion import Force, Motion
 from ..types.se3 import SE3
-from .dynamics import computeAllTerms, crba
+from .calls import computeAllTerms, crba
 from .jacobians import Inputs, call_about_frame
 
 __all__ = [

@@ -129,21 +129,24 @@ class Data(Stored, Registered, Copied):
         if model.nframes != self._nframes:
             raise ShapeError(f"data was made for a model of {self._nframes} frames, expected {model.nframes}")
 
-    def note_call(self, run: Run) -> None:
-        """Stamp a Run that was computed just now, and recompute the held fields that it fills."""
+    def note_call(self, run: Run, forces: Array | None = None) -> None:
+        """Stamp a Run that was computed just now, with such forces, and recompute the held fields that it fills."""
         run.stamp = clock()
-        for name in run.getters:
-            self._latest[name] = run
+        run.forces = run.stamp, forces
+        self.note_latest(run)
         if self._held:
             self.recompute_held(run)
 
     def note_builtin_call(self, run: Run) -> None:
         """Note a Run whose builtin was called just now, and recompute the held fields by their builtins."""
+        self.note_latest(run)
+        if run.recompute is not None and run.recompute() is None:
+            self.recompute_held(run)
+
+    def note_latest(self, run: Run) -> None:
+        """Note a Run as the one that getters of Jacobians read."""
         for name in run.getters:
             self._latest[name] = run
-        for recompute in run.recompute:
-            if recompute() is None:
-                self.recompute_held(run)
 
     def recompute_held(self, run: Run) -> None:
         """Recompute the held fields that a Run fills by their recipes."""

@@ -1,21 +1,17 @@
-"""How a function of this package calls the library: by a builtin where it applies, else with full argument checks."""
+"""How a function of this package calls the library where no builtin is bound yet: with full argument checks."""
 
 from __future__ import annotations
 
 import operator
-import re
-from collections.abc import Callable
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
-from ....engines.compiled.generated import function_from_text
 from ....errors import ShapeError
 from ....model.robot_checks import masked
 from ....recursions import spec
 from ...native.recorded_calls import PARTS
-from ..model.library_model import FramePlacements, LibraryModel, frame_placements, joints_as_frames, library_model
+from ..model.library_model import FramePlacements, LibraryModel, frame_placements, joints_as_frames
 from ..model.model import Model
 from ..types.arguments import (
     NUMBERS,
@@ -25,9 +21,7 @@ from ..types.arguments import (
     ValueRuntimeError,
     all_expected,
     described,
-    documented_rows,
     expected,
-    module_of_caller,
 )
 from ..types.frame import LOCAL, LOCAL_WORLD_ALIGNED, WORLD, ReferenceFrame
 from ..types.motion import Force
@@ -85,8 +79,6 @@ def compute(model: Model, data: Data, kind: str, given: tuple[Any, ...], fext: A
     if result is None and entry.call and library.renew(entry.call, fext is not None):
         result = _by_builtin(run, given, fext)
     if result is not None:
-        if fext is None:
-            run.forces = None
         data.note_builtin_call(run)
         return run, result
     arrays = [
@@ -100,8 +92,7 @@ def compute(model: Model, data: Data, kind: str, given: tuple[Any, ...], fext: A
     found = library.compute(entry.call, *passed)
     run.store_inputs(*arrays)  # before the result, which may share memory with an input
     run.result[...] = found
-    run.forces = fext
-    data.note_call(run)
+    data.note_call(run, fext)
     copied = None if entry.result_in_data else run.result.copy()
     return run, True if copied is None else tuple(copied) if entry.returns == PARTS else copied
 
@@ -123,138 +114,13 @@ def last_call(model: Model, data: Data, *fields: str, before: str = "forwardKine
     raise ValueRuntimeError(f"data.{fields[0]} was not computed, expected {before} to be called before")
 
 
-def fast_calls(table: str, **scope: Any) -> list[Any]:
-    """The functions of a table: rows ``name = kinds; option: text; ...``, each with its docstring below, indented by 4.
-
-    Kinds and options are those of ``fast_call``, whose ``scope`` is the same for all.
-    """
-    scope, made = {"__name__": module_of_caller(), **scope}, []
-    for head, doc in documented_rows(table):
-        first, *options = re.split(r";\s+", head)
-        name, kinds = first.split(" = ")
-        made.append(fast_call(name, kinds, doc, {**scope}, **dict(x.split(": ", 1) for x in options)))
-    return made
-
-
-def fast_call(
-    name: str,
-    kinds: str,
-    doc: str,
-    scope: dict[str, Any],
-    returns: str = "result",
-    forces: str = "",
-    options: str = "",
-    when: str = "",
-    slow: str = "",
-    last: str = "",
-    optional: str = "",
-) -> Callable[..., Any]:
-    """The function ``name(model, data, *inputs of a kind)``: the Run's builtin, for float64 arrays of one sample, else
-    ``compute``, which checks the arguments.
-
-    kinds    kinds whose inputs begin alike; the inputs that are not None choose one
-    scope    names in the texts below, and ``__name__``
-    returns  source text of what it returns, from ``result``, a new array, and ``run``
-    forces   source text of the parameter for external forces: "fext" or "fext=None"
-    options  source text of further parameters
-    when     source text of a condition that these have to meet for the builtin
-    slow     source text of a statement that comes before ``compute``; it may change the inputs, fext and ``kind``
-    last     field of Data: without inputs, those of the last call that filled it are taken
-    optional any text: the inputs may be left out, ``slow`` finds them
-    """
-    choices = {kind: CALL_KINDS[kind].inputs.split() for kind in kinds.split()}
-    given = [*choices.values()]
-    inputs, least = given[-1], 0 if last or optional else len(given[0])
-    parameters = [*inputs[:least], *(f"{x}=None" for x in inputs[least:]), forces, options]
-    text = [f"def {name}(model, data, {', '.join(filter(None, parameters))}):"]
-    if last:
-        text += ["    if q is None:", f"        run = last_call(model, data, {last!r})"]
-        text.append(f"        {', '.join(inputs)} = {', '.join(f'run.{x}.copy()' for x in inputs)}")
-    text.append("    try:")
-    condition = f"run.library is (model._library or library_model(model)){when and f' and {when}'}"
-    for (kind, names), more in zip(choices.items(), [*given[1:], None], strict=True):
-        call = f"run.call({', '.join(names)})"
-        if forces:
-            call = f"({call} if fext is None else run.call_with_forces(fext, {', '.join(names)}))"
-        branch = f"{'el' * (names is not given[0])}if {more[len(names)]} is None:" if more else "else:"
-        lines = [f"run = data._runs[{kind!r}]", f"result = {call} if {condition} else None"]
-        lines.append(
-            f"if result is None and run.library.follow() and {condition}: result = {call}  # numbers were edited"
-        )
-        text += [f"        {line}" for line in ([branch, *(f"    {x}" for x in lines)] if len(given) > 1 else lines)]
-    chosen = "".join(f"({', '.join(x)},) if {y[len(x)]} is None else " for x, y in pairwise(given))
-    text += [
-        "        if result is not None:",
-        *(f"            data._latest[{x!r}] = run" for x in CALL_KINDS[next(iter(choices))].getters),
-        *(["            if fext is None:", "                run.forces = None"] if forces else []),
-        "            if run.recompute:",
-        "                for recompute in run.recompute:",
-        "                    if recompute() is None:",
-        "                        data.recompute_held(run)",
-        f"            return {returns}",
-        "    except (AttributeError, KeyError, TypeError, ValueError):  # the fast path does not apply",
-        "        pass",
-        f"    kind = {next(iter(choices))!r}",
-        *([f"    {slow}"] if slow else []),
-        f"    given = {chosen}({', '.join(inputs)},)",
-        *([f"    kind = {[*choices]!r}[len(given) - {len(given[0])}]"] if len(given) > 1 else []),
-        f"    run, result = compute(model, data, kind, given{', fext' * bool(forces)})",
-        f"    return {returns}",
-    ]
-    scope |= {"compute": compute, "library_model": library_model, "last_call": last_call}
-    function = function_from_text(name, text, scope, f"pinocchio {name}")
-    function.__doc__ = doc
-    return function
-
-
-def frame_call(
-    name: str, of_joints: bool, doc: str, bound: str, slow: Callable[..., Any], reference: Any = None
-) -> Callable[..., Any]:
-    """The function ``name(model, data, frame_id, reference_frame)``, or of a joint, ``name(model, data, joint_id,
-    placement, reference_frame)`` and like calls: a builtin bound for the model's frames as they are, else ``slow``.
-
-    bound      source text of the dict that holds the FramePlacements and the builtin by ``name``, with a placement by
-               ``placed_name``: the builtin's frame of each joint, into which that is copied
-    slow       ``(model, data, about)``, with the arguments of ``about_frame``; binds the builtin for later calls
-    reference  the reference frame by default
-    """
-    about = "frame_id, reference_frame, last, joint_id, placement"
-    placed = [
-        "    if type(reference_frame) is SE3:",
-        "        try:",
-        f"            frames, call = {bound}[{placed_name(name)!r}]",
-        "            if frames.joints is model._library.frames.joints:",
-        "                frames.places[frame_id][...] = reference_frame._x",
-        "                if (found := call(frame_id, LOCAL if last is None else last)) is not None:",
-        "                    return found",
-        "        except (AttributeError, IndexError, KeyError):  # the fast path does not apply",
-        "            pass",
-    ]
-    text = [
-        f"def {name}(model, data, frame_id=None, reference_frame=reference, last=None, joint_id=None, placement=None):",
-        "    try:",
-        f"        frames, call = {bound}[{name!r}]",
-        f"        if frames is {'model._library.frames' if of_joints else 'model._frame_placements'}:",
-        "            if (found := call(frame_id, reference_frame)) is not None:",
-        "                return found",
-        "    except (AttributeError, KeyError):  # the fast path does not apply",
-        "        pass",
-        *([] if of_joints else placed),
-        f"    return slow(model, data, ({about}))",
-    ]
-    scope = {"slow": slow, "reference": reference, "SE3": SE3, "LOCAL": LOCAL, "__name__": module_of_caller()}
-    function = function_from_text(name, text, scope, f"pinocchio {name}")
-    function.__doc__ = doc
-    return function
-
-
 def placed_name(name: str) -> str:
     """The key of a builtin about frames that are no frames of the model."""
     return f"{name} at a placement"
 
 
 def frames_for(model: Model, name: str, of_joints: bool, about: tuple[Any, ...]) -> tuple[str, FramePlacements]:
-    """The key of the builtin of a ``frame_call`` for such arguments, and the frames that it takes."""
+    """The key of the builtin of a call about a frame for such arguments, and the frames that it takes."""
     if isinstance(about[1], SE3):
         joints = joints_as_frames(model)
         return placed_name(name), FramePlacements.of(joints.joints, joints.rows, joints.placements)
@@ -268,13 +134,6 @@ IN_FRAME, IN_WORLD, ALIGNED = spec.LOCAL, spec.WORLD, spec.LOCAL_WORLD_ALIGNED  
 CODES = {LOCAL: IN_FRAME, WORLD: IN_WORLD, LOCAL_WORLD_ALIGNED: ALIGNED}
 REFERENCES = {"in_frame": id(LOCAL), "in_world": id(WORLD), "aligned": id(LOCAL_WORLD_ALIGNED)}
 IDENTITY = np.eye(4)
-
-
-def named(function: Callable[..., Any], name: str, doc: str) -> Callable[..., Any]:
-    """A function made from a row of a table, with its name and docstring."""
-    function.__name__ = function.__qualname__ = name
-    function.__doc__ = doc
-    return function
 
 
 def joint_index(model: Model, index: Any) -> int:

@@ -235,7 +235,7 @@ def unit_upper(L: Array) -> Array:
     return found
 
 
-def columns(run: Any) -> Array:
+def columns(run: Any, _: Any = None) -> Array:
     """A regressor's columns for the joints after the universe, side by side; a new array."""
     Y, joints = run.result, run.library.joints
     found = Y[..., 1:, :] if joints is None else Y[..., joints[1:], :]
@@ -261,7 +261,7 @@ def Ig(run: Any) -> Array:
     return found
 
 
-def mechanical_energy(run: Any) -> float:
+def mechanical_energy(run: Any, _: Any = None) -> float:
     """Kinetic and potential energy."""
     fills, library = run.kind.fills, run.library
     potential = library.potential_energy(run.q) if run.state is library.state else None

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from array import array
 from collections.abc import Callable, Mapping
-from functools import cache, partial
+from functools import cache, partial, reduce
 from operator import attrgetter
 from typing import Any
+from weakref import ref
 
 import numpy as np
 
@@ -38,8 +39,8 @@ class Run:
     result          what the library returned; the held array of a field if that is the same (``result_is_held``)
     call            the library's call as a builtin that records inputs and result; returns None if not applicable
     forces_builtin  ``call`` with external forces; None until it is bound
-    recompute       functions that recompute the other held fields from the recorded inputs
-    forces          forces on the library's joints, one after the other; None without: ``fext`` (njoints, 6)
+    recompute       recomputes the other held fields from the recorded inputs; None if there are none
+    fext            forces on the library's joints (njoints, 6); None without
     bound           builtins about the inputs, by name and kind of frame
     contact         factors of the constrained system, of a kind that solves one
     cache           field -> (stamp, array), of fields that were read
@@ -49,8 +50,8 @@ class Run:
 
     __slots__ = (
         "__weakref__", "_a", "_kept", "_own_result", "_stamp", "_v", "bound", "cache", "call", "contact", "forces",
-        "forces_builtin", "getters", "kind", "library", "memory", "oMi", "placed_rows",
-        "q", "recompute", "result", "result_is_held", "tau",
+        "forces_builtin", "getters", "kind", "library", "memory", "oMi", "placed_rows", "q", "recompute", "result",
+        "result_is_held", "tau",
     )  # fmt: skip
 
     def __init__(self, name: str, library: LibraryModel, shape: tuple[int, ...] | None) -> None:
@@ -58,7 +59,7 @@ class Run:
         self.getters = self.kind.getters  # a slot is read fast
         # of the call, and of the call that left ``placed_rows``
         self._stamp, self.library = array("q", [0, 0]), library
-        self.forces: Array | None = None
+        self.forces: tuple[int, Array | None] = 0, None  # and the time of their call
         self.contact: Any = None
         self.oMi: Array | None = None
         self.placed_rows: Any = None
@@ -85,7 +86,7 @@ class Run:
         library.runs.add(self)
         self.call: Callable[..., Any] = self._bind_and_call
         self.forces_builtin: Callable[..., Any] | None = None
-        self.recompute: list[Callable[[], Any]] = []
+        self.recompute: Callable[[], Any] | None = None
         self.bound: dict[Any, Any] = {}
 
     @property
@@ -105,7 +106,8 @@ class Run:
     @property
     def fext(self) -> Array | None:
         """Forces of the call on the library's joints (njoints, 6), or None."""
-        return None if self.forces is None else self.forces.reshape(-1, 6)
+        then, forces = self.forces
+        return None if forces is None or then != self.stamp else forces.reshape(-1, 6)
 
     @property
     def model(self) -> SdModel:
@@ -153,7 +155,7 @@ class Run:
             self.forces_builtin = self._bind(True)
         result = self.forces_builtin(*inputs, given)
         if result is not None:
-            self.forces = given
+            self.forces = self._stamp[0], given
         return result
 
     def store_inputs(self, *inputs: Array) -> None:
@@ -169,7 +171,7 @@ class Run:
         return self.call(*inputs)
 
     def _bind(self, forces: bool) -> Callable[..., Any]:
-        library, kind = self.library, self.kind
+        library, kind, otherwise = self.library, self.kind, self._following(forces)
         if not (library.has_builtins and kind.call):
             return unavailable
         if self.placed_rows is not None:
@@ -177,9 +179,26 @@ class Run:
             places["oMi"] = 0 if self.oMi is None else self.oMi.ctypes.data
             record = self.recording(1, self.result)
             words = {**places, **library.words}
-            return recorded_calls.jacobians().bind(words, library, self.placed_rows, self.oMi, record=record)
+            alive = library, self.placed_rows, self.oMi
+            return recorded_calls.jacobians().bind(words, *alive, record=record, otherwise=otherwise)
         code, record = library.code(kind.call, forces), self.recording(len(kind.inputs.split()), self.result)
-        return recorded_calls.recorded_call(code, library.words, record, kind.unused_inputs, kind.returns, self.result)
+        plan = kind.unused_inputs, kind.returns, self.result
+        return recorded_calls.recorded_call(code, library.words, record, *plan, otherwise)
+
+    def _following(self, forces: bool) -> Callable[..., Any]:
+        """What a builtin calls that does not apply: if numbers were edited, it again, else it returns None."""
+        here = ref(self)  # the builtin would be a cycle
+
+        def follow(*inputs: Any) -> Any:
+            run = here()
+            if run is None:
+                return None
+            library, before = run.library, run.library.state
+            if not library.follow() or library.state is before:
+                return None
+            return run.forces_builtin(*inputs) if forces else run.call(*inputs)  # type: ignore[misc]
+
+        return follow
 
     def recording(self, count: int, result: Array | None = None) -> Words:
         """Words of a builtin that records its first inputs, this many, its result, if given, and the stamp."""
@@ -187,7 +206,8 @@ class Run:
 
     def hold(self, held: Mapping[str, Array], recompute_field: Callable[[Run, str], Any]) -> None:
         """Have calls write these held fields: the result itself in place, the others by builtin or recipe."""
-        self.recompute, result = [], self._own_result
+        recomputes: list[Callable[[], Any]] = []
+        result = self._own_result
         one_to_one = self.library.has_builtins and self.library.joints is None
         moving = self._moving(held) if one_to_one else {}
         by_call = {*held} if self.kind.places_path and one_to_one else {*moving}
@@ -204,7 +224,7 @@ class Run:
             else:
                 recipe = joint_placements if places else recipe
                 builtin = self._copy_builtin(recipe, x) or self._recompute_builtin(recipe, x)
-                self.recompute.append(builtin or partial(recompute_field, self, name))
+                recomputes.append(builtin or partial(recompute_field, self, name))
         if moving and self.kind.call == "forward_kinematics":
             result = moving["oMi"]
         self.result_is_held = result is not self._own_result
@@ -213,7 +233,8 @@ class Run:
         if result is not self.result or moving or self.placed_rows is not None:
             self.result, self.call, self.forces_builtin = result, self._bind_and_call, None
         if moving:
-            self._bind_motions(moving)
+            recomputes += self._bind_motions(moving)
+        self.recompute = reduce(_both, recomputes) if recomputes else None
 
     def _moving(self, held: Mapping[str, Array]) -> dict[str, Array]:
         """Those of the held oMi, v and a that one builtin computes: none if not both oMi and v are held."""
@@ -225,17 +246,17 @@ class Run:
             return {}
         return found
 
-    def _bind_motions(self, moving: Mapping[str, Array]) -> None:
-        """Compute these fields by one builtin, which is the call too if that places the joints."""
+    def _bind_motions(self, moving: Mapping[str, Array]) -> list[Callable[[], Any]]:
+        """A builtin that computes these fields; none if it is the call too, where that places the joints."""
         name = "joint_accelerations" if "a" in moving else "joint_velocities"
         words = {"oMi": moving["oMi"].ctypes.data, "v_out": moving["v"].ctypes.data}
         words |= {"found_at": [*moving.values()][-1].ctypes.data, **self.library.words}
         routine, alive = recorded_calls.motions(name), (self.library, self.memory, *moving.values())
         if self.kind.call == "forward_kinematics":
-            self.call = routine.bind(words, *alive, record=self.recording(len(routine.inputs)))
-        else:
-            places = {x: getattr(self, x).ctypes.data for x in routine.inputs}
-            self.recompute.append(routine.bind(words, *alive, places=places))
+            record, otherwise = self.recording(len(routine.inputs)), self._following(False)
+            self.call = routine.bind(words, *alive, record=record, otherwise=otherwise)
+            return []
+        return [routine.bind(words, *alive, places={x: getattr(self, x).ctypes.data for x in routine.inputs})]
 
     def _may_share(self, x: Array) -> bool:
         return x.shape == self.result.shape and self.kind.call != "aba"  # recipes of aba read its result as an input
@@ -264,6 +285,11 @@ class Run:
         return recorded_calls.rerun(library.code(recipe.call), given, x)
 
 
+def _both(first: Callable[[], Any], second: Callable[[], Any]) -> Callable[[], Any]:
+    """Both calls as one; None if one of them was not applicable."""
+    return lambda: None if first() is None else second()
+
+
 @cache
 def _assigned_kind(name: str) -> Kind:
     return Kind("", "", {name: RESULT})
@@ -276,7 +302,7 @@ class Assigned(Run):
 
     def __init__(self, name: str, x: Array) -> None:
         """Of a field, with its array."""
-        self.kind, self.q, self.recompute, self.cache = _assigned_kind(name), None, [], {}
+        self.kind, self.q, self.recompute, self.cache = _assigned_kind(name), None, None, {}
         self.assign(name, x)
 
     def assign(self, name: str, x: Array) -> None:

@@ -21,7 +21,7 @@ from ....model.robot import Link
 from ....pictures.inertia_shapes import inertia_boxes
 from ....pictures.shapes import Shape, mesh_shapes, primitive_shape
 from ....pictures.stage import HOST, Stage, has_screen, warn_of
-from ..algorithms import configuration, kinematics
+from ..algorithms import calls, configuration
 from ..coverage.coverage import OutOfScopeAttributeError, OutOfScopeError, refused
 from ..data.data import Data
 from ..model.coal_shapes import triangles
@@ -201,7 +201,7 @@ class ViserVisualizer(BaseVisualizer):
             return
         stage = self._scene()
         self.viewerRootNodeName = rootNodeName
-        kinematics.forwardKinematics(self.model, self.data, configuration.neutral(self.model))
+        calls.forwardKinematics(self.model, self.data, configuration.neutral(self.model))
         with stage.at_once():
             self._shown = {"visuals": self._geometry(self.visual_model, "visuals") or self._inertias()}
             self.display()
@@ -282,7 +282,7 @@ class ViserVisualizer(BaseVisualizer):
         if self._stage is None:
             return
         if q is not None:
-            kinematics.forwardKinematics(self.model, self.data, np.asarray(q, float))
+            calls.forwardKinematics(self.model, self.data, np.asarray(q, float))
         with self._stage.at_once():
             self._stage.pose(np.array([X.homogeneous for X in self.data.oMi]))
 

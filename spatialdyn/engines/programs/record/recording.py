@@ -6,7 +6,7 @@ import gc
 import itertools
 import math
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -33,7 +33,7 @@ from .program import Program
 from .regroup import regroup
 from .tracer import Tape, table
 
-MOST_ROWS = 128  # with more rows, programs take too long to compile
+MOST_ROWS = 128  # with more rows, programs take too long to compile, though they would be faster than lanes
 MOST_RESULTS = MOST_ROWS**2  # most results or terms of a sample: Christoffel symbols grow by the cube of the rows
 MOST_TABLE = 2048  # most rows of a static table: each height of a ground is in its program
 MOST_EQUATIONS = 36  # most equations of a static table: a matrix of 36 rows takes 8400 multiplications to factor
@@ -64,6 +64,7 @@ class ProgramOptions(NamedTuple):
                    the derivative of order k, without the results, by the entries of all inputs along k directions;
                    each direction has the arrays of the inputs. "along k weighted": weights of the results follow these
                    inputs, and the program is the derivative of the weighted sum by each input
+    straight       record short loops pass by pass: derivatives, bounds, double-double and CasADi take no others
     """
 
     fixed: tuple[tuple[str, tuple[float, ...]], ...] = ()
@@ -74,6 +75,7 @@ class ProgramOptions(NamedTuple):
     bounds: bool = False
     derivative: str = ""
     exact_inputs: bool = False
+    straight: bool = False
 
 
 ALL = ProgramOptions()
@@ -179,7 +181,8 @@ def record(
     places, pivots, norms = [], [], []
     for k, spec in enumerate(specs):
         inner = np.zeros(n, dtype=object)
-        with nullcontext() if errors or options.double_double else regions.running(tape.repeat):
+        straight = errors or options.double_double or options.straight
+        with regions.running(tape.unroll if straight else tape.repeat):
             out = evaluate(spec, rows, shape(spec.output.shape), given, inner)
         wanted = out.ravel()[list(options.outputs[k])] if options.outputs else out.ravel()
         places.append(tuple(range(len(results), len(results) + len(wanted))))

@@ -41,6 +41,7 @@ from .operations import (
     SUB,
 )
 
+MOST_UNROLLED = 16  # passes of a region, and of those within it, that are recorded in a straight line
 Line = tuple[int, int, int, int, float]  # an Operation as a tuple; a Program keeps a third of the recorded ones
 
 
@@ -54,6 +55,7 @@ class Tape:
               errors are not recorded; if they are, only an exact 0 or ±1 is absorbed
     inside    for each region being recorded, the outermost first, a value that is above 0 while a sample runs it
     looped    whether there are regions
+    unrolled  passes of the regions around, if they are recorded in a straight line
     """
 
     def __init__(self, errors: bool = False) -> None:
@@ -64,6 +66,7 @@ class Tape:
         self.errors: dict[float, int] | None = {0.0: 0} if errors else None
         self.inside: list[Number] = []
         self.looped = False
+        self.unrolled = 1
 
     def line(self, operation: Line) -> int:
         """The index of an operation; a new operation is appended."""
@@ -114,6 +117,26 @@ class Tape:
                 self.known.pop(line, None)
         changed = {to for to, _ in chosen}
         carried.put(y if y.line in changed else x for x, y in zip(before, fresh, strict=True))
+
+    def unroll(self, cap: int, x: Any, carried: Carried) -> Iterator[None]:
+        """A region as ``repeat``, of few passes in a straight line: for transforms that take no other programs."""
+        if cap * self.unrolled > MOST_UNROLLED:
+            yield from self.repeat(cap, x, carried)
+            return
+        self.unrolled *= cap
+        for _ in range(cap):
+            if not isinstance(x, Number) and not x > 0.0:
+                break
+            before = carried.get()
+            self.inside.append(self.number(x))
+            yield
+            self.inside.pop()
+            after = carried.get()
+            carried.put(
+                scalars.select(x, y, old) if y is not old else old for old, y in zip(before, after, strict=True)
+            )
+            x = x if carried.left is None else carried.left[0]
+        self.unrolled //= cap
 
     def _carry(self, value: Any) -> Number:
         """A carried value, at first ``value``."""

@@ -41,7 +41,7 @@ def record(
 ) -> Recording:
     """Some calls on one table of bodies as one program, as ``recording.record``, also with bounds and derivatives."""
     if options.bounds:
-        return _with_bounds(specs, bodies, static, options._replace(bounds=False), dtype)
+        return _with_bounds(specs, bodies, static, options._replace(bounds=False, straight=True), dtype)
     if along(options.derivative):
         return _derivative_alone(specs, bodies, static, options, dtype)
     if options.derivative:
@@ -138,7 +138,9 @@ def _derivative_alone(
     directions, weighted = along(options.derivative) or (0, False)
     if directions + weighted == 1 and inverse_of(specs, bodies, options):
         return _by_inverse(specs[0], bodies, weighted)
-    program, layout = recording.record(specs, bodies, static, options._replace(derivative="", ranged=False), dtype)
+    program, layout = recording.record(
+        specs, bodies, static, options._replace(derivative="", ranged=False, straight=True), dtype
+    )
     entries, checks = program.inputs, _checks(layout)
     program = program.only([*checks, *itertools.chain.from_iterable(layout.outputs)])
     for _ in range(directions):
@@ -277,7 +279,9 @@ def _with_derivative(
 ) -> Recording:
     """Some calls with their derivatives."""
     own = independent(bodies)
-    program, layout = recording.record(specs, bodies, static, options._replace(derivative="", ranged=False), dtype)
+    program, layout = recording.record(
+        specs, bodies, static, options._replace(derivative="", ranged=False, straight=True), dtype
+    )
     tape, order = Tape(), itertools.count(program.inputs)
     inputs = [tape.input(k) for k in range(program.inputs)]
     arrays = _arrays(specs, options, bodies)

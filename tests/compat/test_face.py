@@ -1,0 +1,120 @@
+"""The table of names, and the stub through which editors and type checkers see its functions.
+
+``python tests/compat/test_face.py`` writes the stub anew after a row has changed.
+"""
+
+from __future__ import annotations
+
+import inspect
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import spatialdyn.compat.pinocchio as pin
+from spatialdyn.compat.pinocchio.algorithms import calls
+from spatialdyn.compat.pinocchio.algorithms.table import FACES
+from spatialdyn.compat.pinocchio.data.face import REQUIRED, Face, Input
+from spatialdyn.compat.pinocchio.data.field_recipes import CALL_KINDS
+
+STUB = Path(calls.__file__).with_suffix(".pyi")
+HEAD = '''"""The functions of ``table.FACES``, for type checkers: made by tests/compat/test_face.py."""
+
+from typing import Any, overload
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..data.data import Data
+from ..model.model import Model
+from ..types.frame import Convention, KinematicLevel, ReferenceFrame
+from ..types.motion import Force, Motion
+from ..types.se3 import SE3
+from ..types.tracked_list import Rows
+
+Array = NDArray[np.float64]
+Numbers = NDArray[Any]
+Forces = list[Force] | Rows
+
+__all__ = {names}
+'''
+
+
+def parameter(x: Input) -> str:
+    if x.default is REQUIRED:
+        return f"{x.name}: {x.type}"
+    return f"{x.name}: {x.type}{' | None' * (x.default is None)} = ..."
+
+
+def declaration(face: Face) -> str:
+    """One function of the stub, or its overloads."""
+    lines = []
+    for inputs in face.overloads or [face.inputs]:
+        parameters = ", ".join(["model: Model", "data: Data", *map(parameter, inputs)])
+        lines += ["@overload"] * bool(face.overloads)
+        line = f"def {face.name}({parameters}) -> {face.returns}: ..."
+        if len(line) > 120:
+            listed = parameters if len(parameters) <= 115 else parameters.replace(", ", ",\n    ")
+            line = f"def {face.name}(\n    {listed}\n) -> {face.returns}: ..."
+        lines.append(line)
+    return "\n".join(lines)
+
+
+def stub() -> str:
+    listed = "[\n" + "".join(f'    "{name}",\n' for name in sorted([*(face.name for face in FACES), "nle"])) + "]"
+    return "\n".join([HEAD.replace("{names}", listed), *map(declaration, FACES), "", "nle = nonLinearEffects", ""])
+
+
+def test_stub_declares_every_row() -> None:
+    assert STUB.read_text(encoding="utf-8") == stub(), "run python tests/compat/test_face.py"
+
+
+@pytest.mark.parametrize("face", FACES, ids=lambda face: face.name)
+def test_function_is_as_its_row_says(face: Face) -> None:
+    function = getattr(pin, face.name)
+    parameters = inspect.signature(function).parameters
+    assert [*parameters] == ["model", "data", *(x.name for x in face.inputs)]
+    defaults = [parameters[x.name].default for x in face.inputs]
+    assert defaults == [inspect.Parameter.empty if x.default is REQUIRED else x.default for x in face.inputs]
+    assert function.__doc__.startswith(face.doc)
+    assert all(x.name in function.__doc__ for x in face.inputs if x.about)
+    assert function.__name__ == function.__qualname__ == function.__code__.co_name == face.name
+
+
+def test_rows_name_kinds_of_calls_whose_fields_they_fill() -> None:
+    """A field is computed at its first read: after the call of a row none of its fields is what it was before."""
+    model = pin.buildSampleModelManipulator()
+    q, v = pin.randomConfiguration(model), np.ones(model.nv)
+    for face in FACES:
+        if face.fields and not any(x.role == "f" and x.default is REQUIRED for x in face.inputs):
+            data = model.createData()
+            vectors = [{"q": q}.get(x.name, v) for x in face.inputs if x.role == "x"]
+            getattr(pin, face.name)(model, data, *vectors)
+            assert {*face.fields} == {*CALL_KINDS[face.call[-1]].fills}
+            assert all(data.latest(field) is not None for field in face.fields), face.name
+
+
+@pytest.mark.parametrize("name", ["crba", "aba"])
+def test_conventions_fill_their_own_fields_at_every_call(name: str) -> None:
+    """The first call checks the arguments, the next are a builtin's; neither takes a number for a Convention."""
+    model, rest = pin.buildSampleModelManipulator(), [np.ones(6)] * (2 * (name == "aba"))
+    data, call, world = model.createData(), getattr(pin, name), pin.Convention.WORLD
+    for angle in (0.1, 0.2, 0.3):
+        q, fresh = np.full(6, angle), model.createData()
+        for convention in (pin.Convention.LOCAL, world):
+            call(model, data, q, *rest, convention=convention)
+            call(model, fresh, q, *rest, convention=convention)
+        pin.computeJointJacobians(model, fresh, q)
+        np.testing.assert_allclose(data.J, fresh.J, atol=1e-14)
+        np.testing.assert_allclose(
+            pin.getJointJacobian(model, data, 6, pin.WORLD),
+            pin.getJointJacobian(model, fresh, 6, pin.WORLD),
+            atol=1e-14,
+        )
+        for wrong in (None, 0, 1, 2):
+            with pytest.raises(TypeError, match="convention is"):
+                call(model, data, q, *rest, convention=wrong)
+
+
+if __name__ == "__main__":
+    STUB.write_text(stub(), encoding="utf-8")
