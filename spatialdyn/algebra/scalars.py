@@ -63,6 +63,16 @@ def compiled_as(function: Callable[..., Any]) -> Callable[[Function], Function]:
     return listed
 
 
+def inlined_as(function: Callable[..., Any]) -> Callable[[Function], Function]:
+    """Decorator of the function that compiled code runs, always inlined, in place of ``function``."""
+
+    def listed(implementation: Function) -> Function:
+        _waiting.append(("inline", function, implementation))
+        return implementation
+
+    return listed
+
+
 def register(pipelines: Mapping[str, Any]) -> None:
     """Hand the listed functions to Numba, to be compiled by the pipelines of their decorators' names, else by its own.
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import cache
 from typing import Any
 
 from ...algebra.euclidean import Mat3, Vec, add_mat3, cross, rotate, scale
@@ -12,7 +11,8 @@ from ...algebra.rotations import ROTATION_ZERO
 from ...algebra.scalars import inline, sqrt
 from ...algebra.spatial import Pose
 from ...bodies.kinds import CONTINUED, SCREWS, TURNS
-from ...engines.programs.run.routine import Routine
+from ...engines.compiled.memory import at, places, table_at
+from ...engines.programs.run.routine import routine
 from .operators import inertia_about_origin
 
 MOST = 1e100  # of numbers whose products stay finite
@@ -119,14 +119,16 @@ def _put_numbers(bodies: Any, rows: Any, now: Any, then: Any, sums: Any) -> floa
     return moved
 
 
-@cache
-def put_numbers() -> Routine:
-    """``() -> float``: writes what differs between two blocks of ``Numbers`` of a Model to its table, and ``now`` to
-    ``then``; MOVED if placements differ, else WRITTEN. REFUSED, with nothing written, if the numbers need checks.
+@routine(())
+def put_numbers(
+    table: int, now: int, then: int, size: int, rows: int, njoints: int, sums: int, count: int, out: Any
+) -> bool:
+    """Write what differs between two blocks of ``Numbers`` of a Model to its table, and ``now`` to ``then``.
 
-    Words: table, addresses of both, their size, rows (njoints,) of the joints' bodies, scratch (count, 3).
+    The result is MOVED if placements differ, else WRITTEN; REFUSED, with nothing written, if the numbers need checks.
+
+    rows, sums  addresses of the rows (njoints,) of the joints' bodies, and of scratch (count, 3)
     """
-    words = ["table", "now", "then", "size", "rows", "njoints", "sums", "count"]
-    given = "places(rows, (njoints,)), at(now, (size,)), at(then, (size,)), at(sums, (count, 3))"
-    body = [f"out[0] = put(table_at(table), {given})", "return 1"]
-    return Routine("put_numbers", words, {}, body, {"put": _put_numbers}, ())
+    blocks = at(now, (size,)), at(then, (size,))
+    out[0] = _put_numbers(table_at(table), places(rows, (njoints,)), blocks[0], blocks[1], at(sums, (count, 3)))
+    return True

@@ -2,7 +2,7 @@
 
 ``compose(A, B, out)`` and its like take arrays as ``algebra.public_arrays`` lays them out and write ``out`` in place;
 it may be an input. Arrays have to be float64, C-ordered, writable and of the right size: nothing is checked.
-``bind_values`` makes builtins of Python that check their arguments and make the result.
+``Operator.bind`` makes builtins of Python that check their arguments and make the result.
 
 A call is much faster than the operator in plain Python, which answers until compiling pays.
 """
@@ -10,72 +10,58 @@ A call is much faster than the operator in plain Python, which answers until com
 from __future__ import annotations
 
 import ctypes
-import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from functools import cache
-from inspect import signature
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...algebra import euclidean, lie, public_arrays, spatial
-from ...engines.compiled import numba_kernels
-from ...engines.compiled.entries import of_memory
-from ...engines.compiled.tiers import Tiered, Twin, real_of
-from ...engines.programs.run.routine import Held, Kind, Routine, Shape, Truth
+from ...algebra import public_arrays, spatial
+from ...algebra.public_arrays import read_body, read_force, read_motion, read_pose, write_body, write_force, write_pose
+from ...algebra.scalars import inline
+from ...engines.compiled.memory import real_of, word
+from ...engines.compiled.stamp import STAMP, covers
+from ...engines.compiled.tiers import Tiered
+from ...engines.programs.run.routine import Owner, Result, Routine, Shape, Truth, routine
 from ...engines.programs.run.single_call import unavailable
 from . import operators
 
 Operation = Callable[..., Any]
-SCOPE: dict[str, Any] = {**vars(euclidean), **vars(spatial), **vars(lie), **vars(operators), **vars(public_arrays)}
-SCOPE["rotation_matrix"] = SCOPE.pop("matrix")  # of a quaternion
-SHAPES: dict[str, tuple[int, ...]] = {
-    "pose": (4, 4), "motion": (6,), "force": (6,), "vec": (3,), "rot": (3, 3), "quat": (4,), "seven": (7,),
-    "body": (10,), "inertia": (6, 6), "tangent": (6, 6), "number": (), "truth": (),
-}  # fmt: skip
 
 
-class Formula(NamedTuple):
-    """A function of values: its name, its arguments with their kinds, the kind of its result, and how to compute it.
+class Kind(NamedTuple):
+    """What an operator takes or returns: the shape of an array and the functions that read and write it.
 
-    A kind in lower case is an array, or a float for "number". A capitalized kind is an object of one class whose slot
-    holds the array; "Motion|motion" is either. A "truth" is 1.0 or 0.0.
-
-    parameters  of a function of Python, with defaults
-    text        an expression of the arguments and functions of the algebra; ``x_in`` is the array of the argument x
+    owner     key of the class whose objects hold the array; "" for the array itself, or a float
+    or_array  the array itself is taken too
+    default   of an argument; None if it has to be given
     """
 
-    name: str
-    inputs: dict[str, str]
-    output: str
-    text: str
-    parameters: str
-
-    @classmethod
-    def parsed(cls, signature: str, text: str) -> Formula:
-        """From a signature such as "near(self: Motion, other: Motion, prec: number = 1e-12) -> truth"."""
-        name, arguments, output = re.split(r"\(|\) -> ", signature)
-        inputs = dict(re.findall(r"(\w+): ([\w|]+)", arguments))
-        return cls(name, inputs, output, text, re.sub(r": [\w|]+(?: (=) )?", r"\1", arguments))
-
-    @property
-    def label(self) -> str:
-        """Its name and kinds."""
-        return "_".join([self.name, *self.inputs.values(), self.output]).replace("|", "_or_")
-
-    def statements(self) -> list[str]:
-        """Statements that compute ``result`` from arrays and numbers ``x_in``."""
-        reads = [f"{x} = {_read(array_kind(kind), f'{x}_in')}" for x, kind in self.inputs.items()]
-        return [*reads, f"result = {self.text}"]
+    shape: tuple[int, ...]
+    read: Operation
+    write: Operation
+    owner: str = ""
+    or_array: bool = False
+    default: float | None = None
 
 
-def array_kind(kind: str) -> str:
-    """The kind of the array of an argument."""
-    return kind.lower().partition("|")[0]
+@inline
+def _write_number(out: Any, x: Any) -> None:
+    out[0] = x
 
 
-def _read(kind: str, x: str) -> str:
-    return f"read_{kind}({x})" if SHAPES[kind] else x
+SHAPES: dict[str, tuple[int, ...]] = {
+    "pose": (4, 4), "motion": (6,), "force": (6,), "vec": (3,), "rot": (3, 3), "quat": (4,), "seven": (7,),
+    "body": (10,), "inertia": (6, 6), "tangent": (6, 6),
+}  # fmt: skip
+_NUMBER = Kind((), operators.itself, _write_number)
+KINDS: dict[str, Kind] = {"number": _NUMBER, "truth": _NUMBER, "precision": _NUMBER._replace(default=1e-12)}
+for _name, _shape in SHAPES.items():
+    # a kind in lower case is the array; a capitalized one an object that holds it; "Motion|motion" is either
+    _read, _write = getattr(public_arrays, f"read_{_name}", operators.itself), getattr(public_arrays, f"write_{_name}")
+    _kind = Kind(_shape, _read, _write)
+    KINDS[_name], KINDS[_name.capitalize()] = _kind, _kind._replace(owner=_name.capitalize())
+    KINDS[f"{_name.capitalize()}|{_name}"] = _kind._replace(owner=_name.capitalize(), or_array=True)
 
 
 # --- on arrays ---------------------------------------------------------------------------------------------
@@ -93,83 +79,119 @@ def deferred(make: Callable[[], Operation]) -> Operation:
     return call
 
 
-def on_arrays(formula: Formula) -> Operation:
-    """A kernel ``(*inputs, out)`` of a formula; a number is returned."""
-    output, parameters = formula.output.lower(), [f"{x}_in" for x in formula.inputs]
-    if not SHAPES[output]:
-        return compiled_text(formula.label, parameters, [*formula.statements(), "return result"])
-    return compiled_text(formula.label, [*parameters, "out"], [*formula.statements(), f"write_{output}(out, result)"])
-
-
-def compiled_text(name: str, parameters: Sequence[str], body: Sequence[str], **scope: Any) -> Operation:
-    """A kernel of statements that name functions of the algebra and of ``scope``, made at its first call.
-
-    Plain Python runs it until compiling pays (``tiers``).
-    """
-
-    def source(plain: bool) -> Operation:
-        text, names = ["stamp", *body], {**SCOPE, **scope}
-        return numba_kernels.kernel_from_text(f"algebra_{name}", list(parameters), text, names)
+def compiled(function: Operation, name: str = "") -> Operation:
+    """A kernel of a function of compiled code; ``name`` says what it captures. Plain Python runs it until that pays."""
 
     def jitted(made: Operation) -> Any:
         from ...engines.compiled import jit
 
-        return jit.numba_jit(made, nogil=False, contract=False)  # releasing the GIL costs time
+        key = repr((STAMP, made.__module__, made.__qualname__, name)) if covers(made) else ""
+        # releasing the GIL costs time
+        return jit.numba_jit(made, nogil=False, keep=bool(key), contract=False, key=key)
 
-    return Tiered(source, jitted)
-
-
-def compiled(function: Operation) -> Operation:
-    """A kernel of an inlined function, with its parameters."""
-    names = [*signature(function).parameters]
-    return compiled_text(function.__name__.strip("_"), names, [f"function({', '.join(names)})"], function=function)
+    return Tiered(lambda: function, jitted)
 
 
-compose, motion_to_parent, force_to_parent, force_to_child, body_to_parent, add_body = (
-    on_arrays(Formula.parsed(f"{name}(A: {kinds[0]}, B: {kinds[1]}) -> {kinds[1]}", f"{name}(A, B)"))
-    for name, *kinds in (
-        ("compose", "pose", "pose"), ("motion_to_parent", "pose", "motion"), ("force_to_parent", "pose", "force"),
-        ("force_to_child", "pose", "force"), ("body_to_parent", "pose", "body"), ("add_bodies", "body", "body"),
-    )
-)  # fmt: skip
-quat_matrix = on_arrays(Formula.parsed("matrix(q: quat) -> rot", "rotation_matrix(q)"))
+def label(function: Operation) -> str:
+    """The name of a function, with its module."""
+    return f"{function.__module__}.{function.__name__}"
+
+
+def _on_pair(function: Operation, read_a: Operation, read_b: Operation, write: Operation) -> Operation:
+    """A kernel ``(a, b, out)`` of a function."""
+
+    def on_pair(a: Any, b: Any, out: Any) -> None:
+        write(out, function(read_a(a), read_b(b)))
+
+    return compiled(on_pair, label(function))
+
+
+compose = _on_pair(spatial.compose, read_pose, read_pose, write_pose)
+force_to_parent = _on_pair(spatial.force_to_parent, read_pose, read_force, write_force)
+force_to_child = _on_pair(spatial.force_to_child, read_pose, read_force, write_force)
+body_to_parent = _on_pair(operators.body_to_parent, read_pose, read_body, write_body)
+add_body = _on_pair(operators.add_bodies, read_body, read_body, write_body)
+
+
+def on_motions(function: Operation) -> Operation:
+    """A kernel ``(v, a, out)`` of a function of two motions that writes an array."""
+
+    def of_motions(v: Any, a: Any, out: Any) -> None:
+        function(read_motion(v), read_motion(a), out)
+
+    return compiled(of_motions, label(function))
 
 
 # --- on objects --------------------------------------------------------------------------------------------
 
 
-def value_routine(formula: Formula) -> Routine:
-    """``(*inputs) -> output`` of a formula.
+class Operator(NamedTuple):
+    """A function of values: its arguments and its result, as names of ``KINDS``.
 
-    Inputs that are arrays may have any strides, results are new. Words: ``slot``, the offset of the slot; ``class0``,
-    ... the classes of the inputs, 0 for arrays; ``made``, that of the output.
+    raw  the function takes the arrays themselves
     """
 
-    def kind(x: str, word: str) -> Shape | Held:
-        shape = SHAPES[array_kind(x)]
-        return Held(shape, word, "slot", "|" in x) if x[0].isupper() else shape
+    function: Operation
+    inputs: dict[str, str]
+    output: str
+    raw: bool = False
 
-    inputs: dict[str, Kind] = {
-        f"{x}_in": kind(given, f"class{k}") for k, (x, given) in enumerate(formula.inputs.items())
-    }
-    output = formula.output.lower()
-    last = f"write_{output}(out, result)" if SHAPES[output] else "out[0] = result"
-    body = [*formula.statements(), last, "return 1"]
-    result: Shape | Held | Truth = Truth() if output == "truth" else kind(formula.output, "made")
-    return Routine(f"value_{formula.label}", [], inputs, body, SCOPE, result)
+    @property
+    def kinds(self) -> list[Kind]:
+        """Of the arguments."""
+        return [KINDS[x] for x in self.inputs.values()]
 
+    def on_arrays(self) -> Callable[..., bool]:
+        """The function as ``(*arrays, out) -> True``; a number is written to ``out[0]``."""
+        function, write = self.function, KINDS[self.output].write
+        reads = [operators.itself if self.raw else x.read for x in self.kinds]
+        read0, read1, read2 = (*reads, *[operators.itself] * 3)[:3]
 
-def bind_values(
-    formula: Formula, slot: int, classes: Mapping[str, type], otherwise: Operation = unavailable
-) -> Operation:
-    """The builtin of a ``value_routine`` for the classes of its kinds and the offset of their slot."""
+        def of_none(out: Any) -> bool:
+            write(out, function())
+            return True
 
-    def address(kind: str) -> int:
-        return id(classes[kind.partition("|")[0]]) if kind[0].isupper() else 0
+        def of_one(x0: Any, out: Any) -> bool:
+            write(out, function(read0(x0)))
+            return True
 
-    words = {f"class{k}": address(kind) for k, kind in enumerate(formula.inputs.values())}
-    words |= {"slot": slot, "made": address(formula.output)}
-    return value_routine(formula).bind(words, *classes.values(), otherwise=otherwise)
+        def of_two(x0: Any, x1: Any, out: Any) -> bool:
+            write(out, function(read0(x0), read1(x1)))
+            return True
+
+        def of_three(x0: Any, x1: Any, x2: Any, out: Any) -> bool:
+            write(out, function(read0(x0), read1(x1), read2(x2)))
+            return True
+
+        return (of_none, of_one, of_two, of_three)[len(reads)]
+
+    def in_plain_python(self, *arrays: Any) -> Any:
+        """The result of arrays and numbers, an array, a number or a truth."""
+        shape = KINDS[self.output].shape
+        out = np.empty(shape or (1,))
+        with np.errstate(all="ignore"):
+            self.on_arrays()(*arrays, out)
+        return out if shape else bool(out[0]) if self.output == "truth" else float(out[0])
+
+    def routine(self) -> Routine:
+        """``(*inputs) -> output``: inputs that are arrays may have any strides, results are new.
+
+        Words: ``slot``, the offset of the slot; ``class0``, ... the classes of the inputs, and ``made``.
+        """
+
+        def described(kind: Kind, word: str) -> Shape | Owner:
+            return Owner(kind.shape, word, "slot", kind.or_array) if kind.owner else kind.shape
+
+        inputs = {f"x{k}": described(kind, f"class{k}") for k, kind in enumerate(self.kinds)}
+        output: Result = Truth() if self.output == "truth" else described(KINDS[self.output], "made")
+        name = "_".join([label(self.function), *self.inputs.values(), self.output, "raw" * self.raw])
+        return Routine(inline(self.on_arrays()), inputs, output, name)
+
+    def bind(self, slot: int, classes: Mapping[str, type], otherwise: Operation = unavailable) -> Operation:
+        """The builtin of the ``routine`` for the classes of its kinds and the offset of their slot."""
+        owners = {f"class{k}": kind.owner for k, kind in enumerate(self.kinds)} | {"made": KINDS[self.output].owner}
+        words = {x: id(classes[owner]) if owner else 0 for x, owner in owners.items()}
+        return self.routine().bind({"slot": slot, **words}, *classes.values(), otherwise=otherwise)
 
 
 @cache
@@ -185,23 +207,16 @@ def draw_between(generator: Any, size: int, units: tuple[tuple[int, int], ...] =
     parts = np.array(units, np.int64).ravel()
     words = {"units": parts.ctypes.data, "count": len(units), "n": size}
     words |= {"next_double": address, "state": interface.state_address}
-    return _draw_between().bind(words, generator, parts)
+    return _draw_between.bind(words, generator, parts)
 
 
-@cache
-def _draw_between() -> Routine:
-    body = [
-        "for k in range(n): out[k] = between(lower[k], upper[k], draw(next_double, state))",
-        "for k in range(count):",
-        "    first, size = word(units, 2 * k), word(units, 2 * k + 1)",
-        "    share, one, two = draw(next_double, state), draw(next_double, state), draw(next_double, state)",
-        "    put_direction(out, first, size, share, one, two)",
-        "return 1",
-    ]
-    scope = {
-        "between": operators.between,
-        "put_direction": operators.put_direction,
-        "draw": Twin(real_of, of_memory("real_function")),
-    }
-    inputs: dict[str, Kind] = {"lower": ("n",), "upper": ("n",)}
-    return Routine("draw_between", ["next_double", "state", "units", "count", "n"], inputs, body, scope, ("n",))
+@routine(("n",), lower=("n",), upper=("n",))
+def _draw_between(
+    lower: Any, upper: Any, next_double: int, state: int, units: int, count: int, n: int, out: Any
+) -> bool:
+    for k in range(n):
+        out[k] = operators.between(lower[k], upper[k], real_of(next_double, state))
+    for k in range(count):
+        share, one, two = real_of(next_double, state), real_of(next_double, state), real_of(next_double, state)
+        operators.put_direction(out, word(units, 2 * k), word(units, 2 * k + 1), share, one, two)
+    return True

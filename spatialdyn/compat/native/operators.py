@@ -15,6 +15,7 @@ from ...algebra.euclidean import (
     apply_sym,
     congruence,
     matmul,
+    neg,
     parallel_axis,
     rotate,
     scale,
@@ -23,16 +24,20 @@ from ...algebra.euclidean import (
     unrotate,
     zero,
 )
-from ...algebra.public_arrays import Body
+from ...algebra.public_arrays import Body, Placed
 from ...algebra.scalars import EPS, Scalar, atan2, cos, inline, select, sin, sqrt
 from ...algebra.spatial import (
     Force,
     Inertia,
     Motion,
     Pose,
+    compose,
+    cross_force,
     force_at_parent,
     inertia_at_parent,
     motion_at_child,
+    power,
+    scale_motion,
 )
 
 PI = 3.141592653589793
@@ -40,6 +45,12 @@ NO_LIMIT = 1.7976931348623157e308  # the largest number: a limit of that size is
 TURN = 6.283185307179586  # [rad]
 SOUND, NEGATIVE, ASYMMETRIC = 0.0, 1.0, 2.0  # faults of a rotational inertia
 ROUNDING = 1e-12  # relative: an asymmetry or a negative eigenvalue below it is a rounding error
+
+
+@inline
+def itself(x: Any) -> Any:
+    """x."""
+    return x
 
 
 # --- rotations ---------------------------------------------------------------------------------------------
@@ -64,6 +75,30 @@ def rotation_of_angles(roll: Scalar, pitch: Scalar, yaw: Scalar) -> Mat3:
 
 
 @inline
+def rotation_of_rpy(rpy: Vec) -> Mat3:
+    """``rotation_of_angles`` of a vector."""
+    return rotation_of_angles(rpy.x, rpy.y, rpy.z)
+
+
+@inline
+def unskew(A: Mat3) -> Vec:
+    """The vector whose matrix is the antisymmetric part of A."""
+    return scale(0.5, Vec(A.zy - A.yz, A.xz - A.zx, A.yx - A.xy))
+
+
+@inline
+def skew_product(a: Vec, b: Vec) -> Mat3:
+    """ã b̃."""
+    return matmul(skew(a), skew(b))
+
+
+@inline
+def dot_quats(p: lie.Quat, q: lie.Quat) -> Scalar:
+    """The sum of the products of coefficients."""
+    return p.x * q.x + p.y * q.y + p.z * q.z + p.w * q.w
+
+
+@inline
 def rpy_of_rotation(R: Mat3) -> Vec:
     """Roll, pitch and yaw of a rotation matrix.
 
@@ -83,6 +118,84 @@ def rpy_of_rotation(R: Mat3) -> Vec:
 def divide(a: Vec, s: Scalar) -> Vec:
     """a / s."""
     return Vec(a.x / s, a.y / s, a.z / s)
+
+
+@inline
+def divided_motion(m: Motion, s: Scalar) -> Motion:
+    """m / s."""
+    return Motion(divide(m.w, s), divide(m.v, s))
+
+
+@inline
+def divided_force(f: Force, s: Scalar) -> Force:
+    """f / s."""
+    return Force(divide(f.n, s), divide(f.f, s))
+
+
+@inline
+def minus_motion(m: Motion) -> Motion:
+    """-m."""
+    return Motion(neg(m.w), neg(m.v))
+
+
+@inline
+def minus_force(f: Force) -> Force:
+    """-f."""
+    return Force(neg(f.n), neg(f.f))
+
+
+@inline
+def power_of_force(f: Force, m: Motion) -> Scalar:
+    """The power of f along m."""
+    return power(m, f)
+
+
+@inline
+def cross_matrix(m: Motion) -> lie.Tangent:
+    """The matrix of m ×."""
+    return lie.Tangent(skew(m.w), skew(m.v))
+
+
+@inline
+def pose_of_quaternion(q: lie.Quat, p: Vec) -> Pose:
+    """The pose of a quaternion and an origin."""
+    return Pose(lie.matrix(q), p)
+
+
+@inline
+def pose_of_seven(x: Placed) -> Pose:
+    """The pose of an origin and a quaternion."""
+    return Pose(lie.matrix(x.q), x.p)
+
+
+@inline
+def seven_of_pose(X: Pose) -> Placed:
+    """The origin and the quaternion of a pose."""
+    return Placed(X.p, quaternion_of_matrix(X.R))
+
+
+@inline
+def random_pose(u: Motion) -> Pose:
+    """A uniform rotation and an origin within ±1 in each axis, of six draws in [0, 1)."""
+    return Pose(lie.matrix(random_rotation(u.v)), sub(scale(2.0, u.w), Vec(1.0, 1.0, 1.0)))
+
+
+@inline
+def action(X: Pose) -> lie.Tangent:
+    """The matrix that takes motions from the frame X to its reference frame."""
+    return lie.Tangent(X.R, matmul(skew(X.p), X.R))
+
+
+@inline
+def action_back(X: Pose) -> lie.Tangent:
+    """The inverse of ``action``."""
+    return lie.Tangent(transpose(X.R), transpose(matmul(skew(X.p), X.R)))
+
+
+@inline
+def interpolated(A: Pose, B: Pose, alpha: Scalar) -> Pose:
+    """A exp(alpha log(A⁻¹ B))."""
+    return compose(A, exp_pose(scale_motion(alpha, log_pose(relative_pose(A, B)))))
 
 
 @inline
@@ -179,6 +292,36 @@ def combined(A: Body, B: Body, sign: Scalar) -> Body:
 
 
 @inline
+def body_of(mass: Scalar, lever: Vec, inertia: Mat3) -> Body:
+    """A body of these parts, of which the lower triangle of the inertia."""
+    return Body(mass, lever, lower_triangle(inertia))
+
+
+@inline
+def rotational_inertia(B: Body) -> Mat3:
+    """The rotational inertia about the centre of mass."""
+    return Mat3(B.I.xx, B.I.xy, B.I.xz, B.I.xy, B.I.yy, B.I.yz, B.I.xz, B.I.yz, B.I.zz)
+
+
+@inline
+def without(A: Body, B: Body) -> Body:
+    """A without B."""
+    return combined(A, B, -1.0)
+
+
+@inline
+def bias_force(B: Body, v: Motion) -> Force:
+    """v ×* I v."""
+    return cross_force(v, body_momentum(B, v))
+
+
+@inline
+def twice_the_energy(B: Body, v: Motion) -> Scalar:
+    """vᵀ I v."""
+    return power(v, body_momentum(B, v))
+
+
+@inline
 def add_bodies(A: Body, B: Body) -> Body:
     """A and B as one body."""
     return combined(A, B, 1.0)
@@ -231,6 +374,42 @@ def log_pose(X: Pose) -> Motion:
 
 
 @inline
+def exp_matrix(w: Vec) -> Mat3:
+    """exp of a rotation vector, a rotation matrix."""
+    return lie.matrix(lie.exp_rotation(w))
+
+
+@inline
+def exp_matrix_jacobian(w: Vec) -> Mat3:
+    """The right Jacobian of exp of a rotation vector."""
+    return lie.exp_jacobian(Motion(w, zero())).J
+
+
+@inline
+def log_matrix_jacobian(R: Mat3) -> Mat3:
+    """The inverse of the right Jacobian of exp at log R."""
+    return lie.log_jacobian(Motion(log_matrix(R), zero()), 1.0).J
+
+
+@inline
+def exp_seven(m: Motion) -> Placed:
+    """exp of a motion, an origin and a quaternion."""
+    return Placed(lie.exp_travel(m), lie.exp_rotation(m.w))
+
+
+@inline
+def log_seven(x: Placed) -> Motion:
+    """log of an origin and a quaternion."""
+    return log_placed(x.p, lie.log_rotation(x.q))
+
+
+@inline
+def log_pose_jacobian(X: Pose) -> lie.Tangent:
+    """The inverse of the right Jacobian of exp at log X."""
+    return lie.log_jacobian(log_pose(X), 1.0)
+
+
+@inline
 def log_placed(p: Vec, w: Vec) -> Motion:
     """log of an origin and a rotation vector."""
     return Motion(w, lie.log_travel(w, p))
@@ -272,6 +451,25 @@ def near(a: Any, b: Any, precision: Scalar) -> Scalar:
         first += a[i] * a[i]
         second += b[i] * b[i]
     return 1.0 if apart <= precision * precision * min(first, second) else 0.0
+
+
+@inline
+def same_poses(A: Pose, B: Pose) -> Scalar:
+    """1 if two poses agree in each entry, else 0."""
+    return same(A.R, B.R) * same(A.p, B.p)
+
+
+@inline
+def near_poses(A: Pose, B: Pose, precision: Scalar) -> Scalar:
+    """1 if rotations and origins are ``near``, else 0."""
+    return near(A.R, B.R, precision) * near(A.p, B.p, precision)
+
+
+@inline
+def near_bodies(a: Any, b: Any, precision: Scalar) -> Scalar:
+    """1 if mass, centre and rotational inertia of two arrays of bodies are ``near``, else 0."""
+    parts = near(a[:1], b[:1], precision) * near(a[1:4], b[1:4], precision)
+    return parts * near(a[4:], b[4:], precision)
 
 
 @inline

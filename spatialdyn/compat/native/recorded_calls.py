@@ -10,43 +10,61 @@ from __future__ import annotations
 import math
 from array import array
 from collections.abc import Callable, Mapping, Sequence
-from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...algebra import public_arrays, spatial
+from ...algebra import spatial
+from ...algebra.public_arrays import (
+    read_body,
+    read_force,
+    read_motion,
+    read_pose,
+    write_body,
+    write_force,
+    write_motion,
+    write_pose,
+)
 from ...algebra.records import motion_of, pose_of, put_pose
 from ...algebra.scalars import inline
 from ...algebra.spatial import Motion, Pose, identity_pose
 from ...bodies.joints import place_joint
 from ...bodies.kinds import CONTINUED
 from ...engines.compiled import entries, numba_kernels
+from ...engines.compiled.angles import turned
 from ...engines.compiled.checks import all_finite, unit_norm
-from ...engines.compiled.tiers import Twin, array_of, table_kernel
+from ...engines.compiled.memory import array_at, at, memory, places, records, release, table_at, word
+from ...engines.compiled.numba_kernels import FLOAT, OK
+from ...engines.compiled.tiers import table_kernel
 from ...engines.object_layout import Words
 from ...engines.programs.llvm.single_call_text import ARRAY as INPUT
 from ...engines.programs.llvm.single_call_text import FIXED, NUMBER
 from ...engines.programs.run import single_call
 from ...engines.programs.run.call_code import CallCode
-from ...engines.programs.run.routine import Choice, Held, Index, Kind, Routine
+from ...engines.programs.run.routine import Choice, Index, Kind, Owner, routine
 from ...engines.programs.run.single_call import Parameter, unavailable
 from ...recursions import SPECS
-from ...recursions.spec import LOCAL, WORLD
+from ...recursions.spec import LOCAL, LOCAL_WORLD_ALIGNED, WORLD
 from ...recursions.steps import placed_in_world
-from ...recursions.tree import kinematics
-from ...recursions.tree.kinematics import classical_acceleration, express_in
-from . import operator_kernels
+from ...recursions.tree.body_motions import WORK_ACCELERATION, WORK_VELOCITY, joint_accelerations, joint_velocities
+from ...recursions.tree.kinematics import (
+    WORK,
+    classical_acceleration,
+    express_in,
+    joint_jacobians,
+    placed_frame_jacobian,
+)
+from ...recursions.tree.regressor import body_force
+from . import operator_kernels, operators
 
-SIZES = ("nq", "nv", "njoints")  # words of a plan
 ARRAY, PARTS, RESULT = range(3)  # what a recorded call returns
 NOT_OWN = 0, 0, 0  # the code of a plan that reads that of a CallCode
 Array = NDArray[np.float64]
 Builtin = Callable[..., Any]
 HEAD = 64  # bytes before a table
 REFERENCES = ("in_frame", "in_world", "aligned")  # words: ids of the ReferenceFrame objects, in the order of codes
-FRAMES = ("frames", "joints", "placements")  # words: number of frames; addresses, of addresses for placements
+ROW_SIZE, VELOCITY_SIZE, ACCELERATION_SIZE = WORK.itemsize, WORK_VELOCITY.itemsize, WORK_ACCELERATION.itemsize
 OF_FRAME: dict[str, Kind] = {"k": Index("frames"), "code": Choice(REFERENCES)}
 
 
@@ -88,9 +106,6 @@ clock = Clock()
 def address(x: array[int]) -> int:
     """Of the numbers of an array."""
     return x.buffer_info()[0]
-
-
-STAMP = ["places(clock, (1,))[0] += 1", "places(time, (1,))[0] = word(clock, 0)"]  # write a new stamp to an address
 
 
 def record(count: int, memory: Array, result: Array | None, stamp: array[int], table: Table) -> Words:
@@ -159,41 +174,66 @@ def _in_place(program: tuple[int, int, int], inputs: Sequence[Array], out: Array
     return single_call.bound(unavailable, [Parameter(f"x{k}", FIXED) for k in range(len(places))], plan)
 
 
+_forward_kinematics, _frame_jacobian, _frame_jacobian_dot, _velocity_derivatives = (
+    table_kernel(SPECS[name])
+    for name in ("forward_kinematics", "frame_jacobian", "frame_jacobian_dot", "frame_velocity_derivatives")
+)
+
+
 # --- frames ----------------------------------------------------------------------------------------------
 
 
-@cache
-def place_frames(joints_too: bool) -> Routine:
-    """``() -> True``: poses of all frames from those of their joints; ``joints_too``: ``(q) -> True`` computes both.
+class Frames(NamedTuple):
+    """Words of frames: their number, addresses of their joints, and of addresses of their placements."""
 
-    Words: table, sizes, poses of the joints, result, clock and stamps, frames. q is recorded.
-    """
-    words = ["table", *SIZES, "poses", "result", "clock", "time", *FRAMES]
-    spec, body = SPECS["forward_kinematics"], ["X = at(poses, (njoints, 4, 4))"]
-    if joints_too:
-        body.append(f"if sample_kernel(table, q, X) != {numba_kernels.OK}: return 0")
-    body += [
-        "for k in range(frames):",
-        "    there = read_pose(at(word(placements, k), (4, 4)))",
-        "    there = compose(read_pose(X[word(joints, k)]), there)",
-        "    write_pose(at(result + 128 * k, (4, 4)), there)",
-    ]
-    scope = {**vars(public_arrays), "sample_kernel": table_kernel(spec).twin, "compose": spatial.compose}
-    label = "place_joints_and_frames" if joints_too else "place_frames"
-    return Routine(label, words, {"q": ("nq",)} if joints_too else {}, [*body, *STAMP, "return 1"], scope)
+    frames: int
+    joints: int
+    placements: int
 
 
-@cache
-def place_frame() -> Routine:
-    """``(frame) -> True``: pose of one frame from that of its joint. Words: poses, result, frames."""
-    body = [
-        "X = at(poses + 128 * word(joints, frame), (4, 4))",
-        "there = read_pose(at(word(placements, frame), (4, 4)))",
-        "write_pose(at(result + 128 * frame, (4, 4)), compose(read_pose(X), there))",
-        "return 1",
-    ]
-    scope = {**vars(public_arrays), "compose": spatial.compose}
-    return Routine("place_frame", ["poses", "result", *FRAMES], {"frame": Index("frames")}, body, scope)
+@inline
+def write_stamp(clock: int, time: int) -> None:
+    """Advance a clock and write its new stamp to an address."""
+    places(clock, (1,))[0] += 1
+    places(time, (1,))[0] = word(clock, 0)
+
+
+@inline
+def _place_frame(pose: Any, frames: Frames, k: int, result: int) -> None:
+    """Write the pose of frame k from that of its joint to its place in the result."""
+    there = read_pose(at(word(frames.placements, k), (4, 4)))
+    write_pose(at(result + 128 * k, (4, 4)), spatial.compose(read_pose(pose), there))
+
+
+@routine()
+def place_frames(njoints: int, poses: int, result: int, frames: Frames, clock: int, time: int) -> bool:
+    """Write the poses of all frames to ``result``, from the ``poses`` of their joints."""
+    X = at(poses, (njoints, 4, 4))
+    for k in range(frames.frames):
+        _place_frame(X[word(frames.joints, k)], frames, k, result)
+    write_stamp(clock, time)
+    return True
+
+
+@routine(q=("nq",))
+def place_joints_and_frames(
+    q: Any, table: int, njoints: int, poses: int, result: int, frames: Frames, clock: int, time: int
+) -> bool:
+    """``place_frames`` that computes the poses of the joints too; q is to be recorded."""
+    X = at(poses, (njoints, 4, 4))
+    if _forward_kinematics(table, q, X) != OK:
+        return False
+    for k in range(frames.frames):
+        _place_frame(X[word(frames.joints, k)], frames, k, result)
+    write_stamp(clock, time)
+    return True
+
+
+@routine(k=Index("frames"))
+def place_frame(k: int, poses: int, result: int, frames: Frames) -> bool:
+    """Write the pose of one frame to its place in ``result``, from that of its joint."""
+    _place_frame(at(poses + 128 * word(frames.joints, k), (4, 4)), frames, k, result)
+    return True
 
 
 @inline
@@ -206,84 +246,69 @@ def motion_in_reference(X: Pose, placement: Pose, m: Motion, reference: int) -> 
 
 
 @inline
-def _write_frame_motion(X: Any, placement: Any, v: Any, a: Any, classical: Any, reference: int, out: Any) -> None:
+def _write_frame_motion(X: Any, placement: Any, v: Any, a: Any, classical: bool, reference: int, out: Any) -> None:
     """``motion_in_reference`` of a; ``classical``: acceleration of the frame's origin, with its velocity from v."""
-    pose, there = public_arrays.read_pose(X), public_arrays.read_pose(placement)
-    m = motion_in_reference(pose, there, public_arrays.read_motion(a), reference)
+    pose, there = read_pose(X), read_pose(placement)
+    m = motion_in_reference(pose, there, read_motion(a), reference)
     if classical:
-        m = classical_acceleration(m, motion_in_reference(pose, there, public_arrays.read_motion(v), reference))
-    public_arrays.write_motion(out, m)
+        m = classical_acceleration(m, motion_in_reference(pose, there, read_motion(v), reference))
+    write_motion(out, m)
 
 
 write_frame_motion = operator_kernels.compiled(_write_frame_motion)
 
 
-@cache
-def frame_motion(classical: bool) -> Routine:
-    """``(frame, reference) -> Motion``: velocity or acceleration of a frame from that of its joint.
+@routine(Owner((6,), "made", "slot"), **OF_FRAME)
+def frame_motion(
+    k: int, code: int, poses: int, velocities: int, motions: int, classical: int, frames: Frames, out: Any
+) -> bool:
+    """The velocity or acceleration of a frame from that of its joint; ``made`` is the class of Motion."""
+    i, p = word(frames.joints, k), at(word(frames.placements, k), (4, 4))
+    X, v, m = at(poses + 128 * i, (4, 4)), at(velocities + 48 * i, (6,)), at(motions + 48 * i, (6,))
+    _write_frame_motion(X, p, v, m, classical != 0, code, out)
+    return True
 
-    Words: class and slot of the Motion, poses, velocities, motions of the joints, reference ids, frames.
+
+@routine((6, "nv"), **OF_FRAME)
+def frame_jacobian(
+    k: int, code: int, table: int, nq: int, q_address: int, placed_rows: int, time: int, frames: Frames, out: Any
+) -> bool:
+    """``frame_jacobian`` at the recorded q; it does not apply if joints were moved after that call.
+
+    ``placed_rows`` are the rows of ``jacobians`` (0: none), ``time`` the stamps, which are equal if the rows are those
+    of the call. The joints of frames are rows of the table.
     """
-    words = ["made", "slot", "poses", "velocities", "motions", *REFERENCES, *FRAMES]
-    body = [
-        "i, p = word(joints, k), at(word(placements, k), (4, 4))",
-        "X, v, m = at(poses + 128 * i, (4, 4)), at(velocities + 48 * i, (6,)), at(motions + 48 * i, (6,))",
-        f"write(X, p, v, m, {int(classical)}, code, out)",
-        "return 1",
-    ]
-    label = "frame_classical_motion" if classical else "frame_motion"
-    return Routine(label, words, OF_FRAME, body, {"write": _write_frame_motion}, Held((6,), "made", "slot"))
+    i, p = word(frames.joints, k), at(word(frames.placements, k), (4, 4))
+    if word(time, 0) < word(table, -1):
+        return False
+    if placed_rows != 0 and word(time, 0) == word(time, 1):
+        bodies = table_at(table)
+        placed_frame_jacobian(bodies, records(placed_rows, (len(bodies),), WORK), i, p, code, out)
+        return True
+    return bool(_frame_jacobian(table, at(q_address, (nq,)), i, p, code, out) == OK)
 
 
-ON_TABLE = {  # names that bodies of builtins on the table use
-    "unit_norm": unit_norm, "all_finite": all_finite, "FLOAT": numba_kernels.FLOAT,
-}  # fmt: skip
-# q beside its cosines and sines, as a recursion takes ``TURNED_Q``
-TURN_Q = ["angles = memory(24 * nq)", "q_turned = turned(q, array_at(angles, (3, nq), FLOAT))"]
+@routine((6, "nv"), **OF_FRAME)
+def frame_jacobian_dot(
+    k: int, code: int, table: int, nq: int, nv: int, q_address: int, v_address: int, time: int, frames: Frames, out: Any
+) -> bool:
+    """``frame_jacobian_dot`` at the recorded q and v; it does not apply if joints were moved after that call."""
+    i, p = word(frames.joints, k), at(word(frames.placements, k), (4, 4))
+    if word(time, 0) < word(table, -1):
+        return False
+    return bool(_frame_jacobian_dot(table, at(q_address, (nq,)), at(v_address, (nv,)), i, p, code, out) == OK)
 
 
-def _rows_in_plain_python(bodies: Any, address: int) -> Any:
-    return array_of(address, (len(bodies),), kinematics.WORK)
-
-
-def _compiled_rows() -> Any:
-    from numba import carray  # type: ignore[attr-defined]
-
-    from ...engines.compiled.jit import pointer
-
-    @inline
-    def rows_at(bodies: Any, address: int) -> Any:
-        return carray(pointer(address), (len(bodies),), kinematics.WORK)
-
-    return rows_at
-
-
-ROWS_AT = Twin(_rows_in_plain_python, _compiled_rows)  # the scratch rows of ``joint_jacobians`` at an address
-
-
-@cache
-def frame_jacobian(name: str) -> Routine:
-    """``(frame, reference) -> (6, nv)``: ``frame_jacobian`` or ``frame_jacobian_dot`` at the recorded q, v.
-
-    Returns None also if joints were moved after that call. Words: table, sizes, addresses of the inputs, reference ids,
-    the rows of ``jacobians`` (0: none) and the stamps, which are equal if the rows are those of the call, frames, whose
-    joints are rows of the table.
-    """
-    spec = SPECS[name]
-    inputs = [x for x in spec.present if not x.static]
-    words = ["table", *SIZES, *(f"{x.name}_address" for x in inputs), *REFERENCES, "placed_rows", "time", *FRAMES]
-    passed = "".join(f"at({x.name}_address, ({x.shape[0]},)), " for x in inputs)
-    body = [
-        "if word(time, 0) < word(table, -1): return 0",
-        "i, p = word(joints, k), at(word(placements, k), (4, 4))",
-        "if placed_rows != 0 and word(time, 0) == word(time, 1):",
-        "    bodies = table_at(table)",
-        "    placed(bodies, rows_at(bodies, placed_rows), i, p, code, out)",
-        "    return 1",
-        f"return 1 if sample_kernel(table, {passed}i, p, code, out) == {numba_kernels.OK} else 0",
-    ]
-    scope = {"sample_kernel": table_kernel(spec).twin, "placed": kinematics.placed_frame_jacobian, "rows_at": ROWS_AT}
-    return Routine(name, words, OF_FRAME, body, scope, (6, "nv"))
+@routine((2, 6, "nv"), **OF_FRAME)
+def frame_velocity_derivatives(
+    k: int, code: int, table: int, nq: int, nv: int, q_address: int, v_address: int, time: int, frames: Frames, out: Any
+) -> bool:
+    """``frame_velocity_derivatives`` at the recorded q and v, but not in axes of the world at the frame's origin."""
+    i, p = word(frames.joints, k), at(word(frames.placements, k), (4, 4))
+    if code == LOCAL_WORLD_ALIGNED or word(time, 0) < word(table, -1):
+        return False
+    q, v = at(q_address, (nq,)), at(v_address, (nv,))
+    return bool(_velocity_derivatives(table, q, v, i, p, code, out) == OK)
 
 
 @inline
@@ -291,135 +316,141 @@ def _write_poses(bodies: Any, work: Any, X: Any) -> None:
     """Write the poses of the joints from those of the rows in the world."""
     for i in range(1, len(bodies)):
         if bodies[i].joint > 0:
-            public_arrays.write_pose(X[bodies[i].joint], pose_of(work[i].X))
+            write_pose(X[bodies[i].joint], pose_of(work[i].X))
 
 
-@cache
-def jacobians() -> Routine:
-    """``(q) -> (6, nv)``: ``joint_jacobians``; it keeps its rows and writes poses of the joints.
-
-    Words: table, sizes, rows, held oMi (0: none), clock, stamps of the call and of the rows. It is to be recorded.
-    """
-    body = [
-        "bodies = table_at(table)",
-        "if not unit_norm(bodies, q): return 0",
-        *TURN_Q,
-        "work = rows_at(bodies, placed_rows)",
-        "places(time, (2,))[1] = 0",
-        "jacobians(bodies, work, q_turned, out)",
-        "release(angles, 24 * nq)",
-        "if not all_finite(out): return 0",
-        "if oMi != 0: write_poses(bodies, work, at(oMi, (njoints, 4, 4)))",
-        "places(time, (2,))[1] = word(clock, 0) + 1",  # the stamp that is recorded next
-        "return 1",
-    ]
-    scope = {**ON_TABLE, "rows_at": ROWS_AT, "jacobians": kinematics.joint_jacobians, "write_poses": _write_poses}
-    words = ["table", *SIZES, "placed_rows", "oMi", "clock", "time"]
-    return Routine("joint_jacobians_and_rows", words, {"q": ("nq",)}, body, scope, (6, "nv"))
+@routine((6, "nv"), q=("nq",))
+def jacobians(
+    q: Any, table: int, nq: int, njoints: int, placed_rows: int, oMi: int, clock: int, time: int, out: Any
+) -> bool:
+    """``joint_jacobians``, which keeps its rows and writes the field oMi, if its address is not 0; to be recorded."""
+    bodies = table_at(table)
+    if not unit_norm(bodies, q):
+        return False
+    angles = memory(24 * nq)
+    work = records(placed_rows, (len(bodies),), WORK)
+    places(time, (2,))[1] = 0
+    joint_jacobians(bodies, work, turned(q, array_at(angles, (3, nq), FLOAT)), out)
+    release(angles, 24 * nq)
+    if not all_finite(out):
+        return False
+    if oMi != 0:
+        _write_poses(bodies, work, at(oMi, (njoints, 4, 4)))
+    places(time, (2,))[1] = word(clock, 0) + 1  # the stamp that is recorded next
+    return True
 
 
 @inline
 def _compose_rows(bodies: Any, work: Any, X: Any, V: Any) -> None:
     """Write poses of the joints in the world, and velocities, from the rows of ``joint_velocities``."""
     put_pose(work[0].X, identity_pose())
-    public_arrays.write_motion(V[0], motion_of(work[0].v))
+    write_motion(V[0], motion_of(work[0].v))
     for i in range(1, len(bodies)):
         put_pose(work[i].X, spatial.compose(pose_of(work[bodies[i].parent].X), pose_of(work[i].X)))
         if bodies[i].joint > 0:
-            public_arrays.write_motion(V[bodies[i].joint], motion_of(work[i].v))
+            write_motion(V[bodies[i].joint], motion_of(work[i].v))
     _write_poses(bodies, work, X)
 
 
-@cache
-def motions(name: str) -> Routine:
-    """``(q, v[, a]) -> True``: ``joint_velocities`` or ``joint_accelerations``, and velocities and poses in the world.
-
-    Words: table, sizes, addresses of poses, velocities and the result.
-    """
-    spec = SPECS[name]
-    inputs: dict[str, Kind] = {x.name: (str(x.shape[0]),) for x in spec.present}
-    body = [
-        "bodies = table_at(table)",
-        "if not unit_norm(bodies, q): return 0",
-        "X, found, space = at(oMi, (njoints, 4, 4)), at(found_at, (njoints, 6)), len(bodies) * WORK_SIZE",
-        "scratch = memory(space)",
-        "work = array_at(scratch, (len(bodies),), WORK)",
-        *TURN_Q,
-        f"recursion(bodies, work, q_turned, {', '.join([*inputs][1:])}, found)",
-        "compose_rows(bodies, work, X, at(v_out, (njoints, 6)))",
-        "release(angles, 24 * nq)",
-        "release(scratch, space)",
-        "return 1 if all_finite(X) and all_finite(found) else 0",
-    ]
-    work: Any = spec.work
-    scope = {**ON_TABLE, "WORK": work, "WORK_SIZE": work.itemsize, "recursion": spec.recursion}
-    scope["compose_rows"] = _compose_rows
-    return Routine(f"{name}_and_poses", ["table", *SIZES, "oMi", "v_out", "found_at"], inputs, body, scope)
+@routine(q=("nq",), v=("nv",))
+def velocities(q: Any, v: Any, table: int, nq: int, njoints: int, oMi: int, v_out: int) -> bool:
+    """``joint_velocities``, and poses in the world."""
+    bodies = table_at(table)
+    if not unit_norm(bodies, q):
+        return False
+    X, V, space = at(oMi, (njoints, 4, 4)), at(v_out, (njoints, 6)), len(bodies) * VELOCITY_SIZE
+    scratch, angles = memory(space), memory(24 * nq)
+    work = array_at(scratch, (len(bodies),), WORK_VELOCITY)
+    joint_velocities(bodies, work, turned(q, array_at(angles, (3, nq), FLOAT)), v, V)
+    _compose_rows(bodies, work, X, V)
+    release(angles, 24 * nq)
+    release(scratch, space)
+    return bool(all_finite(X) and all_finite(V))
 
 
-HELD = ("oMi", "liMi", "oMf")  # words: addresses of fields of Data that were read; 0 for the others
+@routine(q=("nq",), v=("nv",), a=("nv",))
+def accelerations(q: Any, v: Any, a: Any, table: int, nq: int, njoints: int, oMi: int, v_out: int, a_out: int) -> bool:
+    """``joint_accelerations``, and velocities and poses in the world."""
+    bodies = table_at(table)
+    if not unit_norm(bodies, q):
+        return False
+    X, A, space = at(oMi, (njoints, 4, 4)), at(a_out, (njoints, 6)), len(bodies) * ACCELERATION_SIZE
+    scratch, angles = memory(space), memory(24 * nq)
+    work = array_at(scratch, (len(bodies),), WORK_ACCELERATION)
+    joint_accelerations(bodies, work, turned(q, array_at(angles, (3, nq), FLOAT)), v, a, A)
+    _compose_rows(bodies, work, X, at(v_out, (njoints, 6)))
+    release(angles, 24 * nq)
+    release(scratch, space)
+    return bool(all_finite(X) and all_finite(A))
+
+
+FIELDS = ("oMi", "liMi", "oMf")  # words: addresses of fields of Data that were read; 0 for the others
 
 
 @inline
-def _place_path(bodies: Any, work: Any, q: Any, row: int, poses: Any, local: Any, held: int) -> None:
-    """Place the rows that carry a row in the world; write the poses of their joints there, if held, and in parents."""
+def _place_path(bodies: Any, work: Any, q: Any, row: int, poses: Any, local: Any, world: bool, parents: bool) -> None:
+    """Place the rows that carry a row in the world; write the poses of their joints there and in parents, if asked."""
     put_pose(work[0].X, identity_pose())
     for i in range(1, row + 1):
         b = bodies[i]
         if b.last_row >= row:
-            if held & 2 and b.kind != CONTINUED:
+            if parents and b.kind != CONTINUED:
                 place_joint(bodies, i, q, work[i].X)
-                public_arrays.write_pose(local[bodies[i + b.dofs - 1].joint], pose_of(work[i].X))
+                write_pose(local[bodies[i + b.dofs - 1].joint], pose_of(work[i].X))
             X = placed_in_world(bodies, work, i, q)
-            if held & 1 and b.joint > 0:
-                public_arrays.write_pose(poses[b.joint], X)
+            if world and b.joint > 0:
+                write_pose(poses[b.joint], X)
 
 
-@cache
-def frame_jacobian_at() -> Routine:
-    """``(q, frame) -> (6, nv)``: ``frame_jacobian`` in one reference, to be recorded.
+@routine((6, "nv"), q=("nq",), k=Index("frames"))
+def frame_jacobian_at(
+    q: Any, k: int, table: int, njoints: int, code: int, oMi: int, liMi: int, oMf: int, frames: Frames, out: Any
+) -> bool:
+    """``frame_jacobian`` in one reference, to be recorded.
 
-    In the held fields it writes the poses of the joints that carry the frame, and that of the frame. Words: table,
-    sizes, code of the reference, addresses of held fields, frames; joints are rows of the table.
+    In the ``FIELDS`` it writes the poses of the joints that carry the frame, and that of the frame. The joints of
+    frames are rows of the table.
     """
-    body = [
-        "bodies = table_at(table)",
-        "if not unit_norm(bodies, q): return 0",
-        "i, p = word(joints, k), at(word(placements, k), (4, 4))",
-        "space, held = len(bodies) * WORK_SIZE, (1 if oMi != 0 else 0) + (2 if liMi != 0 else 0)",
-        "scratch = memory(space)",
-        "work = array_at(scratch, (len(bodies),), WORK)",
-        "place_path(bodies, work, q, i, at(oMi, (njoints, 4, 4)), at(liMi, (njoints, 4, 4)), held)",
-        "jacobian(bodies, work, i, p, code, out)",
-        "if oMf != 0: write_pose(at(oMf + 128 * k, (4, 4)), compose(pose_of(work[i].X), read_pose(p)))",
-        "release(scratch, space)",
-        "return 1 if all_finite(out) else 0",
-    ]
-    scope = {
-        **vars(public_arrays), **ON_TABLE, "jacobian": kinematics.placed_frame_jacobian, "place_path": _place_path,
-        "compose": spatial.compose, "pose_of": pose_of, "WORK": kinematics.WORK, "WORK_SIZE": kinematics.WORK.itemsize,
-    }  # fmt: skip
-    words = ["table", *SIZES, "code", *HELD, *FRAMES]
-    inputs: dict[str, Kind] = {"q": ("nq",), "k": Index("frames")}
-    return Routine("frame_jacobian_at", words, inputs, body, scope, (6, "nv"))
+    bodies = table_at(table)
+    if not unit_norm(bodies, q):
+        return False
+    i, p = word(frames.joints, k), at(word(frames.placements, k), (4, 4))
+    space = len(bodies) * ROW_SIZE
+    scratch = memory(space)
+    work = array_at(scratch, (len(bodies),), WORK)
+    _place_path(bodies, work, q, i, at(oMi, (njoints, 4, 4)), at(liMi, (njoints, 4, 4)), oMi != 0, liMi != 0)
+    placed_frame_jacobian(bodies, work, i, p, code, out)
+    if oMf != 0:
+        write_pose(at(oMf + 128 * k, (4, 4)), spatial.compose(pose_of(work[i].X), read_pose(p)))
+    release(scratch, space)
+    return bool(all_finite(out))
+
+
+@routine((6, 10), k=Index("njoints"))
+def joint_body_regressor(k: int, velocities: int, accelerations: int, out: Any) -> bool:
+    """The matrix of ``body_force`` of a joint's body, of motions of all joints."""
+    v, a = at(velocities + 48 * k, (6,)), at(accelerations + 48 * k, (6,))
+    body_force(read_motion(v), read_motion(a), out)
+    return True
 
 
 # --- rows -----------------------------------------------------------------------------------------------
 
 
-def on_rows(function: str, a: str, b: str, output: str) -> Callable[..., None]:
-    """``(a, places, b, out)``: out[k] = function(a[places[k]], b[k]), a kernel on rows of these kinds."""
-    body = [
-        "for k in range(len(places)):",
-        f"    write_{output}(out[k], {function}(read_{a}(a[places[k]]), read_{b}(b[k])))",
-    ]
-    return operator_kernels.compiled_text(f"rows_{function}", ["a", "places", "b", "out"], body)
+def on_rows(function: Any, read_a: Any, read_b: Any, write: Any) -> Callable[..., None]:
+    """``(a, places, b, out)``: out[k] = function(a[places[k]], b[k]), a kernel on rows of arrays."""
+
+    def rows(a: Any, places: Any, b: Any, out: Any) -> None:
+        for k in range(len(places)):
+            write(out[k], function(read_a(a[places[k]]), read_b(b[k])))
+
+    return operator_kernels.compiled(rows, operator_kernels.label(function))
 
 
-compose_all = on_rows("compose", "pose", "pose", "pose")
-relative_all = on_rows("relative_pose", "pose", "pose", "pose")
-motions_to_parent = on_rows("motion_to_parent", "pose", "motion", "motion")
-motions_to_child = on_rows("motion_to_child", "pose", "motion", "motion")
-forces_to_parent = on_rows("force_to_parent", "pose", "force", "force")
-bodies_to_parent = on_rows("body_to_parent", "pose", "body", "body")
-momenta = on_rows("body_momentum", "body", "motion", "force")
+compose_all = on_rows(spatial.compose, read_pose, read_pose, write_pose)
+relative_all = on_rows(operators.relative_pose, read_pose, read_pose, write_pose)
+motions_to_parent = on_rows(spatial.motion_to_parent, read_pose, read_motion, write_motion)
+motions_to_child = on_rows(spatial.motion_to_child, read_pose, read_motion, write_motion)
+forces_to_parent = on_rows(spatial.force_to_parent, read_pose, read_force, write_force)
+bodies_to_parent = on_rows(operators.body_to_parent, read_pose, read_body, write_body)
+momenta = on_rows(operators.body_momentum, read_body, read_motion, write_force)

@@ -2,32 +2,67 @@
 
 from __future__ import annotations
 
-from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...algebra.scalars import inline
 from ...engines.compiled import numba_kernels
+from ...engines.compiled.memory import at, table_at
+from ...engines.compiled.numba_kernels import OK
 from ...engines.compiled.tiers import table_kernel
-from ...engines.programs.run.routine import Kind, Routine
+from ...engines.programs.run.routine import routine
 from ...recursions import SPECS
 from ...recursions.constraints.kkt import bordered_inverse, constrained
-from .recorded_calls import SIZES
+from .recorded_calls import write_stamp
 
-# words: addresses of the factors that ``recursions.constraints.kkt`` computes, the clock, the stamp of the call that
-# gave M and the bias, and scratch
-KEPT = ("L", "Y", "C", "force", "clock", "before", "scratch")
+compute_M, compute_bias = (
+    table_kernel(numba_kernels.variant(SPECS[name], frozenset())) for name in ("crba", "nonlinear_effects")
+)
 
 
-def take_scratch(**shapes: str) -> list[str]:
-    """Statements that take arrays ``x_in`` of these shapes from the memory at ``scratch``, one after the other.
-
-    Allocating each anew would cost as much as a short call.
+class Kept(NamedTuple):
+    """Words: addresses of what the field of Data holds: the factors that ``recursions.constraints.kkt`` computes and
+    the forces; of the clock, and of the stamp of the call that gave M and the bias.
     """
-    sizes = {x: shape.replace(", ", " * ") for x, shape in shapes.items()}
-    return [y for x in shapes for y in (f"{x}_in = at(scratch, ({shapes[x]},))", f"scratch += 8 * {sizes[x]}")]
+
+    L: int
+    Y: int
+    C: int
+    force: int
+    clock: int
+    before: int
+
+
+class System(NamedTuple):
+    """Scratch of a solution: M, the right side, then the solution x, factors L, Y, C, forces, and γ."""
+
+    M: Any
+    x: Any
+    L: Any
+    Y: Any
+    C: Any
+    force: Any
+    g: Any
+
+
+@inline
+def system_at(address: int, nv: int, m: int) -> System:
+    """The arrays in memory at an address, one after the other: allocating them would cost as much as a short call."""
+    L = address + 8 * (nv * nv + nv)
+    C = L + 8 * (nv * nv + m * nv)
+    force = C + 8 * m * m
+    return System(
+        at(address, (nv, nv)), at(address + 8 * nv * nv, (nv,)), at(L, (nv, nv)), at(L + 8 * nv * nv, (m, nv)),
+        at(C, (m, m)), at(force, (m,)), at(force + 8 * m, (m,)),
+    )  # fmt: skip
+
+
+@inline
+def behind_system(address: int, nv: int, m: int) -> int:
+    """The address behind these arrays."""
+    return address + 8 * (2 * nv * nv + nv + m * nv + m * m + 2 * m)
 
 
 def scratch_of(nv: int, m: int) -> NDArray[np.float64]:
@@ -35,112 +70,95 @@ def scratch_of(nv: int, m: int) -> NDArray[np.float64]:
     return np.empty((2 * nv + 2 * m + 20) * (nv + m))
 
 
-COMPUTE_M = [
-    "if not mu >= 0.0: return 0",
-    *take_scratch(M="nv, nv", x="nv", L="nv, nv", Y="m, nv", C="m, m", force="m", g="m"),
-    f"if mass_matrix(table, q_in, M_in) != {numba_kernels.OK}: return 0",
-]
-SOLVE = [
-    "bodies = table_at(table)",
-    "if solve(bodies, M_in, J_in, x_in, g_in, mu, L_in, Y_in, C_in, x_in, force_in) != m: return 0",
-]
-KEEP = [
-    "copy2(L_in, at(L, (nv, nv)))",
-    "copy2(Y_in, at(Y, (m, nv)))",
-    "copy2(C_in, at(C, (m, m)))",
-    "copy(force_in, at(force, (m,)))",
-    "places(clock, (1,))[0] += 1",
-    "places(before, (1,))[0] = word(clock, 0)",
-]
-
-
 @inline
-def _copy(x: Any, out: Any) -> None:
+def copy_vector(x: Any, out: Any) -> None:
+    """Copy numbers."""
     for i in range(len(x)):
         out[i] = x[i]
 
 
 @inline
-def _copy2(x: Any, out: Any) -> None:
+def copy_matrix(x: Any, out: Any) -> None:
+    """Copy numbers, row by row."""
     for i in range(len(x)):
-        _copy(x[i], out[i])
+        copy_vector(x[i], out[i])
 
 
-def scope_of_constraints() -> dict[str, Any]:
-    """Names that the bodies of these builtins use."""
-
-    def kernel(name: str) -> Any:
-        return table_kernel(numba_kernels.variant(SPECS[name], frozenset())).twin
-
-    return {
-        "mass_matrix": kernel("crba"), "bias_of": kernel("nonlinear_effects"), "solve": constrained,
-        "inverse": bordered_inverse, "copy": _copy, "copy2": _copy2, "empty": np.empty,
-    }  # fmt: skip
-
-
-@cache
-def dynamics() -> Routine:
-    """``(q, v, tau, J, drift, damping) -> a``: forward dynamics under constraints; q, v and a are to be recorded.
-
-    Words: table, sizes, m, bias, factors, clock, stamp, scratch.
-    """
-    inputs: dict[str, Kind] = {"q_in": ("nq",), "v_in": ("nv",), "tau_in": ("nv",), "J_in": ("m", "nv")}
-    body = [
-        *COMPUTE_M,
-        "copy(drift, g_in)",
-        *take_scratch(b="nv"),
-        f"if bias_of(table, q_in, v_in, b_in) != {numba_kernels.OK}: return 0",
-        "for i in range(nv): x_in[i] = tau_in[i] - b_in[i]",
-        *SOLVE,
-        "copy(x_in, out)",
-        *KEEP,
-        "copy(b_in, at(bias, (nv,)))",
-        "return 1",
-    ]
-    words = ["table", *SIZES, "m", "bias", *KEPT]
-    return Routine("constrained", words, inputs | {"drift": ("m",), "mu": ()}, body, scope_of_constraints(), ("nv",))
+@inline
+def keep(s: System, kept: Kept) -> None:
+    """Copy the factors and the forces, and write a new stamp."""
+    nv, m = len(s.x), len(s.g)
+    copy_matrix(s.L, at(kept.L, (nv, nv)))
+    copy_matrix(s.Y, at(kept.Y, (m, nv)))
+    copy_matrix(s.C, at(kept.C, (m, m)))
+    copy_vector(s.force, at(kept.force, (m,)))
+    write_stamp(kept.clock, kept.before)
 
 
-@cache
-def impact() -> Routine:
-    """``(q, v, J, restitution, damping) -> v after an impact``; q and the result are to be recorded.
-
-    Words: table, sizes, m, M, factors, clock, stamp, scratch.
-    """
-    inputs: dict[str, Kind] = {"q_in": ("nq",), "v_in": ("nv",), "J_in": ("m", "nv"), "e": (), "mu": ()}
-    body = [
-        "if not 0.0 <= e <= 1.0: return 0",
-        *COMPUTE_M,
-        "for k in range(m):",
-        "    g_in[k] = 0.0",
-        "    for i in range(nv): g_in[k] += (1.0 + e) * J_in[k, i] * v_in[i]",
-        "for i in range(nv): x_in[i] = 0.0",
-        *SOLVE,
-        "for i in range(nv): out[i] = v_in[i] + x_in[i]",
-        "copy2(M_in, at(M, (nv, nv)))",
-        *KEEP,
-        "return 1",
-    ]
-    return Routine("impact", ["table", *SIZES, "m", "M", *KEPT], inputs, body, scope_of_constraints(), ("nv",))
+@inline
+def solved(table: int, s: System, J: Any, mu: float) -> bool:
+    """Solve M x = x + Jᵀ λ, J x + γ = -μ λ; returns whether the constraints are independent."""
+    m = constrained(table_at(table), s.M, J, s.x, s.g, mu, s.L, s.Y, s.C, s.x, s.force)
+    return bool(m == len(s.g))
 
 
-@cache
-def inverse() -> Routine:
-    """``(q, J, damping) -> inverse of [M Jᵀ; J -μ 1]``; q is to be recorded.
+@routine(("nv",), q=("nq",), v=("nv",), tau=("nv",), J=("m", "nv"), drift=("m",), mu=())
+def dynamics(
+    q: Any, v: Any, tau: Any, J: Any, drift: Any, mu: float,
+    table: int, nv: int, m: int, bias: int, kept: Kept, scratch: int, out: Any,
+) -> bool:  # fmt: skip
+    """Accelerations under constraints, with a damping μ; q, v and the result are to be recorded."""
+    s = system_at(scratch, nv, m)
+    b = at(behind_system(scratch, nv, m), (nv,))
+    if not mu >= 0.0 or compute_M(table, q, s.M) != OK or compute_bias(table, q, v, b) != OK:
+        return False
+    copy_vector(drift, s.g)
+    for i in range(nv):
+        s.x[i] = tau[i] - b[i]
+    if not solved(table, s, J, mu):
+        return False
+    copy_vector(s.x, out)
+    keep(s, kept)
+    copy_vector(b, at(bias, (nv,)))
+    return True
 
-    Words: table, sizes, m, axes of the result, M, factors, clock, stamp, scratch.
-    """
-    inputs: dict[str, Kind] = {"q_in": ("nq",), "J_in": ("m", "nv"), "mu": ()}
-    body = [
-        *COMPUTE_M,
-        "for k in range(m): g_in[k] = 0.0",
-        "for i in range(nv): x_in[i] = 0.0",
-        *SOLVE,
-        "copy(force_in, at(force, (m,)))",
-        "inverse(bodies, L_in, Y_in, C_in, g_in, x_in, force_in, out)",
-        "copy2(M_in, at(M, (nv, nv)))",
-        *KEEP,
-        "return 1",
-    ]
-    words = ["table", *SIZES, "m", "rows", "columns", "M", *KEPT]
-    return Routine("bordered_inverse", words, inputs, body, scope_of_constraints(), ("rows", "columns"))
+
+@routine(("nv",), q=("nq",), v=("nv",), J=("m", "nv"), e=(), mu=())
+def impact(
+    q: Any, v: Any, J: Any, e: float, mu: float, table: int, nv: int, m: int, M: int, kept: Kept, scratch: int, out: Any
+) -> bool:
+    """Velocities after an impact of restitution e; q and the result are to be recorded."""
+    s = system_at(scratch, nv, m)
+    if not 0.0 <= e <= 1.0 or not mu >= 0.0 or compute_M(table, q, s.M) != OK:
+        return False
+    for k in range(m):
+        s.g[k] = 0.0
+        for i in range(nv):
+            s.g[k] += (1.0 + e) * J[k, i] * v[i]
+    for i in range(nv):
+        s.x[i] = 0.0
+    if not solved(table, s, J, mu):
+        return False
+    for i in range(nv):
+        out[i] = v[i] + s.x[i]
+    copy_matrix(s.M, at(M, (nv, nv)))
+    keep(s, kept)
+    return True
+
+
+@routine(("rows", "rows"), q=("nq",), J=("m", "nv"), mu=())
+def inverse(q: Any, J: Any, mu: float, table: int, nv: int, m: int, M: int, kept: Kept, scratch: int, out: Any) -> bool:
+    """The inverse of [M Jᵀ; J -μ 1], which has ``rows`` rows; q is to be recorded."""
+    s = system_at(scratch, nv, m)
+    if not mu >= 0.0 or compute_M(table, q, s.M) != OK:
+        return False
+    for k in range(m):
+        s.g[k] = 0.0
+    for i in range(nv):
+        s.x[i] = 0.0
+    if not solved(table, s, J, mu):
+        return False
+    copy_matrix(s.M, at(M, (nv, nv)))
+    keep(s, kept)
+    bordered_inverse(table_at(table), s.L, s.Y, s.C, s.g, s.x, s.force, out)
+    return True

@@ -7,8 +7,7 @@ both frames in the world and of the second in the first (16 each), velocities of
 
 from __future__ import annotations
 
-from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -22,17 +21,28 @@ from ...algebra.public_arrays import (
 )
 from ...algebra.scalars import inline
 from ...algebra.spatial import Motion, add_motion, cross_motion, motion_to_parent, scale_motion, sub_motion, zero_motion
-from ...engines.compiled import numba_kernels
-from ...engines.programs.run.routine import Kind, Routine
-from ...recursions.constraints.kkt import solve_factored
+from ...engines.compiled.memory import at, table_at, word
+from ...engines.compiled.numba_kernels import OK
+from ...engines.programs.run.routine import routine
+from ...recursions.constraints.kkt import constrained, solve_factored
 from ...recursions.spec import LOCAL
 from ...recursions.tree.kinematics import WORK, classical_acceleration, frame_jacobian, frame_motion
 from .operators import log_pose, relative_pose
-from .recorded_calls import SIZES
-from .recorded_constraints import KEEP, KEPT, scope_of_constraints, take_scratch
+from .recorded_constraints import Kept, behind_system, compute_bias, compute_M, copy_vector, keep, system_at
 
 GIVEN, FOUND = 38, 78  # numbers of a contact, and of its data
 ABSOLUTE, RELATIVE, MU, MOST, ITERATIONS, ABSOLUTE_RESIDUAL, RELATIVE_RESIDUAL = range(7)  # of ProximalSettings
+
+
+class Contacts(NamedTuple):
+    """Words: the number of contacts, addresses of arrays of addresses: of contacts and of their data; of the rows of
+    joints.
+    """
+
+    size: int
+    given: int
+    found: int
+    rows: int
 
 
 @inline
@@ -124,45 +134,45 @@ def solve_proximally(bodies: Any, J: Any, r: Any, g: Any, s: Any, L: Any, Y: Any
             break
 
 
-@cache
-def contact_dynamics() -> Routine:
-    """``(q, v, tau, settings (7,)) -> a`` under contacts, but dependent ones; it writes the settings.
-
-    Words: table, sizes, m, number of contacts, addresses of arrays of addresses: contacts, data; of the rows of joints;
-    bias, factors, clock, stamp, scratch. q, v and a are to be recorded.
-    """
-    body = [
-        "size = 0.0",
-        "for k in range(count):",
-        f"    size += at(word(contacts, k), ({GIVEN},))[0]",
-        f"    if at(word(contacts, k), ({GIVEN},))[1] > 1.0: return 0",
-        f"if size != m or not s[{MU}] >= 0.0: return 0",
-        *take_scratch(M="nv, nv", x="nv", r="nv", b="nv", L="nv, nv", Y="m, nv", C="m, m", force="m", g="m"),
-        *take_scratch(J="m, nv", J1="6, nv", J2="6, nv"),
-        f"if mass_matrix(table, q_in, M_in) != {numba_kernels.OK}: return 0",
-        f"if bias_of(table, q_in, v_in, b_in) != {numba_kernels.OK}: return 0",
-        "bodies, first = table_at(table), 0",
-        "work = empty(len(bodies), WORK)",
-        "for k in range(count):",
-        f"    c, own = at(word(contacts, k), ({GIVEN},)), at(word(datas, k), ({FOUND},))",
-        "    end = first + int(c[0])",
-        "    J_own, g_own = J_in[first:end], g_in[first:end]",
-        "    put(bodies, work, q_in, v_in, at(rows, (njoints,)), c, own, J1_in, J2_in, J_own, g_own)",
-        "    first = end",
-        "for i in range(nv): r_in[i] = tau_in[i] - b_in[i]",
-        f"if solve(bodies, M_in, J_in, r_in, g_in, s[{MU}], L_in, Y_in, C_in, x_in, force_in) != m: return 0",
-        "proximally(bodies, J_in, r_in, g_in, s, L_in, Y_in, C_in, x_in, force_in)",
-        "copy(x_in, out)",
-        "first = 0",
-        "for k in range(count):",
-        f"    own, rows_of = at(word(datas, k), ({FOUND},)), int(at(word(contacts, k), ({GIVEN},))[0])",
-        "    for i in range(rows_of): own[i] = force_in[first + i]",
-        "    first += rows_of",
-        *KEEP,
-        "copy(b_in, at(bias, (nv,)))",
-        "return 1",
-    ]
-    words = ["table", *SIZES, "m", "count", "contacts", "datas", "rows", "bias", *KEPT]
-    inputs: dict[str, Kind] = {"q_in": ("nq",), "v_in": ("nv",), "tau_in": ("nv",), "s": (7,)}
-    scope = {**scope_of_constraints(), "put": put_contact, "proximally": solve_proximally, "WORK": WORK}
-    return Routine("contact_dynamics", words, inputs, body, scope, ("nv",))
+@routine(("nv",), q=("nq",), v=("nv",), tau=("nv",), settings=(7,))
+def contact_dynamics(
+    q: Any, v: Any, tau: Any, settings: Any,
+    table: int, nv: int, njoints: int, m: int, contacts: Contacts, bias: int, kept: Kept, scratch: int, out: Any,
+) -> bool:  # fmt: skip
+    """Accelerations under contacts, but dependent ones; it writes the settings. q, v and a are to be recorded."""
+    mu, size = settings[MU], 0.0
+    for k in range(contacts.size):
+        c = at(word(contacts.given, k), (GIVEN,))
+        size += c[0]
+        if c[1] > 1.0:
+            return False
+    if size != m or not mu >= 0.0:
+        return False
+    s, room = system_at(scratch, nv, m), behind_system(scratch, nv, m)
+    r, b, J = at(room, (nv,)), at(room + 8 * nv, (nv,)), at(room + 16 * nv, (m, nv))
+    J1, J2 = at(room + 8 * (2 + m) * nv, (6, nv)), at(room + 8 * (8 + m) * nv, (6, nv))
+    if compute_M(table, q, s.M) != OK or compute_bias(table, q, v, b) != OK:
+        return False
+    bodies, first = table_at(table), 0
+    work = np.empty(len(bodies), WORK)
+    for k in range(contacts.size):
+        c, own = at(word(contacts.given, k), (GIVEN,)), at(word(contacts.found, k), (FOUND,))
+        end = first + int(c[0])
+        rows = at(contacts.rows, (njoints,))
+        put_contact(bodies, work, q, v, rows, c, own, J1, J2, J[first:end], s.g[first:end])
+        first = end
+    for i in range(nv):
+        r[i] = tau[i] - b[i]
+    if constrained(bodies, s.M, J, r, s.g, mu, s.L, s.Y, s.C, s.x, s.force) != m:
+        return False
+    solve_proximally(bodies, J, r, s.g, settings, s.L, s.Y, s.C, s.x, s.force)
+    copy_vector(s.x, out)
+    first = 0
+    for k in range(contacts.size):
+        own, count = at(word(contacts.found, k), (FOUND,)), int(at(word(contacts.given, k), (GIVEN,))[0])
+        for i in range(count):
+            own[i] = s.force[first + i]
+        first += count
+    keep(s, kept)
+    copy_vector(b, at(bias, (nv,)))
+    return True

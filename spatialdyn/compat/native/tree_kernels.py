@@ -10,7 +10,9 @@ from ...algebra.public_arrays import read_body, read_pose, write_body, write_tan
 from ...algebra.records import inertia_of, motion_of, pose_of
 from ...algebra.scalars import inline
 from ...algebra.spatial import Pose, compose, momentum, motion_to_parent, zero_motion
+from ...engines.compiled.memory import at, table_at
 from ...engines.compiled.table_kernels import kernel
+from ...engines.programs.run.routine import routine
 from ...recursions.constraints.kkt import factored
 from ...recursions.momenta import centroidal
 from ...recursions.spec import LOCAL_WORLD_ALIGNED, WORLD
@@ -61,6 +63,15 @@ def _subtree_com_jacobian(bodies: Any, work: Any, q: Any, root: Any, J: Any) -> 
             S = zero_motion()
         write_vec(J[:, i - 1], scale(1.0 / whole.m, momentum(moved, S).f))
     return 0
+
+
+@routine(("nv",), v=("nv",))
+def solve(v: Any, table: int, nv: int, U: int, D: int, scratch: int, out: Any) -> bool:
+    """M⁻¹ v of the factors at these addresses; it does not apply if D is not positive. ``scratch`` (nv, nv)."""
+    for i in range(nv):
+        out[i] = v[i]
+    factors = at(U, (nv, nv)), at(D, (nv,))
+    return bool(_solve_upper(table_at(table), factors[0], factors[1], at(scratch, (nv, nv)), out.reshape(1, nv)) == 0)
 
 
 factor_upper = deferred(lambda: kernel(_factor_upper, 2, 2, 2, 1))

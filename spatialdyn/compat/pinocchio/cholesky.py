@@ -34,8 +34,19 @@ def decompose(model: Model, data: Data) -> Array:
 
 def solve(model: Model, data: Data, v: Any) -> Array:
     """M⁻¹ v (nv,) from the U, D that decompose left in ``data``. Raises InertiaError if it was not called."""
+    try:
+        library, call = data._bound["cholesky"]
+        if library is model._library and (found := call(v)) is not None:
+            return found  # type: ignore[no-any-return]
+    except (AttributeError, KeyError):  # the fast path does not apply
+        pass
     x = np.array(vector("v", v, model.nv))
     _solve(model, data, x.reshape(1, -1))
+    library = library_of(model, data)
+    if library.has_builtins:
+        arrays = {"U": data.hold("U"), "D": data.hold("D"), "scratch": np.empty((model.nv, model.nv))}
+        words = {**library.words, **{name: array.ctypes.data for name, array in arrays.items()}}
+        data._bound["cholesky"] = library, tree_kernels.solve.bind(words, library, *arrays.values())
     return x
 
 

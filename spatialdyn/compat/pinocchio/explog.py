@@ -7,12 +7,14 @@ from typing import Any
 
 import numpy as np
 
+from ...algebra import lie
 from ...errors import ShapeError, SpatialDynError
+from ..native import operators
 from .types.arguments import ArgumentError, Array, described, expected, of_pinocchio
 from .types.motion import Motion
 from .types.rotations import Quaternion
 from .types.se3 import SE3
-from .types.value import on_table, on_values
+from .types.value import on_values
 
 __all__ = [
     "Hlog3", "Jexp3", "Jexp6", "Jlog3", "Jlog6", "SE3ToXYZQUAT", "SE3ToXYZQUATtuple", "XYZQUATToSE3",
@@ -20,35 +22,44 @@ __all__ = [
 ]  # fmt: skip
 
 
-exp3, exp3_quat, Jexp3, Jlog3, Hlog3, exp6, exp6_quat, log6, log6_quat, Jexp6, Jlog6, SE3ToXYZQUAT = on_table("""
-exp3(w: vec) -> rot = rotation_matrix(exp_rotation(w))
-    The rotation (3, 3) by |w| about w (3,) [rad].
-exp3_quat(w: vec) -> quat = exp_rotation(w)
-    The quaternion x y z w (4,) of the rotation by |w| about w (3,) [rad].
-Jexp3(w: vec) -> rot = exp_jacobian(Motion(w, zero())).J
-    The right Jacobian J (3, 3): exp(w + δ) = exp(w) exp(J δ) to first order.
-Jlog3(R: rot) -> rot = log_jacobian(Motion(log_matrix(R), zero()), 1.0).J
-    The matrix J (3, 3) with log(R exp(δ)) = log R + J δ to first order.
-Hlog3(R: rot, v: vec) -> rot = log_matrix_jacobian_derivative(R, v)
-    The derivative (3, 3) of ``Jlog3(R exp(s v))`` by s, at s = 0.
-exp6(v: Motion|motion) -> Pose = exp_pose(v)
-    The exponential of a Motion or an array (6,): the pose reached at this body velocity in unit time, an SE3.
-exp6_quat(v: motion) -> seven = Placed(exp_travel(v), exp_rotation(v.w))
-    ``exp6`` of an array (6,) as x y z and quaternion x y z w (7,).
-log6(M: Pose|pose) -> Motion = log_pose(M)
-    The logarithm of an SE3 or an array (4, 4): the Motion with exp6(v) = M and a rotation up to π.
-log6_quat(q: seven) -> Motion = log_placed(q.p, log_rotation(q.q))
-    ``log6`` of x y z and quaternion x y z w (7,).
-Jexp6(v: Motion|motion) -> tangent = exp_jacobian(v)
-    The right Jacobian J (6, 6): exp(v + δ) = exp(v) exp(J δ) to first order; v a Motion or an array (6,).
-Jlog6(M: Pose) -> tangent = log_jacobian(log_pose(M), 1.0)
-    The matrix J (6, 6) with log(M exp(δ)) = log M + J δ to first order; M an SE3.
-SE3ToXYZQUAT(M: Pose) -> seven = Placed(M.p, quaternion_of_matrix(M.R))
-    Translation x y z and quaternion x y z w (7,) of an SE3.
-""")
-_log_of_matrix = on_values("log3(R: rot) -> vec", "log_matrix(R)")
-_log_of_quaternion = on_values("log3(quat: Quat|quat) -> vec", "log_rotation(quat)")
-_pose_of_seven = on_values("XYZQUATToSE3(x: seven) -> Pose", "Pose(rotation_matrix(x.q), x.p)")
+exp3 = on_values("exp3", operators.exp_matrix, "rot", "The rotation (3, 3) by |w| about w (3,) [rad].", w="vec")
+exp3_quat = on_values("exp3_quat", lie.exp_rotation, "quat",
+    "The quaternion x y z w (4,) of the rotation by |w| about w (3,) [rad].", w="vec")  # fmt: skip
+Jexp3 = on_values("Jexp3", operators.exp_matrix_jacobian, "rot",
+    "The right Jacobian J (3, 3): exp(w + δ) = exp(w) exp(J δ) to first order.", w="vec")  # fmt: skip
+Jlog3 = on_values("Jlog3", operators.log_matrix_jacobian, "rot",
+    "The matrix J (3, 3) with log(R exp(δ)) = log R + J δ to first order.", R="rot")  # fmt: skip
+Hlog3 = on_values("Hlog3", operators.log_matrix_jacobian_derivative, "rot",
+    "The derivative (3, 3) of ``Jlog3(R exp(s v))`` by s, at s = 0.", R="rot", v="vec")  # fmt: skip
+exp6 = on_values(
+    "exp6", operators.exp_pose, "Pose",
+    "The exponential of a Motion or an array (6,): the pose reached at this body velocity in unit time, an SE3.",
+    v="Motion|motion",
+)  # fmt: skip
+exp6_quat = on_values(
+    "exp6_quat", operators.exp_seven, "seven",
+    "``exp6`` of an array (6,) as x y z and quaternion x y z w (7,).",
+    v="motion",
+)  # fmt: skip
+log6 = on_values(
+    "log6", operators.log_pose, "Motion",
+    "The logarithm of an SE3 or an array (4, 4): the Motion with exp6(v) = M and a rotation up to π.",
+    M="Pose|pose",
+)  # fmt: skip
+log6_quat = on_values("log6_quat", operators.log_seven,
+    "Motion", "``log6`` of x y z and quaternion x y z w (7,).", q="seven")  # fmt: skip
+Jexp6 = on_values(
+    "Jexp6", lie.exp_jacobian, "tangent",
+    "The right Jacobian J (6, 6): exp(v + δ) = exp(v) exp(J δ) to first order; v a Motion or an array (6,).",
+    v="Motion|motion",
+)  # fmt: skip
+Jlog6 = on_values("Jlog6", operators.log_pose_jacobian, "tangent",
+    "The matrix J (6, 6) with log(M exp(δ)) = log M + J δ to first order; M an SE3.", M="Pose")  # fmt: skip
+SE3ToXYZQUAT = on_values("SE3ToXYZQUAT", operators.seven_of_pose, "seven",
+    "Translation x y z and quaternion x y z w (7,) of an SE3.", M="Pose")  # fmt: skip
+_log_of_matrix = on_values("log3", operators.log_matrix, "vec", R="rot")
+_log_of_quaternion = on_values("log3", lie.log_rotation, "vec", quat="Quat|quat")
+_pose_of_seven = on_values("XYZQUATToSE3", operators.pose_of_seven, "Pose", x="seven")
 
 
 def exp(x: Any) -> Any:

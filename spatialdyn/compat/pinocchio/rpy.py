@@ -8,26 +8,20 @@ from typing import Any
 import numpy as np
 
 from ...errors import SpatialDynError
+from ..native import operators
 from .types.arguments import Array, array
 from .types.frame import LOCAL, ReferenceFrame
-from .types.value import on_table
+from .types.value import on_values
 
 __all__ = [
     "computeRpyJacobian", "computeRpyJacobianInverse", "computeRpyJacobianTimeDerivative", "matrixToRpy", "rotate",
     "rpyToMatrix",
 ]  # fmt: skip
 
-_ABOUT = dict(zip("xyz", on_table("""
-rotate(angle: number) -> rot = rotation_of_angles(angle, 0.0, 0.0)
-rotate(angle: number) -> rot = rotation_of_angles(0.0, angle, 0.0)
-rotate(angle: number) -> rot = rotation_of_angles(0.0, 0.0, angle)
-"""), strict=True))  # fmt: skip
-matrixToRpy, _of_array, _of_angles = on_table("""
-matrixToRpy(R: rot) -> vec = rpy_of_rotation(R)
-    Roll in ±π, pitch in ±π/2, yaw in ±π (3,) [rad] of a rotation matrix (3, 3).
-rpyToMatrix(rpy: vec) -> rot = rotation_of_angles(rpy.x, rpy.y, rpy.z)
-rpyToMatrix(roll: number, pitch: number, yaw: number) -> rot = rotation_of_angles(roll, pitch, yaw)
-""")
+matrixToRpy = on_values("matrixToRpy", operators.rpy_of_rotation,
+    "vec", "Roll in ±π, pitch in ±π/2, yaw in ±π (3,) [rad] of a rotation matrix (3, 3).", R="rot")  # fmt: skip
+_of_array = on_values("rpyToMatrix", operators.rotation_of_rpy, "rot", rpy="vec")
+_of_angles = on_values("rpyToMatrix", operators.rotation_of_angles, "rot", roll="number", pitch="number", yaw="number")
 
 
 def rpyToMatrix(roll: Any, pitch: Any = None, yaw: Any = None) -> Array:
@@ -39,10 +33,16 @@ def rpyToMatrix(roll: Any, pitch: Any = None, yaw: Any = None) -> Array:
 
 def rotate(axis: str, angle: float) -> Array:
     """The rotation (3, 3) by an angle [rad] about an axis, "x", "y" or "z"."""
-    about = _ABOUT.get(axis)
-    if about is None:
+    found: Array
+    if axis == "x":
+        found = _of_angles(angle, 0.0, 0.0)
+    elif axis == "y":
+        found = _of_angles(0.0, angle, 0.0)
+    elif axis == "z":
+        found = _of_angles(0.0, 0.0, angle)
+    else:
         raise SpatialDynError(f'axis is {axis!r}, expected "x", "y" or "z"')
-    return about(angle)  # type: ignore[no-any-return]
+    return found
 
 
 def computeRpyJacobian(rpy: Any, reference_frame: ReferenceFrame = LOCAL) -> Array:

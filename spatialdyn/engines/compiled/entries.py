@@ -8,50 +8,32 @@ compiling pays (see ``tiers``), with the same bits.
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from functools import cache
 from typing import Any
 
 import numpy as np
 
 from ...recursions.spec import Spec
-from . import numba_kernels, tiers
-from .tiers import NATIVE, Tier, Twin, scope_in
+from . import memory, numba_kernels, tiers
+from .memory import Argument, at, read, word
+from .stamp import STAMP, covers, names
+from .tiers import Tier
 
 NO_LIMIT = np.array([1 << 62])  # a counter of calls
-F8, INDICES, BODIES = np.float64, np.intp, "bodies"
-Shape = tuple[int | str, ...]
-
-
-def of_memory(name: str) -> Callable[[], Any]:
-    """A function that gives a function of ``memory_at``, as a Twin needs it."""
-
-    def compiled() -> Any:
-        from . import memory_at
-
-        return getattr(memory_at, name)
-
-    return compiled
-
-
-MEMORY: dict[str, Any] = {  # how a source reads memory: a word, an array of numbers, an array of indices
-    "word": Twin(tiers.word, of_memory("word")),
-    "at": Twin(lambda address, shape: tiers.array_of(address, shape, F8), of_memory("at")),
-    "places": Twin(lambda address, shape: tiers.array_of(address, shape, INDICES), of_memory("places")),
-    **NATIVE,
-}
 
 
 class Entry(Tier):
-    """An entry generated as text: its address, which calls plain Python until compiling pays."""
+    """An entry: its address, which calls plain Python until compiling pays."""
 
-    def __init__(self, name: str, text: Sequence[str], scope: Mapping[str, Any]) -> None:
-        """Of statements that read ``context``, ``inputs`` and ``outputs``."""
+    def __init__(self, plain: Callable[..., Any], compiled: Callable[[], Callable[..., Any]], key: str = "") -> None:
+        """``plain`` is the entry in plain Python; ``compiled()`` makes the one to compile.
+
+        key  what the code is, in text, if it is to be kept on disk
+        """
         super().__init__()
-        self._made_of = f"entry_{name}", ["context", "inputs", "outputs"], ["stamp", *text]
-        self._scope = {**MEMORY, **scope}
+        self._made_by, self._key = compiled, key
         self._dispatcher: Any = None
-        plain = self._function(plain=True)
 
         def call(context: int, inputs: int, outputs: int) -> int:
             if self._spent >= self.compile_seconds:
@@ -65,21 +47,23 @@ class Entry(Tier):
         self.address = ctypes.cast(self._callback, ctypes.c_void_p).value or 0
         self.code()
 
-    def _function(self, plain: bool) -> Callable[..., Any]:
-        return numba_kernels.kernel_from_text(*self._made_of, scope_in(plain, self._scope))
-
-    def _jitted(self, plain: bool) -> Any:
+    def _jitted(self) -> Any:
         from . import jit
+        from . import memory_at as memory_at  # it registers what compiled code runs
 
-        return jit.numba_jit(self._function(plain), nogil=False, from_c=True, contract=False)
+        if self._dispatcher is None:
+            self._dispatcher = jit.numba_jit(
+                self._made_by(), nogil=False, keep=bool(self._key), from_c=True, contract=False, key=self._key
+            )
+        return self._dispatcher
 
     def _is_stored(self, *arguments: Any) -> bool:
-        return tiers.is_stored(self._jitted(plain=True), _signature())
+        return bool(self._key) and tiers.is_stored(self._jitted(), _signature())
 
     def _compile(self) -> Any:
-        self._dispatcher = self._jitted(plain=False)
-        self._dispatcher.compile(_signature())
-        made = self._dispatcher.overloads[_signature()]
+        dispatcher = self._jitted()
+        dispatcher.compile(_signature())
+        made = dispatcher.overloads[_signature()]
         self.address = made.library.get_pointer_to_function(made.fndesc.llvm_cfunc_wrapper_name)
         return self
 
@@ -96,11 +80,35 @@ def _signature() -> tuple[Any, ...]:
     return (types.intp,) * 3
 
 
+def entry_of(function: Callable[..., Any], arguments: Sequence[Argument], name: str) -> Entry:
+    """The Entry of a function of such arguments that returns whether it applies.
+
+    name  says which function it is, with all that it captures
+    """
+    key = repr((STAMP, name, function.__module__, function.__qualname__, *arguments)) if covers(function) else ""
+
+    def plain(context: int, inputs: int, outputs: int) -> bool:
+        return bool(function(*read(arguments, context, inputs, outputs)))
+
+    def compiled() -> Callable[..., Any]:
+        from . import memory_at
+
+        given = memory_at.reader(arguments)
+
+        def entry(context: int, inputs: int, outputs: int) -> int:
+            return 1 if function(*given(context, inputs, outputs)) else 0
+
+        entry.__qualname__ = f"entry_{name}"
+        return entry
+
+    return Entry(plain, compiled, key)
+
+
 @cache
 def table_entry(spec: Spec) -> Entry:
     """The Entry of a call on any table, whose address is the context."""
-    kernel, arrays = tiers.table_kernel(spec), [*spec.present, spec.output]
-    text = ["bodies = table_at(context)"]
+    arrays = [*spec.present, spec.output]
+    text = ["stamp", "bodies = table_at(context)"]
     for k, x in enumerate(arrays):
         shape = ", ".join(numba_kernels.extent(spec, size) for size in numba_kernels.kernel_shape(x))
         place = "word(outputs, 0)" if x is spec.output else f"word(inputs, {k})"
@@ -108,4 +116,7 @@ def table_entry(spec: Spec) -> Entry:
         text.append(f"x{k} = at({place}, ({shape},)){one}")
     passed = ", ".join(f"x{k}" for k in range(len(arrays)))
     text.append(f"return 1 if kernel(context, {passed}) == {numba_kernels.OK} else 0")
-    return Entry(numba_kernels.label(spec), text, {"kernel": kernel.twin})
+    scope = {"kernel": tiers.table_kernel(spec), "word": word, "at": at, "table_at": memory.table_at}
+    name = f"entry_{numba_kernels.label(spec)}"
+    made = numba_kernels.kernel_from_text(name, ["context", "inputs", "outputs"], text, scope)
+    return Entry(made, lambda: made, repr((STAMP, name, text)) if names(spec) else "")

@@ -13,14 +13,16 @@ import numpy as np
 from numba import carray, njit, types  # type: ignore[attr-defined]
 from numba.core import cgutils
 from numba.core.compiler_lock import global_compiler_lock
+from numba.core.typing.templates import infer_global, make_intrinsic_template
 from numba.extending import intrinsic
 from numba.np import arrayobj
 
-from ...algebra.scalars import compiled_as, inline, register
+from ...algebra.scalars import compiled_as, inline, inlined_as, register
 from ...bodies.table import BODIES
 from ...waiting import watch
 from ..interrupt import interruptible
-from . import disk_cache
+from . import angles, disk_cache
+from . import memory as plain_memory
 from .numba_cache import NumbaCache
 from .numba_settings import PLAIN
 from .sines import turn as turn
@@ -81,25 +83,43 @@ def _array_at(typing_context: Any, memory: Any, shape: Any, dtype: Any) -> Any:
     kind = array(dtype.dtype, len(shape), "C")
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        made, put = context.make_array(kind)(context, builder), cast(Any, arrayobj.populate_array)
-        size = context.get_abi_sizeof(context.get_data_type(kind.dtype))
         extents = [builder.extract_value(arguments[1], axis) for axis in range(kind.ndim)]
-        strides = [context.get_constant(types.intp, size)]
-        for extent in reversed(extents[1:]):
-            strides.insert(0, builder.mul(strides[0], extent))
-        put(made, builder.bitcast(arguments[0], made.data.type), extents, strides, strides[-1], meminfo=None)
-        return made._getvalue()
+        return array_of(context, builder, kind, arguments[0], extents)
 
     return kind(memory, shape, dtype), generate
 
 
+def array_of(context: Any, builder: Any, kind: Any, place: Any, extents: list[Any]) -> Any:
+    """The array of a type and shape, in C order, at an address or a pointer."""
+    made, put = context.make_array(kind)(context, builder), cast(Any, arrayobj.populate_array)
+    size = context.get_abi_sizeof(context.get_data_type(kind.dtype))
+    strides = [context.get_constant(types.intp, size)]
+    for extent in reversed(extents[1:]):
+        strides.insert(0, builder.mul(strides[0], extent))
+    cast_to = builder.inttoptr if place.type == extents[0].type else builder.bitcast
+    put(made, cast_to(place, made.data.type), extents, strides, strides[-1], meminfo=None)
+    return made._getvalue()
+
+
+def intrinsic_as(function: Callable[..., Any], define: Callable[..., Any]) -> Any:
+    """The intrinsic of a definition, which compiled code runs in place of ``function``."""
+    made: Any = intrinsic(define)
+    template: Any = make_intrinsic_template
+    of_global: Any = infer_global
+    of_global(function, types.Function(template(made, define, function.__name__)))
+    return made
+
+
 pointer: Any = intrinsic(_pointer_at)
-memory: Any = intrinsic(_memory)  # (bytes) -> memory for the calling function, on the stack if small
-release: Any = intrinsic(_release)  # (memory, bytes): free the memory if it is not on the stack
-array_at: Any = intrinsic(_array_at)  # (memory, shape, dtype) -> the array there: as carray, but compiles faster
+# (bytes) -> memory for the calling function, on the stack if small
+memory = intrinsic_as(plain_memory.memory, _memory)
+release = intrinsic_as(plain_memory.release, _release)  # (memory, bytes): free the memory if it is not on the stack
+# (memory, shape, dtype) -> the array there: as carray, but compiles faster
+array_at = intrinsic_as(plain_memory.array_at, _array_at)
 
 
 @inline
+@inlined_as(plain_memory.table_at)
 def table_at(address: int) -> Any:
     """The table of bodies at an address; ``last_row`` of row 0 is the number of rows that follow it."""
     world = carray(pointer(address), (1,), BODIES)
@@ -114,6 +134,7 @@ def rows_at(address: int, dtype: Any) -> Any:
 
 
 @inline
+@inlined_as(angles.turned)
 def turned(q: Any, memory: Any) -> Any:
     """q, cos q and sin q as an array (3, nq) in ``memory``, the form in which a recursion takes ``TURNED_Q``."""
     turn(q, memory)
@@ -139,18 +160,20 @@ def hand_over() -> None:
 
 
 def numba_jit(
-    function: Callable[..., Any], nogil: bool = True, keep: bool = True, from_c: bool = False, contract: bool = True
-) -> Callable[..., Any]:
-    """A function made by ``kernel_from_text``, compiled at its first call of each type, and cached on disk if ``keep``.
+    function: Callable[..., Any], nogil: bool = True, keep: bool = True, from_c: bool = False, contract: bool = True,
+    key: str = "",
+) -> Callable[..., Any]:  # fmt: skip
+    """A function of compiled code, compiled at its first call of each type, and cached on disk if ``keep``.
 
     from_c    whether the function has an entry that C can call
     contract  whether LLVM may fuse multiplications and additions
+    key       text that says what the code is; a function of ``kernel_from_text``, which captures text only, needs none
     """
     hand_over()
     flags = {name: x for name, x in FLAGS.items() if contract or name != "fastmath"}
     dispatcher: Any = njit(**{**flags, "nogil": nogil, "no_cfunc_wrapper": not from_c, **OWN})(function)
     if keep and not PLAIN:
-        dispatcher._cache = NumbaCache(function)
+        dispatcher._cache = NumbaCache(function, key)
     return compile_aside(dispatcher)
 
 

@@ -34,12 +34,15 @@ def settings() -> tuple[Any, ...]:
 
 
 class NumbaCache(_Cache):
-    """The cache of one function whose closure holds text only."""
+    """The cache of one function."""
 
-    def __init__(self, function: Callable[..., Any]) -> None:
-        """Name the function by its code and closure; the closure must hold all else that the code depends on."""
+    def __init__(self, function: Callable[..., Any], key: str = "") -> None:
+        """Name the function by its code and closure, or by a key: one of them must hold all that the code depends on.
+
+        A closure may hold text only.
+        """
         code, cells = function.__code__, function.__closure__ or ()
-        text = (code.co_code, code.co_consts, code.co_names, [cell.cell_contents for cell in cells])
+        text: Any = key or (code.co_code, code.co_consts, code.co_names, [cell.cell_contents for cell in cells])
         self._function = repr((function.__module__, function.__qualname__, text, settings()))
         self._enabled = True
 

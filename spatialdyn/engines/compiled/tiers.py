@@ -5,47 +5,25 @@ the source runs in plain Python first. It is compiled once the time spent in pla
 time, or loaded at once if its compiled code is on disk. LLVM must not fuse a product and a sum of such a function
 (``contract``). So compiled code rounds as plain Python does, and earlier calls change only the time of a call.
 
-Compiled code reads memory by address, plain Python by ``ctypes``. A ``Twin`` is a name of the source that has two
-meanings; the functions below are the meanings in plain Python.
+Compiled code reads memory by address, plain Python by ``ctypes``: ``memory`` has functions for both.
 """
 
 from __future__ import annotations
 
-import ctypes
-import math
-import struct
-from collections.abc import Callable, Mapping
-from fractions import Fraction
+from collections.abc import Callable
 from functools import cache, cached_property
 from time import perf_counter
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from ...algebra.scalars import cos, sin
-from ...bodies.table import BODIES
 from ...recursions.spec import Spec
 from .. import locks
-from ..polynomials import COSINE, HALF_PI, MAGIC, MAX_ANGLE, SINE
-from . import numba_kernels
+from . import angles, memory, numba_kernels
 from .numba_settings import PLAIN
 
 COMPILE_SECONDS = 1.0  # expected time to compile a function
 BRANCHING_SECONDS = 10.0  # the same for a function that branches on values, the square-root ABA
-SHIFT, (LARGE, SMALL, LEAST) = MAGIC["double"], HALF_PI["double", True]
-
-
-class Twin(NamedTuple):
-    """The value of a name in plain Python, and a function that makes the name's value in compiled code."""
-
-    plain: Any
-    compiled: Callable[[], Any]
-
-
-def scope_in(plain: bool, scope: Mapping[str, Any]) -> dict[str, Any]:
-    """The values of a source's names in plain Python, or in compiled code."""
-    chosen = {name: (x.plain if plain else x.compiled()) for name, x in scope.items() if isinstance(x, Twin)}
-    return {**scope, **chosen}
 
 
 class Tier:
@@ -103,23 +81,31 @@ class Tier:
 class Tiered(Tier):
     """A function of arrays and numbers that is called directly."""
 
-    def __init__(self, source: Callable[[bool], Any], compiled: Callable[[Any], Any]) -> None:
-        """``source(plain)`` makes the function for plain Python or for compiled code; ``compiled`` compiles it."""
+    def __init__(self, source: Callable[[], Any], compiled: Callable[[Any], Any]) -> None:
+        """``source()`` makes the function, ``compiled`` compiles it."""
         super().__init__()
         self._source, self._compiled = source, compiled
-        self._plain: Any = None
         self._dispatcher: Any = None
 
     def __call__(self, *arguments: Any) -> Any:
         code = self._code
         if code is None and (code := self.code(*arguments)) is None:
-            self._plain = self._plain or self._source(True)
-            return self.in_plain_python(self._plain, arguments)
+            return self.in_plain_python(self.plain, arguments)
         return code(*arguments)
 
+    @cached_property
+    def plain(self) -> Callable[..., Any]:
+        """The function in plain Python."""
+        made: Callable[..., Any] = self._source()
+        return made
+
     def _compile(self) -> Any:
-        self._dispatcher = self._dispatcher or self._compiled(self._source(False))
+        self._dispatcher = self._dispatcher or self._compiled(self.plain)
         return self._dispatcher
+
+    def dispatcher(self) -> Any:
+        """The compiled function, for code that calls it."""
+        return self._compile()
 
     def _is_stored(self, *arguments: Any) -> bool:
         if PLAIN:
@@ -134,112 +120,7 @@ def is_stored(dispatcher: Any, signature: tuple[Any, ...]) -> bool:
     return bool(dispatcher._cache.is_stored(signature, dispatcher.targetctx))
 
 
-# --- memory in plain Python ------------------------------------------------------------------------------
-
-
-def word(base: int, k: int) -> int:
-    """Word k behind an address."""
-    return ctypes.c_int64.from_address(int(base + 8 * k)).value
-
-
-def array_of(address: int, shape: tuple[int, ...], dtype: Any) -> Any:
-    """Array at an address, in C order."""
-    size = int(math.prod(shape))
-    if not size:
-        return np.empty(shape, dtype)
-    memory = (ctypes.c_char * (size * np.dtype(dtype).itemsize)).from_address(int(address))
-    return np.frombuffer(memory, dtype, size).reshape(shape)
-
-
-@cache
-def _function(result: Any, *given: Any) -> Any:
-    return ctypes.PYFUNCTYPE(result, *given)
-
-
-def real_of(address: int, x: int) -> float:
-    """Call a C function of a word that returns a float."""
-    found: float = _function(ctypes.c_double, ctypes.c_int64)(address)(x)
-    return found
-
-
-def table_at(address: int) -> Any:
-    """The table of bodies at an address."""
-    world = array_of(address, (1,), BODIES)
-    return array_of(address, (int(world[0].last_row) + 1,), BODIES)
-
-
-# --- sines, as compiled kernels have them ------------------------------------------------------------------
-
-
-class Angle(float):
-    """An angle with its cosine and sine."""
-
-    cosine: float
-    sine: float
-
-
-cos.register(Angle)(lambda x: x.cosine)
-sin.register(Angle)(lambda x: x.sine)
-
-
-def fma(a: float, b: float, c: float) -> float:
-    """a b + c, rounded once."""
-    found = Fraction(a) * Fraction(b) + Fraction(c)
-    return float(found) if found else a * b + c
-
-
-def _angle(x: float) -> Angle:
-    """An Angle by the polynomials of ``sines.turn``; by the C library for large x or without fused multiply-add."""
-    made = Angle(x)
-    if not abs(x) <= MAX_ANGLE or not _has_fma():
-        made.cosine, made.sine = cos(x), sin(x)
-        return made
-    shifted = fma(x, 2.0 / math.pi, SHIFT)
-    n = shifted - SHIFT
-    whole = fma(n, -LARGE, x)
-    r = fma(n, -LEAST, fma(n, -SMALL, whole))
-    low = fma(n, -SMALL, whole - r)
-    z = r * r
-    p, c = SINE["double"][-1], COSINE["double"][-1]
-    for a, b in zip(SINE["double"][-2::-1], COSINE["double"][-2::-1], strict=True):
-        p, c = fma(z, p, a), fma(z, c, b)
-    c = fma(z, c, -0.5)
-    s, c = fma(z, fma(r, p, low), r), fma(z, c, 1.0)
-    (quadrant,) = struct.unpack("<q", struct.pack("<d", shifted))
-    if quadrant & 1:
-        s, c = c, s
-    made.cosine, made.sine = -c if quadrant + 1 & 2 else c, -s if quadrant & 2 else s
-    return made
-
-
-@cache
-def _has_fma() -> bool:
-    from .sines import has_fma
-
-    return has_fma()
-
-
-def turned(q: Any, memory: Any = None) -> list[Angle]:
-    """Coordinates with their cosines and sines, the form in which a recursion takes ``TURNED_Q`` in plain Python."""
-    return [_angle(float(x)) for x in q]
-
-
-def _of_jit(name: str) -> Callable[[], Any]:
-    def compiled() -> Any:
-        from . import jit
-
-        return getattr(jit, name)
-
-    return compiled
-
-
-NATIVE: dict[str, Any] = {  # names of a source that compiled code takes from ``jit``
-    "table_at": Twin(table_at, _of_jit("table_at")),
-    "memory": Twin(lambda size: size, _of_jit("memory")),
-    "array_at": Twin(lambda memory, shape, dtype: np.empty(shape, dtype), _of_jit("array_at")),
-    "release": Twin(lambda memory, size: None, _of_jit("release")),
-    "turned": Twin(turned, _of_jit("turned")),
-}
+SCRATCH = {"memory": memory.memory, "array_at": memory.array_at, "release": memory.release, "turned": angles.turned}
 
 
 # --- table kernels -----------------------------------------------------------------------------------------
@@ -250,20 +131,19 @@ class TableKernel(Tiered):
 
     def __init__(self, spec: Spec) -> None:
         """Of a call."""
+        super().__init__(self._text, self._jitted)
+        self._spec = spec
+        self.compile_seconds = COMPILE_SECONDS if spec.traceable else BRANCHING_SECONDS
+
+    def _text(self) -> Callable[..., Any]:
+        spec = self._spec
         parameters = ["table", *(x.name for x in spec.present), spec.output.name]
         turns = {f"turn({x.name}, {x.name}_turned)": f"{x.name}_turned = turned({x.name}, {x.name}_turned)"
                  for x in spec.present if x.turned}  # fmt: skip
         body = numba_kernels.statements(spec, lambda status: f"return {status}")
         text = ["bodies = table_at(table)", *(turns.get(x, x) for x in body), f"return {numba_kernels.OK}"]
-        name, scope = f"{numba_kernels.label(spec)}_unfused", {**numba_kernels.scope(spec), **NATIVE}
-
-        def function(plain: bool) -> Any:
-            return numba_kernels.kernel_from_text(name, parameters, text, scope_in(plain, scope))
-
-        super().__init__(function, self._jitted)
-        self._spec = spec
-        self.compile_seconds = COMPILE_SECONDS if spec.traceable else BRANCHING_SECONDS
-        self.twin = Twin(self, self._compile)
+        scope = {**numba_kernels.scope(spec), **SCRATCH, "table_at": memory.table_at}
+        return numba_kernels.kernel_from_text(f"{numba_kernels.label(spec)}_unfused", parameters, text, scope)
 
     @cached_property
     def batches(self) -> Callable[..., int]:
@@ -279,7 +159,7 @@ class TableKernel(Tiered):
     def _is_stored(self, *arguments: Any) -> bool:
         from . import jit
 
-        return is_stored(jit.numba_jit(self._source(True), contract=False), numba_kernels.signature(self._spec))
+        return is_stored(jit.numba_jit(self.plain, contract=False), numba_kernels.signature(self._spec))
 
 
 @cache

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from spatialdyn.algebra import euclidean, public_arrays
+from spatialdyn.algebra import euclidean, lie, public_arrays, spatial
 from spatialdyn.compat.native import operator_kernels, operators
 from spatialdyn.engines import object_layout
 from spatialdyn.engines.compiled import numba_kernels
@@ -17,41 +17,44 @@ from spatialdyn.engines.compiled import numba_kernels
 EPS = float(np.finfo(float).eps)
 MOST = float(np.finfo(float).max)  # the wheel's limit where there is none
 
-OPERATIONS = {
-    "compose": "(A: pose, B: pose) -> pose = compose(A, B)",
-    "inverse": "(A: pose) -> pose = inverse(A)",
-    "relative": "(A: pose, B: pose) -> pose = relative_pose(A, B)",
-    "motion_to_parent": "(A: pose, m: motion) -> motion = motion_to_parent(A, m)",
-    "motion_to_child": "(A: pose, m: motion) -> motion = motion_to_child(A, m)",
-    "force_to_parent": "(A: pose, f: force) -> force = force_to_parent(A, f)",
-    "force_to_child": "(A: pose, f: force) -> force = force_to_child(A, f)",
-    "body_to_parent": "(A: pose, B: body) -> body = body_to_parent(A, B)",
-    "body_to_child": "(A: pose, B: body) -> body = body_to_child(A, B)",
-    "cross_motion": "(v: motion, m: motion) -> motion = cross_motion(v, m)",
-    "cross_force": "(v: motion, f: force) -> force = cross_force(v, f)",
-    "momentum": "(B: body, v: motion) -> force = body_momentum(B, v)",
-    "add_body": "(A: body, B: body) -> body = add_bodies(A, B)",
-    "sub_body": "(A: body, B: body) -> body = combined(A, B, -1.0)",
-    "from_xyzquat": "(x: seven) -> pose = Pose(rotation_matrix(x.q), x.p)",
-    "to_xyzquat": "(A: pose) -> seven = Placed(A.p, quaternion_of_matrix(A.R))",
-    "exp6": "(v: motion) -> pose = exp_pose(v)",
-    "log6": "(A: pose) -> motion = log_pose(A)",
-    "log6_jacobian": "(A: pose) -> tangent = log_jacobian(log_pose(A), 1.0)",
-    "quat_matrix": "(q: quat) -> rot = rotation_matrix(q)",
-    "matrix_quat": "(R: rot) -> quat = quaternion_of_matrix(R)",
-    "quat_product": "(p: quat, q: quat) -> quat = product(p, q)",
+compiled = pytest.mark.skipif(not object_layout.READY or numba_kernels.PLAIN, reason="nothing is compiled")
+
+OPERATIONS: dict[str, tuple[Any, ...]] = {  # the function, the kinds of its arguments, and of its result
+    "compose": (spatial.compose, "pose", "pose", "pose"),
+    "inverse": (spatial.inverse, "pose", "pose"),
+    "relative": (operators.relative_pose, "pose", "pose", "pose"),
+    "motion_to_parent": (spatial.motion_to_parent, "pose", "motion", "motion"),
+    "motion_to_child": (spatial.motion_to_child, "pose", "motion", "motion"),
+    "force_to_parent": (spatial.force_to_parent, "pose", "force", "force"),
+    "force_to_child": (spatial.force_to_child, "pose", "force", "force"),
+    "body_to_parent": (operators.body_to_parent, "pose", "body", "body"),
+    "body_to_child": (operators.body_to_child, "pose", "body", "body"),
+    "cross_motion": (spatial.cross_motion, "motion", "motion", "motion"),
+    "cross_force": (spatial.cross_force, "motion", "force", "force"),
+    "momentum": (operators.body_momentum, "body", "motion", "force"),
+    "add_body": (operators.add_bodies, "body", "body", "body"),
+    "sub_body": (operators.without, "body", "body", "body"),
+    "from_xyzquat": (operators.pose_of_seven, "seven", "pose"),
+    "to_xyzquat": (operators.seven_of_pose, "pose", "seven"),
+    "exp6": (operators.exp_pose, "motion", "pose"),
+    "log6": (operators.log_pose, "pose", "motion"),
+    "log6_jacobian": (operators.log_pose_jacobian, "pose", "tangent"),
+    "quat_matrix": (lie.matrix, "quat", "rot"),
+    "matrix_quat": (operators.quaternion_of_matrix, "rot", "quat"),
+    "quat_product": (lie.product, "quat", "quat", "quat"),
 }
 SHAPES = operator_kernels.SHAPES
 
 
-def formula(name: str) -> Any:
-    """The formula of that row."""
-    return operator_kernels.Formula.parsed(*f"{name}{OPERATIONS[name]}".split(" = "))
+def operator(function: Any, *kinds: str) -> Any:
+    """The operator of these kinds, of the result last."""
+    *takes, made = kinds
+    return operator_kernels.Operator(function, {f"x{k}": kind for k, kind in enumerate(takes)}, made)
 
 
-def kernel(name: str) -> Any:
-    """The compiled operator of that row."""
-    return operator_kernels.on_arrays(formula(name))
+def computed(name: str, *given: Any) -> Any:
+    """The result of the operator in plain Python."""
+    return operator(*OPERATIONS[name]).in_plain_python(*given)
 
 
 def given(kind: str, rng: np.random.Generator) -> Any:
@@ -62,34 +65,44 @@ def given(kind: str, rng: np.random.Generator) -> Any:
         q /= np.linalg.norm(q)
         if kind == "quat":
             return q
-        seven, pose = np.concatenate([rng.standard_normal(3), q]), np.empty((4, 4))
-        kernel("from_xyzquat")(seven, pose)
-        return seven if kind == "seven" else pose
+        seven = np.concatenate([rng.standard_normal(3), q])
+        return seven if kind == "seven" else computed("from_xyzquat", seven)
     return abs(x) if kind == "body" else x
 
 
+@compiled
 @pytest.mark.parametrize("name", OPERATIONS)
 def test_compiled_operators_have_the_bits_of_their_source(name: str) -> None:
-    row = formula(name)
-    takes, made = row.inputs.values(), row.output
-    operator = eval(f"lambda {row.parameters}: {row.text}", operator_kernels.SCOPE)
+    function, *takes, made = OPERATIONS[name]
+    own = operator(function, *takes, made)
+    routine = own.routine()
+    routine.entry.compile_now()
+    call = routine.bind({f"class{k}": 0 for k in range(3)} | {"slot": 0, "made": 0})
     for seed in range(5):
         rng = np.random.default_rng(seed)
         inputs = [given(kind, rng) for kind in takes]
-        before = [x.copy() for x in inputs]
-        out, plain = np.full(SHAPES[made], np.nan), np.full(SHAPES[made], np.nan)
-        compiled_kernel = kernel(name)
-        compiled_kernel.compile_now()
-        compiled_kernel(*inputs, out)
+        before, plain = [x.copy() for x in inputs], np.full(SHAPES[made], np.nan)
+        out = call(*inputs)
         arguments = [
             getattr(public_arrays, f"read_{kind}")(x.tolist() if x.ndim == 1 else x)
             for kind, x in zip(takes, inputs, strict=True)
         ]
-        getattr(public_arrays, f"write_{made}")(plain, operator(*arguments))
+        getattr(public_arrays, f"write_{made}")(plain, function(*arguments))
         np.testing.assert_array_equal(out, plain)
-        kernel(name)(*inputs, plain)  # not compiled yet
-        np.testing.assert_array_equal(out, plain)
+        np.testing.assert_array_equal(out, own.in_plain_python(*inputs))
         assert all(np.array_equal(x, y) for x, y in zip(inputs, before, strict=True))
+
+
+@pytest.mark.parametrize("name", ["compose", "force_to_child", "add_body"])
+def test_kernels_have_the_bits_of_the_operators(name: str) -> None:
+    _, one, other, made = OPERATIONS[name]
+    rng, kernel = np.random.default_rng(0), getattr(operator_kernels, name)
+    A, B, out, again = given(one, rng), given(other, rng), np.empty(SHAPES[made]), np.empty(SHAPES[made])
+    kernel(A, B, out)
+    np.testing.assert_array_equal(out, computed(name, A, B))
+    kernel.compile_now()
+    kernel(A, B, again)
+    np.testing.assert_array_equal(out, again)
 
 
 def test_an_input_may_be_the_output() -> None:
@@ -105,9 +118,7 @@ def test_an_input_may_be_the_output() -> None:
 )
 def test_quaternion_of_a_matrix_is_exact_at_half_a_turn(turn: tuple[float, ...]) -> None:
     q = np.array(turn, float) / np.linalg.norm(turn)
-    R, back = np.empty((3, 3)), np.empty(4)
-    kernel("quat_matrix")(q, R)
-    kernel("matrix_quat")(R, back)
+    back = computed("matrix_quat", computed("quat_matrix", q))
     assert min(np.abs(back - q).max(), np.abs(back + q).max()) <= 4 * EPS
 
 
@@ -129,12 +140,6 @@ def test_a_rotational_inertia_is_judged() -> None:
         (np.arange(9.0).reshape(3, 3), operators.ASYMMETRIC),
     ):
         assert operators.fault_of_inertia(public_arrays.read_rot(J)) == fault
-
-
-def test_a_signature_has_defaults_and_kinds() -> None:
-    row = operator_kernels.Formula.parsed("near(A: Motion|motion, B: vec, prec: number = 1e-12) -> truth", "1.0")
-    assert row.inputs == {"A": "Motion|motion", "B": "vec", "prec": "number"}
-    assert (row.name, row.output, row.parameters) == ("near", "truth", "A, B, prec=1e-12")
 
 
 def test_random_rotations_are_uniform() -> None:
@@ -176,20 +181,16 @@ class Other(Box):
     __slots__ = ()
 
 
-compiled = pytest.mark.skipif(not object_layout.READY or numba_kernels.PLAIN, reason="nothing is compiled")
-
-
-def bound(signature: str, text: str) -> Any:
-    row = operator_kernels.Formula.parsed(signature, text)
-    return operator_kernels.bind_values(row, object_layout.slot_offset(Box, "x"), {"Pose": Box, "Motion": Box})
+def bound(*operation: Any) -> Any:
+    slot = object_layout.slot_offset(Box, "x")
+    return operator(*operation).bind(slot, {"Pose": Box, "Motion": Box})
 
 
 @compiled
 def test_objects_are_read_and_made() -> None:
     rng = np.random.default_rng(0)
-    A, B, out = given("pose", rng), given("pose", rng), np.empty((4, 4))
-    compose = bound("compose(A: Pose, B: Pose|pose) -> Pose", "compose(A, B)")
-    kernel("compose")(A, B, out)
+    A, B = given("pose", rng), given("pose", rng)
+    compose, out = bound(spatial.compose, "Pose", "Pose|pose", "Pose"), computed("compose", A, B)
     for other in (Box(B), B, np.asfortranarray(B), np.repeat(B, 2, axis=1)[:, ::2]):
         made = compose(Box(A), other)
         assert type(made) is Box
@@ -197,14 +198,14 @@ def test_objects_are_read_and_made() -> None:
         made.note = 1
         assert made.x.flags.writeable
         assert made.x.flags.owndata
-    power = bound("power(v: motion, f: force) -> number", "power(v, f)")
+    power = bound(spatial.power, "motion", "force", "number")
     assert power(np.ones(6), np.arange(6.0)) == 15.0
     assert type(power(np.ones(6), np.arange(6.0))) is float
 
 
 @compiled
 def test_an_object_that_does_not_apply_gives_none() -> None:
-    A, compose = Box(np.eye(4)), bound("compose(A: Pose, B: Pose|pose) -> Pose", "compose(A, B)")
+    A, compose = Box(np.eye(4)), bound(spatial.compose, "Pose", "Pose|pose", "Pose")
     wrong = (
         Other(np.eye(4)),
         1,
@@ -247,7 +248,7 @@ def test_draws_are_those_of_the_generator() -> None:
 @compiled
 def test_objects_and_arrays_are_freed() -> None:
     """A result holds the one reference to its array, and no call holds one to its arguments."""
-    compose = bound("compose(A: Pose, B: Pose|pose) -> Pose", "compose(A, B)")
+    compose = bound(spatial.compose, "Pose", "Pose|pose", "Pose")
     A = Box(np.eye(4))
     made = compose(A, A)
     counts = sys.getrefcount(A), sys.getrefcount(A.x), sys.getrefcount(Box)

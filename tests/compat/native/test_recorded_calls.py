@@ -12,7 +12,8 @@ from trees import random_state, random_tree
 from unfused import unfused
 
 import spatialdyn as sd
-from spatialdyn.compat.native import operator_kernels, recorded_calls, recorded_constraints
+from spatialdyn.algebra import spatial
+from spatialdyn.compat.native import operator_kernels, operators, recorded_calls, recorded_constraints
 from spatialdyn.constraints.contact import solve
 from spatialdyn.engines.compiled import entries
 from spatialdyn.engines.compiled.numba_kernels import variant
@@ -166,12 +167,12 @@ def test_frames_are_placed_with_the_joints(case: Any) -> None:
     places = np.array([x.ctypes.data for x in placements])
     arrays = {"poses": X, "result": out, "joints": joints, "placements": places}
     arrays |= {name: np.zeros(1, np.int64) for name in ("clock", "time")}
-    assert bound(recorded_calls.place_frames(True), model, arrays, frames=len(frames))(s.q) is True
+    assert bound(recorded_calls.place_joints_and_frames, model, arrays, frames=len(frames))(s.q) is True
     for frame, found in zip(frames, out, strict=True):
         np.testing.assert_allclose(found, sd.frame_placement(model, s.q, frame), atol=1e-14)
     first = out.copy()
     out[:] = 0.0
-    assert bound(recorded_calls.place_frames(False), model, arrays, frames=len(frames))() is True
+    assert bound(recorded_calls.place_frames, model, arrays, frames=len(frames))() is True
     np.testing.assert_array_equal(out, first)
 
 
@@ -185,7 +186,7 @@ def test_the_answer_under_constraints_is_the_librarys(case: Any) -> None:
     arrays |= {"force": np.empty(m)}
     arrays |= {"before": np.zeros(1, np.int64), "scratch": recorded_constraints.scratch_of(n, m)}
     clock = recorded_calls.address(recorded_calls.clock.now)
-    call = bound(recorded_constraints.dynamics(), model, arrays, m=m, clock=clock)
+    call = bound(recorded_constraints.dynamics, model, arrays, m=m, clock=clock)
     bias = unfused("nonlinear_effects", model, s.q, s.v)
     expected = solve(model, unfused("crba", model, s.q), s.tau - bias, J, drift, 0.1)
     close = 1e-13 * abs(expected.x).max()  # the library's solver fuses products and sums
@@ -201,11 +202,11 @@ def test_the_answer_under_constraints_is_the_librarys(case: Any) -> None:
 def test_a_listed_operator_is_the_operator_row_by_row() -> None:
     rng = np.random.default_rng(1)
     a, b = np.empty((3, 4, 4)), rng.normal(size=(5, 6))
-    exp6 = operator_kernels.on_arrays(operator_kernels.Formula.parsed("exp6(v: motion) -> pose", "exp_pose(v)"))
+    exp6 = operator_kernels.Operator(operators.exp_pose, {"v": "motion"}, "pose")
     for X in a:
-        exp6(rng.normal(size=6), X)
-    places, out, one = np.array([2, 0, 0, 1, 2]), np.empty((5, 6)), np.empty(6)
+        X[...] = exp6.in_plain_python(rng.normal(size=6))
+    places, out = np.array([2, 0, 0, 1, 2]), np.empty((5, 6))
+    motion_to_parent = operator_kernels.Operator(spatial.motion_to_parent, {"X": "pose", "m": "motion"}, "motion")
     recorded_calls.motions_to_parent(a, places, b, out)
     for k, place in enumerate(places):
-        operator_kernels.motion_to_parent(a[place], b[k], one)
-        np.testing.assert_array_equal(out[k], one)
+        np.testing.assert_array_equal(out[k], motion_to_parent.in_plain_python(a[place], b[k]))

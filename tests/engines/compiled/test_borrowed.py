@@ -65,13 +65,14 @@ BORROWED: dict[str, set[str]] = {
     "numba.core.datamodel.registry.register_default": {COMPILED + "lane_arrays.py", COMPILED + "lanes.py"},
     "numba.core.typeconv.castgraph.Conversion": {COMPILED + "lanes.py"},
     "numba.core.typing.templates.AbstractTemplate": {COMPILED + "lane_arrays.py", COMPILED + "lanes.py"},
-    "numba.core.typing.templates.infer_global": {COMPILED + "lane_arrays.py", COMPILED + "lanes.py"},
+    "numba.core.typing.templates.infer_global": {COMPILED + x for x in ("jit.py", "lane_arrays.py", "lanes.py")},
+    "numba.core.typing.templates.make_intrinsic_template": {COMPILED + "jit.py"},
     "numba.core.typing.templates.signature": {COMPILED + "lane_arrays.py", COMPILED + "lanes.py"},
     # CPython builtins that read NumPy's array objects
     "ctypes": {
         "compat/native/operator_kernels.py",
         "engines/compiled/entries.py",
-        "engines/compiled/tiers.py",
+        "engines/compiled/memory.py",
         "engines/object_layout.py",
         "engines/programs/gpu/arrays.py",
         "engines/programs/gpu/device.py",

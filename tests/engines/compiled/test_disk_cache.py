@@ -521,8 +521,8 @@ LOADED = """
 import sys
 import numpy as np
 from spatialdyn.compat.native import operator_kernels
-operator_kernels.quat_matrix(np.array([0.0, 0.0, 0.0, 1.0]), R := np.empty((3, 3)))
-print((R == np.eye(3)).all(), "numba.np.arraymath" in sys.modules)
+operator_kernels.compose(np.eye(4), np.eye(4), X := np.empty((4, 4)))
+print((X == np.eye(4)).all(), "numba.np.arraymath" in sys.modules)
 """
 
 

@@ -12,7 +12,7 @@ from slow import slow_but
 from trees import random_state, random_tree
 
 from spatialdyn.algebra.scalars import cos, sin
-from spatialdyn.engines.compiled import numba_kernels, tiers
+from spatialdyn.engines.compiled import angles, numba_kernels, tiers
 from spatialdyn.engines.programs.run import single_call
 from spatialdyn.recursions import SPECS
 
@@ -50,9 +50,9 @@ def test_a_function_whose_code_is_on_disk_is_loaded_at_once() -> None:
 
 def test_a_product_and_a_sum_are_rounded_once() -> None:
     a, b, c = 1.0 + 2.0**-30, 1.0 - 2.0**-30, -1.0
-    assert tiers.fma(a, b, c) == -(2.0**-60)
+    assert angles.fma(a, b, c) == -(2.0**-60)
     assert a * b + c == 0.0
-    assert math.copysign(1.0, tiers.fma(-0.0, 1.0, -0.0)) == -1.0
+    assert math.copysign(1.0, angles.fma(-0.0, 1.0, -0.0)) == -1.0
 
 
 def test_sines_have_the_bits_of_the_kernels() -> None:
@@ -60,14 +60,14 @@ def test_sines_have_the_bits_of_the_kernels() -> None:
 
     rng = np.random.default_rng(0)
     q = np.concatenate([rng.uniform(-8.0, 8.0, 200), [0.0, -0.0, math.pi, -math.pi / 2.0, 1e7, 1e300, 1e-300]])
-    angles, found = tiers.turned(q), np.empty((3, len(q)))
+    turned, found = angles.turned(q), np.empty((3, len(q)))
     kernel = numba_kernels.kernel_from_text(
         "turned_for_a_test", ["q", "out"], ["stamp", "turned(q, out)"], {"turned": jit.turned}
     )
     jit.numba_jit(kernel, contract=False)(q, found)
-    np.testing.assert_array_equal([[x, cos(x), sin(x)] for x in angles], found.T)
+    np.testing.assert_array_equal([[x, cos(x), sin(x)] for x in turned], found.T)
     np.testing.assert_allclose(found[2, :200], np.sin(q[:200]), atol=2e-16)
-    assert float(Fraction(angles[0])) == q[0]
+    assert float(Fraction(turned[0])) == q[0]
 
 
 @pytest.mark.parametrize("name", slow_but(["frame_jacobian"], ["rnea", "aba", "frame_jacobian"]))
@@ -77,7 +77,7 @@ def test_table_kernels_have_the_same_bits_in_plain_python(name: str) -> None:
     kernel = tiers.TableKernel(numba_kernels.variant(SPECS[name], frozenset()))
     given = {"rnea": (s.q, s.v, s.a), "aba": (s.q, s.v, s.tau)}.get(name, (s.q, model.nv, np.eye(4), 2))
     found = np.empty((2, *((6, model.nv) if name == "frame_jacobian" else (model.nv,))))
-    assert kernel._source(True)(model.address, *given, found[0]) == numba_kernels.OK
+    assert kernel.plain(model.address, *given, found[0]) == numba_kernels.OK
     kernel.compile_now()
     assert kernel(model.address, *given, found[1]) == numba_kernels.OK
     np.testing.assert_array_equal(*found)

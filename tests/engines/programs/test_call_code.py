@@ -7,7 +7,7 @@ import os
 import subprocess
 import sys
 import tracemalloc
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -15,9 +15,11 @@ from trees import random_state, random_tree
 from unfused import unfused
 
 import spatialdyn as sd
+from spatialdyn.algebra.scalars import inline
 from spatialdyn.compat.native import recorded_calls
 from spatialdyn.engines import run
 from spatialdyn.engines.compiled import entries, numba_kernels
+from spatialdyn.engines.compiled.memory import at
 from spatialdyn.engines.programs.run import single_call
 from spatialdyn.engines.programs.run.call_code import CallCode
 from spatialdyn.engines.programs.run.routine import Choice, Index, Routine, Truth
@@ -26,7 +28,18 @@ from spatialdyn.recursions import SPECS
 pytestmark = pytest.mark.skipif(not single_call.READY, reason="nothing is compiled, or Python is not as expected")
 
 
-TWICE = ["if s > 1.0: return 0", "for i in range(n): out[i] = s * (x[i] + x[i])", "return 1"]
+@inline
+def _twice(x: Any, s: float, n: int, out: Any) -> bool:
+    """2 s x for an s of up to 1."""
+    for k in range(n):
+        out[k] = s * (x[k] + x[k])
+    return s <= 1.0
+
+
+@inline
+def _same(x: Any, out: Any) -> bool:
+    out[0] = x
+    return True
 
 
 @pytest.fixture(scope="module")
@@ -137,7 +150,7 @@ def test_a_number_is_a_float(model: Any, state: Any) -> None:
 
 
 def test_an_index_is_an_int_in_range_and_leaves_no_error() -> None:
-    routine = Routine("index", ["below"], {"k": Index("below")}, ["out[0] = k", "return 1"], {}, ())
+    routine = Routine(_same, {"x": Index("below")}, ())
     call = routine.bind({"below": 2})
     assert (call(0), call(1)) == (0.0, 1.0)
     for wrong in (-1, 2, 10**30, -(10**30), 1.0, True, np.int64(1), None, "1"):
@@ -147,7 +160,7 @@ def test_an_index_is_an_int_in_range_and_leaves_no_error() -> None:
 def test_a_choice_is_the_place_of_an_object() -> None:
     objects = "first", object(), 3.5
     words = {f"w{k}": id(x) for k, x in enumerate(objects)}
-    routine = Routine("choice", [*words], {"k": Choice(tuple(words))}, ["out[0] = k", "return 1"], {}, ())
+    routine = Routine(_same, {"x": Choice(tuple(words))}, ())
     call = routine.bind(words, objects)
     assert [call(x) for x in objects] == [0.0, 1.0, 2.0]
     assert call(object()) is call(4.0) is call() is None
@@ -155,7 +168,7 @@ def test_a_choice_is_the_place_of_an_object() -> None:
 
 def test_a_routine_is_compiled_once_that_pays() -> None:
     """Plain Python answers first; the call at the change is answered too."""
-    routine = Routine("twice", ["n"], {"x": ("n",), "s": ()}, TWICE, {}, ("n",))
+    routine = Routine(_twice, {"x": ("n",), "s": ()}, ("n",))
     call, x = routine.bind({"n": 3}), np.arange(3.0)
     expected = 0.5 * (x + x)
     if routine.entry._code is None:
@@ -168,8 +181,36 @@ def test_a_routine_is_compiled_once_that_pays() -> None:
     assert call(x, 2.0) is call(x[:2], 0.5) is call(x, 1) is None
 
 
+class _Line(NamedTuple):
+    slope: int
+    places: int
+
+
+@inline
+def _on_line(x: float, n: int, line: _Line, out: Any) -> bool:
+    """slope x + the numbers at ``places``."""
+    places = at(line.places, (n,))
+    for k in range(n):
+        out[k] = line.slope * x + places[k]
+    return True
+
+
+def test_words_may_come_in_a_record() -> None:
+    places = np.arange(3.0)
+    routine = Routine(_on_line, {"x": ()}, ("n",))
+    call = routine.bind({"n": 3, "slope": 2, "places": places.ctypes.data}, places)
+    np.testing.assert_array_equal(call(5.0), [10.0, 11.0, 12.0])
+    routine.entry._spent = routine.entry.compile_seconds
+    np.testing.assert_array_equal(call(5.0), [10.0, 11.0, 12.0])
+    places[0] = 4.0
+    np.testing.assert_array_equal(call(5.0), [14.0, 11.0, 12.0])
+    out = np.empty(3)
+    assert routine.function(5.0, 3, _Line(2, places.ctypes.data), out)
+    np.testing.assert_array_equal(out, [14.0, 11.0, 12.0])
+
+
 def test_a_number_may_be_a_truth_and_another_function_may_answer() -> None:
-    routine = Routine("sign", [], {"x": ()}, ["out[0] = x", "return 1"], {}, Truth())
+    routine = Routine(_same, {"x": ()}, Truth())
     call = routine.bind({}, otherwise=lambda x: f"not {x}")
     assert call(0.0) is False
     assert call(-1.0) is call(np.nan) is True
@@ -178,7 +219,7 @@ def test_a_number_may_be_a_truth_and_another_function_may_answer() -> None:
 
 def test_inputs_may_stand_at_addresses_and_be_recorded() -> None:
     x, memory, stamp, now = np.arange(3.0), np.zeros(4), np.zeros(2, np.int64), np.zeros(1)
-    routine = Routine("twice", ["n"], {"x": ("n",), "s": ()}, TWICE, {}, ("n",))
+    routine = Routine(_twice, {"x": ("n",), "s": ()}, ("n",))
     held = routine.bind({"n": 3}, x, places={"x": x.ctypes.data, "s": x[1:].ctypes.data})
     words = {"clock": stamp.ctypes.data, "time": stamp[1:].ctypes.data, "memory": memory.ctypes.data}
     words |= {"now": now.ctypes.data, "then": x.ctypes.data, "bytes": 8, "count": 2}  # the result is not recorded
@@ -235,7 +276,9 @@ def test_functions_may_outlive_what_they_are_made_by() -> None:
 import gc
 from spatialdyn.engines.programs.run.routine import Routine
 for k in range(3):
-    made = Routine(f"nothing{k}", ["one"], {}, ["return 1"], {})
+    def nothing(one: int) -> bool:
+        return True
+    made = Routine(nothing, {})
     functions = [made.bind({"one": 1}) for _ in range(20)]
     assert all(f() for f in functions)
     functions.append((functions, made))

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from math import hypot
 from typing import Any
 
 import numpy as np
 
-from ....algebra.rotations import NORM_ROUNDING
 from ....bodies.kinds import kind_of
 from ....engines.programs.run.single_call import READY
 from ....errors import ShapeError, SpatialDynError
@@ -22,6 +21,7 @@ from ..model.model import Model
 from ..types.arguments import NUMBERS, ArgumentError, Array, described, expected, number
 from ..types.frame import ARG0, ARG1, ArgumentPosition
 from ..types.random import GENERATOR
+from ..types.rotations import Quaternion
 
 __all__ = [
     "compactTangentMap", "dDifference", "dIntegrate", "dIntegrateTransport", "difference", "distance", "integrate",
@@ -132,6 +132,12 @@ def isNormalized(model: Model, q: Any, prec: float = 1e-12) -> bool:
     """Whether the norms of all quaternions and (cos, sin) pairs are within prec of 1. Raises SpatialDynError, a
     ValueError, for a prec below 0.
     """
+    try:
+        found: bool | None = model._library.normalized(q, prec)
+        if found is not None:
+            return found
+    except AttributeError:  # the fast path does not apply
+        pass
     prec = _precision(prec)
     parts = _unit_parts(expected(model, Model, "model"), vector("q", q, model.nq))
     return all(abs(hypot(*part.tolist()) - 1.0) < prec for part in parts)
@@ -149,15 +155,6 @@ def _unit_parts(model: Model, q: Array) -> list[Array]:
     return [q[unit] for unit in (model._library or library_model(model)).unit_parts]
 
 
-def _off_norm(units: Sequence[slice], q: list[float]) -> bool:
-    """Whether a part of unit norm, in one of two configurations, is off it by more than rounding."""
-    for at in units:
-        for x in (q[at], q[at.start + len(q) // 2 : at.stop + len(q) // 2]):
-            if not abs(hypot(*x) - 1.0) <= NORM_ROUNDING:
-                return True
-    return False
-
-
 def isSameConfiguration(model: Model, q1: Any, q2: Any, prec: float) -> bool:
     """Whether two configurations agree to prec; a quaternion and its negative are one rotation.
 
@@ -165,14 +162,10 @@ def isSameConfiguration(model: Model, q1: Any, q2: Any, prec: float) -> bool:
     ``isNormalized``.
     """
     try:
-        library = model._library
-        apart = library.difference(q1, q2).tolist()
-        if prec >= 0.0 and not (library.unit_parts and _off_norm(library.unit_parts, q1.tolist() + q2.tolist())):
-            if hypot(*apart) <= prec:
-                return True
-            if max(apart) > prec or min(apart) < -prec:
-                return False
-    except (AttributeError, TypeError):  # the fast path does not apply
+        found: bool | None = model._library.same_configuration(q1, q2, prec)
+        if found is not None:
+            return found
+    except AttributeError:  # the fast path does not apply
         pass
     prec = _precision(prec)
     units = (expected(model, Model, "model")._library or library_model(model)).unit_parts
@@ -270,7 +263,7 @@ def _block(group: str, q: Array) -> Array:
     if group == "SE(2)":
         T[:2, :2] = [[q[2], -q[3]], [q[3], q[2]]]
     else:
-        operator_kernels.quat_matrix(np.array(q[3:7]), T[:3, :3])
+        T[:3, :3] = Quaternion(np.array(q[3:7])).matrix()
     return T
 
 

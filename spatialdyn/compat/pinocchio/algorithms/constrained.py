@@ -6,7 +6,6 @@ A damping μ makes J a + γ = -μ λ of them.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -158,10 +157,10 @@ def _solve(
         m, n = len(f.C), len(f.C) + model.nv
         words = {**library.words, **{name: x.ctypes.data for name, x in places.items()}}
         words |= {"clock": run.stamp_words["clock"], "before": call.stamp_words["time"], "m": m}
-        words |= {"rows": n, "columns": n}
+        words["rows"] = n
         kept = None if kind == BORDERED else run.result
         noted = record(recorded, call.memory, kept, run._stamp, library.table)
-        builtin = make().bind(words, library, call, run, f, places, record=noted)
+        builtin = make.bind(words, library, call, run, f, places, record=noted)
         data._bound[kind] = library, call, run, builtin
     return f
 
@@ -171,7 +170,7 @@ class _Builtin(NamedTuple):
     how many there are.
     """
 
-    make: Callable[[], Routine]
+    make: Routine
     source: str
     reads: str
     recorded: int

@@ -9,9 +9,21 @@ from typing import Any
 
 import numpy as np
 
+from ....engines.programs.run.single_call import unavailable
 from ....errors import SpatialDynError
+from ...native import recorded_calls
 from ..data.data import Data, library_of
-from ..data.dispatch import ALIGNED, IN_WORLD, about_frame, compute, joint_index, last_call, reference_code
+from ..data.dispatch import (
+    ALIGNED,
+    IN_WORLD,
+    REFERENCES,
+    about_frame,
+    compute,
+    frames_for,
+    joint_index,
+    last_call,
+    reference_code,
+)
 from ..data.face import Face
 from ..data.run import Run
 from ..model.model import Model
@@ -78,15 +90,31 @@ def _of_frame(name: str, run: Run, joint: int, placement: Array, reference: Any,
     return found
 
 
+def _bind_velocities(face: Face, model: Model, run: Run, about: tuple[Any, ...]) -> None:
+    """Bind the builtin of the derivatives of velocities of frames at the inputs of a run, for later calls."""
+    library, (key, frames) = run.library, frames_for(model, face.name, face.of_joints, about)
+    if key == face.name and library.has_builtins:
+        words = {"q_address": run.q.ctypes.data, "v_address": run.v.ctypes.data, "time": run.stamp_words["time"]}
+        words |= {**library.words, **REFERENCES, **frames.words(rows=True)}
+        run.bound[key] = frames, recorded_calls.frame_velocity_derivatives.bind(words, library, run.memory, frames)
+
+
 def derivatives_of_frame(face: Face, model: Model, data: Data, *about: Any) -> tuple[Array, ...]:
     """Derivatives of the velocity of a frame or a joint's frame, and of its spatial acceleration."""
     accelerations = "Acceleration" in face.name
     run = _kinematics(model, data, accelerations)
-    about = about_frame(model, face.of_joints, *about)
-    velocities = _of_frame("frame_velocity_derivatives", run, *about)
+    frames, call = (None, unavailable) if accelerations else run.bound.get(face.name, (None, unavailable))
+    if frames is not None and frames is (run.library.frames if face.of_joints else model._frame_placements):
+        found = call(*about[:2])
+        if found is not None:
+            return tuple(found)
+    joint, place, reference = about_frame(model, face.of_joints, *about)
+    velocities = _of_frame("frame_velocity_derivatives", run, joint, place, reference)
     if not accelerations:
+        if frames is None:
+            _bind_velocities(face, model, run, about)
         return tuple(velocities)
-    return velocities[0], *_of_frame("frame_acceleration_derivatives", run, *about, 0)
+    return velocities[0], *_of_frame("frame_acceleration_derivatives", run, joint, place, reference, 0)
 
 
 def getPointVelocityDerivatives(

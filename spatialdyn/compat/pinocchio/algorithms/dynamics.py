@@ -13,8 +13,9 @@ import numpy as np
 
 from ....errors import ModelError
 from ....recursions.tree.regressor import body_force
-from ...native import tree_kernels
-from ...native.operator_kernels import compiled_text
+from ...native import recorded_calls, tree_kernels
+from ...native.operator_kernels import on_motions
+from ...native.recorded_calls import clock
 from ..data.data import Data, library_of
 from ..data.dispatch import IDENTITY, frame_index, joint_index, reference_code
 from ..model.library_model import library_model
@@ -51,16 +52,28 @@ def bodyRegressor(velocity: Motion, acceleration: Motion) -> Array:
     return out
 
 
-_body_force = compiled_text(
-    "body_force", ["v", "a", "out"], ["force(read_motion(v), read_motion(a), out)"], force=body_force
-)
+_body_force = on_motions(body_force)
 
 
 def jointBodyRegressor(model: Model, data: Data, joint_id: int) -> Array:
     """Y (6, 10) of the body of a joint, from data.v and data.a_gf of rnea. Raises ModelError for no such joint."""
-    library_of(model, data)
-    at = _index("joint_id", joint_id, model.njoints)
-    return bodyRegressor(*_motions_of(data, at))
+    try:
+        library, time, arrays, call = data._bound["body regressor"]
+        if library is model._library and time == clock.now[0] and (found := call(joint_id)) is not None:
+            return found  # type: ignore[no-any-return]
+    except (AttributeError, KeyError):  # the fast path does not apply
+        arrays = {}
+    library, at = library_of(model, data), _index("joint_id", joint_id, model.njoints)
+    made = bodyRegressor(*_motions_of(data, at))
+    if library.has_builtins:
+        if not arrays:
+            arrays = {x: data._held.get(x, np.empty((model.njoints, 6))) for x in ("v", "a_gf")}
+            words = {"velocities": arrays["v"].ctypes.data, "accelerations": arrays["a_gf"].ctypes.data}
+            call = recorded_calls.joint_body_regressor.bind({"njoints": model.njoints, **words}, *arrays.values())
+        for name, x in arrays.items():
+            x[...] = data.array(name)
+        data._bound["body regressor"] = library, clock.now[0], arrays, call
+    return made
 
 
 def frameBodyRegressor(model: Model, data: Data, frame_id: int) -> Array:

@@ -130,11 +130,11 @@ def _at(model: Model, data: Data, q: Any, index: Any, reference: Any, key: Any) 
     for array in written.values():
         array[index] = data.array("oMi")[joint] @ placement
     if library.has_builtins:
-        fields = {x: data._held.get(x) for x in recorded_calls.HELD if x in run.kind.fills}
+        fields = {x: data._held.get(x) for x in recorded_calls.FIELDS if x in run.kind.fills}
         held = {x: array for x, array in fields.items() if array is not None and library.joints is None} | written
-        words = {x: held[x].ctypes.data if x in held else 0 for x in recorded_calls.HELD}
+        words = {x: held[x].ctypes.data if x in held else 0 for x in recorded_calls.FIELDS}
         words |= {"code": code, **library.words, **frames.words(rows=True)}
-        call = recorded_calls.frame_jacobian_at().bind(words, library, run, frames, held, record=run.recording(1))
+        call = recorded_calls.frame_jacobian_at.bind(words, library, run, frames, held, record=run.recording(1))
     data._bound[key] = run, frames, call
     return found
 
@@ -156,7 +156,8 @@ def recorded_jacobian(face: Face, model: Model, data: Data, *about: Any) -> Arra
         rows = 0 if rate or run.placed_rows is None else run.placed_rows.ctypes.data
         words |= {"placed_rows": rows, "time": run.stamp_words["time"]}
         words |= {**library.words, **REFERENCES, **frames.words(rows=True)}
-        call = recorded_calls.frame_jacobian(name).bind(words, library, run, frames)
+        at_inputs = recorded_calls.frame_jacobian_dot if rate else recorded_calls.frame_jacobian
+        call = at_inputs.bind(words, library, run, frames)
     run.bound[key] = frames, call
     return found
 

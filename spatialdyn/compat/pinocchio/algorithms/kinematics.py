@@ -52,7 +52,7 @@ def updateFramePlacements(model: Model, data: Data) -> None:
     if library.has_builtins:
         words = {**library.words, **run.stamp_words, **frames.words(), "njoints": len(X)}
         words |= {"poses": X.ctypes.data, "result": run.result.ctypes.data}
-        call = recorded_calls.place_frames(False).bind(words, X, run, frames)
+        call = recorded_calls.place_frames.bind(words, X, run, frames)
         data._bound["frames"] = frames, run, call
 
 
@@ -81,7 +81,7 @@ def updateFramePlacement(model: Model, data: Data, frame_id: int) -> SE3:
     operator_kernels.compose(X[frames.joints[k]], frames.places[k], found._x)
     if library.has_builtins:
         words = {"poses": X.ctypes.data, "result": shown.array.ctypes.data, **frames.words()}
-        call = recorded_calls.place_frame().bind(words, X, shown.array, frames)
+        call = recorded_calls.place_frame.bind(words, X, shown.array, frames)
         data._bound["frame"] = frames, call, shown
     return found
 
@@ -109,7 +109,7 @@ def framesForwardKinematics(model: Model, data: Data, q: Any) -> None:
         words = {**library.words, **frames.stamp_words, **placements.words()}
         words |= {"poses": run.result.ctypes.data, "result": frames.result.ctypes.data}
         held = library, run, frames, placements
-        call = recorded_calls.place_frames(True).bind(words, *held, record=run.recording(1))
+        call = recorded_calls.place_joints_and_frames.bind(words, *held, record=run.recording(1))
         data._bound["all frames"] = placements, run, frames, call
 
 
@@ -129,6 +129,7 @@ def motion_of_frame(face: Face, model: Model, data: Data, *about: Any) -> Motion
         arrays = {"poses": data.hold("oMi"), "velocities": data.hold("v") if classical else motions}
         words = {x: array.ctypes.data for x, array in {**arrays, "motions": motions}.items()}
         words |= {"made": id(Motion), "slot": slot_offset(Value, "_x"), **REFERENCES, **frames.words()}
-        call = recorded_calls.frame_motion(classical).bind(words, *arrays.values(), motions, frames)
+        words["classical"] = classical
+        call = recorded_calls.frame_motion.bind(words, *arrays.values(), motions, frames)
         data._bound[key] = frames, call
     return Motion.over(out)

@@ -196,12 +196,12 @@ def _bind(data: Data, every: Run, run: Run, pairs: Any) -> None:
     models, datas = [x for x, _ in pairs], [own for _, own in pairs]
     addresses: list[Any] = [np.array([one._x.ctypes.data for one in some], np.int64) for some in (models, datas)]
     arrays = {"bias": every.result, "rows": library.row_numbers}
-    arrays |= {"L": f.L, "Y": f.Y, "C": f.C, "force": f.force, "contacts": addresses[0], "datas": addresses[1]}
+    arrays |= {"L": f.L, "Y": f.Y, "C": f.C, "force": f.force, "given": addresses[0], "found": addresses[1]}
     arrays["scratch"] = scratch_of(len(f.L), len(f.force))
     words = {**library.words, **every.stamp_words, **{name: x.ctypes.data for name, x in arrays.items()}}
-    words |= {"m": len(f.force), "count": len(pairs), "before": words.pop("time")}
+    words |= {"m": len(f.force), "size": len(pairs), "before": words.pop("time")}
     noted = record(2, every.memory, run.result, run._stamp, library.table)
-    call = contact_dynamics().bind(words, library, arrays, models, datas, every, run, record=noted)
+    call = contact_dynamics.bind(words, library, arrays, models, datas, every, run, record=noted)
     data._bound["contacts"] = library, models, datas, every, run, f, call
 
 

@@ -180,7 +180,7 @@ class Run:
             record = self.recording(1, self.result)
             words = {**places, **library.words}
             alive = library, self.placed_rows, self.oMi
-            return recorded_calls.jacobians().bind(words, *alive, record=record, otherwise=otherwise)
+            return recorded_calls.jacobians.bind(words, *alive, record=record, otherwise=otherwise)
         code, record = library.code(kind.call, forces), self.recording(len(kind.inputs.split()), self.result)
         plan = kind.unused_inputs, kind.returns, self.result
         return recorded_calls.recorded_call(code, library.words, record, *plan, otherwise)
@@ -248,10 +248,10 @@ class Run:
 
     def _bind_motions(self, moving: Mapping[str, Array]) -> list[Callable[[], Any]]:
         """A builtin that computes these fields; none if it is the call too, where that places the joints."""
-        name = "joint_accelerations" if "a" in moving else "joint_velocities"
         words = {"oMi": moving["oMi"].ctypes.data, "v_out": moving["v"].ctypes.data}
-        words |= {"found_at": [*moving.values()][-1].ctypes.data, **self.library.words}
-        routine, alive = recorded_calls.motions(name), (self.library, self.memory, *moving.values())
+        words |= {"a_out": [*moving.values()][-1].ctypes.data, **self.library.words}
+        routine = recorded_calls.accelerations if "a" in moving else recorded_calls.velocities
+        alive = (self.library, self.memory, *moving.values())
         if self.kind.call == "forward_kinematics":
             record, otherwise = self.recording(len(routine.inputs)), self._following(False)
             self.call = routine.bind(words, *alive, record=record, otherwise=otherwise)

@@ -30,6 +30,7 @@ from ....model.robot_checks import clear_rounding, make_joint, make_link
 from ....model.update import edited
 from ....recursions import SPECS
 from ...native import recorded_calls
+from ...native.configurations import ROUTINES
 from ...native.edited_table import MOVED, REFUSED, put_numbers
 from ...native.recorded_calls import clock
 from ..coverage.strictness import strict
@@ -163,7 +164,7 @@ class LibraryModel:
         places = {"now": now, "then": then, "rows": self.rows, "sums": sums}
         words = {"table": self.address, "size": len(now), "njoints": len(self.rows), "count": len(sums)}
         words |= {name: x.ctypes.data for name, x in places.items()}
-        return put_numbers().bind(words, self.table, *places.values())
+        return put_numbers.bind(words, self.table, *places.values())
 
     def state_at(self, stamp: int) -> bytes:
         """The state at the time of a call."""
@@ -215,10 +216,17 @@ class LibraryModel:
         return edited(model, {k: _link(links[k].name, now.inertias[k]) for k in changed}, joints, _gravity(now))
 
     def __getattr__(self, name: str) -> Callable[..., Any]:
-        if name not in SPECS:
+        if name not in SPECS and name not in ROUTINES:
             raise AttributeError(f"no call {name!r}")
-        call = self.__dict__[name] = self._bound(name)
+        call = self.__dict__[name] = self._bound_routine(name) if name in ROUTINES else self._bound(name)
         return call
+
+    def _bound_routine(self, name: str) -> Callable[..., Any]:
+        if not self.has_builtins:
+            return unavailable
+        units, scratch = np.array(self.units, np.int64), np.empty(self.words["nv"])
+        words = {"units": units.ctypes.data, "count": len(units), "scratch": scratch.ctypes.data, **self.words}
+        return ROUTINES[name].bind(words, self.table, units, scratch)
 
     def code(self, name: str, forces: bool = False) -> CallCode:
         """The code of a call: the library's program, or the table kernel if there is none or the model was edited."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 import sys
+from functools import lru_cache
 from inspect import cleandoc
 from typing import Any
 
@@ -65,9 +66,15 @@ def described(value: Any) -> str:
 
 def of_pinocchio(value: Any, kind: str) -> bool:
     """Whether a value is of Pinocchio's own class of that name; those of its symbolic numbers are left out."""
+    given: Any = type(value)
+    return _is_pinocchios(given, kind)
+
+
+@lru_cache(256)
+def _is_pinocchios(given: Any, kind: str) -> bool:
     return any(
         x.__name__ == kind and f"{x.__module__}.".startswith(OF_PINOCCHIO) and "casadi" not in x.__module__
-        for x in type(value).__mro__
+        for x in given.__mro__
     )
 
 

@@ -26,26 +26,19 @@ from .random import GENERATOR
 from .rotations import skew, skewSquare
 from .se3 import SE3
 from .symmetric import six
-from .value import InFrames, Summable, as_array, on_table, part, preset
+from .value import InFrames, Summable, as_array, on_values, part, preset
 
 __all__ = ["Inertia"]
 
 UNIT = np.array([1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 1.0])
 
-_rotational, _body_of, _fault, _of_parameters = on_table("""
-rotational(I: Body) -> rot = Mat3(I.I.xx, I.I.xy, I.I.xz, I.I.xy, I.I.yy, I.I.yz, I.I.xz, I.I.yz, I.I.zz)
-body_of(mass: number, lever: vec, inertia: rot) -> body = Body(mass, lever, lower_triangle(inertia))
-fault(inertia: rot) -> number = fault_of_inertia(inertia)
-FromDynamicParameters(params: body) -> Body = body_of_parameters(params)
-""")
+_rotational = on_values("rotational", operators.rotational_inertia, "rot", I="Body")
+_body_of = on_values("body_of", operators.body_of, "body", mass="number", lever="vec", inertia="rot")
+_fault = on_values("fault", operators.fault_of_inertia, "number", inertia="rot")
+_of_parameters = on_values("FromDynamicParameters", operators.body_of_parameters, "Body", params="body")
 
 
-class Inertia(
-    Summable,
-    InFrames,
-    kind="Body",
-    near="near(self_in[:1], other_in[:1], prec) * near(self.c, other.c, prec) * near(self_in[4:], other_in[4:], prec)",
-):
+class Inertia(Summable, InFrames, kind="Body", near=operators.near_bodies):
     """A rigid body: ``Inertia(mass [kg], lever (3,) [m], inertia (3, 3) [kg m²])``, lever the centre of mass and
     inertia the rotational inertia about it; ``Inertia(other)``, also of Pinocchio's own class.
 
@@ -139,19 +132,17 @@ class Inertia(
 
     # --- sums and products ---------------------------------------------------------------------------------
 
-    __add__, __sub__, __mul__, _to_parent, _to_child, vxiv, vtiv, matrix = on_table("""
-__add__(self: Body, other: Body) -> Body = add_bodies(self, other)
-__sub__(self: Body, other: Body) -> Body = combined(self, other, -1.0)
-__mul__(self: Body, v: Motion) -> Force = body_momentum(self, v)
-act(self: Pose, I: Body) -> Body = body_to_parent(self, I)
-actInv(self: Pose, I: Body) -> Body = body_to_child(self, I)
-vxiv(self: Body, v: Motion) -> Force = cross_force(v, body_momentum(self, v))
-    v ×* I v: the bias force of a body.
-vtiv(self: Body, v: Motion) -> number = power(v, body_momentum(self, v))
-    vᵀ I v: twice the kinetic energy [J].
-matrix(self: Body) -> inertia = inertia_about_origin(self)
-    The matrix (6, 6) that maps motions to momenta, about the origin.
-""")
+    __add__ = on_values("__add__", operators.add_bodies, "Body", self="Body", other="Body")
+    __sub__ = on_values("__sub__", operators.without, "Body", self="Body", other="Body")
+    __mul__ = on_values("__mul__", operators.body_momentum, "Force", self="Body", v="Motion")
+    _to_parent = on_values("act", operators.body_to_parent, "Body", self="Pose", I="Body")
+    _to_child = on_values("actInv", operators.body_to_child, "Body", self="Pose", I="Body")
+    vxiv = on_values("vxiv", operators.bias_force,
+        "Force", "v ×* I v: the bias force of a body.", self="Body", v="Motion")  # fmt: skip
+    vtiv = on_values("vtiv", operators.twice_the_energy, "number",
+        "vᵀ I v: twice the kinetic energy [J].", self="Body", v="Motion")  # fmt: skip
+    matrix = on_values("matrix", operators.inertia_about_origin, "inertia",
+        "The matrix (6, 6) that maps motions to momenta, about the origin.", self="Body")  # fmt: skip
     np = property(matrix)
     __array__ = as_array(matrix)
 

@@ -7,16 +7,18 @@ from typing import Any, ClassVar, TypeVar, cast
 
 import numpy as np
 
+from ....algebra import spatial
+from ...native import operators
 from .arguments import ArgumentError, Array, array, described, of_pinocchio, row
 from .random import uniform
-from .value import InFrames, Summable, on_table, on_values, own_value, part, preset
+from .value import InFrames, Summable, on_values, own_value, part, preset
 
 __all__ = ["Force", "Motion"]
 
 Vector = TypeVar("Vector", bound="Spatial")
 
 FLOAT = np.dtype(np.float64)
-_joined = on_values("joined(linear: vec, angular: vec) -> motion", "Motion(angular, linear)")
+_joined = on_values("joined", spatial.Motion, "motion", angular="vec", linear="vec")
 
 
 class Spatial(Summable, InFrames):
@@ -29,7 +31,7 @@ class Spatial(Summable, InFrames):
 
     def __init__(self, linear: Any = None, angular: Any = None, *, array: Any = None, clone: Any = None) -> None:
         if angular is not None:
-            self._x = _joined(linear, angular)
+            self._x = _joined(angular, linear)
         elif type(linear) is np.ndarray and linear.shape == (6,) and linear.dtype == FLOAT:
             self._x = linear.copy()
         else:
@@ -57,7 +59,7 @@ class Spatial(Summable, InFrames):
         return x
 
     def __mul__(self: Vector, scale: Any) -> Vector:
-        return self._scaled(float(scale)) if isinstance(scale, (float, int)) else NotImplemented
+        return self._scaled(float(scale), self) if isinstance(scale, (float, int)) else NotImplemented
 
     def __rmul__(self: Vector, scale: Any) -> Vector:
         if isinstance(scale, (float, int)):
@@ -72,31 +74,21 @@ class Spatial(Summable, InFrames):
         return f"{linear} = {row(self._x[:3])}\n{angular} = {row(self._x[3:])}\n"
 
 
-def _vector_space(kind: str, a: str, l: str) -> list[Callable[..., Any]]:
-    """Sums, multiples, changes of frame and zero of Motion or Force, whose angular and linear parts are a and l."""
-    space = kind.lower()
-    return on_table(f"""
-__add__(self: {kind}, other: {kind}) -> {kind} = add_{space}(self, other)
-__sub__(self: {kind}, other: {kind}) -> {kind} = sub_{space}(self, other)
-__neg__(self: {kind}) -> {kind} = {kind}(neg(self.{a}), neg(self.{l}))
-scaled(self: {kind}, s: number) -> {kind} = scale_{space}(s, self)
-divided(self: {kind}, s: number) -> {kind} = {kind}(divide(self.{a}, s), divide(self.{l}, s))
-act(self: Pose, x: {kind}) -> {kind} = {space}_to_parent(self, x)
-actInv(self: Pose, x: {kind}) -> {kind} = {space}_to_child(self, x)
-Zero() -> {kind} = zero_{space}()
-    Zero.
-""")
-
-
 class Force(Spatial, kind="Force"):
     """A spatial force: ``Force(linear (3,), angular (3,))``, ``Force(vector (6,))`` [N, N m about the origin] or
     ``Force(other)``, also of Pinocchio's own class.
     """
 
     _letters = ("  f", "tau")
-    __add__, __sub__, __neg__, _scaled, _divided, _to_parent, _to_child, Zero = _vector_space("Force", "n", "f")
-    Zero = staticmethod(Zero)
-    dot = on_values("dot(self: Force, m: Motion) -> number", "power(m, self)", "The power along a Motion [W].")
+    __add__ = on_values("__add__", spatial.add_force, "Force", self="Force", other="Force")
+    __sub__ = on_values("__sub__", spatial.sub_force, "Force", self="Force", other="Force")
+    __neg__ = on_values("__neg__", operators.minus_force, "Force", self="Force")
+    _scaled = staticmethod(on_values("scaled", spatial.scale_force, "Force", s="number", self="Force"))
+    _divided = on_values("divided", operators.divided_force, "Force", self="Force", s="number")
+    _to_parent = on_values("act", spatial.force_to_parent, "Force", self="Pose", x="Force")
+    _to_child = on_values("actInv", spatial.force_to_child, "Force", self="Pose", x="Force")
+    Zero = staticmethod(on_values("Zero", spatial.zero_force, "Force", "Zero."))
+    dot = on_values("dot", operators.power_of_force, "number", "Power along a Motion [W].", self="Force", m="Motion")
 
 
 class Motion(Spatial, kind="Motion"):
@@ -107,10 +99,16 @@ class Motion(Spatial, kind="Motion"):
     """
 
     _letters = ("  v", "  w")
-    __add__, __sub__, __neg__, _scaled, _divided, _to_parent, _to_child, Zero = _vector_space("Motion", "w", "v")
-    Zero = staticmethod(Zero)
-    dot = on_values("dot(self: Motion, f: Force) -> number", "power(self, f)", "The power of a Force along it [W].")
-    _action = on_values("action(self: Motion) -> tangent", "Tangent(skew(self.w), skew(self.v))")
+    __add__ = on_values("__add__", spatial.add_motion, "Motion", self="Motion", other="Motion")
+    __sub__ = on_values("__sub__", spatial.sub_motion, "Motion", self="Motion", other="Motion")
+    __neg__ = on_values("__neg__", operators.minus_motion, "Motion", self="Motion")
+    _scaled = staticmethod(on_values("scaled", spatial.scale_motion, "Motion", s="number", self="Motion"))
+    _divided = on_values("divided", operators.divided_motion, "Motion", self="Motion", s="number")
+    _to_parent = on_values("act", spatial.motion_to_parent, "Motion", self="Pose", x="Motion")
+    _to_child = on_values("actInv", spatial.motion_to_child, "Motion", self="Pose", x="Motion")
+    Zero = staticmethod(on_values("Zero", spatial.zero_motion, "Motion", "Zero."))
+    dot = on_values("dot", spatial.power, "number", "The power of a Force along it [W].", self="Motion", f="Force")
+    _action = on_values("action", operators.cross_matrix, "tangent", self="Motion")
     action = property(_action, doc="The matrix (6, 6) of self × on Motion vectors.")
     dualAction = property(lambda self: -self.action.T, doc="The matrix (6, 6) of self ×* on Force vectors.")
 
@@ -132,7 +130,5 @@ class Motion(Spatial, kind="Motion"):
         return np.array([[0.0, -z, y, vx], [z, 0.0, -x, vy], [-y, x, 0.0, vz], [0.0, 0.0, 0.0, 0.0]])
 
 
-_cross_motion, _cross_force = on_table("""
-__xor__(self: Motion, other: Motion) -> Motion = cross_motion(self, other)
-__xor__(self: Motion, other: Force) -> Force = cross_force(self, other)
-""")
+_cross_motion = on_values("__xor__", spatial.cross_motion, "Motion", self="Motion", other="Motion")
+_cross_force = on_values("__xor__", spatial.cross_force, "Force", self="Motion", other="Force")

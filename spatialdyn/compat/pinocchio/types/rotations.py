@@ -7,26 +7,25 @@ from typing import Any
 
 import numpy as np
 
+from ....algebra import lie
 from ....algebra.euclidean import Vec, cross
 from ....algebra.scalars import EPS
 from ....errors import SpatialDynError
+from ...native import operators
 from .arguments import ArgumentError, Array, ValueRuntimeError, array, described, expected, number, of_pinocchio, row
-from .value import Value, on_table, on_values, own_value, part, preset
+from .value import Value, on_values, own_value, part, preset
 
 __all__ = ["AngleAxis", "Quaternion", "XAxis", "YAxis", "ZAxis", "skew", "skewSquare", "unSkew"]
 
 OPPOSITE = 1e-12  # directions with a cosine this near -1 define no plane
 XAxis, YAxis, ZAxis = (np.array([float(i == k) for i in range(3)]) for k in range(3))
 
-skew, unSkew, skewSquare, _of_matrix = on_table("""
-skew(u: vec) -> rot = skew(u)
-    The matrix (3, 3) of u × for u (3,).
-unSkew(U: rot) -> vec = scale(0.5, Vec(U.zy - U.yz, U.xz - U.zx, U.yx - U.xy))
-    The vector u (3,) whose ``skew`` is the antisymmetric part of a matrix (3, 3).
-skewSquare(u: vec, v: vec) -> rot = matmul(skew(u), skew(v))
-    The matrix (3, 3) of u × (v × ·) for u, v (3,).
-coefficients(rotation: rot) -> quat = quaternion_of_matrix(rotation)
-""")
+skew = on_values("skew", operators.skew, "rot", "The matrix (3, 3) of u × for u (3,).", u="vec")
+unSkew = on_values("unSkew", operators.unskew,
+    "vec", "The vector u (3,) whose ``skew`` is the antisymmetric part of a matrix (3, 3).", U="rot")  # fmt: skip
+skewSquare = on_values("skewSquare", operators.skew_product, "rot",
+    "The matrix (3, 3) of u × (v × ·) for u, v (3,).", u="vec", v="vec")  # fmt: skip
+_of_matrix = on_values("coefficients", operators.quaternion_of_matrix, "quat", rotation="rot")
 
 
 class Rotation(Value):
@@ -127,19 +126,22 @@ class Quaternion(Rotation, kind="Quat"):
         """The coefficients x y z (3,), a copy."""
         return self._x[:3].copy()
 
-    matrix, conjugate, dot, squaredNorm, norm = on_table("""
-matrix(self: Quat) -> rot = rotation_matrix(self)
-    The rotation matrix (3, 3); a rotation only if the norm is 1.
-conjugate(self: Quat) -> Quat = conjugate(self)
-    The conjugate: the inverse rotation, of the same norm.
-dot(self: Quat, other: Quat) -> number = self.x * other.x + self.y * other.y + self.z * other.z + self.w * other.w
-    Dot product of the coefficients.
-squaredNorm(self: Quat) -> number = self.x * self.x + self.y * self.y + self.z * self.z + self.w * self.w
-    Squared norm.
-norm(self: Quat) -> number = sqrt(self.x * self.x + self.y * self.y + self.z * self.z + self.w * self.w)
-    Euclidean norm.
-""")
-    toRotationMatrix, __abs__ = matrix, norm
+    matrix = on_values("matrix", lie.matrix, "rot",
+        "The rotation matrix (3, 3); a rotation only if the norm is 1.", self="Quat")  # fmt: skip
+    conjugate = on_values("conjugate", lie.conjugate,
+        "Quat", "The conjugate: the inverse rotation, of the same norm.", self="Quat")  # fmt: skip
+    dot = on_values("dot", operators.dot_quats, "number", "Dot product of the coefficients.", self="Quat", other="Quat")
+    toRotationMatrix = matrix
+
+    def squaredNorm(self) -> float:
+        """Squared norm."""
+        return self.dot(self)  # type: ignore[no-any-return]
+
+    def norm(self) -> float:
+        """Euclidean norm."""
+        return math.sqrt(self.dot(self))
+
+    __abs__ = norm
 
     def _product(self, other: Rotation) -> Any:
         return _product(self, other) if isinstance(other, Quaternion) else NotImplemented
@@ -185,7 +187,7 @@ norm(self: Quat) -> number = sqrt(self.x * self.x + self.y * self.y + self.z * s
         return f"(x,y,z,w) = {row(self._x)}\n"
 
 
-_product = on_values("__mul__(self: Quat, other: Quat) -> Quat", "product(self, other)")
+_product = on_values("__mul__", lie.product, "Quat", self="Quat", other="Quat")
 
 
 class AngleAxis(Rotation):

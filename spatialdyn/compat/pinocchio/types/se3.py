@@ -6,30 +6,25 @@ from typing import Any
 
 import numpy as np
 
+from ....algebra import spatial
+from ...native import operators
 from .arguments import ArgumentError, Array, array, described, of_pinocchio, row, rows
 from .random import GENERATOR
 from .rotations import Quaternion
-from .value import Value, as_array, on_table, on_values, own_value, part, preset
+from .value import Value, as_array, on_values, own_value, part, preset
 
 __all__ = ["SE3"]
 
 IDENTITY = np.eye(4)
 
-_point_to_parent, _point_to_child, _pose_of, _pose_of_quaternion, _random = on_table("""
-act(self: Pose, point: vec) -> vec = point_to_parent(self, point)
-actInv(self: Pose, point: vec) -> vec = point_to_child(self, point)
-pose_of(rotation: rot, translation: vec) -> pose = Pose(rotation, translation)
-pose_of(quat: Quat, translation: vec) -> pose = Pose(rotation_matrix(quat), translation)
-Random(u: motion) -> Pose = Pose(rotation_matrix(random_rotation(u.v)), sub(scale(2.0, u.w), Vec(1.0, 1.0, 1.0)))
-""")
+_point_to_parent = on_values("act", operators.point_to_parent, "vec", self="Pose", point="vec")
+_point_to_child = on_values("actInv", operators.point_to_child, "vec", self="Pose", point="vec")
+_pose_of = on_values("pose_of", spatial.Pose, "pose", rotation="rot", translation="vec")
+_pose_of_quaternion = on_values("pose_of", operators.pose_of_quaternion, "pose", quat="Quat", translation="vec")
+_random = on_values("Random", operators.random_pose, "Pose", u="motion")
 
 
-class SE3(
-    Value,
-    kind="Pose",
-    near="near(self.R, other.R, prec) * near(self.p, other.p, prec)",
-    same="same(self.R, other.R) * same(self.p, other.p)",
-):
+class SE3(Value, kind="Pose", near=operators.near_poses, same=operators.same_poses, raw=False):
     """The pose of a frame in a reference frame: ``SE3(rotation (3, 3), translation (3,))``,
     ``SE3(quaternion, translation)``, ``SE3(homogeneous (4, 4))``, ``SE3(other)``, also of Pinocchio's own class or
     coal's Transform3s, ``SE3(1)`` for the identity.
@@ -55,20 +50,15 @@ class SE3(
     rotation = part("rotation", np.s_[:3, :3], "The rotation matrix (3, 3), a view.")
     translation = part("translation", np.s_[:3, 3], "The translation (3,) [m], a view.")
 
-    _matrix, inverse, toActionMatrix, toActionMatrixInverse, _to_parent, _to_child, Identity = on_table("""
-matrix(self: Pose) -> pose = self
-    The homogeneous matrix (4, 4), a copy.
-inverse(self: Pose) -> Pose = inverse(self)
-    The pose of the reference frame in the frame.
-toActionMatrix(self: Pose) -> tangent = Tangent(self.R, matmul(skew(self.p), self.R))
-    The matrix (6, 6) that takes Motion vectors from the frame to the reference frame.
-toActionMatrixInverse(self: Pose) -> tangent = Tangent(transpose(self.R), transpose(matmul(skew(self.p), self.R)))
-    The inverse of ``toActionMatrix``.
-act(self: Pose, other: Pose) -> Pose = compose(self, other)
-actInv(self: Pose, other: Pose) -> Pose = relative_pose(self, other)
-Identity() -> Pose = identity_pose()
-    The identity.
-""")  # the other classes that an SE3 moves have _to_parent and _to_child too
+    _matrix = on_values("matrix", operators.itself, "pose", "The homogeneous matrix (4, 4), a copy.", self="Pose")
+    inverse = on_values("inverse", spatial.inverse, "Pose", "Pose of the reference frame in the frame.", self="Pose")
+    toActionMatrix = on_values("toActionMatrix", operators.action, "tangent",
+        "The matrix (6, 6) that takes Motion vectors from the frame to the reference frame.", self="Pose")  # fmt: skip
+    toActionMatrixInverse = on_values("toActionMatrixInverse", operators.action_back, "tangent",
+        "The inverse of ``toActionMatrix``.", self="Pose")  # fmt: skip
+    _to_parent = on_values("act", spatial.compose, "Pose", self="Pose", other="Pose")  # also of what an SE3 moves
+    _to_child = on_values("actInv", operators.relative_pose, "Pose", self="Pose", other="Pose")
+    Identity = on_values("Identity", spatial.identity_pose, "Pose", "The identity.")
     Identity, __invert__, __array__ = staticmethod(Identity), inverse, as_array(_matrix)
     homogeneous = np = property(_matrix)
 
@@ -82,11 +72,11 @@ Identity() -> Pose = identity_pose()
 
     Interpolate = staticmethod(
         on_values(
-            "Interpolate(A: Pose, B: Pose, alpha: number) -> Pose",
-            "compose(A, exp_pose(scale_motion(alpha, log_pose(relative_pose(A, B)))))",
+            "Interpolate", operators.interpolated, "Pose",
             "A exp(alpha log(A⁻¹ B)): from A (alpha = 0) to B (alpha = 1) at a constant motion.",
+            A="Pose", B="Pose", alpha="number",
         )
-    )
+    )  # fmt: skip
 
     def toDualActionMatrix(self) -> Array:
         """The matrix (6, 6) that takes Force vectors from the frame to the reference frame."""

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
+from types import FunctionType
 from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 
-from ....engines.compiled.generated import function_from_text
 from ....engines.object_layout import slot_offset
-from ....engines.programs.run.single_call import READY
-from ...native import operator_kernels
+from ....engines.programs.run.single_call import READY, unavailable
+from ...native import operator_kernels, operators
 from .arguments import (
     ArgumentError,
     Array,
     array,
-    documented_rows,
     expected,
     module_of_caller,
     near,
@@ -40,18 +40,20 @@ class Value(Copied):
     _arguments: ClassVar[tuple[str, ...]]  # attributes that the constructor takes
     _compared: ClassVar[tuple[Any, ...]] = (...,)  # places of the parts whose norms ``isApprox`` compares
 
-    def __init_subclass__(cls, kind: str = "", near: str = "", same: str = "", **options: Any) -> None:
-        """``near`` and ``same`` are formulas of two objects, as of ``on_values``, by default of all their numbers."""
+    def __init_subclass__(
+        cls, kind: str = "", near: Any = operators.near, same: Any = operators.same, raw: bool = True, **options: Any
+    ) -> None:
+        """``near`` and ``same`` compare two objects as functions of ``on_values``, by default all their numbers."""
         super().__init_subclass__(**options)
         Value._named[cls.__name__] = cls
         if not kind:
             return
         Value._classes[kind] = cls
-        near, same = near or "near(self_in, other_in, prec)", same or "same(self_in, other_in)"
-        cls.copy = on_values(f"copy(self: {kind}) -> {kind}", "self", Value.copy.__doc__)  # type: ignore[method-assign]
-        cls.__eq__ = on_values(f"__eq__(self: {kind}, other: {kind}) -> truth", same)  # type: ignore[method-assign]
-        signature = f"isApprox(self: {kind}, other: {kind}, prec: number = 1e-12) -> truth"
-        cls.isApprox = on_values(signature, near, Value.isApprox.__doc__)  # type: ignore[method-assign]
+        cls.copy = on_values("copy", operators.itself, kind, Value.copy.__doc__, self=kind)  # type: ignore[method-assign]
+        cls.__eq__ = on_values("__eq__", same, "truth", raw=raw, self=kind, other=kind)  # type: ignore[method-assign]
+        cls.isApprox = on_values(  # type: ignore[method-assign]
+            "isApprox", near, "truth", Value.isApprox.__doc__, raw=raw, self=kind, other=kind, prec="precision"
+        )
 
     @classmethod
     def over(cls: type[Self], x: Array) -> Self:
@@ -191,28 +193,22 @@ def as_array(read: Callable[[Any], Array]) -> Callable[..., Array]:
 # --- compiled functions ------------------------------------------------------------------------------------
 
 
-def on_table(rows: str) -> list[Callable[..., Any]]:
-    """``on_values`` for each row "signature = formula", documented by the indented lines that follow it."""
-    module = module_of_caller()
-    split = [(*row.split(" = ", 1), doc) for row, doc in documented_rows(rows)]
-    return [on_values(signature, text, doc, module) for signature, text, doc in split]
+def on_values(
+    name: str, function: Callable[..., Any], output: str, doc: str | None = "", /, raw: bool = False, **inputs: str
+) -> Callable[..., Any]:
+    """The function ``name`` of arguments and a result of these kinds, computed by a function of compiled code.
 
-
-def on_values(signature: str, text: str, doc: str | None = "", module: str = "") -> Callable[..., Any]:
-    """A function with a signature such as "dot(self: Motion, f: Force) -> number", given as a formula in text.
-
-    See ``operator_kernels.Formula``. Arguments of other types, as lists or arrays of integers, are converted, or raise
+    See ``operator_kernels.Operator``. Arguments of other types, as lists or arrays of integers, are converted, or raise
     ArgumentError; where the name is an operator of Python, it returns NotImplemented. Compiled at its first call.
     """
-    formula = operator_kernels.Formula.parsed(signature, text)
-    name, inputs, output = formula.name, formula.inputs, formula.output
-    kernel = operator_kernels.on_arrays(formula)
+    operator = operator_kernels.Operator(function, inputs, output, raw)
 
     def first(*given: Any) -> Any:
-        scope["call"] = convert
-        if READY:
-            scope["call"] = operator_kernels.bind_values(formula, slot_offset(Value, "_x"), Value._classes, convert)
+        scope["call"] = bound(convert)
         return scope["call"](*given)
+
+    def bound(otherwise: Callable[..., Any]) -> Callable[..., Any]:
+        return operator.bind(slot_offset(Value, "_x"), Value._classes, otherwise) if READY else otherwise
 
     def convert(*given: Any) -> Any:
         try:
@@ -221,27 +217,38 @@ def on_values(signature: str, text: str, doc: str | None = "", module: str = "")
             if name.startswith("__"):
                 return NotImplemented
             raise
-        if output in ("number", "truth"):
-            return kernel(*ready) if output == "number" else kernel(*ready) == 1.0
-        out = np.empty(operator_kernels.SHAPES[output.lower()])
-        kernel(*ready, out)
-        return Value._classes[output].over(out) if output in Value._classes else out
+        return of_converted()(*ready)
 
-    lines = [f"def {name}({formula.parameters}): return call({', '.join(inputs)})"]
-    scope: dict[str, Any] = {"call": first, "__name__": module or module_of_caller()}
-    function = function_from_text(name, lines, scope, f"value_{formula.label}")
-    function.__doc__ = doc
-    return function
+    @cache
+    def of_converted() -> Callable[..., Any]:
+        return bound(plain)
+
+    def plain(*ready: Any) -> Any:
+        found = operator.in_plain_python(*(x._x if isinstance(x, Value) else x for x in ready))
+        return Value._classes[output].over(found) if output in Value._classes else found
+
+    scope: dict[str, Any] = {"call": first, "__name__": module_of_caller()}
+    code = _CALLS[len(inputs)].__code__.replace(co_name=name, co_varnames=tuple(inputs))
+    made = FunctionType(code, scope, name, tuple(x.default for x in operator.kinds if x.default is not None))
+    made.__qualname__, made.__doc__ = name, doc
+    return made
+
+
+# of functions of so many arguments: a function of ``on_values`` has this code with its own names and its own ``call``
+call: Callable[..., Any] = unavailable
+_CALLS: tuple[Any, ...] = (
+    lambda: call(), lambda a: call(a), lambda a, b: call(a, b), lambda a, b, c: call(a, b, c)
+)  # fmt: skip
 
 
 def _converted(x: Any, kind: str, what: str) -> Any:
-    """An argument as its kernel takes it. Raises ArgumentError if it cannot be one of that kind."""
-    if kind == "number":
+    """An argument as its builtin takes it. Raises ArgumentError if it cannot be one of that kind."""
+    shape, _, _, owner, or_array, _ = operator_kernels.KINDS[kind]
+    if not shape:
         return number(x, what)
-    first, _, other = kind.partition("|")
-    own = Value._classes.get(first)
+    own = Value._classes.get(owner)
     if own is not None and of_pinocchio(x, own.__name__):
-        return own(x)._x  # type: ignore[call-arg]
-    if own is not None and (not other or isinstance(x, own)):
-        return expected(x, own, what)._x
-    return array(x, operator_kernels.SHAPES[operator_kernels.array_kind(kind)], what)
+        return own(x)  # type: ignore[call-arg]
+    if own is not None and (not or_array or isinstance(x, own)):
+        return own.over(expected(x, own, what)._x)
+    return np.array(array(x, shape, what))

@@ -109,387 +109,492 @@ class _Writer(Body):
         self.branch(condition, f"on{len(self.lines)}", otherwise, then=f"on{len(self.lines)}")
 
 
-def _call() -> str:
-    c = _Writer()
-    put, do, form, plan = c.put, c.do, c.form, c.plan
-    c.label("start")
-    values, inputs, sizes, cells = (put(f"alloca [{MOST} x ptr]") for _ in range(4))
-    outputs, results = (put(f"alloca [{MOST_OUTPUTS} x ptr]") for _ in range(2))
-    number = put(f"alloca [{MOST_OUTPUTS} x double]")
-    none, ndarray, float64 = c.process("none"), c.process("ndarray"), c.word("%form", PROCESS.index("float64"))
-    count, model_type = form("count"), put(f"inttoptr i64 {form('model_type')} to ptr")
-    no_model = c.equal(model_type, "null", "ptr")
-    skip = put(f"select i1 {no_model}, i64 0, i64 1")
-    positional = put(f"sub i64 %n, {skip}")
-    c.need(put(f"icmp ule i64 {positional}, {count}"))  # unsigned: not negative either
-    first = c.at("ptr", "%args", skip)
-    before = c.block
-    c.jump("by_position", then="by_position")
+class _Call(_Writer):
+    """The text of ``call``, part by part; the parts name each other's blocks.
 
-    # arguments by position, then by keyword; %given has a bit for each that is not None
-    do(f"%i = phi i64 [ 0, {before} ], [ %i.next, %take ]")
-    do(f"%given.i = phi i64 [ 0, {before} ], [ %given.next, %take ]")
-    c.branch(c.equal("%i", positional), "keywords", "take", then="take")
-    value = c.load("ptr", c.at("ptr", first, "%i"))
-    c.store("ptr", value, c.at("ptr", values, "%i"))
-    do(f"%given.next = or i64 %given.i, {c.given_bit(value, none, '%i')}")
-    do("%i.next = add i64 %i, 1")
-    c.jump("by_position", then="keywords")
-    passed = put(f"sub i64 {c.one_bit(positional)}, 1")
-    c.branch(c.equal("%names", "null", "ptr"), "collected", "named", then="named")
-    keywords, behind = c.word("%names", layout.LENGTH), c.at("ptr", first, positional)
-    c.jump("by_keyword", then="by_keyword")
-    do("%j = phi i64 [ 0, %named ], [ %j.next, %found ]")
-    do(f"%passed.j = phi i64 [ {passed}, %named ], [ %passed.next, %found ]")
-    do("%given.j = phi i64 [ %given.i, %named ], [ %given.more, %found ]")
-    c.branch(c.equal("%j", keywords), "collected", "search", then="search")
-    name = c.pointer("%names", c.add("%j", layout.ITEMS))
-    c.jump("compare", then="compare")
-    do("%k = phi i64 [ 0, %search ], [ %k.next, %other ]")
-    c.branch(c.equal("%k", count), "python", "same", then="same")
-    wanted = c.pointer("%form", c.add(c.times("%k", 2), _PAIRS))
-    c.branch(c.equal(name, wanted, "ptr"), "match", "other", then="other")
-    do("%k.next = add i64 %k, 1")
-    c.jump("compare", then="match")
-    c.branch(c.equal(c.bits("%passed.j", c.one_bit("%k")), 0), "found", "python", then="found")
-    value = c.load("ptr", c.at("ptr", behind, "%j"))
-    c.store("ptr", value, c.at("ptr", values, "%k"))
-    do(f"%given.more = or i64 %given.j, {c.given_bit(value, none, '%k')}")
-    do(f"%passed.next = or i64 %passed.j, {c.one_bit('%k')}")
-    do("%j.next = add i64 %j, 1")
-    c.jump("by_keyword", then="collected")
-    do("%given = phi i64 [ %given.i, %keywords ], [ %given.j, %by_keyword ]")
-    required = form("required")
-    c.need(c.equal(c.bits("%given", required), required))
+    values   addresses of the argument objects, by parameter; ``%given`` has a bit for each that is not None
+    inputs   addresses of the numbers of the inputs, ``sizes`` of their ends; ``%m`` counts them
+    cells    words of inputs that are an index or a choice
+    outputs  addresses of the numbers of the results; ``results`` their objects: null for a number, in ``number``
+    """
 
-    # the plan of the model
-    c.branch(no_model, "without", "of_model", then="without")
-    fixed = put(f"inttoptr i64 {form('plan')} to ptr")
-    c.jump("planned", then="of_model")
-    model = c.load("ptr", "%args")
-    c.need(c.equal(c.pointer(model, layout.TYPE), model_type, "ptr"))
-    plans = c.load("ptr", c.byte(model, form("plans")))
-    choice = c.bits(c.shifted("%given", form("optional")), form("choices"))
-    lookup = c.process("lookup")
-    entry = put(f"call ptr {lookup}(ptr {plans}, ptr {c.pointer('%form', c.add(choice, _KEYS))})")
-    c.need(put(f"icmp ne ptr {entry}, null"))
-    named = form("named")
-    before = c.block
-    c.branch(put(f"icmp slt i64 {named}, 0"), "of_call", "of_words", then="of_words")
-    words = [c.load("ptr", c.at("ptr", values, named))]
-    string = c.process("string")
-    c.need(c.equal(c.pointer(words[0], layout.TYPE), string, "ptr"))
-    others = c.bits(c.shifted("%given", c.add(named, 1)), form("rest"))
-    c.branch(c.equal(others, 0), "of_name", "of_three", then="of_name")
-    alone = put(f"call ptr {lookup}(ptr {entry}, ptr {words[0]})")
-    c.branch(put(f"icmp ne ptr {alone}, null"), "of_call", "python", then="of_three")
-    for k in range(1, MOST_WORDS):
-        there = put(f"icmp ne i64 {c.bits(others, 1 << (k - 1))}, 0")
-        at = put(f"select i1 {there}, ptr {c.at('ptr', values, c.add(named, k))}, ptr {c.at('i64', '%form', 0)}")
-        word = c.load("ptr", at)  # else none, the form's first word
-        known = c.equal(c.pointer(word, layout.TYPE), string, "ptr")
-        for constant in ("none", "true", "false"):
-            known = c.either(known, c.equal(word, c.process(constant), "ptr"))
-        c.need(known)
-        words.append(word)
-    three = "".join(f", ptr {word}" for word in words)
-    key = put(f"call ptr (i64, ...) {c.process('pack')}(i64 {MOST_WORDS}{three})")
-    c.need(put(f"icmp ne ptr {key}, null"), "failed")
-    by_words = put(f"call ptr {lookup}(ptr {entry}, ptr {key})")
-    do(f"call void {c.process('down')}(ptr {key})")
-    c.branch(put(f"icmp ne ptr {by_words}, null"), "of_three.end", "python", then="of_three.end")
-    c.jump("of_call", then="of_call")
-    do(f"%entry = phi ptr [ {entry}, {before} ], [ {alone}, %of_name ], [ {by_words}, %of_three.end ]")
-    of_model = c.pointer("%entry", layout.DATA)
-    c.jump("planned", then="planned")
-    do(f"%plan = phi ptr [ {fixed}, %without ], [ {of_model}, %of_call ]")
-    code, record = c.pointer("%plan", PLAN.index("program")), c.pointer("%plan", PLAN.index("record"))
-    recorded = put(f"icmp ne ptr {record}, null")
-    c.branch(recorded, "compared", "counted", then="compared")
-    now, then = c.pointer(record, RECORD.index("now")), c.pointer(record, RECORD.index("then"))
-    amount = c.word(record, RECORD.index("bytes"))
-    c.branch(c.equal(put(f"call i32 @memcmp(ptr {now}, ptr {then}, i64 {amount})"), 0, "i32"), "counted", "python",
-             then="counted")  # fmt: skip
-    counter = c.pointer(code, PLAN.index("left"))
-    left = c.load("i64", counter)
-    c.need(put(f"icmp ne i64 {left}, 0"))
-    c.store("i64", put(f"sub i64 {left}, 1"), counter)
-    shapes = c.at("i64", "%plan", len(PLAN))
-    in_place = put(f"select i1 {c.equal(c.bits(c.word(shapes, 0), PLACED), 0)}, i64 0, i64 {c.word(shapes, 1)}")
-    written = c.pointer(shapes, ARRAY_WORDS - 1)
-    written_end = c.byte(written, in_place)
-    before = c.block
-    c.jump("arguments", then="arguments")
+    def __init__(self) -> None:
+        super().__init__()
+        self.label("start")
+        self.stack, self.inputs, self.sizes, self.cells = (self.put(f"alloca [{MOST} x ptr]") for _ in range(4))
+        self.outputs, self.results = (self.put(f"alloca [{MOST_OUTPUTS} x ptr]") for _ in range(2))
+        self.number = self.put(f"alloca [{MOST_OUTPUTS} x double]")
+        self.none, self.ndarray = self.process("none"), self.process("ndarray")
+        self.float64 = self.word("%form", PROCESS.index("float64"))
+        self.count = self.form("count")
 
-    # the inputs
-    do(f"%p = phi i64 [ 0, {before} ], [ %p.next, %next ]")
-    do(f"%m = phi i64 [ 0, {before} ], [ %m.next, %next ]")
-    c.branch(c.equal("%p", count), "results", "argument", then="argument")
-    shape = c.at("i64", shapes, c.times(c.add("%p", MOST_OUTPUTS), ARRAY_WORDS))
-    kind, extent = c.word(shape, 0), c.at("i64", shape, 2)
-    held = c.pointer(shape, ARRAY_WORDS - 1)
-    there = put(f"icmp ne i64 {c.bits('%given', c.one_bit('%p'))}, 0")
-    c.branch(c.both(there, put(f"icmp ult i64 {kind}, {FLOAT}")), "passed", "special", then="special")
-    c.branch(c.equal(c.bits(kind, PLACED), 0), "unplaced", "input.end", then="unplaced")
-    c.branch(c.both(there, c.equal(c.bits(kind, NOTHING), 0)), "input", "next", then="input")
-    special, cell = c.load("ptr", c.at("ptr", values, "%p")), c.at("ptr", cells, "%p")
-    special_type = c.pointer(special, layout.TYPE)
-    cases = ((FLOAT, "number"), (INDEX, "index"), (CHOICE, "choice"))
-    listed = " ".join(f"i64 {k}, label %{to}" for k, to in cases)
-    do(f"switch i64 {kind}, label %object [ {listed} ]")
-    c.label("number")
-    c.need(c.either(c.equal(special_type, c.process("real"), "ptr"), c.equal(special_type, c.process("real64"), "ptr")))
-    number_data = c.at("i64", special, layout.REAL)
-    c.jump("number.end", then="number.end")
-    c.jump("input.end", then="index")
-    c.need(c.equal(special_type, c.process("integer"), "ptr"))
-    place = put(f"call i64 {c.process('as_size')}(ptr {special})")
-    c.branch(c.equal(place, -1), "index.wrong", "index.known", then="index.wrong")  # -1, or an overflow with its error
-    do(f"call void {c.process('forget')}()")
-    c.jump("python", then="index.known")
-    c.need(put(f"icmp ult i64 {place}, {c.word(extent, 0)}"))
-    c.store("i64", place, cell)
-    c.jump("index.end", then="index.end")
-    c.jump("input.end", then="choice")
-    chosen = "-1"
-    for k in reversed(range(ARRAY_WORDS - 2)):
-        chosen = put(f"select i1 {c.equal(special, c.pointer(extent, k), 'ptr')}, i64 {k}, i64 {chosen}")
-    c.need(put(f"icmp sge i64 {chosen}, 0"))
-    c.store("i64", chosen, cell)
-    c.jump("choice.end", then="choice.end")
-    c.jump("input.end", then="object")
-    c.branch(c.equal(special_type, c.pointer(extent, 2), "ptr"), "opened", "unopened", then="unopened")
-    c.branch(c.equal(c.bits(kind, EITHER), 0), "python", "object.end", then="opened")
-    inner = c.load("ptr", c.byte(special, c.word(extent, 3)))
-    c.branch(put(f"icmp ne ptr {inner}, null"), "object.end", "python", then="object.end")
-    do(f"%inner = phi ptr [ {special}, %unopened ], [ {inner}, %opened ]")
-    c.jump("array", then="passed")
-    outer = c.load("ptr", c.at("ptr", values, "%p"))
-    c.jump("array", then="array")
-    do(f"%value = phi ptr [ %inner, %object.end ], [ {outer}, %passed ]")
-    rank = c.bits(kind, AXES)
-    _is_array(c, "%value", c.pointer("%value", layout.TYPE), ndarray, float64, rank, layout.ALIGNED)
-    data = c.pointer("%value", layout.DATA)
-    _same_shape(c, "%value", shape, rank, "in")
-    flags = c.bits(c.word("%value", layout.FLAGS), layout.CONTIGUOUS)
-    before = put(f"icmp ule ptr {c.byte(data, c.word(shape, 1))}, {written}")
-    behind = c.either(put(f"icmp ule ptr {written_end}, {data}"), c.equal(in_place, 0))
-    whole = c.both(put(f"icmp ne i64 {flags}, 0"), c.either(before, behind))
-    c.jump("array.whole", then="array.whole")
-    c.branch(whole, "input.end", "scattered", then="scattered")  # gathered also if the result is written over it
-    _gather(c, "%value", rank, c.word(shape, 1))
-    c.jump("input.end", then="input.end")
-    sources = ((held, "special"), (number_data, "number.end"), (cell, "index.end"), (cell, "choice.end"),
-               (data, "array.whole"), ("%gathered", "gathered.end"))  # fmt: skip
-    do("%data = phi ptr " + ", ".join(f"[ {x}, %{block} ]" for x, block in sources))
-    c.store("ptr", "%data", c.at("ptr", inputs, "%m"))
-    c.store("ptr", c.byte("%data", c.word(shape, 1)), c.at("ptr", sizes, "%m"))
-    more = c.add("%m", 1)
-    c.jump("next", then="next")
-    do(f"%m.next = phi i64 [ %m, %unplaced ], [ {more}, %input.end ]")
-    do("%p.next = add i64 %p, 1")
-    c.jump("arguments", then="results")
+    def text(self) -> str:
+        """The function."""
+        self.collect_arguments()
+        self.find_plan()
+        self.count_call()
+        self.unbox_arguments()
+        self.take_out()
+        self.allocate_results()
+        self.run_program()
+        self.record_call()
+        self.box_results()
+        self.return_results()
+        self.call_python()
+        return self.function("define internal ptr @call(ptr %form, ptr %args, i64 %n, ptr %names)")
 
-    # the results: new arrays, or the array that is given
-    amount, several = plan("outputs"), plan("several")
-    c.branch(c.equal(c.bits("%given", form("out")), 0), "new", "given_out", then="given_out")
-    c.need(c.equal(several, ONE))
-    place = put(f"sub i64 {count}, 1")  # out is the last parameter
-    target = c.load("ptr", c.at("ptr", values, place))
-    rank = c.word(shapes, 0)
-    c.need(put(f"icmp ult i64 {rank}, {FLOAT}"))
-    writeable = layout.CONTIGUOUS | layout.ALIGNED | layout.WRITEABLE
-    _is_array(c, target, c.pointer(target, layout.TYPE), ndarray, float64, rank, writeable)
-    _same_shape(c, target, shapes, rank, "out")
-    begin = c.pointer(target, layout.DATA)
-    end = c.byte(begin, c.word(shapes, 1))
-    before = c.block
-    c.jump("overlaps", then="overlaps")
-    do(f"%o = phi i64 [ 0, {before} ], [ %o.next, %apart ]")
-    c.branch(c.equal("%o", "%m"), "apart.end", "overlap", then="overlap")
-    before = put(f"icmp ule ptr {c.load('ptr', c.at('ptr', sizes, '%o'))}, {begin}")
-    after = put(f"icmp ule ptr {end}, {c.load('ptr', c.at('ptr', inputs, '%o'))}")
-    c.branch(c.either(before, after), "apart", "python", then="apart")
-    do("%o.next = add i64 %o, 1")
-    c.jump("overlaps", then="apart.end")
-    c.store("ptr", begin, outputs)
-    c.store("ptr", target, results)
-    do(f"call void {c.process('up')}(ptr {target})")
-    c.jump("run", then="new")
-    do("%r = phi i64 [ 0, %results ], [ %r.next, %made ]")
-    c.branch(c.equal("%r", amount), "run", "make", then="make")
-    shape = c.at("i64", shapes, c.times("%r", ARRAY_WORDS))
-    kind = c.word(shape, 0)
-    c.branch(c.equal(c.bits(kind, FLOAT | PLACED | TRUTH), 0), "make_array", "make_other", then="make_other")
-    cell = c.at("double", number, "%r")
-    c.branch(c.equal(c.bits(kind, PLACED), 0), "made", "make_place", then="make_place")
-    held, true = c.pointer(shape, ARRAY_WORDS - 1), c.process("true")
-    do(f"call void {c.process('up')}(ptr {true})")
-    c.jump("made", then="make_array")
-    rank = put(f"trunc i64 {c.bits(kind, AXES)} to i32")
-    passed = f"ptr {ndarray}, i32 {rank}, ptr {c.at('i64', shape, 2)}, i32 {layout.DOUBLE}"
-    array = put(f"call ptr {c.process('new_array')}({passed}, ptr null, ptr null, i32 0, i32 0, ptr null)")
-    c.need(put(f"icmp ne ptr {array}, null"), "failed")  # no memory; arrays made before are lost
-    fresh = c.pointer(array, layout.DATA)
-    c.jump("make_array.end", then="make_array.end")
-    c.jump("made", then="made")
-    do(f"%to = phi ptr [ {cell}, %make_other ], [ {held}, %make_place ], [ {fresh}, %make_array.end ]")
-    do(f"%result = phi ptr [ null, %make_other ], [ {true}, %make_place ], [ {array}, %make_array.end ]")
-    c.store("ptr", "%to", c.at("ptr", outputs, "%r"))
-    c.store("ptr", "%result", c.at("ptr", results, "%r"))
-    do("%r.next = add i64 %r, 1")
-    c.jump("new", then="run")
+    # --- arguments -----------------------------------------------------------------------------------------
 
-    # the program
-    program, context = (c.pointer(code, PLAN.index(x)) for x in ("entry", "context"))
-    valid = put(f"call i64 {program}(ptr {context}, ptr {inputs}, ptr {outputs})")
-    c.branch(c.equal(valid, 0), "release", "valid", then="release")
-    do("%f = phi i64 [ 0, %run ], [ %f.next, %released ]")
-    c.branch(c.equal("%f", amount), "python", "releasing", then="releasing")
-    wrong = c.load("ptr", c.at("ptr", results, "%f"))
-    c.branch(c.equal(wrong, "null", "ptr"), "released", "dropping", then="dropping")
-    do(f"call void {c.process('down')}(ptr {wrong})")
-    c.jump("released", then="released")
-    do("%f.next = add i64 %f, 1")
-    c.jump("release", then="valid")
-    c.branch(recorded, "recording", "answers", then="recording")
-    recorded_inputs = c.word(record, RECORD.index("count"))
-    first, before = c.pointer(record, RECORD.index("memory")), c.block
-    c.jump("noting", then="noting")
-    do(f"%w = phi i64 [ 0, {before} ], [ %w.next, %note ]")
-    do(f"%memory = phi ptr [ {first}, {before} ], [ %memory.next, %note ]")
-    c.branch(c.equal("%w", recorded_inputs), "noted", "note", then="note")
-    begin, end = (put(f"ptrtoint ptr {c.load('ptr', c.at('ptr', x, '%w'))} to i64") for x in (inputs, sizes))
-    amount_noted = put(f"sub i64 {end}, {begin}")
-    c.move("%memory", c.load("ptr", c.at("ptr", inputs, "%w")), amount_noted)
-    do(f"%memory.next = getelementptr i8, ptr %memory, i64 {amount_noted}")
-    do("%w.next = add i64 %w, 1")
-    c.jump("noting", then="noted")
-    kept, result = c.pointer(record, RECORD.index("result")), c.load("ptr", outputs)
-    c.branch(c.either(c.equal(kept, "null", "ptr"), c.equal(kept, result, "ptr")), "stamped", "keep", then="keep")
-    c.move(kept, result, c.word(shapes, 1))
-    c.jump("stamped", then="stamped")
-    clock = c.pointer(record, RECORD.index("clock"))
-    time = c.add(c.load("i64", clock), 1)
-    c.store("i64", time, clock)
-    c.store("i64", time, c.pointer(record, RECORD.index("time")))
-    c.jump("answers", then="answers")
-    do("%b = phi i64 [ 0, %valid ], [ 0, %stamped ], [ %b.next, %boxed ]")
-    c.branch(c.equal("%b", amount), "answered", "box", then="box")
-    at, shape = c.at("ptr", results, "%b"), c.at("i64", shapes, c.times("%b", ARRAY_WORDS))
-    inner = c.load("ptr", at)
-    c.branch(c.equal(inner, "null", "ptr"), "boxing", "wrap", then="wrap")
-    c.branch(c.equal(c.bits(c.word(shape, 0), VALUE), 0), "boxed", "wrapping", then="wrapping")
-    wrapped = put(f"call ptr {c.process('allocate')}(ptr {c.pointer(shape, 4)}, i64 0)")
-    c.need(put(f"icmp ne ptr {wrapped}, null"), "failed")
-    c.store("ptr", inner, c.byte(wrapped, c.word(shape, 5)))
-    c.store("ptr", wrapped, at)
-    c.jump("boxed", then="boxing")
-    found = c.load("double", c.at("double", number, "%b"))
-    c.branch(c.equal(c.word(shape, 0), TRUTH), "judging", "real", then="judging")
-    judged = put(f"select i1 {put(f'fcmp une double {found}, 0.0')}, ptr {c.process('true')}, ptr {c.process('false')}")
-    do(f"call void {c.process('up')}(ptr {judged})")
-    c.store("ptr", judged, at)
-    c.jump("boxed", then="real")
-    boxed = put(f"call ptr {c.process('new_float')}(double {found})")
-    c.store("ptr", boxed, at)
-    c.branch(put(f"icmp ne ptr {boxed}, null"), "boxed", "failed", then="boxed")
-    do("%b.next = add i64 %b, 1")
-    c.jump("answers", then="answered")
-    do(f"switch i64 {several}, label %one [ i64 {SEVERAL}, label %tuple i64 {PARTS}, label %parts ]")
-    c.label("one")
-    do(f"ret ptr {c.load('ptr', results)}")
-    c.label("tuple")
-    _tuple(c, amount, "t", lambda k: c.load("ptr", c.at("ptr", results, k)))
-    c.label("parts")
-    do(f"call void {c.process('down')}(ptr {c.load('ptr', results)})")  # True
-    share = put(f"udiv i64 {c.word(shapes, 1)}, {c.word(shapes, 2)}")
+    def collect_arguments(self) -> None:
+        """Find the argument of each parameter: ``%values`` and ``%given``."""
+        model_type = self.put(f"inttoptr i64 {self.form('model_type')} to ptr")
+        self.no_model, self.model_type = self.equal(model_type, "null", "ptr"), model_type
+        skip = self.put(f"select i1 {self.no_model}, i64 0, i64 1")
+        positional = self.put(f"sub i64 %n, {skip}")
+        self.need(self.put(f"icmp ule i64 {positional}, {self.count}"))  # unsigned: not negative either
+        first, required = self.at("ptr", "%args", skip), self.form("required")
+        every = self.add(self.one_bit(self.count), -1)
+        all_given = self.both(self.equal("%names", "null", "ptr"), self.equal(positional, self.count))
+        direct = self.both(all_given, self.equal(required, every))
+        begin = self.block
+        self.branch(direct, "collected", "by_position", then="by_position")  # no copy; a None is refused by its kind
+        self._by_position(first, positional, begin)
+        self._by_keyword(first, positional)
+        self.do(f"%values = phi ptr [ {first}, {begin} ], [ {self.stack}, %keywords ], [ {self.stack}, %by_keyword ]")
+        self.do(f"%given = phi i64 [ {every}, {begin} ], [ %given.i, %keywords ], [ %given.j, %by_keyword ]")
+        self.need(self.equal(self.bits("%given", required), required))
 
-    def part(k: str) -> str:
-        shape = f"ptr {ndarray}, i32 2, ptr {c.at('i64', shapes, 3)}, i32 {layout.DOUBLE}"
-        new = put(f"call ptr {c.process('new_array')}({shape}, ptr null, ptr null, i32 0, i32 0, ptr null)")
-        c.need(put(f"icmp ne ptr {new}, null"), "failed")
-        c.move(c.pointer(new, layout.DATA), c.byte(c.load("ptr", outputs), c.times(share, k)), share)
-        return new
+    def _by_position(self, first: str, positional: str, before: str) -> None:
+        self.do(f"%i = phi i64 [ 0, {before} ], [ %i.next, %take ]")
+        self.do(f"%given.i = phi i64 [ 0, {before} ], [ %given.next, %take ]")
+        self.branch(self.equal("%i", positional), "keywords", "take", then="take")
+        value = self.load("ptr", self.at("ptr", first, "%i"))
+        self.store("ptr", value, self.at("ptr", self.stack, "%i"))
+        self.do(f"%given.next = or i64 %given.i, {self.given_bit(value, self.none, '%i')}")
+        self.do("%i.next = add i64 %i, 1")
+        self.jump("by_position", then="keywords")
 
-    _tuple(c, c.word(shapes, 2), "s", part)
-    c.label("failed")
-    do("ret ptr null")
+    def _by_keyword(self, first: str, positional: str) -> None:
+        passed = self.put(f"sub i64 {self.one_bit(positional)}, 1")
+        self.branch(self.equal("%names", "null", "ptr"), "collected", "named", then="named")
+        keywords, behind = self.word("%names", layout.LENGTH), self.at("ptr", first, positional)
+        self.jump("by_keyword", then="by_keyword")
+        self.do("%j = phi i64 [ 0, %named ], [ %j.next, %found ]")
+        self.do(f"%passed.j = phi i64 [ {passed}, %named ], [ %passed.next, %found ]")
+        self.do("%given.j = phi i64 [ %given.i, %named ], [ %given.more, %found ]")
+        self.branch(self.equal("%j", keywords), "collected", "search", then="search")
+        name = self.pointer("%names", self.add("%j", layout.ITEMS))
+        self.jump("compare", then="compare")
+        self.do("%k = phi i64 [ 0, %search ], [ %k.next, %other ]")
+        self.branch(self.equal("%k", self.count), "python", "same", then="same")
+        wanted = self.pointer("%form", self.add(self.times("%k", 2), _PAIRS))
+        self.branch(self.equal(name, wanted, "ptr"), "match", "other", then="other")
+        self.do("%k.next = add i64 %k, 1")
+        self.jump("compare", then="match")
+        self.branch(self.equal(self.bits("%passed.j", self.one_bit("%k")), 0), "found", "python", then="found")
+        value = self.load("ptr", self.at("ptr", behind, "%j"))
+        self.store("ptr", value, self.at("ptr", self.stack, "%k"))
+        self.do(f"%given.more = or i64 %given.j, {self.given_bit(value, self.none, '%k')}")
+        self.do(f"%passed.next = or i64 %passed.j, {self.one_bit('%k')}")
+        self.do("%j.next = add i64 %j, 1")
+        self.jump("by_keyword", then="collected")
 
-    # anything else
-    c.label("python")
-    python = put(f"inttoptr i64 {form('python')} to ptr")
-    answer = put(f"call ptr {c.process('call')}(ptr {python}, ptr %args, i64 %n, ptr %names)")
-    do(f"ret ptr {answer}")
-    return c.function("define internal ptr @call(ptr %form, ptr %args, i64 %n, ptr %names)")
+    # --- the plan ------------------------------------------------------------------------------------------
 
+    def find_plan(self) -> None:
+        """Find ``%plan``, that of the form or the model's."""
+        self.branch(self.no_model, "without", "of_model", then="without")
+        fixed = self.put(f"inttoptr i64 {self.form('plan')} to ptr")
+        self.jump("planned", then="of_model")
+        model = self.load("ptr", "%args")
+        self.need(self.equal(self.pointer(model, layout.TYPE), self.model_type, "ptr"))
+        plans = self.load("ptr", self.byte(model, self.form("plans")))
+        choice = self.bits(self.shifted("%given", self.form("optional")), self.form("choices"))
+        lookup = self.process("lookup")
+        entry = self.put(f"call ptr {lookup}(ptr {plans}, ptr {self.pointer('%form', self.add(choice, _KEYS))})")
+        self.need(self.put(f"icmp ne ptr {entry}, null"))
+        named, before = self.form("named"), self.block
+        self.branch(self.put(f"icmp slt i64 {named}, 0"), "of_call", "of_words", then="of_words")
+        alone, by_words = self._plan_of_words(named, entry, lookup)
+        self.do(f"%entry = phi ptr [ {entry}, {before} ], [ {alone}, %of_name ], [ {by_words}, %of_three.end ]")
+        of_model = self.pointer("%entry", layout.DATA)
+        self.jump("planned", then="planned")
+        self.do(f"%plan = phi ptr [ {fixed}, %without ], [ {of_model}, %of_call ]")
+        self.code = self.pointer("%plan", PLAN.index("program"))
+        self.record = self.pointer("%plan", PLAN.index("record"))
+        self.shapes = self.at("i64", "%plan", len(PLAN))
 
-def _is_array(c: _Writer, value: str, kind: str, ndarray: str, float64: str, rank: str, flags: int) -> None:
-    """Go on if an object is an array of float64 of this rank with these flags."""
-    c.need(c.equal(kind, ndarray, "ptr"))
-    c.need(c.equal(c.bits(c.word(c.pointer(value, layout.DTYPE), layout.KIND), layout.SAME), float64))
-    right = c.equal(c.bits(c.word(value, layout.RANK), 0xFFFFFFFF), rank)
-    c.need(c.both(right, c.equal(c.bits(c.word(value, layout.FLAGS), flags), flags)))
+    def _plan_of_words(self, named: str, entry: str, lookup: str) -> tuple[str, str]:
+        """Look up the plan of a name alone, or of three words."""
+        words = [self.load("ptr", self.at("ptr", "%values", named))]
+        string = self.process("string")
+        self.need(self.equal(self.pointer(words[0], layout.TYPE), string, "ptr"))
+        others = self.bits(self.shifted("%given", self.add(named, 1)), self.form("rest"))
+        self.branch(self.equal(others, 0), "of_name", "of_three", then="of_name")
+        alone = self.put(f"call ptr {lookup}(ptr {entry}, ptr {words[0]})")
+        self.branch(self.put(f"icmp ne ptr {alone}, null"), "of_call", "python", then="of_three")
+        for k in range(1, MOST_WORDS):
+            there = self.put(f"icmp ne i64 {self.bits(others, 1 << (k - 1))}, 0")
+            given, none = self.at("ptr", "%values", self.add(named, k)), self.at("i64", "%form", 0)
+            word = self.load("ptr", self.put(f"select i1 {there}, ptr {given}, ptr {none}"))
+            known = self.equal(self.pointer(word, layout.TYPE), string, "ptr")
+            for constant in ("none", "true", "false"):
+                known = self.either(known, self.equal(word, self.process(constant), "ptr"))
+            self.need(known)
+            words.append(word)
+        three = "".join(f", ptr {word}" for word in words)
+        key = self.put(f"call ptr (i64, ...) {self.process('pack')}(i64 {MOST_WORDS}{three})")
+        self.need(self.put(f"icmp ne ptr {key}, null"), "failed")
+        by_words = self.put(f"call ptr {lookup}(ptr {entry}, ptr {key})")
+        self.do(f"call void {self.process('down')}(ptr {key})")
+        self.branch(self.put(f"icmp ne ptr {by_words}, null"), "of_three.end", "python", then="of_three.end")
+        self.jump("of_call", then="of_call")
+        return alone, by_words
 
+    def count_call(self) -> None:
+        """Go on if the program answers more calls, and the blocks of numbers that a record compares are equal."""
+        self.recorded = self.put(f"icmp ne ptr {self.record}, null")
+        self.branch(self.recorded, "compared", "counted", then="compared")
+        now, then = (self.pointer(self.record, RECORD.index(x)) for x in ("now", "then"))
+        amount = self.word(self.record, RECORD.index("bytes"))
+        unequal = self.put(f"call i32 @memcmp(ptr {now}, ptr {then}, i64 {amount})")
+        self.branch(self.equal(unequal, 0, "i32"), "counted", "python", then="counted")
+        counter = self.pointer(self.code, PLAN.index("left"))
+        left = self.load("i64", counter)
+        self.need(self.put(f"icmp ne i64 {left}, 0"))
+        self.store("i64", self.put(f"sub i64 {left}, 1"), counter)
 
-def _same_shape(c: _Writer, value: str, shape: str, rank: str, label: str) -> None:
-    """Go on if an array of that rank has that shape."""
-    sizes, before = c.pointer(value, layout.SHAPE), c.block
-    c.jump(f"{label}.axis", then=f"{label}.axis")
-    c.do(f"%{label}.a = phi i64 [ 0, {before} ], [ %{label}.a.next, %{label}.fits ]")
-    c.branch(c.equal(f"%{label}.a", rank), f"{label}.end", f"{label}.size", then=f"{label}.size")
-    wanted = c.word(shape, c.add(f"%{label}.a", 2))
-    c.branch(c.equal(c.word(sizes, f"%{label}.a"), wanted), f"{label}.fits", "python", then=f"{label}.fits")
-    c.do(f"%{label}.a.next = add i64 %{label}.a, 1")
-    c.jump(f"{label}.axis", then=f"{label}.end")
+    # --- inputs --------------------------------------------------------------------------------------------
 
+    def unbox_arguments(self) -> None:
+        """Find the numbers of each input, by its kind."""
+        size = self.word(self.shapes, 1)
+        placed = self.equal(self.bits(self.word(self.shapes, 0), PLACED), 0)
+        self.in_place = self.put(f"select i1 {placed}, i64 0, i64 {size}")
+        self.written = self.pointer(self.shapes, ARRAY_WORDS - 1)
+        self.written_end = self.byte(self.written, self.in_place)
+        before = self.block
+        self.jump("arguments", then="arguments")
+        self.do(f"%p = phi i64 [ 0, {before} ], [ %p.next, %next ]")
+        self.do(f"%m = phi i64 [ 0, {before} ], [ %m.next, %next ]")
+        self.branch(self.equal("%p", self.count), "results", "argument", then="argument")
+        shape = self.at("i64", self.shapes, self.times(self.add("%p", MOST_OUTPUTS), ARRAY_WORDS))
+        kind, extent = self.word(shape, 0), self.at("i64", shape, 2)
+        fixed = self.pointer(shape, ARRAY_WORDS - 1)
+        there = self.put(f"icmp ne i64 {self.bits('%given', self.one_bit('%p'))}, 0")
+        is_array = self.put(f"icmp ult i64 {kind}, {FLOAT}")
+        self.branch(self.both(there, is_array), "passed", "special", then="special")
+        self.branch(self.equal(self.bits(kind, PLACED), 0), "unplaced", "input.end", then="unplaced")
+        self.branch(self.both(there, self.equal(self.bits(kind, NOTHING), 0)), "input", "next", then="input")
+        value, cell = self.load("ptr", self.at("ptr", "%values", "%p")), self.at("ptr", self.cells, "%p")
+        value_type = self.pointer(value, layout.TYPE)
+        cases = ((FLOAT, "number"), (INDEX, "index"), (CHOICE, "choice"))
+        listed = " ".join(f"i64 {k}, label %{to}" for k, to in cases)
+        self.do(f"switch i64 {kind}, label %object [ {listed} ]")
+        number = self._unbox_float(value, value_type)
+        self._unbox_index(value, value_type, extent, cell)
+        self._unbox_choice(value, extent, cell)
+        self._unbox_object(value, value_type, kind, extent)
+        data = self._unbox_array(kind, shape)
+        sources = ((fixed, "special"), (number, "number.end"), (cell, "index.end"), (cell, "choice.end"),
+                   (data, "array.whole"), ("%gathered", "gathered.end"))  # fmt: skip
+        self.do("%data = phi ptr " + ", ".join(f"[ {x}, %{block} ]" for x, block in sources))
+        self.store("ptr", "%data", self.at("ptr", self.inputs, "%m"))
+        self.store("ptr", self.byte("%data", self.word(shape, 1)), self.at("ptr", self.sizes, "%m"))
+        more = self.add("%m", 1)
+        self.jump("next", then="next")
+        self.do(f"%m.next = phi i64 [ %m, %unplaced ], [ {more}, %input.end ]")
+        self.do("%p.next = add i64 %p, 1")
+        self.jump("arguments", then="results")
 
-def _gather(c: _Writer, value: str, rank: str, amount: str) -> None:
-    """Copy the numbers of an array of one or two axes to the stack, at ``%gathered``."""
-    c.need(c.both(c.put(f"icmp ule i64 {amount}, {MOST_GATHERED}"), c.put(f"icmp ule i64 {c.add(rank, -1)}, 1")))
-    room = c.put(f"alloca i8, i64 {amount}, align 8")
-    data, shape, strides = (c.pointer(value, k) for k in (layout.DATA, layout.SHAPE, layout.STRIDES))
-    before = c.block
-    c.branch(c.equal(rank, 1), "of_vector", "of_matrix", then="of_matrix")
-    rows, row_stride = c.word(shape, 0), c.word(strides, 0)
-    c.jump("of_vector", then="of_vector")
-    c.do(f"%rows = phi i64 [ 1, {before} ], [ {rows}, %of_matrix ]")
-    c.do(f"%row.stride = phi i64 [ 0, {before} ], [ {row_stride}, %of_matrix ]")
-    last = c.add(rank, -1)
-    columns, stride = c.word(shape, last), c.word(strides, last)
-    before = c.block
-    c.jump("gather.row", then="gather.row")
-    c.do(f"%x = phi i64 [ 0, {before} ], [ %x.next, %gather.next ]")
-    c.do(f"%to.row = phi ptr [ {room}, {before} ], [ %to.x, %gather.next ]")
-    c.branch(c.equal("%x", "%rows"), "gathered.all", "gather.begin", then="gather.begin")
-    start = c.byte(data, c.times("%x", "%row.stride"))
-    c.jump("gather.column", then="gather.column")
-    c.do("%y = phi i64 [ 0, %gather.begin ], [ %y.next, %gather.one ]")
-    c.do("%to.x = phi ptr [ %to.row, %gather.begin ], [ %to.next, %gather.one ]")
-    c.branch(c.equal("%y", columns), "gather.next", "gather.one", then="gather.one")
-    c.store("double", c.load("double", c.byte(start, c.times("%y", stride))), "%to.x")
-    c.do("%to.next = getelementptr double, ptr %to.x, i64 1")
-    c.do("%y.next = add i64 %y, 1")
-    c.jump("gather.column", then="gather.next")
-    c.do("%x.next = add i64 %x, 1")
-    c.jump("gather.row", then="gathered.all")
-    c.jump("gathered.end", then="gathered.end")
-    c.do(f"%gathered = phi ptr [ {room}, %gathered.all ]")
+    def _unbox_float(self, value: str, value_type: str) -> str:
+        """The address of the number of a float."""
+        self.label("number")
+        real, real64 = (self.equal(value_type, self.process(x), "ptr") for x in ("real", "real64"))
+        self.need(self.either(real, real64))
+        data = self.at("i64", value, layout.REAL)
+        self.jump("number.end", then="number.end")
+        self.jump("input.end", then="index")
+        return data
 
+    def _unbox_index(self, value: str, value_type: str, extent: str, cell: str) -> None:
+        """Write an int in range to a cell."""
+        self.need(self.equal(value_type, self.process("integer"), "ptr"))
+        place = self.put(f"call i64 {self.process('as_size')}(ptr {value})")
+        wrong = self.equal(place, -1)  # -1, or an overflow with its error
+        self.branch(wrong, "index.wrong", "index.known", then="index.wrong")
+        self.do(f"call void {self.process('forget')}()")
+        self.jump("python", then="index.known")
+        self.need(self.put(f"icmp ult i64 {place}, {self.word(extent, 0)}"))
+        self.store("i64", place, cell)
+        self.jump("index.end", then="index.end")
+        self.jump("input.end", then="choice")
 
-def _tuple(c: _Writer, amount: str, k: str, item: Callable[[str], str]) -> None:
-    """Return a new tuple of so many items."""
-    made = c.put(f"call ptr {c.process('new_tuple')}(i64 {amount})")
-    c.need(c.put(f"icmp ne ptr {made}, null"), "failed")
-    items, before = c.at("i64", made, layout.ITEMS), c.block
-    c.jump(f"filling.{k}", then=f"filling.{k}")
-    c.do(f"%{k} = phi i64 [ 0, {before} ], [ %{k}.next, %fill.{k}.end ]")
-    c.branch(c.equal(f"%{k}", amount), f"filled.{k}", f"fill.{k}", then=f"fill.{k}")
-    c.store("ptr", item(f"%{k}"), c.at("ptr", items, f"%{k}"))
-    c.jump(f"fill.{k}.end", then=f"fill.{k}.end")
-    c.do(f"%{k}.next = add i64 %{k}, 1")
-    c.jump(f"filling.{k}", then=f"filled.{k}")
-    c.do(f"ret ptr {made}")
+    def _unbox_choice(self, value: str, extent: str, cell: str) -> None:
+        """Write the place of an object among four to a cell."""
+        chosen = "-1"
+        for k in reversed(range(ARRAY_WORDS - 2)):
+            chosen = self.put(f"select i1 {self.equal(value, self.pointer(extent, k), 'ptr')}, i64 {k}, i64 {chosen}")
+        self.need(self.put(f"icmp sge i64 {chosen}, 0"))
+        self.store("i64", chosen, cell)
+        self.jump("choice.end", then="choice.end")
+        self.jump("input.end", then="object")
+
+    def _unbox_object(self, value: str, value_type: str, kind: str, extent: str) -> None:
+        """Go to ``array`` with the array that an object owns, or with the argument itself: ``%value``."""
+        self.branch(self.equal(value_type, self.pointer(extent, 2), "ptr"), "opened", "unopened", then="unopened")
+        self.branch(self.equal(self.bits(kind, EITHER), 0), "python", "object.end", then="opened")
+        inner = self.load("ptr", self.byte(value, self.word(extent, 3)))
+        self.branch(self.put(f"icmp ne ptr {inner}, null"), "object.end", "python", then="object.end")
+        self.do(f"%inner = phi ptr [ {value}, %unopened ], [ {inner}, %opened ]")
+        self.jump("array", then="passed")
+        outer = self.load("ptr", self.at("ptr", "%values", "%p"))
+        self.jump("array", then="array")
+        self.do(f"%value = phi ptr [ %inner, %object.end ], [ {outer}, %passed ]")
+
+    def _unbox_array(self, kind: str, shape: str) -> str:
+        """The address of the numbers of ``%value``, gathered if apart, or if the result is written over them."""
+        rank = self.bits(kind, AXES)
+        self.is_array("%value", rank, layout.ALIGNED)
+        data = self.pointer("%value", layout.DATA)
+        self.same_shape("%value", shape, rank, "in")
+        flags = self.bits(self.word("%value", layout.FLAGS), layout.CONTIGUOUS)
+        before = self.put(f"icmp ule ptr {self.byte(data, self.word(shape, 1))}, {self.written}")
+        behind = self.either(self.put(f"icmp ule ptr {self.written_end}, {data}"), self.equal(self.in_place, 0))
+        whole = self.both(self.put(f"icmp ne i64 {flags}, 0"), self.either(before, behind))
+        self.jump("array.whole", then="array.whole")
+        self.branch(whole, "input.end", "scattered", then="scattered")
+        self._gather("%value", rank, self.word(shape, 1))
+        self.jump("input.end", then="input.end")
+        return data
+
+    def is_array(self, value: str, rank: str, flags: int) -> None:
+        """Go on if an object is an array of float64 of this rank with these flags."""
+        self.need(self.equal(self.pointer(value, layout.TYPE), self.ndarray, "ptr"))
+        kind = self.word(self.pointer(value, layout.DTYPE), layout.KIND)
+        self.need(self.equal(self.bits(kind, layout.SAME), self.float64))
+        right = self.equal(self.bits(self.word(value, layout.RANK), 0xFFFFFFFF), rank)
+        self.need(self.both(right, self.equal(self.bits(self.word(value, layout.FLAGS), flags), flags)))
+
+    def same_shape(self, value: str, shape: str, rank: str, label: str) -> None:
+        """Go on if an array of that rank has that shape."""
+        sizes, before = self.pointer(value, layout.SHAPE), self.block
+        self.jump(f"{label}.axis", then=f"{label}.axis")
+        self.do(f"%{label}.a = phi i64 [ 0, {before} ], [ %{label}.a.next, %{label}.fits ]")
+        self.branch(self.equal(f"%{label}.a", rank), f"{label}.end", f"{label}.size", then=f"{label}.size")
+        fits = self.equal(self.word(sizes, f"%{label}.a"), self.word(shape, self.add(f"%{label}.a", 2)))
+        self.branch(fits, f"{label}.fits", "python", then=f"{label}.fits")
+        self.do(f"%{label}.a.next = add i64 %{label}.a, 1")
+        self.jump(f"{label}.axis", then=f"{label}.end")
+
+    def _gather(self, value: str, rank: str, amount: str) -> None:
+        """Copy the numbers of an array of one or two axes to the stack, at ``%gathered``."""
+        small = self.put(f"icmp ule i64 {amount}, {MOST_GATHERED}")
+        self.need(self.both(small, self.put(f"icmp ule i64 {self.add(rank, -1)}, 1")))
+        room = self.put(f"alloca i8, i64 {amount}, align 8")
+        data, shape, strides = (self.pointer(value, k) for k in (layout.DATA, layout.SHAPE, layout.STRIDES))
+        before = self.block
+        self.branch(self.equal(rank, 1), "of_vector", "of_matrix", then="of_matrix")
+        rows, row_stride = self.word(shape, 0), self.word(strides, 0)
+        self.jump("of_vector", then="of_vector")
+        self.do(f"%rows = phi i64 [ 1, {before} ], [ {rows}, %of_matrix ]")
+        self.do(f"%row.stride = phi i64 [ 0, {before} ], [ {row_stride}, %of_matrix ]")
+        last = self.add(rank, -1)
+        columns, stride = self.word(shape, last), self.word(strides, last)
+        before = self.block
+        self.jump("gather.row", then="gather.row")
+        self.do(f"%x = phi i64 [ 0, {before} ], [ %x.next, %gather.next ]")
+        self.do(f"%to.row = phi ptr [ {room}, {before} ], [ %to.x, %gather.next ]")
+        self.branch(self.equal("%x", "%rows"), "gathered.all", "gather.begin", then="gather.begin")
+        start = self.byte(data, self.times("%x", "%row.stride"))
+        self.jump("gather.column", then="gather.column")
+        self.do("%y = phi i64 [ 0, %gather.begin ], [ %y.next, %gather.one ]")
+        self.do("%to.x = phi ptr [ %to.row, %gather.begin ], [ %to.next, %gather.one ]")
+        self.branch(self.equal("%y", columns), "gather.next", "gather.one", then="gather.one")
+        self.store("double", self.load("double", self.byte(start, self.times("%y", stride))), "%to.x")
+        self.do("%to.next = getelementptr double, ptr %to.x, i64 1")
+        self.do("%y.next = add i64 %y, 1")
+        self.jump("gather.column", then="gather.next")
+        self.do("%x.next = add i64 %x, 1")
+        self.jump("gather.row", then="gathered.all")
+        self.jump("gathered.end", then="gathered.end")
+        self.do(f"%gathered = phi ptr [ {room}, %gathered.all ]")
+
+    # --- results -------------------------------------------------------------------------------------------
+
+    def take_out(self) -> None:
+        """Take the array that is given for the result, if there is one; it may overlap no input."""
+        self.amount, self.several = self.plan("outputs"), self.plan("several")
+        self.branch(self.equal(self.bits("%given", self.form("out")), 0), "new", "given_out", then="given_out")
+        self.need(self.equal(self.several, ONE))
+        last = self.put(f"sub i64 {self.count}, 1")  # out is the last parameter
+        target = self.load("ptr", self.at("ptr", "%values", last))
+        rank = self.word(self.shapes, 0)
+        self.need(self.put(f"icmp ult i64 {rank}, {FLOAT}"))
+        self.is_array(target, rank, layout.CONTIGUOUS | layout.ALIGNED | layout.WRITEABLE)
+        self.same_shape(target, self.shapes, rank, "out")
+        begin = self.pointer(target, layout.DATA)
+        end, before = self.byte(begin, self.word(self.shapes, 1)), self.block
+        self.jump("overlaps", then="overlaps")
+        self.do(f"%o = phi i64 [ 0, {before} ], [ %o.next, %apart ]")
+        self.branch(self.equal("%o", "%m"), "apart.end", "overlap", then="overlap")
+        input_begin, input_end = (self.load("ptr", self.at("ptr", x, "%o")) for x in (self.inputs, self.sizes))
+        ends_before = self.put(f"icmp ule ptr {input_end}, {begin}")
+        apart = self.either(ends_before, self.put(f"icmp ule ptr {end}, {input_begin}"))
+        self.branch(apart, "apart", "python", then="apart")
+        self.do("%o.next = add i64 %o, 1")
+        self.jump("overlaps", then="apart.end")
+        self.store("ptr", begin, self.outputs)
+        self.store("ptr", target, self.results)
+        self.do(f"call void {self.process('up')}(ptr {target})")
+        self.jump("run", then="new")
+
+    def allocate_results(self) -> None:
+        """Make a new array for each result that is one, or True for numbers at an address."""
+        self.do("%r = phi i64 [ 0, %results ], [ %r.next, %made ]")
+        self.branch(self.equal("%r", self.amount), "run", "make", then="make")
+        shape = self.at("i64", self.shapes, self.times("%r", ARRAY_WORDS))
+        kind = self.word(shape, 0)
+        is_array = self.equal(self.bits(kind, FLOAT | PLACED | TRUTH), 0)
+        self.branch(is_array, "make_array", "make_other", then="make_other")
+        cell = self.at("double", self.number, "%r")
+        self.branch(self.equal(self.bits(kind, PLACED), 0), "made", "make_place", then="make_place")
+        fixed, true = self.pointer(shape, ARRAY_WORDS - 1), self.process("true")
+        self.do(f"call void {self.process('up')}(ptr {true})")
+        self.jump("made", then="make_array")
+        # if there is no memory, arrays made before are lost
+        array = self.new_array(self.put(f"trunc i64 {self.bits(kind, AXES)} to i32"), self.at("i64", shape, 2))
+        fresh = self.pointer(array, layout.DATA)
+        self.jump("make_array.end", then="make_array.end")
+        self.jump("made", then="made")
+        self.do(f"%to = phi ptr [ {cell}, %make_other ], [ {fixed}, %make_place ], [ {fresh}, %make_array.end ]")
+        self.do(f"%result = phi ptr [ null, %make_other ], [ {true}, %make_place ], [ {array}, %make_array.end ]")
+        self.store("ptr", "%to", self.at("ptr", self.outputs, "%r"))
+        self.store("ptr", "%result", self.at("ptr", self.results, "%r"))
+        self.do("%r.next = add i64 %r, 1")
+        self.jump("new", then="run")
+
+    def new_array(self, rank: str, extents: str) -> str:
+        """A new array of float64."""
+        passed = f"ptr {self.ndarray}, i32 {rank}, ptr {extents}, i32 {layout.DOUBLE}"
+        array = self.put(f"call ptr {self.process('new_array')}({passed}, ptr null, ptr null, i32 0, i32 0, ptr null)")
+        self.need(self.put(f"icmp ne ptr {array}, null"), "failed")
+        return array
+
+    def run_program(self) -> None:
+        """Run the program; if it rejects the sample, drop the results and call Python."""
+        program, context = (self.pointer(self.code, PLAN.index(x)) for x in ("entry", "context"))
+        valid = self.put(f"call i64 {program}(ptr {context}, ptr {self.inputs}, ptr {self.outputs})")
+        self.branch(self.equal(valid, 0), "release", "valid", then="release")
+        self.do("%f = phi i64 [ 0, %run ], [ %f.next, %released ]")
+        self.branch(self.equal("%f", self.amount), "python", "releasing", then="releasing")
+        wrong = self.load("ptr", self.at("ptr", self.results, "%f"))
+        self.branch(self.equal(wrong, "null", "ptr"), "released", "dropping", then="dropping")
+        self.do(f"call void {self.process('down')}(ptr {wrong})")
+        self.jump("released", then="released")
+        self.do("%f.next = add i64 %f, 1")
+        self.jump("release", then="valid")
+
+    def record_call(self) -> None:
+        """Copy inputs and result to the memory of the record, and stamp it."""
+        self.branch(self.recorded, "recording", "answers", then="recording")
+        count, memory = self.word(self.record, RECORD.index("count")), self.pointer(self.record, RECORD.index("memory"))
+        before = self.block
+        self.jump("noting", then="noting")
+        self.do(f"%w = phi i64 [ 0, {before} ], [ %w.next, %note ]")
+        self.do(f"%memory = phi ptr [ {memory}, {before} ], [ %memory.next, %note ]")
+        self.branch(self.equal("%w", count), "noted", "note", then="note")
+        begin, end = (self.load("ptr", self.at("ptr", x, "%w")) for x in (self.inputs, self.sizes))
+        first, last = (self.put(f"ptrtoint ptr {x} to i64") for x in (begin, end))
+        size = self.put(f"sub i64 {last}, {first}")
+        self.move("%memory", begin, size)
+        self.do(f"%memory.next = getelementptr i8, ptr %memory, i64 {size}")
+        self.do("%w.next = add i64 %w, 1")
+        self.jump("noting", then="noted")
+        kept, result = self.pointer(self.record, RECORD.index("result")), self.load("ptr", self.outputs)
+        there = self.either(self.equal(kept, "null", "ptr"), self.equal(kept, result, "ptr"))
+        self.branch(there, "stamped", "keep", then="keep")
+        self.move(kept, result, self.word(self.shapes, 1))
+        self.jump("stamped", then="stamped")
+        clock = self.pointer(self.record, RECORD.index("clock"))
+        time = self.add(self.load("i64", clock), 1)
+        self.store("i64", time, clock)
+        self.store("i64", time, self.pointer(self.record, RECORD.index("time")))
+        self.jump("answers", then="answers")
+
+    def box_results(self) -> None:
+        """Make the object of each result that is not the array itself."""
+        self.do("%b = phi i64 [ 0, %valid ], [ 0, %stamped ], [ %b.next, %boxed ]")
+        self.branch(self.equal("%b", self.amount), "answered", "box", then="box")
+        at, shape = self.at("ptr", self.results, "%b"), self.at("i64", self.shapes, self.times("%b", ARRAY_WORDS))
+        inner = self.load("ptr", at)
+        self.branch(self.equal(inner, "null", "ptr"), "boxing", "wrap", then="wrap")
+        self._box_array(inner, shape, at)
+        found = self.load("double", self.at("double", self.number, "%b"))
+        self.branch(self.equal(self.word(shape, 0), TRUTH), "judging", "real", then="judging")
+        true, false = self.process("true"), self.process("false")
+        judged = self.put(f"select i1 {self.put(f'fcmp une double {found}, 0.0')}, ptr {true}, ptr {false}")
+        self.do(f"call void {self.process('up')}(ptr {judged})")
+        self.store("ptr", judged, at)
+        self.jump("boxed", then="real")
+        boxed = self.put(f"call ptr {self.process('new_float')}(double {found})")
+        self.store("ptr", boxed, at)
+        self.branch(self.put(f"icmp ne ptr {boxed}, null"), "boxed", "failed", then="boxed")
+        self.do("%b.next = add i64 %b, 1")
+        self.jump("answers", then="answered")
+
+    def _box_array(self, inner: str, shape: str, at: str) -> None:
+        """Make the object that owns an array, if the result is one."""
+        self.branch(self.equal(self.bits(self.word(shape, 0), VALUE), 0), "boxed", "wrapping", then="wrapping")
+        owner = self.put(f"call ptr {self.process('allocate')}(ptr {self.pointer(shape, 4)}, i64 0)")
+        self.need(self.put(f"icmp ne ptr {owner}, null"), "failed")
+        self.store("ptr", inner, self.byte(owner, self.word(shape, 5)))
+        self.store("ptr", owner, at)
+        self.jump("boxed", then="boxing")
+
+    def return_results(self) -> None:
+        """Return one result, a tuple of them, or a tuple of the parts of the first."""
+        cases = f"i64 {SEVERAL}, label %tuple i64 {PARTS}, label %parts"
+        self.do(f"switch i64 {self.several}, label %one [ {cases} ]")
+        self.label("one")
+        self.do(f"ret ptr {self.load('ptr', self.results)}")
+        self.label("tuple")
+        self.return_tuple(self.amount, "t", lambda k: self.load("ptr", self.at("ptr", self.results, k)))
+        self.label("parts")
+        self.do(f"call void {self.process('down')}(ptr {self.load('ptr', self.results)})")  # True
+        size, parts = self.word(self.shapes, 1), self.word(self.shapes, 2)
+        share = self.put(f"udiv i64 {size}, {parts}")
+
+        def part(k: str) -> str:
+            new = self.new_array("2", self.at("i64", self.shapes, 3))
+            begin = self.byte(self.load("ptr", self.outputs), self.times(share, k))
+            self.move(self.pointer(new, layout.DATA), begin, share)
+            return new
+
+        self.return_tuple(parts, "s", part)
+        self.label("failed")
+        self.do("ret ptr null")
+
+    def return_tuple(self, amount: str, k: str, item: Callable[[str], str]) -> None:
+        """Return a new tuple of so many items."""
+        made = self.put(f"call ptr {self.process('new_tuple')}(i64 {amount})")
+        self.need(self.put(f"icmp ne ptr {made}, null"), "failed")
+        items, before = self.at("i64", made, layout.ITEMS), self.block
+        self.jump(f"filling.{k}", then=f"filling.{k}")
+        self.do(f"%{k} = phi i64 [ 0, {before} ], [ %{k}.next, %fill.{k}.end ]")
+        self.branch(self.equal(f"%{k}", amount), f"filled.{k}", f"fill.{k}", then=f"fill.{k}")
+        self.store("ptr", item(f"%{k}"), self.at("ptr", items, f"%{k}"))
+        self.jump(f"fill.{k}.end", then=f"fill.{k}.end")
+        self.do(f"%{k}.next = add i64 %{k}, 1")
+        self.jump(f"filling.{k}", then=f"filled.{k}")
+        self.do(f"ret ptr {made}")
+
+    def call_python(self) -> None:
+        """Call the Python function, for anything else."""
+        self.label("python")
+        python = self.put(f"inttoptr i64 {self.form('python')} to ptr")
+        answer = self.put(f"call ptr {self.process('call')}(ptr {python}, ptr %args, i64 %n, ptr %names)")
+        self.do(f"ret ptr {answer}")
 
 
 def module(calls: int) -> str:
@@ -516,4 +621,4 @@ def module(calls: int) -> str:
     c.do("ret i64 1")
     entries.append(c.function("define i64 @copy_entry(i64 %bytes, ptr %inputs, ptr %outputs)"))
     outside = "declare i32 @memcmp(ptr, ptr, i64)\ndeclare void @llvm.memmove.p0.p0.i64(ptr, ptr, i64, i1)\n"
-    return "\n".join([outside, _call(), *entries])
+    return "\n".join([outside, _Call().text(), *entries])

@@ -1,17 +1,19 @@
 """Builtins of functions that are no programs: an entry of ``compiled.entries`` with the arguments and result of a plan.
 
-A routine is written once, as statements over the words, inputs and output that it names; each caller binds it to words,
-which are sizes and addresses, and gets a builtin.
+A routine is written once, as a function; each caller binds it to words, which are sizes and addresses, and gets a
+builtin.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, get_type_hints
 
+from ....algebra.scalars import inline
 from ... import object_layout as layout
-from ...compiled.entries import Entry
+from ...compiled.entries import Entry, entry_of
+from ...compiled.memory import Argument, Place
 from ..llvm.single_call_text import ARRAY, CHOICE, FIXED, INDEX, NUMBER, PLACED, TRUTH
 from . import single_call
 from .single_call import Item, Parameter, unavailable
@@ -31,8 +33,8 @@ class Choice(NamedTuple):
     words: tuple[str, ...]
 
 
-class Held(NamedTuple):
-    """An object of a class that holds an array in a slot; words are the address of the class and the slot's offset.
+class Owner(NamedTuple):
+    """An object of a class that has an array in a slot; words are the address of the class and the slot's offset.
 
     or_array  the array itself is taken too
     """
@@ -47,45 +49,68 @@ class Truth(NamedTuple):
     """A result: True or False for a number other than 0 or 0."""
 
 
-Kind = Shape | Index | Choice | Held
+Kind = Shape | Index | Choice | Owner
+Result = Shape | Owner | Truth | None
+
+
+def routine(output: Result = None, name: str = "", /, **inputs: Kind) -> Callable[[Callable[..., bool]], Routine]:
+    """Decorator that makes a Routine of a function."""
+
+    def made(function: Callable[..., bool]) -> Routine:
+        return Routine(inline(function), inputs, output, name)
+
+    return made
 
 
 class Routine:
     """A function of one sample, which is bound to words."""
 
     def __init__(
-        self,
-        name: str,
-        words: Sequence[str],
-        inputs: Mapping[str, Kind],
-        body: Sequence[str],
-        scope: Mapping[str, Any],
-        output: Shape | Held | Truth | None = None,
+        self, function: Callable[..., bool], inputs: Mapping[str, Kind], output: Result = None, name: str = ""
     ) -> None:
-        """Statements that end in ``return 1``, or in ``return 0`` where the routine does not apply.
+        """``function`` returns whether the routine applies.
 
-        They name the words; inputs: arrays, numbers, places of an Index or a Choice; and ``out``, the array of the
-        result, if there is one. A new array, float or object is returned, or True without an output. Values in the
-        scope may be of type Twin.
+        Its parameters are the inputs: arrays, numbers, places of an Index or a Choice; ``out``, the array of the
+        result, if there is one; and words: an int, or a named tuple of them. A new array, float or object is returned,
+        or True without an output.
+
+        name  says what the function captures, besides other functions of compiled code
         """
-        self.words, self.inputs, self.output = tuple(words), dict(inputs), output
-        text = [f"{x} = word(context, {k})" for k, x in enumerate(words)]
-        for k, (x, kind) in enumerate(self.inputs.items()):
-            place = f"word(inputs, {k})"
+        self.function, self.inputs, self.output, self._name = function, dict(inputs), output, name
+
+    @cached_property
+    def _read(self) -> tuple[list[str], list[Argument]]:
+        """The words of a context, and where the arguments of the function are."""
+        words: list[str] = []
+        order = list(self.inputs)
+
+        def place(word: str) -> int:
+            if word not in words:
+                words.append(word)
+            return words.index(word)
+
+        def argument(x: str, hint: Any) -> Argument:
+            if x == "out":
+                return Argument(Place.OUTPUT, (0,), extents(self.output))
+            if x in order:
+                return Argument(Place.INPUT, (order.index(x),), extents(self.inputs[x]))
+            fields = getattr(hint, "_fields", None)
+            return Argument(Place.WORDS, tuple(map(place, fields or [x])), record=hint if fields else None)
+
+        def extents(kind: Kind | Result) -> tuple[int, ...] | None:
             if isinstance(kind, (Index, Choice)):
-                text.append(f"{x} = word({place}, 0)")
-            else:
-                shape = kind.shape if isinstance(kind, Held) else kind
-                text.append(f"{x} = at({place}, {_text(shape or (1,))}){'' if shape else '[0]'}")
-        if output is not None:
-            shape = output.shape if isinstance(output, Held) else output
-            text.append(f"out = at(word(outputs, 0), {_text(shape or (1,))})")
-        self._made_of = name, [*text, *body], dict(scope)
+                return None
+            shape = kind.shape if isinstance(kind, Owner) else () if isinstance(kind, Truth) else kind or ()
+            return tuple(~place(n) if isinstance(n, str) else n for n in shape)
+
+        hints = get_type_hints(self.function)
+        hints.pop("return", None)
+        return words, [argument(*x) for x in hints.items()]
 
     @cached_property
     def entry(self) -> Entry:
         """Its code."""
-        return Entry(*self._made_of)
+        return entry_of(self.function, self._read[1], self._name or self.function.__name__)
 
     def bind(
         self,
@@ -101,7 +126,7 @@ class Routine:
         places  addresses of inputs that no caller passes
         otherwise  called with the arguments where the routine does not apply
         """
-        context = layout.words([words[x] for x in self.words], *alive)
+        context = layout.words([words[x] for x in self._read[0]], *alive)
         entry, places = self.entry, places or {}
 
         def sizes(shape: Shape) -> tuple[int, ...]:
@@ -114,7 +139,7 @@ class Routine:
                 return Item(INDEX, 8, (words[kind.below],))
             if isinstance(kind, Choice):
                 return Item(CHOICE, 8, tuple(words[x] for x in kind.words))
-            if isinstance(kind, Held):
+            if isinstance(kind, Owner):
                 return single_call.value(sizes(kind.shape), words[kind.kind], words[kind.slot], kind.or_array)
             return single_call.array(sizes(kind)) if place is None else single_call.placed(sizes(kind), place)
 
@@ -135,7 +160,3 @@ class Routine:
             return single_call.bound(otherwise, kinds, plan)(*given, **named)  # this builtin itself would be a cycle
 
         return single_call.bound(python, kinds, plan)
-
-
-def _text(shape: Shape) -> str:
-    return f"({', '.join(map(str, shape))},)"

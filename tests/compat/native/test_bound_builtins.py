@@ -1,0 +1,108 @@
+"""Builtins that the face binds for later calls give what their calls give without them, also after an edit."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from spatialdyn.compat import pinocchio as pin
+
+CLOSE = {"rtol": 1e-12, "atol": 1e-12}
+
+
+@pytest.fixture
+def model() -> Any:
+    return pin.buildSampleModelHumanoid()
+
+
+def state(model: Any, seed: int) -> tuple[Any, Any, Any]:
+    rng = np.random.default_rng(seed)
+    q = pin.integrate(model, pin.neutral(model), rng.standard_normal(model.nv))
+    return q, *rng.standard_normal((2, model.nv))
+
+
+def of_new_data(model: Any, call: Callable[[Any], Any], prepare: Callable[[Any], Any]) -> Any:
+    """What a call gives in a new Data, where nothing is bound."""
+    data = model.createData()
+    prepare(data)
+    return call(data)
+
+
+def test_body_regressors_follow_each_rnea_and_what_is_written_to_its_motions(model: Any) -> None:
+    data = model.createData()
+
+    def regressor(data: Any) -> Any:
+        return pin.jointBodyRegressor(model, data, 3)
+
+    for seed in range(3):
+        for _ in range(2):
+            pin.rnea(model, data, *state(model, seed))
+            expected = of_new_data(model, regressor, lambda new, k=seed: pin.rnea(model, new, *state(model, k)))
+            np.testing.assert_allclose(regressor(data), expected, **CLOSE)
+            np.testing.assert_array_equal(regressor(data), regressor(data))
+    data.v[3] = pin.Motion(np.arange(6.0))
+    for _ in range(2):
+        expected = pin.bodyRegressor(data.v[3], data.a_gf[3])
+        np.testing.assert_allclose(regressor(data), expected, **CLOSE)
+        data.v[3] = pin.Motion(np.ones(6))
+
+
+def test_solutions_follow_each_decomposition(model: Any) -> None:
+    data, tau = model.createData(), np.random.default_rng(0).standard_normal(model.nv)
+    for seed in range(3):
+        M = pin.crba(model, data, state(model, seed)[0])
+        pin.cholesky.decompose(model, data)
+        for x in (tau, tau[::-1], 2.0 * tau):
+            np.testing.assert_allclose(M @ pin.cholesky.solve(model, data, x), x, rtol=0.0, atol=1e-10)
+    data.D[0] = -1.0
+    with pytest.raises(ValueError, match=r"expected cholesky\.decompose to have been called"):
+        pin.cholesky.solve(model, data, tau)
+
+
+def test_configurations_are_compared_to_their_precision(model: Any) -> None:
+    q, v, _ = state(model, 0)
+    far = pin.integrate(model, q, 1e-3 * v / abs(v).max())
+    minus = q.copy()
+    minus[3:7] *= -1.0
+    for _ in range(2):
+        assert pin.isSameConfiguration(model, q, q, 0.0)
+        assert pin.isSameConfiguration(model, q, minus, 1e-12)
+        assert pin.isSameConfiguration(model, q, far, 1.001e-3)
+        assert not pin.isSameConfiguration(model, q, far, 0.999e-3)
+    off = q.copy()
+    off[3:7] *= 1.0 + 1e-3
+    assert pin.isNormalized(model, q)
+    assert (pin.isNormalized(model, off, 1e-4), pin.isNormalized(model, off, 1e-2)) == (False, True)
+    assert not pin.isNormalized(model, q, 0.0)
+    for wrong in (-1.0, np.nan):
+        with pytest.raises(ValueError, match="expected a number that is not negative"):
+            pin.isNormalized(model, q, wrong)
+        with pytest.raises(ValueError, match="expected a number that is not negative"):
+            pin.isSameConfiguration(model, q, q, wrong)
+
+
+@pytest.mark.parametrize("reference", [pin.LOCAL, pin.WORLD, pin.LOCAL_WORLD_ALIGNED])
+def test_velocity_derivatives_follow_each_call_and_moved_joints(model: Any, reference: Any) -> None:
+    data = model.createData()
+
+    def derivatives(data: Any) -> Any:
+        return pin.getFrameVelocityDerivatives(model, data, model.nframes - 1, reference)
+
+    for seed in range(3):
+        if seed == 2:
+            model.jointPlacements[2].translation[0] += 0.1
+        given = state(model, seed)
+
+        def prepare(data: Any, given: Any = given) -> None:
+            pin.computeForwardKinematicsDerivatives(model, data, *given)
+
+        prepare(data)
+        expected = of_new_data(model, derivatives, prepare)
+        for _ in range(3):
+            np.testing.assert_allclose(derivatives(data), expected, **CLOSE)
+    before = derivatives(data)
+    model.jointPlacements[2].translation[0] += 0.1  # after the call: its derivatives are those of its placements
+    np.testing.assert_array_equal(derivatives(data), before)
