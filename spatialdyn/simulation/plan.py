@@ -65,10 +65,10 @@ class Plan:
     """A run.
 
     scene, model  Scene and its Model
-    method       name of the method, ``integrator``
-    effects      the effects of this run, including its control law
-    works        whether work is recorded
-    force        external forces of a run that are a function of (t, q, v); their effect holds its last value
+    method        name of the method, ``integrator``
+    effects       the effects of this run, including its control law
+    works         whether work is recorded
+    force         external forces of a run that are a function of (t, q, v); their effect holds its last value
     feedback, constrained, contact  the control law, the constraints and what acts by impulses, among the effects
     judged       the effects that judge steps by the states after them
     structure    the effects without large values: keys of caches

@@ -147,11 +147,11 @@ def step_request(given: Any, calls: Any, dtype: Any, fixed: Any, derivative: str
     constants |= {x.name: np.full(core_shape(model, x, plan.tables), float(x.start or 0.0)).ravel() for x in hidden}
     arguments: tuple[Argument, ...] = tuple(x for x in specs[0].present if not x.static)
     shown = tuple(x for x in specs if x.output.name not in {f"{y.name}_after" for y in hidden})
-    free = [x for x in arguments if x.name not in constants]
+    varied = [x for x in arguments if x.name not in constants]
     return SpecializeRequest(
         model=model, specs=shown, several=True, dtype=number, arguments=arguments,
         static=dict(zip((x.name for x in specs[0].present if x.static), plan.tables, strict=True)),
-        constants={**constants, **constants_of(model, fixed, free)}, parameter_names=(), parameters=(),
+        constants={**constants, **constants_of(model, fixed, varied)}, parameter_names=(), parameters=(),
         output_places=None, derivative=derivative or "",
     )  # fmt: skip
 

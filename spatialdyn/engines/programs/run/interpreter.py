@@ -107,25 +107,6 @@ class Interpreted:
         return BASE_NS + NUMBER_NS * numbers + LINE_NS * self.lines
 
 
-class InterpretedSample:
-    """A program of one output, interpreted on one sample after another. For one thread."""
-
-    def __init__(self, program: Program, layout: KernelLayout) -> None:
-        """As ``Interpreted``."""
-        self._code = Interpreted(program, layout)  # kept because calls use its memory
-        self._inputs = [np.empty(width) for width in layout.inputs]
-        self._out = np.empty(len(layout.outputs[0]))
-        self._places = [np.array([x.ctypes.data for x in arrays]) for arrays in (self._inputs, [self._out])]
-        self._passed = (self._code.context, *(x.ctypes.data for x in self._places))
-        self._call = ctypes.CFUNCTYPE(*[ctypes.c_void_p] * 4)(self._code.entry)
-
-    def __call__(self, *inputs: NDArray[np.float64]) -> NDArray[np.float64] | None:
-        """The flat output, which the next call overwrites; None if the sample is rejected."""
-        for x, y in zip(self._inputs, inputs, strict=True):
-            x[:] = y
-        return self._out if self._call(*self._passed) else None
-
-
 class InterpretedBatches(Batches):
     """An interpreted program over batches, in tiles: each line runs for all samples of a tile."""
 
