@@ -120,7 +120,7 @@ class Computed:
         self.model, self.given = model, given
         self.system: Any = None
         self.t = 0.0
-        self._calls: dict[Any, tuple[Callable[..., Any], tuple[int, ...], dict[str, slice]]] = {}
+        self._kernels: dict[Any, tuple[Callable[..., int], tuple[int, ...], dict[str, slice]]] = {}
 
     @cached_property
     def rows(self) -> Any:
@@ -133,29 +133,37 @@ class Computed:
 
     def evaluate(self, spec: Spec, **more: Any) -> dict[str, Any]:
         """See ``Arithmetic``."""
-        known = {**self.given, **more}
-        named = [known.get(x.name) if x.optional else known[x.name] for x in spec.present]
-        static = tuple(y for x, y in zip(spec.present, named, strict=True) if x.static)
-        values = [y for x, y in zip(spec.present, named, strict=True) if not x.static]
-        key = spec, static, *(x is None for x in values)
-        if key not in self._calls:
+        known, present = {**self.given, **more}, spec.present
+        named = [known.get(x.name) if x.optional else known[x.name] for x in present]
+        key = spec, *[y if x.static else y is None for x, y in zip(present, named, strict=True)]
+        if key not in self._kernels:
+            static = tuple(y for x, y in zip(present, named, strict=True) if x.static)
+            there = tuple(y is not None for x, y in zip(present, named, strict=True) if not x.static)
             sizes = self._sizes(static)
-            call = of_model(spec, self.model, static, tuple(x is not None for x in values))
-            self._calls[key] = call, shape_in(spec.output.shape, sizes), _places(spec, sizes)
-        call, shape, places = self._calls[key]
+            self._kernels[key] = (
+                self._kernel(spec, static, there, True),
+                shape_in(spec.output.shape, sizes),
+                _places(spec, sizes),
+            )
+        kernel, shape, places = self._kernels[key]
         out = np.empty(shape)
-        code = answered(call, out, *(x for x in values if x is not None))
-        set_status(self.system, finite(code, out), self.t)
+        code = kernel(out, *[y for x, y in zip(present, named, strict=True) if not x.static and y is not None])
+        set_status(self.system, code, self.t)
         return _by_name(spec, places, out)
 
     def call(self, spec: Spec, count: int, checked: bool = True) -> Callable[..., int]:
         """See ``Arithmetic``."""
-        call = of_model(spec, self.model, (), tuple(k < count for k in range(len(spec.present))))
-        zero = np.zeros(math.prod(shape_in(spec.output.shape, self._sizes(()))))
+        return self._kernel(spec, (), tuple(k < count for k in range(len(spec.present))), checked)
+
+    def _kernel(
+        self, spec: Spec, static: tuple[Any, ...], there: tuple[bool, ...], checked: bool
+    ) -> Callable[..., int]:
+        call = of_model(spec, self.model, static, there)
+        zero = np.zeros(math.prod(shape_in(spec.output.shape, self._sizes(static))))
 
         def write(out: Any, *inputs: Any) -> int:
             code = answered(call, out, *inputs)
-            return code if not checked or code or out.ravel().dot(zero) == 0.0 else NONFINITE  # faster than ``finite``
+            return code if not checked or code or out.ravel().dot(zero) == 0.0 else NONFINITE  # faster than isfinite
 
         return write
 
@@ -188,8 +196,3 @@ def answered(call: Callable[..., Any], out: Any, *inputs: Any) -> int:
         code = NONFINITE
     out[...] = np.nan
     return code
-
-
-def finite(code: int, out: Any) -> int:
-    """The status of a result that must be finite."""
-    return NONFINITE if code == OK and not np.isfinite(out).all() else code
