@@ -40,7 +40,7 @@ SAME = 1e-6  # relative to the largest entry: what an optimizer of a client stop
 TIMES = "time|l+apsed|duration"  # names of seconds that were measured
 NOTHING = 1e-9  # largest entries below it are rounding errors, as of a difference that should be 0
 PRINTED, NUMBER = "(printed)", r"(?<![\w.])[-+]?\d+\.?\d*(?:e[-+]?\d+)?(?![\w.])"
-ANSWERS = 3  # questions of a script that Enter answers
+ANSWERS = 3  # empty lines that ``input`` returns
 ADDRESS = r"\w+://\S*"  # a viewer's
 SKIPPED = ("%", "!", "?")  # lines of notebooks that are not Python
 
