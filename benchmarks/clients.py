@@ -6,8 +6,8 @@
 Takes files, and folders of repositories that were cloned, whose scripts and notebooks import pinocchio. Each runs to
 its end in a process of its own under either module, in its folder, with what that folder, its repository and that
 one's folder src hold to import, without a screen, with hashes, and random numbers and configurations of NumPy's,
-seeded. It does not wait where it sleeps, and Enter is pressed where it asks, three times: the next question is its
-end. Then all numbers that it prints, and leaves in global names and in those of its functions, are compared. Prints a
+seeded. Sleeping takes no time, and the first three calls of ``input`` return an empty line; the next one ends the run.
+Then all numbers that it prints, and leaves in global names and in those of its functions, are compared. Prints a
 line for each: whether it ran, and the largest difference by the largest entry of its array. ``--tests`` counts the
 tests that pass under each instead, and names those that pass under Pinocchio alone.
 """
@@ -40,7 +40,7 @@ SAME = 1e-6  # relative to the largest entry: what an optimizer of a client stop
 TIMES = "time|l+apsed|duration"  # names of seconds that were measured
 NOTHING = 1e-9  # largest entries below it are rounding errors, as of a difference that should be 0
 PRINTED, NUMBER = "(printed)", r"(?<![\w.])[-+]?\d+\.?\d*(?:e[-+]?\d+)?(?![\w.])"
-ANSWERS = 3  # questions of a script that Enter answers
+ANSWERS = 3  # empty lines that ``input`` returns
 ADDRESS = r"\w+://\S*"  # a viewer's
 SKIPPED = ("%", "!", "?")  # lines of notebooks that are not Python
 
@@ -115,17 +115,17 @@ def draw_from_numpy(pin: Any) -> None:
     pin.randomConfiguration, pin.SE3.Random = configuration, staticmethod(placement)
 
 
-class LastQuestionError(Exception):
-    """A script asks again, as one that goes on until its user stops it."""
+class LastInputError(Exception):
+    """Raised by ``input`` after ANSWERS lines: the script may run until its user stops it."""
 
 
 def answer_at_once() -> None:
-    """Let a script not wait: it does not sleep, and Enter answers its questions."""
+    """Have a script not wait: sleeping takes no time, and ``input`` returns empty lines."""
     asked = iter(range(ANSWERS))
 
     def answer(*question: Any) -> str:
         if next(asked, None) is None:
-            raise LastQuestionError
+            raise LastInputError
         return ""
 
     builtins.input, time.sleep = answer, lambda seconds: None
@@ -148,7 +148,7 @@ def run(path: Path, root: Path, module: str, report: Path) -> None:
         sys.setprofile(of_functions(path, inside))
         try:
             exec(compile(source(path), str(path), "exec"), scope)
-        except LastQuestionError:
+        except LastInputError:
             pass
         finally:
             sys.setprofile(None)

@@ -510,7 +510,7 @@ def test_without_a_gpu_the_script_measures_nothing(
     assert capsys.readouterr().out == "no GPU with PyTorch or CuPy here: nothing is measured\n"
 
 
-def test_a_client_that_sleeps_and_asks_runs_to_its_last_question(tmp_path: Path) -> None:
+def test_a_client_that_sleeps_and_reads_lines_runs_to_its_last_input(tmp_path: Path) -> None:
     """What a viewer prints of its address is no number of the client."""
     script = tmp_path / "examples" / "client.py"
     script.parent.mkdir()
