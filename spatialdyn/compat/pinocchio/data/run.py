@@ -13,7 +13,7 @@ import numpy as np
 
 from ....calls.arguments import core_shape
 from ....engines.object_layout import Words
-from ....engines.programs.run.single_call import unavailable
+from ....engines.programs.run.single_call import plan_of, unavailable
 from ....model.model import Model as SdModel
 from ....recursions import SPECS
 from ....recursions.tree import kinematics
@@ -39,6 +39,8 @@ class Run:
     result          what the library returned; the held array of a field if that is the same (``result_is_held``)
     call            the library's call as a builtin that records inputs and result; returns None if not applicable
     forces_builtin  ``call`` with external forces; None until it is bound
+    plan            that of ``call``, where the functions of ``algorithms.table`` find it; None until it is bound
+    after           what such a function calls with the Data and the Run: of a kind that getters of Jacobians read; None
     recompute       recomputes the other held fields from the recorded inputs; None if there are none
     fext            forces on the library's joints (njoints, 6); None without
     bound           builtins about the inputs, by name and kind of frame
@@ -49,14 +51,16 @@ class Run:
     """
 
     __slots__ = (
-        "__weakref__", "_a", "_kept", "_own_result", "_stamp", "_v", "bound", "cache", "call", "contact", "forces",
-        "forces_builtin", "getters", "kind", "library", "memory", "oMi", "placed_rows", "q", "recompute", "result",
-        "result_is_held", "tau",
+        "__weakref__", "_a", "_kept", "_own_result", "_stamp", "_v", "after", "bound", "cache", "call", "contact",
+        "forces", "forces_builtin", "kind", "library", "memory", "oMi", "placed_rows", "plan", "q", "recompute",
+        "result", "result_is_held", "tau",
     )  # fmt: skip
 
-    def __init__(self, name: str, library: LibraryModel, shape: tuple[int, ...] | None) -> None:
+    def __init__(
+        self, name: str, library: LibraryModel, shape: tuple[int, ...] | None, note: Callable[..., None]
+    ) -> None:
         self.kind = CALL_KINDS[name]
-        self.getters = self.kind.getters  # a slot is read fast
+        self.after = note if self.kind.getters else None
         # of the call, and of the call that left ``placed_rows``
         self._stamp, self.library = array("q", [0, 0]), library
         self.forces: tuple[int, Array | None] = 0, None  # and the time of their call
@@ -85,6 +89,7 @@ class Run:
             self.placed_rows = np.empty(model.nv + 1, kinematics.WORK)
         library.runs.add(self)
         self.call: Callable[..., Any] = self._bind_and_call
+        self.plan: Words | None = None
         self.forces_builtin: Callable[..., Any] | None = None
         self.recompute: Callable[[], Any] | None = None
         self.bound: dict[Any, Any] = {}
@@ -167,8 +172,12 @@ class Run:
 
     def _bind_and_call(self, *inputs: Any) -> Any:
         """Bind the builtin and call it."""
-        self.call = self._bind(False)
+        self._take(self._bind(False))
         return self.call(*inputs)
+
+    def _take(self, call: Callable[..., Any]) -> None:
+        """Have another builtin."""
+        self.call, self.plan = call, plan_of(call)
 
     def _bind(self, forces: bool) -> Callable[..., Any]:
         library, kind, otherwise = self.library, self.kind, self._following(forces)
@@ -231,7 +240,8 @@ class Run:
         if result is not self.result and not self.result_is_held:
             result[...] = self.result
         if result is not self.result or moving or self.placed_rows is not None:
-            self.result, self.call, self.forces_builtin = result, self._bind_and_call, None
+            self.result, self.forces_builtin = result, None
+            self.call, self.plan = self._bind_and_call, None
         if moving:
             recomputes += self._bind_motions(moving)
         self.recompute = reduce(_both, recomputes) if recomputes else None
@@ -254,7 +264,7 @@ class Run:
         alive = (self.library, self.memory, *moving.values())
         if self.kind.call == "forward_kinematics":
             record, otherwise = self.recording(len(routine.inputs)), self._following(False)
-            self.call = routine.bind(words, *alive, record=record, otherwise=otherwise)
+            self._take(routine.bind(words, *alive, record=record, otherwise=otherwise))
             return []
         return [routine.bind(words, *alive, places={x: getattr(self, x).ctypes.data for x in routine.inputs})]
 
