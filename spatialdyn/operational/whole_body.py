@@ -78,7 +78,7 @@ class WholeBody:
     force_weight, motion_weight  weights of squared forces, in shares of the robot's weight, and of squared
                 accelerations: they select one of the solutions that tasks allow, and shift the forces slightly
     largest     largest normal force of a point [N]; no limit if left out
-    solver      name of a solver of qpsolvers that is installed, such as "daqp"
+    solver      "daqp", or the name of another solver of qpsolvers that is installed
     infeasible  "raise", or "relax": take the smallest relaxation of limits, and report it
 
     ``solve(q, v)`` is a WholeBodyMotion; the object itself is a torque function of ``simulate``, held over a step of

@@ -24,7 +24,7 @@ class Late:
             pytest.skip(f"{name} is not installed", allow_module_level=True)
 
     def __getattr__(self, name: str) -> Any:
-        if name.startswith("_"):  # pytest asks every name of a module for some
+        if name.startswith("_"):  # pytest reads such attributes of all names in a module
             raise AttributeError(name)
         return getattr(importlib.import_module(self._name), name)
 

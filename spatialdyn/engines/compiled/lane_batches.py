@@ -56,8 +56,11 @@ class LaneBatches:
     def compile_now(self) -> None:
         """Compile the kernels, whether that pays or not."""
         self._one()
+        self._compile_lanes()
+
+    def _compile_lanes(self) -> None:
         if self._spec.mirrored and self._width == lane_kernels.WIDE:
-            batches(self._spec, self._width // 2, self._edited).compile_now()
+            batches(self._spec, self._width // 2, self._edited)._compile_lanes()
         self._spent = COMPILE_SECONDS
         self.prepare(self._width)
 
