@@ -143,15 +143,43 @@ def _as_given(face: Face, model: Any, data: Any, *given: Any) -> tuple[str, tupl
 
 
 def _recorded(face: Face, answer: Any) -> Any:
-    """A function of the number of inputs of a row."""
+    """A function of the number of inputs of a row, which tries the builtin of a Run if there are external forces."""
+    kind, roles = face.call[0], "".join(x.role for x in face.inputs)
+
+    def pushed(model: Any, data: Any, f: Any, *x: Any) -> Any:
+        if f is None:
+            return None
+        try:
+            run = data._runs[kind]
+            if run.library is model._library and (found := run.call_with_forces(f, *x)) is not None:
+                if run.after is not None or run.recompute is not None:
+                    data.note_builtin_call(run)
+                return found
+        except REFUSED:
+            pass
+        return None
+
+    def with_option(model: Any, data: Any, a: Any, b: Any, c: Any, f: Any, option: Any) -> Any:
+        found = pushed(model, data, f, a, b, c) if option is LOCALLY else None
+        return answer(face, model, data, a, b, c, f, option) if found is None else found
+
+    def three(model: Any, data: Any, a: Any, b: Any, c: Any, f: Any) -> Any:
+        found = pushed(model, data, f, a, b, c)
+        return answer(face, model, data, a, b, c, f) if found is None else found
+
+    def one(model: Any, data: Any, a: Any, f: Any) -> Any:
+        found = pushed(model, data, f, a)
+        return answer(face, model, data, a, f) if found is None else found
+
+    if "f" in roles:
+        return {"xf": one, "xxxf": three, "xxxfo": with_option}[roles]
     forms: tuple[Any, ...] = (
         lambda model, data, a: answer(face, model, data, a),
         lambda model, data, a, b: answer(face, model, data, a, b),
         lambda model, data, a, b, c: answer(face, model, data, a, b, c),
-        lambda model, data, a, b, c, d: answer(face, model, data, a, b, c, d),
         lambda model, data, a, b, c, d, e: answer(face, model, data, a, b, c, d, e),
     )
-    return forms[len(face.inputs) - 1]
+    return forms[min(len(roles), 4) - 1]
 
 
 def _key(face: Face, chosen: Sequence[Input]) -> str:
@@ -175,7 +203,7 @@ def _builtin(face: Face, python: Callable[..., Any], k: int, count: int) -> Call
     made = None if face.returns == "None" else face.made or unavailable
     switch = switches.index(True) if any(switches) else -1
     names = ("_runs", "_noted", "_library", Run, "library", "plan", "after", "recompute")
-    following = Following(Data, *names, Data.recompute_held, made, switch, LOCALLY, WORLD)
+    following = Following(Data, *names, Data.recompute_held, Run.follow, made, switch, LOCALLY, WORLD)
     keys = [intern(_key(face, x)) for x in choices]
     return builtin(k, count, python, parameters, keys, None, following, face.signature)
 

@@ -27,7 +27,7 @@ from ..types.tracked_list import Rows
 from .field_recipes import CALL_KINDS, CallRecipe, Kind, Part, joint_placements, oMi
 from .field_recipes import result as RESULT
 
-FORCES, _NUMBERS = {Force}, attrgetter("_x")
+FORCES, LISTS, _NUMBERS = {Force}, (list, Rows), attrgetter("_x")
 
 
 class Run:
@@ -51,8 +51,8 @@ class Run:
     """
 
     __slots__ = (
-        "__weakref__", "_a", "_kept", "_own_result", "_stamp", "_v", "after", "bound", "cache", "call", "contact",
-        "forces", "forces_builtin", "kind", "library", "memory", "oMi", "placed_rows", "plan", "q", "recompute",
+        "__weakref__", "_a", "_kept", "_own_result", "_pushed", "_stamp", "_v", "after", "bound", "cache", "call",
+        "contact", "forces", "forces_builtin", "kind", "library", "memory", "oMi", "placed_rows", "plan", "q", "recompute",
         "result", "result_is_held", "tau",
     )  # fmt: skip
 
@@ -68,6 +68,7 @@ class Run:
         self.oMi: Array | None = None
         self.placed_rows: Any = None
         self.cache: dict[str, tuple[int, Array]] = {}
+        self._pushed = len(library.rows) if library.joints is None else -1  # forces that a builtin takes
         self._kept: tuple[int, bytes] = 0, library.state
         model = library._model
         if shape is None:
@@ -151,9 +152,7 @@ class Run:
 
     def call_with_forces(self, fext: Any, *inputs: Any) -> Any:
         """``call`` with a list of one Force for each joint; returns None if not applicable."""
-        library = self.library
-        fits = isinstance(fext, (list, Rows)) and len(fext) == library.words["njoints"] and library.joints is None
-        if not fits or {*map(type, fext)} != FORCES:
+        if not isinstance(fext, LISTS) or len(fext) != self._pushed or {*map(type, fext)} != FORCES:
             return None
         given = np.frombuffer(b"".join(map(_NUMBERS, fext)))  # twice as fast as np.concatenate
         if self.forces_builtin is None:
@@ -200,14 +199,16 @@ class Run:
 
         def follow(*inputs: Any) -> Any:
             run = here()
-            if run is None:
-                return None
-            library, before = run.library, run.library.state
-            if not library.follow() or library.state is before:
+            if run is None or not run.follow():
                 return None
             return run.forces_builtin(*inputs) if forces else run.call(*inputs)  # type: ignore[misc]
 
         return follow
+
+    def follow(self) -> bool:
+        """Whether numbers of the Model were edited, and are now those of the library."""
+        before = self.library.state
+        return self.library.follow() and self.library.state is not before
 
     def recording(self, count: int, result: Array | None = None) -> Words:
         """Words of a builtin that records its first inputs, this many, its result, if given, and the stamp."""

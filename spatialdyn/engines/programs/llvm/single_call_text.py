@@ -24,7 +24,7 @@ PROCESS = (
 )  # fmt: skip  # words of this process, which every form begins with
 FOLLOWED = (
     "data_type", "runs", "attribute_name", "library", "run_plan", "noted", "after", "recompute", "held", "made",
-    "switch", "off", "on",
+    "edited", "switch", "off", "on",
 )  # fmt: skip
 FORM = (
     "python", "model_type", "plans", "plan", "count", "required", "optional", "choices", "named", "rest", "out",
@@ -48,6 +48,8 @@ FORM = (
 #   recompute       offset in a run of None, or of a function that is then called; if that returns None, ``held(data,
 #                   run)`` is called
 #   made            0, None, which is then returned, or a function ``made(run, result)``, whose result is
+#   edited          a function ``edited(run)``, called where the numbers that a record compares are other ones; if it
+#                   returns True, the plan is looked up again
 #   switch          position of an input that is ``off``, as good as left out, or ``on``; -1 if there is none
 # then MOST pairs (name, kind) of parameters, then the dict's key for each choice of optional inputs
 PLAN = ("entry", "context", "left", "program", "outputs", "several", "record")
@@ -330,7 +332,12 @@ class _Call(_Writer):
         now, then = (self.pointer(self.record, RECORD.index(x)) for x in ("now", "then"))
         amount = self.word(self.record, RECORD.index("bytes"))
         unequal = self.put(f"call i32 @memcmp(ptr {now}, ptr {then}, i64 {amount})")
-        self.branch(self.equal(unequal, 0, "i32"), "counted", "python", then="counted")
+        self.branch(self.equal(unequal, 0, "i32"), "counted", "unequal", then="unequal")
+        self.branch(self.with_data, "edited", "python", then="edited")
+        done = self._called(self.put(f"inttoptr i64 {self.form('edited')} to ptr"), "%run.of")
+        self.need(self.put(f"icmp ne ptr {done}, null"), "failed")
+        self.do(f"call void {self.process('down')}(ptr {done})")
+        self.branch(self.equal(done, self.process("true"), "ptr"), "of_data", "python", then="counted")
         counter = self.pointer(self.code, PLAN.index("left"))
         left = self.load("i64", counter)
         self.need(self.put(f"icmp ne i64 {left}, 0"))
@@ -667,6 +674,11 @@ class _Call(_Writer):
         self.jump("answer", then=f"unused{len(self.answers)}")
         self.do("unreachable")
 
+    def _called(self, function: str, *given: str) -> str:
+        """What a function returns; null for an error."""
+        listed = ", ".join(f"ptr {x}" for x in (function, *given, "null"))
+        return self.put(f"call ptr (ptr, ...) {self.process('call_objects')}({listed})")
+
     def follow_call(self) -> None:
         """Return the result; of a call with data what is made of it, after what follows the call."""
         run = "%run.of"
@@ -676,10 +688,6 @@ class _Call(_Writer):
 
         def keep(x: str) -> None:
             self.do(f"call void {self.process('up')}(ptr {x})")
-
-        def called(function: str, *given: str) -> str:
-            listed = ", ".join(f"ptr {x}" for x in (function, *given, "null"))
-            return self.put(f"call ptr (ptr, ...) {self.process('call_objects')}({listed})")
 
         def function(name: str) -> str:
             return self.put(f"inttoptr i64 {self.form(name)} to ptr")
@@ -696,7 +704,7 @@ class _Call(_Writer):
         keep(self.none)
         drop("%answer.first")
         self.jump("follow", then="call_made")
-        other = called(made, run, "%answer.first")
+        other = self._called(made, run, "%answer.first")
         drop("%answer.first")
         self.branch(self.equal(other, "null", "ptr"), "lost", "follow", then="follow")
         ways = "[ %answer.first, %following ]", f"[ {self.none}, %silent ]", f"[ {other}, %call_made ]"
@@ -704,17 +712,17 @@ class _Call(_Writer):
         after = self._slot(run, "after")
         self.branch(self.equal(after, self.none, "ptr"), "recompute", "after", then="after")
         self.branch(self.equal(self._slot(data, "noted"), run, "ptr"), "recompute", "call_after", then="call_after")
-        done = called(after, data, run)
+        done = self._called(after, data, run)
         self.need(self.put(f"icmp ne ptr {done}, null"), "drop_answer")
         drop(done)
         self.jump("recompute", then="recompute")
         recompute = self._slot(run, "recompute")
         self.branch(self.equal(recompute, self.none, "ptr"), "followed", "recomputing", then="recomputing")
-        done = called(recompute)
+        done = self._called(recompute)
         self.need(self.put(f"icmp ne ptr {done}, null"), "drop_answer")
         drop(done)
         self.branch(self.equal(done, self.none, "ptr"), "holding", "followed", then="holding")
-        done = called(function("held"), data, run)
+        done = self._called(function("held"), data, run)
         self.need(self.put(f"icmp ne ptr {done}, null"), "drop_answer")
         drop(done)
         self.jump("followed", then="followed")

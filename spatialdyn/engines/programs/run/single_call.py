@@ -95,7 +95,7 @@ class Following(NamedTuple):
     data, runs, noted      class of the data, and names of its slots
     attribute              of the model
     run, library, run_plan, after, recompute  class of the runs, and names of its slots
-    held, made             functions; ``made`` may be None, and is ``unavailable`` if the result itself is returned
+    held, edited, made     functions; ``made`` may be None, and is ``unavailable`` if the result itself is returned
     switch                 position of the input that is ``off`` or ``on``; -1 if there is none
     """
 
@@ -109,6 +109,7 @@ class Following(NamedTuple):
     after: str
     recompute: str
     held: Callable[..., Any]
+    edited: Callable[..., bool]
     made: Callable[..., Any] | None
     switch: int
     off: object
@@ -119,7 +120,7 @@ class Following(NamedTuple):
         of_data = {x: layout.slot_offset(self.data, getattr(self, x)) for x in ("runs", "noted")}
         slots = "library", "run_plan", "after", "recompute"
         of_run = {x: layout.slot_offset(self.run, getattr(self, x)) for x in slots}
-        objects = {x: id(getattr(self, x)) for x in ("held", "off", "on")}
+        objects = {x: id(getattr(self, x)) for x in ("held", "edited", "off", "on")}
         made = 0 if self.made is unavailable else id(self.made)
         here = {"data_type": id(self.data), "attribute_name": id(self.attribute), "made": made, "switch": self.switch}
         found = {**of_data, **of_run, **objects, **here}
