@@ -52,8 +52,8 @@ class Run:
 
     __slots__ = (
         "__weakref__", "_a", "_kept", "_own_result", "_pushed", "_stamp", "_v", "after", "bound", "cache", "call",
-        "contact", "forces", "forces_builtin", "kind", "library", "memory", "oMi", "placed_rows", "plan", "q", "recompute",
-        "result", "result_is_held", "tau",
+        "contact", "forces", "forces_builtin", "kind", "library", "memory", "oMi", "placed_rows", "plan", "q",
+        "recompute", "result", "result_is_held", "tau",
     )  # fmt: skip
 
     def __init__(
