@@ -236,12 +236,15 @@ def print_first_hour() -> None:
 
 
 def compile_all() -> None:
-    """Compile all functions that were called so far."""
+    """Compile all functions and programs that were called so far, which are interpreted until compiling pays."""
     from spatialdyn.engines.compiled.tiers import Tier
+    from spatialdyn.engines.programs.run.tiered_program import TieredProgram
 
     for x in gc.get_objects():
         if isinstance(x, Tier) and x.called:
             x.compile_now()
+        elif isinstance(x, TieredProgram):
+            x.compiled(one=True)
 
 
 def timed(group: Group, modules: Mapping[str, Any]) -> list[tuple[str, dict[str, float]]]:

@@ -8,6 +8,7 @@ import json
 import pickle
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import fake_gpu
@@ -17,6 +18,7 @@ from slow import slow_but
 
 import spatialdyn as sd
 from spatialdyn.engines.compiled import numba_kernels
+from spatialdyn.engines.programs.run.tiered_program import TieredProgram
 
 pytest.importorskip("pinocchio")
 pytest.importorskip("mpmath")
@@ -365,6 +367,25 @@ def test_an_unknown_group_is_named(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
         compat.main(["tipes"])
     assert "group is 'tipes', expected some of types, panda" in capsys.readouterr().err
+
+
+@compiled
+def test_rows_of_the_face_time_compiled_programs(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With an empty cache as with a filled one: an interpreted program takes up to twice as long."""
+    pin = importlib.import_module("spatialdyn.compat.pinocchio")
+    path = str(sd.urdf.load.find_robot("two_link"))
+    model = pin.buildModelFromUrdf(path)
+    model.gravity.linear = np.array([0.0, 0.3, -9.6])  # of no other test
+    data, q = model.createData(), pin.neutral(model)
+    with monkeypatch.context() as patch:
+        patch.setattr(TieredProgram, "_at_hand", lambda *given, **named: None)  # as with an empty cache
+        pin.forwardKinematics(model, data, q)
+        code = model._library.code("forward_kinematics")
+        assert code._words[0] == code.program.interpreted.entry
+        patch.setattr(compat, "gc", SimpleNamespace(get_objects=lambda: [code.program]))
+        compat.compile_all()
+    pin.forwardKinematics(model, data, q)
+    assert code._words[0] == code.program.compiled(one=True).code.entry
 
 
 def test_the_first_hour_times_twenty_calls(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:

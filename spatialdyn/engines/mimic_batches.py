@@ -104,11 +104,12 @@ class Reduced:
         inputs  each (n, ...), or (1, ...) for all samples
         out     (n, ...)
         """
-        if spec.through_M is None:
-            found, status[:] = self.on_tree(run, spec, inputs, static)
-            out[...] = found.reshape((len(found), *out.shape[1:]))
-        else:
-            self._through_M(run, spec, inputs, static, out, status)
+        with np.errstate(all="ignore"):
+            if spec.through_M is None:
+                found, status[:] = self.on_tree(run, spec, inputs, static)
+                out[...] = found.reshape((len(found), *out.shape[1:]))
+            else:
+                self._through_M(run, spec, inputs, static, out, status)
         lost = ~np.isfinite(out.reshape(len(out), -1)).all(axis=1)
         status[lost & (status == OK)] = NONFINITE
 
@@ -140,8 +141,7 @@ class Reduced:
         given = {x.name: y for x, y in zip(spec.present, _flat(passed), strict=True)}
         M = MassMatrices(run, self, given["q"])
         assert spec.through_M is not None
-        with np.errstate(all="ignore"):
-            found = spec.through_M(M, *passed)
+        found = spec.through_M(M, *passed)
         parts = np.stack(np.broadcast_arrays(*found), axis=1) if isinstance(found, tuple) else found
         out[...] = parts.reshape((len(parts), *out.shape[1:]))
         status[:] = OK

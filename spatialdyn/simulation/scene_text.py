@@ -1,4 +1,7 @@
-"""The text of ``print(scene)``: its effects, the operations that they add to a step, the states, the methods."""
+"""The text of ``print(scene)``: its effects, the operations that they add to a step, the states, the methods.
+
+Of a loop one pass is counted, of a part that is skipped at times all of it.
+"""
 
 from __future__ import annotations
 

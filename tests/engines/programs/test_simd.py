@@ -565,6 +565,16 @@ def test_long_rows_are_staged_unless_a_vector_or_half_of_one_divides_them(column
     assert columns.staged(count, 8, stream=True) == (count % 8 > 0)
 
 
+@pytest.mark.parametrize("stream", [False, True])
+def test_the_rows_of_a_single_call_are_written_in_place(stream: bool) -> None:
+    """No copy in the text, and no slots for rows: of long rows, which batches stage."""
+    program, layout = program_of(lambda x: [x * float(k + 2) for k in range(49)], 1)
+    one, many = (simd.Writer(program, layout, np.float64, lanes, True, stream) for lanes in (1, 8))
+    assert "call void @copy" in many.text()
+    assert "call void @copy" not in one.text()
+    assert many.workspace // 64 - one.workspace // 8 == 49
+
+
 def test_an_input_with_step_zero_serves_every_sample() -> None:
     tape = Tape()
     x, y, z = (tape.input(k) for k in range(3))

@@ -59,7 +59,7 @@ def getJacobianSubtreeCenterOfMass(model: Model, data: Data, subtree_root_joint_
     root, run = joint_index(model, subtree_root_joint_id), last_call(model, data, "J")
     library = run.library
     out, row = np.empty((3, library.tree_nv)), library.row_numbers[root : root + 1]
-    tree_kernels.subtree_com_jacobian(run.kernel_table, library.of_tree(run.q)[0], row, out)
+    tree_kernels.subtree_com_jacobian(run.kernel_table, library.tree_q(run.q), row, out)
     return library.of_joints(out)
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
@@ -230,9 +230,14 @@ def diagonal(L: Array) -> Array:
 
 def unit_upper(L: Array) -> Array:
     """U = Lᵀ of an L with D on its diagonal."""
-    found = np.array(np.tril(L).T, order="C")
-    found.ravel()[:: len(L) + 1] = 1.0
+    found = np.eye(len(L))
+    np.copyto(found, L.T, where=_above_diagonal(len(L)))
     return found
+
+
+@cache
+def _above_diagonal(n: int) -> NDArray[np.bool_]:
+    return ~np.tri(n, dtype=bool)
 
 
 def columns(run: Any, _: Any = None) -> Array:

@@ -108,7 +108,15 @@ class LibraryModel:
         model, speed = self._model, np.zeros(self._model.nv) if v is None else np.array(v)
         if model.mimic_matrix is None:
             return np.array(q), speed
-        return q[model.mimic_index] * model.mimic_ratio + model.mimic_offset, model.mimic_matrix @ speed
+        return self.tree_q(q), model.mimic_matrix @ speed
+
+    def tree_q(self, q: Array) -> Array:
+        """q of the whole tree: a copy with mimic joints, else q itself."""
+        model = self._model
+        if model.mimic_matrix is None:
+            return q
+        found: Array = q[model.mimic_index] * model.mimic_ratio + model.mimic_offset
+        return found
 
     def of_joints(self, J: Array) -> Array:
         """A Jacobian (m, nv) of one for the velocities of the whole tree."""

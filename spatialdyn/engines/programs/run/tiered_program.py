@@ -68,7 +68,10 @@ class TieredProgram:
         return Interpreted(*self.recording)
 
     def compiled(self, one: bool, stream: bool = False) -> batch_kernels.Kernel:
-        """The compiled program: for single samples, or for batches; ``stream`` for large results."""
+        """The compiled program: for single samples, or for batches; ``stream`` for large results.
+
+        Calls that interpret single samples take the compiled program from then on.
+        """
         with self._lock:
             made = self._at_hand(one, stream)
             if made is None:
@@ -78,6 +81,8 @@ class TieredProgram:
                 )
                 assert made is not None
                 self._compiled[one, stream] = made
+            if one:
+                self._calls[0] = 0
             return made
 
     def single(self) -> tuple[tuple[int, int, int], object]:
