@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import inspect
+import pickle
 from pathlib import Path
 
 import numpy as np
@@ -78,7 +79,9 @@ def test_function_is_as_its_row_says(face: Face) -> None:
     assert defaults == [inspect.Parameter.empty if x.default is REQUIRED else x.default for x in face.inputs]
     assert function.__doc__.startswith(face.doc)
     assert all(x.name in function.__doc__ for x in face.inputs if x.about)
-    assert function.__name__ == function.__qualname__ == function.__code__.co_name == face.name
+    assert function.__name__ == function.__qualname__ == face.name
+    assert function.__module__ == calls.__name__
+    assert pickle.loads(pickle.dumps(function)) is function
 
 
 def test_rows_name_kinds_of_calls_whose_fields_they_fill() -> None:
@@ -92,6 +95,34 @@ def test_rows_name_kinds_of_calls_whose_fields_they_fill() -> None:
             getattr(pin, face.name)(model, data, *vectors)
             assert {*face.fields} == {*CALL_KINDS[face.call[-1]].fills}
             assert all(data.latest(field) is not None for field in face.fields), face.name
+
+
+def test_builtins_answer_and_decline_as_the_functions_behind_them() -> None:
+    """Each call twice: the first is checked in Python, the second answered by the plan of its Run, where one is."""
+    model, other = pin.buildSampleModelManipulator(), pin.buildSampleModelManipulator()
+    data, q, v = model.createData(), np.full(6, 0.2), np.full(6, 0.3)
+    forces = [pin.Force(np.full(6, float(k))) for k in range(model.njoints)]
+    other.armature = np.ones(6)
+    free, pushed, heavy = (
+        pin.rnea(x, x.createData(), q, v, v, *f) for x, f in ((model, ()), (model, [forces]), (other, ()))
+    )
+    assert not np.allclose(free, pushed)
+    assert not np.allclose(free, heavy)
+    for _ in range(2):
+        np.testing.assert_array_equal(pin.rnea(model, data, q, a=v, v=v, fext=None), free)
+        np.testing.assert_allclose(pin.rnea(model, data, q, v, v, forces), pushed, rtol=1e-14)
+        np.testing.assert_array_equal(pin.rnea(other, data, q, v, v), heavy)
+        for wrong in (model, None, pin.Data.__new__(pin.Data)):
+            with pytest.raises((TypeError, AttributeError)):
+                pin.rnea(model, wrong, q, v, v)
+        for given in ((), (q,), (q, v), (q, v, None), (q, v, v, None, v), (q, v, v[:5])):
+            with pytest.raises((TypeError, ValueError)):
+                pin.rnea(model, data, *given)
+        with pytest.raises(TypeError):
+            pin.forwardKinematics(model, data, q, None, v[:2])
+        assert pin.forwardKinematics(model, data, q, v) is None
+        assert type(pin.computeKineticEnergy(model, data)) is float
+        assert type(pin.computeCentroidalMomentum(model, data)) is pin.Force
 
 
 @pytest.mark.parametrize("name", ["crba", "aba"])

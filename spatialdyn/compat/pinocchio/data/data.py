@@ -91,13 +91,13 @@ class Data(Stored, Registered, Copied):
     Two records: ``_runs``, the stamped sources of all fields, which are the last calls by kind and arrays that the user
     assigned by field; and ``_held``, the arrays of fields that were read, which calls write in place. The rest follows
     from them: ``_bound``, builtins on these arrays by the call that bound them; ``_sources``, those of a field;
-    ``_latest``, the Runs that getters of Jacobians read.
+    ``_latest``, the Runs that getters of Jacobians read, of which ``_noted`` is the last.
     """
 
     contacts: Any = None  # of the last initConstraintDynamics or constraintDynamics, with its ProximalSettings
     _factors: Any = None, None, 0  # those of ``constraint_chol``, the contacts and the time that they are of
     # each call reads these: a slot is faster to read than a __dict__ that was written to
-    __slots__ = ("_bound", "_held", "_latest", "_nframes", "_runs", "_sizes", "_sources", "model")
+    __slots__ = ("_bound", "_held", "_latest", "_nframes", "_noted", "_runs", "_sizes", "_sources", "model")
     _format = "spatialdyn.compat.pinocchio data 1"
 
     def __init__(self, model: Model | None = None) -> None:
@@ -108,6 +108,7 @@ class Data(Stored, Registered, Copied):
         self._held: dict[str, Array] = {}
         self._bound: dict[Any, Any] = {}
         self._latest: dict[str, Run] = {}
+        self._noted: Run | None = None
 
     def run_of(self, name: str, model: Model, library: LibraryModel, shape: tuple[int, ...] | None = None) -> Run:
         """The Run of a kind for this model, new if the model changed. Raises ShapeError for a model of another size."""
@@ -117,7 +118,7 @@ class Data(Stored, Registered, Copied):
         run: Run | None = self._runs.get(name)
         if run is None or run.library is not library or (shape is not None and run.result.shape != shape):
             stamp = 0 if run is None else run.stamp
-            run = self._runs[name] = Run(name, library, shape)
+            run = self._runs[name] = Run(name, library, shape, Data.note_latest)
             run.stamp = stamp
             self._bound.clear()
             self._sources.clear()
@@ -139,14 +140,15 @@ class Data(Stored, Registered, Copied):
 
     def note_builtin_call(self, run: Run) -> None:
         """Note a Run whose builtin was called just now, and recompute the held fields by their builtins."""
-        self.note_latest(run)
+        if run.after is not None:
+            self.note_latest(run)
         if run.recompute is not None and run.recompute() is None:
             self.recompute_held(run)
 
     def note_latest(self, run: Run) -> None:
         """Note a Run as the one that getters of Jacobians read."""
-        for name in run.getters:
-            self._latest[name] = run
+        for name in run.kind.getters:
+            self._latest[name] = self._noted = run
 
     def recompute_held(self, run: Run) -> None:
         """Recompute the held fields that a Run fills by their recipes."""
@@ -282,6 +284,7 @@ class Data(Stored, Registered, Copied):
             Data.__init__(self, model)
         for book in (self._runs, self._bound, self._sources, self._latest):
             book.clear()
+        self._noted = None
         for name, x in self._held.items():
             if name not in given["fields"]:
                 x[...] = _initial(self.model, name)

@@ -1,20 +1,27 @@
 """Face: a row of the table of names, and the function made from it.
 
-The function is a copy of one of the forms below under the names of the row: it calls the builtin of a Run, or of a
-frame, and where none applies the row's ``answer``, which checks the arguments. The rows are in ``algorithms/table.py``.
+It is a builtin that finds the plan of the last such call in the Run of a Data, or of calls about a frame a copy of a
+form below; where these do not apply the row's ``answer`` checks the arguments. The rows are in ``algorithms/table.py``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from enum import Enum
+from functools import cached_property
+from sys import intern
 from types import FunctionType
 from typing import Any, NamedTuple
 
+from ....engines.programs.llvm.single_call_text import ARRAY, NUMBER
+from ....engines.programs.run.single_call import READY, Following, Parameter, builtin, unavailable
 from ..types.frame import LOCAL, Convention
 from ..types.se3 import SE3
+from .data import Data
 from .dispatch import compute, last_call, placed_name
 from .field_recipes import CALL_KINDS
+from .run import Run
 
 REFUSED = AttributeError, IndexError, KeyError, TypeError, ValueError  # the fast path does not apply
 REQUIRED: Any = object()  # the default of an argument that has to be given
@@ -23,7 +30,7 @@ ERRORS = "Raises ArgumentError, a TypeError, for a wrong type, ShapeError, a Val
 
 
 class Input(NamedTuple):
-    """An argument: its name, role, type and meaning; what it is if it is left out; whether the builtin takes any value.
+    """An argument: its name, role, type and meaning, and what it is if it is left out.
 
     Roles: x, a vector that is recorded; f, external forces; o, an option; i, an index; r, a reference frame; p, a pose.
     """
@@ -33,7 +40,14 @@ class Input(NamedTuple):
     type: str
     about: str
     default: Any = REQUIRED
-    any_value: bool = False
+
+    @property
+    def text(self) -> str:
+        """Its name and default, in a signature."""
+        if self.default is REQUIRED:
+            return self.name
+        x = self.default
+        return f"{self.name}={f'{type(x).__name__}.{x.name}' if isinstance(x, Enum) else repr(x)}"
 
     def otherwise(self, default: Any) -> Input:
         """The argument, with this default."""
@@ -72,10 +86,25 @@ class Face:
         """The fields of Data that it fills."""
         return tuple(CALL_KINDS[self.call[-1]].fills) if self.call[-1] in CALL_KINDS else ()
 
+    @cached_property
+    def vectors(self) -> tuple[str, ...]:
+        """Names of the inputs that are recorded."""
+        return tuple(x.name for x in self.inputs if x.role == "x")
+
+    @cached_property
+    def least(self) -> int:
+        """How many of them the first kind takes."""
+        return len(self.vectors) + 1 - len(self.call)
+
     @property
     def of_joints(self) -> bool:
         """Whether an index is a joint's."""
         return "Frame" not in self.name
+
+    @property
+    def signature(self) -> str:
+        """Parameters and defaults, as a builtin's docstring has them."""
+        return f"({', '.join(['model', 'data', *(x.text for x in self.inputs)])})"
 
     @property
     def docstring(self) -> str:
@@ -86,175 +115,103 @@ class Face:
 
 
 def by_run(face: Face, model: Any, data: Any, *given: Any) -> Any:
-    """Check the arguments, compute the call and record it."""
+    """Call the builtin of a Run, else check the arguments, compute the call and record it."""
     kind, inputs, fext = (face.read or _as_given)(face, model, data, *given)
-    run, result = compute(model, data, kind, inputs, fext)
+    run, result = data._runs.get(kind) if type(data) is Data else None, None
+    if run is not None and run.library is getattr(model, "_library", None):
+        result = run.call(*inputs) if fext is None else run.call_with_forces(fext, *inputs)
+        if result is not None:
+            data.note_builtin_call(run)
+    if result is None:
+        run, result = compute(model, data, kind, inputs, fext)
     return None if face.returns == "None" else result if face.made is None else face.made(run, result)
 
 
 def _as_given(face: Face, model: Any, data: Any, *given: Any) -> tuple[str, tuple[Any, ...], Any]:
     """Kind, inputs and forces: the inputs that are not None choose one of several kinds."""
-    names = [x.name for x in face.inputs if x.role == "x"]
-    inputs, (fext,) = given[: len(names)], given[len(names) :] or (None,)
+    names, least = face.vectors, face.least
+    inputs, fext = given[: len(names)], given[len(names)] if len(given) > len(names) else None
     if face.last and inputs[0] is None:
         run = last_call(model, data, face.last)
         inputs = tuple(getattr(run, name).copy() for name in names)
-    least = len(names) + 1 - len(face.call)
     while len(inputs) > least and inputs[-1] is None:
         inputs = inputs[:-1]
     return face.call[len(inputs) - least], inputs, fext
 
 
-# --- the forms, by the roles of their inputs ----------------------------------------------------------------
+# --- calls that a Run records -------------------------------------------------------------------------------
 
 
-def _vectors(face: Face, answer: Any) -> dict[str, Any]:
-    """Calls that a Run records."""
-    kind, made, silent = face.call[0], face.made or (lambda run, result: result), face.returns == "None"
-    plain = face.made is None and not silent
+def _recorded(face: Face, answer: Any) -> Any:
+    """A function of the number of inputs of a row, which tries the builtin of a Run if there are external forces."""
+    kind, roles = face.call[0], "".join(x.role for x in face.inputs)
 
-    def one(model: Any, data: Any, x: Any) -> Any:
+    def pushed(model: Any, data: Any, f: Any, *x: Any) -> Any:
+        if f is None:
+            return None
         try:
             run = data._runs[kind]
-            if run.library is model._library and (result := run.call(x)) is not None:
-                if run.getters and data._latest["J"] is not run:
-                    data.note_latest(run)
-                if run.recompute is not None and run.recompute() is None:
-                    data.recompute_held(run)
-                return result if plain else None if silent else made(run, result)
+            if run.library is model._library and (found := run.call_with_forces(f, *x)) is not None:
+                if run.after is not None or run.recompute is not None:
+                    data.note_builtin_call(run)
+                return found
         except REFUSED:
             pass
-        return answer(face, model, data, x)
+        return None
 
-    def two(model: Any, data: Any, x: Any, y: Any) -> Any:
-        try:
-            run = data._runs[kind]
-            if run.library is model._library and (result := run.call(x, y)) is not None:
-                if run.getters and data._latest["J"] is not run:
-                    data.note_latest(run)
-                if run.recompute is not None and run.recompute() is None:
-                    data.recompute_held(run)
-                return result if plain else None if silent else made(run, result)
-        except REFUSED:
-            pass
-        return answer(face, model, data, x, y)
+    def with_option(model: Any, data: Any, a: Any, b: Any, c: Any, f: Any, option: Any) -> Any:
+        found = pushed(model, data, f, a, b, c) if option is LOCALLY else None
+        return answer(face, model, data, a, b, c, f, option) if found is None else found
 
-    def three(model: Any, data: Any, x: Any, y: Any, z: Any) -> Any:
-        try:
-            run = data._runs[kind]
-            if run.library is model._library and (result := run.call(x, y, z)) is not None:
-                if run.getters and data._latest["J"] is not run:
-                    data.note_latest(run)
-                if run.recompute is not None and run.recompute() is None:
-                    data.recompute_held(run)
-                return result if plain else made(run, result)
-        except REFUSED:
-            pass
-        return answer(face, model, data, x, y, z)
+    def three(model: Any, data: Any, a: Any, b: Any, c: Any, f: Any) -> Any:
+        found = pushed(model, data, f, a, b, c)
+        return answer(face, model, data, a, b, c, f) if found is None else found
 
-    return {"x": one, "xx": two, "xxx": three}
+    def one(model: Any, data: Any, a: Any, f: Any) -> Any:
+        found = pushed(model, data, f, a)
+        return answer(face, model, data, a, f) if found is None else found
+
+    if "f" in roles:
+        return {"xf": one, "xxxf": three, "xxxfo": with_option}[roles]
+    forms: tuple[Any, ...] = (
+        lambda model, data, a: answer(face, model, data, a),
+        lambda model, data, a, b: answer(face, model, data, a, b),
+        lambda model, data, a, b, c: answer(face, model, data, a, b, c),
+        lambda model, data, a, b, c, d, e: answer(face, model, data, a, b, c, d, e),
+    )
+    return forms[min(len(roles), 4) - 1]
 
 
-def _with_options(face: Face, answer: Any) -> dict[str, Any]:
-    """Calls that a Run records, with external forces and options."""
-    kind, any_value = face.call[0], face.inputs[-1].any_value
-    world = f"{kind}_world"
-
-    def one_option(model: Any, data: Any, x: Any, option: Any) -> Any:
-        try:
-            run = data._runs[kind if any_value or option is LOCALLY else world if option is WORLD else ""]
-            if run.library is model._library and (result := run.call(x)) is not None:
-                if run.getters and data._latest["J"] is not run:
-                    data.note_latest(run)
-                if run.recompute is not None and run.recompute() is None:
-                    data.recompute_held(run)
-                return result
-        except REFUSED:
-            pass
-        return answer(face, model, data, x, option)
-
-    def forced(model: Any, data: Any, x: Any, y: Any, z: Any, fext: Any) -> Any:
-        try:
-            run = data._runs[kind]
-            if run.library is model._library:
-                result = run.call(x, y, z) if fext is None else run.call_with_forces(fext, x, y, z)
-                if result is not None:
-                    if run.getters and data._latest["J"] is not run:
-                        data.note_latest(run)
-                    if run.recompute is not None and run.recompute() is None:
-                        data.recompute_held(run)
-                    return result
-        except REFUSED:
-            pass
-        return answer(face, model, data, x, y, z, fext)
-
-    def forced_option(model: Any, data: Any, x: Any, y: Any, z: Any, fext: Any, option: Any) -> Any:
-        try:
-            run = data._runs[kind if option is LOCALLY else world if option is WORLD else ""]
-            if run.library is model._library:
-                result = run.call(x, y, z) if fext is None else run.call_with_forces(fext, x, y, z)
-                if result is not None:
-                    if run.getters and data._latest["J"] is not run:
-                        data.note_latest(run)
-                    if run.recompute is not None and run.recompute() is None:
-                        data.recompute_held(run)
-                    return result
-        except REFUSED:
-            pass
-        return answer(face, model, data, x, y, z, fext, option)
-
-    def one_forced(model: Any, data: Any, x: Any, fext: Any) -> Any:
-        try:
-            run = data._runs[kind]
-            if run.library is model._library and (result := run.call_with_forces(fext, x)) is not None:
-                if run.getters and data._latest["J"] is not run:
-                    data.note_latest(run)
-                if run.recompute is not None and run.recompute() is None:
-                    data.recompute_held(run)
-                return result
-        except REFUSED:
-            pass
-        return answer(face, model, data, x, fext)
-
-    return {"xo": one_option, "xf": one_forced, "xxxf": forced, "xxxfo": forced_option}
+def _key(face: Face, chosen: Sequence[Input]) -> str:
+    """The kind of a call with these of the optional inputs; "" if no builtin takes them: forces, or gaps."""
+    given = [x.name for x in face.inputs if x.role == "x" and (x.default is REQUIRED or x in chosen)]
+    at = len(given) - face.least
+    if at < 0 or given != [*face.vectors[: len(given)]] or any(x.role == "f" for x in chosen):
+        return ""
+    return face.call[at] + "_world" * any(x.role == "o" for x in chosen)
 
 
-def _levels(face: Face, answer: Any) -> dict[str, Any]:
-    """Calls that a Run records, by another kind for each number of inputs."""
-    first, second, third = face.call[0], face.call[-2], face.call[-1]
-
-    def levels(model: Any, data: Any, x: Any, y: Any, z: Any) -> Any:
-        try:
-            run = data._runs[first if y is None else second if z is None else third]
-            if run.library is model._library:
-                result = run.call(x) if y is None else run.call(x, y) if z is None else run.call(x, y, z)
-                if result is not None:
-                    if run.getters and data._latest["J"] is not run:
-                        data.note_latest(run)
-                    if run.recompute is not None and run.recompute() is None:
-                        data.recompute_held(run)
-                    return None
-        except REFUSED:
-            pass
-        return answer(face, model, data, x, y, z)
-
-    def levels_options(model: Any, data: Any, x: Any, y: Any, z: Any, option: Any, other: Any) -> Any:
-        try:
-            run = data._runs[first if y is None else second if z is None else third]
-            if run.library is model._library:
-                result = run.call(x) if y is None else run.call(x, y) if z is None else run.call(x, y, z)
-                if result is not None:
-                    if run.recompute is not None and run.recompute() is None:
-                        data.recompute_held(run)
-                    return result
-        except REFUSED:
-            pass
-        return answer(face, model, data, x, y, z, option, other)
-
-    return {"xxx": levels, "xxxoo": levels_options}
+def _builtin(face: Face, python: Callable[..., Any], k: int, count: int) -> Callable[..., Any]:
+    """The builtin of a row, which calls a Python function where it does not apply."""
+    switches = [isinstance(x.default, Convention) for x in face.inputs]
+    parameters = [
+        Parameter(intern(x.name), NUMBER if x.role == "o" and not switch else ARRAY, x.default is not REQUIRED)
+        for x, switch in zip(face.inputs, switches, strict=True)
+    ]
+    optional = [x for x, (_, kind, left) in zip(face.inputs, parameters, strict=True) if left and kind == ARRAY]
+    choices = ([x for n, x in enumerate(optional) if bits >> n & 1] for bits in range(1 << len(optional)))
+    made = None if face.returns == "None" else face.made or unavailable
+    switch = switches.index(True) if any(switches) else -1
+    names = ("_runs", "_noted", "_library", Run, "library", "plan", "after", "recompute")
+    following = Following(Data, *names, Data.recompute_held, Run.follow, made, switch, LOCALLY, WORLD)
+    keys = [intern(_key(face, x)) for x in choices]
+    return builtin(k, count, python, parameters, keys, None, following, face.signature)
 
 
-def _frames(face: Face, answer: Any) -> dict[str, Any]:
+# --- calls about frames -------------------------------------------------------------------------------------
+
+
+def _frames(face: Face, answer: Any) -> Any:
     """Calls about a joint's frame or a frame: by a builtin of the Data, or of the last Run that filled a Jacobian."""
     name, placed, last, bound = face.name, placed_name(face.name), face.last, face.bound
 
@@ -289,19 +246,19 @@ def _frames(face: Face, answer: Any) -> dict[str, Any]:
                 pass
         return answer(face, model, data, x, reference, after, other, pose)
 
-    return {"ir": joint, "iroip": frame}
+    return joint if len(face.inputs) == 2 else frame
 
 
-def function(face: Face, module: str) -> Callable[..., Any]:
-    """The function of a row: a copy of the form of its inputs' roles, with their names and defaults."""
-    roles = "".join(x.role for x in face.inputs)
-    plain = _vectors if {*roles} == {"x"} else _with_options
-    forms = _frames if roles[0] == "i" else _levels if face.call[1:] else plain
-    form = forms(face, face.answer or by_run)[roles]
+def function(face: Face, module: str, k: int, count: int) -> Callable[..., Any]:
+    """The function of row ``k`` of ``count``: a builtin, or a copy of a form with names and defaults of its inputs."""
+    frames = face.inputs[0].role == "i"
+    form = (_frames if frames else _recorded)(face, face.answer or by_run)
     code, names = form.__code__, ("model", "data", *(x.name for x in face.inputs))
     code = code.replace(co_name=face.name, co_varnames=(*names, *code.co_varnames[len(names) :]))
     defaults = tuple(x.default for x in face.inputs if x.default is not REQUIRED)
     made = FunctionType(code, form.__globals__, face.name, defaults, form.__closure__)
     made.__doc__, made.__module__, made.__qualname__ = face.docstring, module, face.name
     made.__annotations__ = {x.name: x.type for x in face.inputs} | {"return": face.returns}
-    return made
+    if frames or not READY or any(x.role == "f" and x.default is REQUIRED for x in face.inputs):
+        return made
+    return _builtin(face, made, k, count)

@@ -13,7 +13,7 @@ import numpy as np
 
 from ....calls.arguments import core_shape
 from ....engines.object_layout import Words
-from ....engines.programs.run.single_call import unavailable
+from ....engines.programs.run.single_call import plan_of, unavailable
 from ....model.model import Model as SdModel
 from ....recursions import SPECS
 from ....recursions.tree import kinematics
@@ -27,7 +27,7 @@ from ..types.tracked_list import Rows
 from .field_recipes import CALL_KINDS, CallRecipe, Kind, Part, joint_placements, oMi
 from .field_recipes import result as RESULT
 
-FORCES, _NUMBERS = {Force}, attrgetter("_x")
+FORCES, LISTS, _NUMBERS = {Force}, (list, Rows), attrgetter("_x")
 
 
 class Run:
@@ -39,6 +39,8 @@ class Run:
     result          what the library returned; the held array of a field if that is the same (``result_is_held``)
     call            the library's call as a builtin that records inputs and result; returns None if not applicable
     forces_builtin  ``call`` with external forces; None until it is bound
+    plan            that of ``call``, where the functions of ``algorithms.table`` find it; None until it is bound
+    after           what such a function calls with the Data and the Run: of a kind that getters of Jacobians read; None
     recompute       recomputes the other held fields from the recorded inputs; None if there are none
     fext            forces on the library's joints (njoints, 6); None without
     bound           builtins about the inputs, by name and kind of frame
@@ -49,14 +51,16 @@ class Run:
     """
 
     __slots__ = (
-        "__weakref__", "_a", "_kept", "_own_result", "_stamp", "_v", "bound", "cache", "call", "contact", "forces",
-        "forces_builtin", "getters", "kind", "library", "memory", "oMi", "placed_rows", "q", "recompute", "result",
-        "result_is_held", "tau",
+        "__weakref__", "_a", "_kept", "_own_result", "_pushed", "_stamp", "_v", "after", "bound", "cache", "call",
+        "contact", "forces", "forces_builtin", "kind", "library", "memory", "oMi", "placed_rows", "plan", "q",
+        "recompute", "result", "result_is_held", "tau",
     )  # fmt: skip
 
-    def __init__(self, name: str, library: LibraryModel, shape: tuple[int, ...] | None) -> None:
+    def __init__(
+        self, name: str, library: LibraryModel, shape: tuple[int, ...] | None, note: Callable[..., None]
+    ) -> None:
         self.kind = CALL_KINDS[name]
-        self.getters = self.kind.getters  # a slot is read fast
+        self.after = note if self.kind.getters else None
         # of the call, and of the call that left ``placed_rows``
         self._stamp, self.library = array("q", [0, 0]), library
         self.forces: tuple[int, Array | None] = 0, None  # and the time of their call
@@ -64,6 +68,7 @@ class Run:
         self.oMi: Array | None = None
         self.placed_rows: Any = None
         self.cache: dict[str, tuple[int, Array]] = {}
+        self._pushed = len(library.rows) if library.joints is None else -1  # forces that a builtin takes
         self._kept: tuple[int, bytes] = 0, library.state
         model = library._model
         if shape is None:
@@ -85,6 +90,7 @@ class Run:
             self.placed_rows = np.empty(model.nv + 1, kinematics.WORK)
         library.runs.add(self)
         self.call: Callable[..., Any] = self._bind_and_call
+        self.plan: Words | None = None
         self.forces_builtin: Callable[..., Any] | None = None
         self.recompute: Callable[[], Any] | None = None
         self.bound: dict[Any, Any] = {}
@@ -146,9 +152,7 @@ class Run:
 
     def call_with_forces(self, fext: Any, *inputs: Any) -> Any:
         """``call`` with a list of one Force for each joint; returns None if not applicable."""
-        library = self.library
-        fits = isinstance(fext, (list, Rows)) and len(fext) == library.words["njoints"] and library.joints is None
-        if not fits or {*map(type, fext)} != FORCES:
+        if not isinstance(fext, LISTS) or len(fext) != self._pushed or {*map(type, fext)} != FORCES:
             return None
         given = np.frombuffer(b"".join(map(_NUMBERS, fext)))  # twice as fast as np.concatenate
         if self.forces_builtin is None:
@@ -167,8 +171,12 @@ class Run:
 
     def _bind_and_call(self, *inputs: Any) -> Any:
         """Bind the builtin and call it."""
-        self.call = self._bind(False)
+        self._take(self._bind(False))
         return self.call(*inputs)
+
+    def _take(self, call: Callable[..., Any]) -> None:
+        """Have another builtin."""
+        self.call, self.plan = call, plan_of(call)
 
     def _bind(self, forces: bool) -> Callable[..., Any]:
         library, kind, otherwise = self.library, self.kind, self._following(forces)
@@ -191,14 +199,16 @@ class Run:
 
         def follow(*inputs: Any) -> Any:
             run = here()
-            if run is None:
-                return None
-            library, before = run.library, run.library.state
-            if not library.follow() or library.state is before:
+            if run is None or not run.follow():
                 return None
             return run.forces_builtin(*inputs) if forces else run.call(*inputs)  # type: ignore[misc]
 
         return follow
+
+    def follow(self) -> bool:
+        """Whether numbers of the Model were edited, and are now those of the library."""
+        before = self.library.state
+        return self.library.follow() and self.library.state is not before
 
     def recording(self, count: int, result: Array | None = None) -> Words:
         """Words of a builtin that records its first inputs, this many, its result, if given, and the stamp."""
@@ -231,7 +241,8 @@ class Run:
         if result is not self.result and not self.result_is_held:
             result[...] = self.result
         if result is not self.result or moving or self.placed_rows is not None:
-            self.result, self.call, self.forces_builtin = result, self._bind_and_call, None
+            self.result, self.forces_builtin = result, None
+            self.call, self.plan = self._bind_and_call, None
         if moving:
             recomputes += self._bind_motions(moving)
         self.recompute = reduce(_both, recomputes) if recomputes else None
@@ -254,7 +265,7 @@ class Run:
         alive = (self.library, self.memory, *moving.values())
         if self.kind.call == "forward_kinematics":
             record, otherwise = self.recording(len(routine.inputs)), self._following(False)
-            self.call = routine.bind(words, *alive, record=record, otherwise=otherwise)
+            self._take(routine.bind(words, *alive, record=record, otherwise=otherwise))
             return []
         return [routine.bind(words, *alive, places={x: getattr(self, x).ctypes.data for x in routine.inputs})]
 

@@ -20,8 +20,16 @@ MOST, MOST_OUTPUTS, MOST_WORDS = 16, 16, 3
 PROCESS = (
     "none", "true", "false", "ndarray", "float64", "string", "real", "real64", "new_array", "up", "down", "lookup",
     "pack", "call", "new_float", "new_tuple", "integer", "as_size", "forget", "allocate",
+    "attribute", "call_objects",
 )  # fmt: skip  # words of this process, which every form begins with
-FORM = ("python", "model_type", "plans", "plan", "count", "required", "optional", "choices", "named", "rest", "out")
+FOLLOWED = (
+    "data_type", "runs", "attribute_name", "library", "run_plan", "noted", "after", "recompute", "held", "made",
+    "edited", "switch", "off", "on",
+)  # fmt: skip
+FORM = (
+    "python", "model_type", "plans", "plan", "count", "required", "optional", "choices", "named", "rest", "out",
+    "before", *FOLLOWED,
+)  # fmt: skip
 #   python       the Python function
 #   model_type   class of the first argument, whose dict is ``plans`` bytes from its start; 0 without a model
 #   plan         address of the plan if there is no model
@@ -30,6 +38,19 @@ FORM = ("python", "model_type", "plans", "plan", "count", "required", "optional"
 #   optional     position of the first optional input; ``choices`` has the bits of all of them, shifted to it
 #   named        position of the first word, -1 if there is none; ``rest`` has the bits of the others, shifted behind it
 #   out          bit of the parameter out
+#   before       number of arguments before the parameters: the model, if any, and the data, if any
+# of a call with a second argument, its data, which has a dict of runs by the keys below; offsets are bytes to slots:
+#   data_type       class of the data, whose dict is at ``runs``; 0 without
+#   attribute_name  that of the model's attribute that has to be what a run has at ``library``
+#   run_plan        offset in a run of its plan, or None
+#   noted, after    offsets, in the data of a run, and in a run of None or a function ``after(data, run)``, which is
+#                   called after the call unless the run is the noted one
+#   recompute       offset in a run of None, or of a function that is then called; if that returns None, ``held(data,
+#                   run)`` is called
+#   made            0, None, which is then returned, or a function ``made(run, result)``, whose result is
+#   edited          a function ``edited(run)``, called where the numbers that a record compares are other ones; if it
+#                   returns True, the plan is looked up again
+#   switch          position of an input that is ``off``, as good as left out, or ``on``; -1 if there is none
 # then MOST pairs (name, kind) of parameters, then the dict's key for each choice of optional inputs
 PLAN = ("entry", "context", "left", "program", "outputs", "several", "record")
 #   entry    the compiled program, entry(context, inputs, outputs) -> 1, or 0 if it rejects the sample, and its context
@@ -99,11 +120,6 @@ class _Writer(Body):
     def one_bit(self, k: str) -> str:
         return self.put(f"shl i64 1, {k}")
 
-    def given_bit(self, value: str, none: str, k: str) -> str:
-        """Bit k if a value is not None."""
-        there = self.put(f"zext i1 {self.put(f'icmp ne ptr {value}, {none}')} to i64")
-        return self.put(f"shl i64 {there}, {k}")
-
     def need(self, condition: str, otherwise: str = "python") -> None:
         """Go on if the condition holds, else jump to a block."""
         self.branch(condition, f"on{len(self.lines)}", otherwise, then=f"on{len(self.lines)}")
@@ -126,7 +142,9 @@ class _Call(_Writer):
         self.number = self.put(f"alloca [{MOST_OUTPUTS} x double]")
         self.none, self.ndarray = self.process("none"), self.process("ndarray")
         self.float64 = self.word("%form", PROCESS.index("float64"))
-        self.count = self.form("count")
+        self.count, self.switch = self.form("count"), self.form("switch")
+        self.answers: list[str] = []  # of the phi of what is returned
+        self.with_data = self.put(f"icmp ne i64 {self.form('data_type')}, 0")
 
     def text(self) -> str:
         """The function."""
@@ -140,6 +158,7 @@ class _Call(_Writer):
         self.record_call()
         self.box_results()
         self.return_results()
+        self.follow_call()
         self.call_python()
         return self.function("define internal ptr @call(ptr %form, ptr %args, i64 %n, ptr %names)")
 
@@ -149,7 +168,7 @@ class _Call(_Writer):
         """Find the argument of each parameter: ``%values`` and ``%given``."""
         model_type = self.put(f"inttoptr i64 {self.form('model_type')} to ptr")
         self.no_model, self.model_type = self.equal(model_type, "null", "ptr"), model_type
-        skip = self.put(f"select i1 {self.no_model}, i64 0, i64 1")
+        skip = self.form("before")
         positional = self.put(f"sub i64 %n, {skip}")
         self.need(self.put(f"icmp ule i64 {positional}, {self.count}"))  # unsigned: not negative either
         first, required = self.at("ptr", "%args", skip), self.form("required")
@@ -161,8 +180,27 @@ class _Call(_Writer):
         self._by_position(first, positional, begin)
         self._by_keyword(first, positional)
         self.do(f"%values = phi ptr [ {first}, {begin} ], [ {self.stack}, %keywords ], [ {self.stack}, %by_keyword ]")
-        self.do(f"%given = phi i64 [ {every}, {begin} ], [ %given.i, %keywords ], [ %given.j, %by_keyword ]")
-        self.need(self.equal(self.bits("%given", required), required))
+        self.do(f"%every = phi i64 [ {every}, {begin} ], [ %given.i, %keywords ], [ %given.j, %by_keyword ]")
+        self.need(self.equal(self.bits("%every", required), required))
+        self._switch()
+
+    def _switch(self) -> None:
+        """``%given``: the bits of the arguments, without that of a switch that is off."""
+        switch, before = self.switch, self.block
+        self.branch(self.put(f"icmp slt i64 {switch}, 0"), "switched", "switch", then="switch")
+        bit = self.one_bit(switch)
+        self.branch(self.equal(self.bits("%every", bit), 0), "switched", "switching", then="switching")
+        value = self.put(f"ptrtoint ptr {self.load('ptr', self.at('ptr', '%values', switch))} to i64")
+        off, on = (self.equal(value, self.form(x)) for x in ("off", "on"))
+        self.need(self.either(off, on))
+        cleared, last = self.put(f"xor i64 %every, {self.put(f'select i1 {off}, i64 {bit}, i64 0')}"), self.block
+        self.jump("switched", then="switched")
+        self.do(f"%given = phi i64 [ %every, {before} ], [ %every, %switch ], [ {cleared}, {last} ]")
+
+    def _given_bit(self, value: str, k: str) -> str:
+        """Bit k if a value is not None; a switch that is None is given too."""
+        there = self.either(self.put(f"icmp ne ptr {value}, {self.none}"), self.equal(k, self.switch))
+        return self.put(f"shl i64 {self.put(f'zext i1 {there} to i64')}, {k}")
 
     def _by_position(self, first: str, positional: str, before: str) -> None:
         self.do(f"%i = phi i64 [ 0, {before} ], [ %i.next, %take ]")
@@ -170,7 +208,7 @@ class _Call(_Writer):
         self.branch(self.equal("%i", positional), "keywords", "take", then="take")
         value = self.load("ptr", self.at("ptr", first, "%i"))
         self.store("ptr", value, self.at("ptr", self.stack, "%i"))
-        self.do(f"%given.next = or i64 %given.i, {self.given_bit(value, self.none, '%i')}")
+        self.do(f"%given.next = or i64 %given.i, {self._given_bit(value, '%i')}")
         self.do("%i.next = add i64 %i, 1")
         self.jump("by_position", then="keywords")
 
@@ -194,7 +232,7 @@ class _Call(_Writer):
         self.branch(self.equal(self.bits("%passed.j", self.one_bit("%k")), 0), "found", "python", then="found")
         value = self.load("ptr", self.at("ptr", behind, "%j"))
         self.store("ptr", value, self.at("ptr", self.stack, "%k"))
-        self.do(f"%given.more = or i64 %given.j, {self.given_bit(value, self.none, '%k')}")
+        self.do(f"%given.more = or i64 %given.j, {self._given_bit(value, '%k')}")
         self.do(f"%passed.next = or i64 %passed.j, {self.one_bit('%k')}")
         self.do("%j.next = add i64 %j, 1")
         self.jump("by_keyword", then="collected")
@@ -202,27 +240,63 @@ class _Call(_Writer):
     # --- the plan ------------------------------------------------------------------------------------------
 
     def find_plan(self) -> None:
-        """Find ``%plan``, that of the form or the model's."""
+        """Find ``%plan``, that of the form, the model's or that of a run of the data."""
+        self.branch(self.with_data, "of_data", "of_no_data", then="of_data")
+        run, of_run, last = self._plan_of_run()
+        self.label("of_no_data")
         self.branch(self.no_model, "without", "of_model", then="without")
         fixed = self.put(f"inttoptr i64 {self.form('plan')} to ptr")
         self.jump("planned", then="of_model")
         model = self.load("ptr", "%args")
         self.need(self.equal(self.pointer(model, layout.TYPE), self.model_type, "ptr"))
         plans = self.load("ptr", self.byte(model, self.form("plans")))
-        choice = self.bits(self.shifted("%given", self.form("optional")), self.form("choices"))
         lookup = self.process("lookup")
-        entry = self.put(f"call ptr {lookup}(ptr {plans}, ptr {self.pointer('%form', self.add(choice, _KEYS))})")
-        self.need(self.put(f"icmp ne ptr {entry}, null"))
+        entry = self._look_up(plans)
         named, before = self.form("named"), self.block
         self.branch(self.put(f"icmp slt i64 {named}, 0"), "of_call", "of_words", then="of_words")
         alone, by_words = self._plan_of_words(named, entry, lookup)
         self.do(f"%entry = phi ptr [ {entry}, {before} ], [ {alone}, %of_name ], [ {by_words}, %of_three.end ]")
         of_model = self.pointer("%entry", layout.DATA)
         self.jump("planned", then="planned")
-        self.do(f"%plan = phi ptr [ {fixed}, %without ], [ {of_model}, %of_call ]")
+        self.do(f"%plan = phi ptr [ {fixed}, %without ], [ {of_model}, %of_call ], [ {of_run}, {last} ]")
+        self.do(f"%run.of = phi ptr [ null, %without ], [ null, %of_call ], [ {run}, {last} ]")
         self.code = self.pointer("%plan", PLAN.index("program"))
         self.record = self.pointer("%plan", PLAN.index("record"))
         self.shapes = self.at("i64", "%plan", len(PLAN))
+
+    def _look_up(self, plans: str) -> str:
+        """What a dict has under the key of the optional inputs that are given."""
+        choice = self.bits(self.shifted("%given", self.form("optional")), self.form("choices"))
+        key = self.pointer("%form", self.add(choice, _KEYS))
+        entry = self.put(f"call ptr {self.process('lookup')}(ptr {plans}, ptr {key})")
+        self.need(self.put(f"icmp ne ptr {entry}, null"))
+        return entry
+
+    def _slot(self, owner: str, name: str) -> str:
+        """The object in a slot, at an offset in the form."""
+        return self.load("ptr", self.byte(owner, self.form(name)))
+
+    def _plan_of_run(self) -> tuple[str, str, str]:
+        """A run of the data, its plan, and the block; the model has to be that of the run."""
+        model, data = (self.load("ptr", self.at("ptr", "%args", k)) for k in range(2))
+        data_type = self.put(f"inttoptr i64 {self.form('data_type')} to ptr")
+        self.need(self.equal(self.pointer(data, layout.TYPE), data_type, "ptr"))
+        runs = self._slot(data, "runs")
+        self.need(self.put(f"icmp ne ptr {runs}, null"))
+        run = self._look_up(runs)
+        name = self.put(f"inttoptr i64 {self.form('attribute_name')} to ptr")
+        library = self.put(f"call ptr {self.process('attribute')}(ptr {model}, ptr {name})")
+        self.branch(self.equal(library, "null", "ptr"), "no_attribute", "attribute", then="no_attribute")
+        self.do(f"call void {self.process('forget')}()")
+        self.jump("python", then="attribute")
+        self.do(f"call void {self.process('down')}(ptr {library})")
+        self.need(self.equal(library, self._slot(run, "library"), "ptr"))
+        words = self._slot(run, "run_plan")
+        self.need(self.put(f"icmp ne ptr {words}, {self.none}"))
+        plan, last = self.pointer(words, layout.DATA), self.block
+        self.jump("planned", then="planning")
+        self.do("unreachable")
+        return run, plan, last
 
     def _plan_of_words(self, named: str, entry: str, lookup: str) -> tuple[str, str]:
         """Look up the plan of a name alone, or of three words."""
@@ -258,7 +332,12 @@ class _Call(_Writer):
         now, then = (self.pointer(self.record, RECORD.index(x)) for x in ("now", "then"))
         amount = self.word(self.record, RECORD.index("bytes"))
         unequal = self.put(f"call i32 @memcmp(ptr {now}, ptr {then}, i64 {amount})")
-        self.branch(self.equal(unequal, 0, "i32"), "counted", "python", then="counted")
+        self.branch(self.equal(unequal, 0, "i32"), "counted", "unequal", then="unequal")
+        self.branch(self.with_data, "edited", "python", then="edited")
+        done = self._called(self.put(f"inttoptr i64 {self.form('edited')} to ptr"), "%run.of")
+        self.need(self.put(f"icmp ne ptr {done}, null"), "failed")
+        self.do(f"call void {self.process('down')}(ptr {done})")
+        self.branch(self.equal(done, self.process("true"), "ptr"), "of_data", "python", then="counted")
         counter = self.pointer(self.code, PLAN.index("left"))
         left = self.load("i64", counter)
         self.need(self.put(f"icmp ne i64 {left}, 0"))
@@ -557,7 +636,7 @@ class _Call(_Writer):
         cases = f"i64 {SEVERAL}, label %tuple i64 {PARTS}, label %parts"
         self.do(f"switch i64 {self.several}, label %one [ {cases} ]")
         self.label("one")
-        self.do(f"ret ptr {self.load('ptr', self.results)}")
+        self._answer(self.load("ptr", self.results))
         self.label("tuple")
         self.return_tuple(self.amount, "t", lambda k: self.load("ptr", self.at("ptr", self.results, k)))
         self.label("parts")
@@ -587,7 +666,73 @@ class _Call(_Writer):
         self.jump(f"fill.{k}.end", then=f"fill.{k}.end")
         self.do(f"%{k}.next = add i64 %{k}, 1")
         self.jump(f"filling.{k}", then=f"filled.{k}")
-        self.do(f"ret ptr {made}")
+        self._answer(made)
+
+    def _answer(self, result: str) -> None:
+        """Go to the end with a result."""
+        self.answers.append(f"[ {result}, {self.block} ]")
+        self.jump("answer", then=f"unused{len(self.answers)}")
+        self.do("unreachable")
+
+    def _called(self, function: str, *given: str) -> str:
+        """What a function returns; null for an error."""
+        listed = ", ".join(f"ptr {x}" for x in (function, *given, "null"))
+        return self.put(f"call ptr (ptr, ...) {self.process('call_objects')}({listed})")
+
+    def follow_call(self) -> None:
+        """Return the result; of a call with data what is made of it, after what follows the call."""
+        run = "%run.of"
+
+        def drop(x: str) -> None:
+            self.do(f"call void {self.process('down')}(ptr {x})")
+
+        def keep(x: str) -> None:
+            self.do(f"call void {self.process('up')}(ptr {x})")
+
+        def function(name: str) -> str:
+            return self.put(f"inttoptr i64 {self.form(name)} to ptr")
+
+        self.label("answer")
+        self.do(f"%answer.first = phi ptr {', '.join(self.answers)}")
+        self.branch(self.with_data, "following", "answer.end", then="answer.end")
+        self.do("ret ptr %answer.first")
+        self.label("following")
+        keep(run)
+        data, made = self.load("ptr", self.at("ptr", "%args", 1)), function("made")
+        self.branch(self.equal(made, "null", "ptr"), "follow", "making", then="making")
+        self.branch(self.equal(made, self.none, "ptr"), "silent", "call_made", then="silent")
+        keep(self.none)
+        drop("%answer.first")
+        self.jump("follow", then="call_made")
+        other = self._called(made, run, "%answer.first")
+        drop("%answer.first")
+        self.branch(self.equal(other, "null", "ptr"), "lost", "follow", then="follow")
+        ways = "[ %answer.first, %following ]", f"[ {self.none}, %silent ]", f"[ {other}, %call_made ]"
+        self.do(f"%answer.last = phi ptr {', '.join(ways)}")
+        after = self._slot(run, "after")
+        self.branch(self.equal(after, self.none, "ptr"), "recompute", "after", then="after")
+        self.branch(self.equal(self._slot(data, "noted"), run, "ptr"), "recompute", "call_after", then="call_after")
+        done = self._called(after, data, run)
+        self.need(self.put(f"icmp ne ptr {done}, null"), "drop_answer")
+        drop(done)
+        self.jump("recompute", then="recompute")
+        recompute = self._slot(run, "recompute")
+        self.branch(self.equal(recompute, self.none, "ptr"), "followed", "recomputing", then="recomputing")
+        done = self._called(recompute)
+        self.need(self.put(f"icmp ne ptr {done}, null"), "drop_answer")
+        drop(done)
+        self.branch(self.equal(done, self.none, "ptr"), "holding", "followed", then="holding")
+        done = self._called(function("held"), data, run)
+        self.need(self.put(f"icmp ne ptr {done}, null"), "drop_answer")
+        drop(done)
+        self.jump("followed", then="followed")
+        drop(run)
+        self.do("ret ptr %answer.last")
+        self.label("drop_answer")
+        drop("%answer.last")
+        self.jump("lost", then="lost")
+        drop(run)
+        self.do("ret ptr null")
 
     def call_python(self) -> None:
         """Call the Python function, for anything else."""

@@ -31,6 +31,7 @@ from ..llvm.single_call_text import (
     EITHER,
     FIXED,
     FLOAT,
+    FOLLOWED,
     MOST,
     MOST_OUTPUTS,
     MOST_WORDS,
@@ -75,6 +76,7 @@ def _process() -> tuple[int, ...]:
         *map(api, ("PyFloat_FromDouble", "PyTuple_New")),
         id(int),
         *map(api, ("PyLong_AsSsize_t", "PyErr_Clear", "PyType_GenericAlloc")),
+        *map(api, ("PyObject_GetAttr", "PyObject_CallFunctionObjArgs")),
     )
     return (*map(id, constants), layout.kind(np.dtype(np.float64)), id(str), id(float), id(np.float64), *functions)
 
@@ -87,12 +89,51 @@ class Parameter(NamedTuple):
     optional: bool = False
 
 
+class Following(NamedTuple):
+    """How a call with data, its second argument, finds its plan in a run of it, and what follows the call; see FORM.
+
+    data, runs, noted      class of the data, and names of its slots
+    attribute              of the model
+    run, library, run_plan, after, recompute  class of the runs, and names of its slots
+    held, edited, made     functions; ``made`` may be None, and is ``unavailable`` if the result itself is returned
+    switch                 position of the input that is ``off`` or ``on``; -1 if there is none
+    """
+
+    data: type
+    runs: str
+    noted: str
+    attribute: str
+    run: type
+    library: str
+    run_plan: str
+    after: str
+    recompute: str
+    held: Callable[..., Any]
+    edited: Callable[..., bool]
+    made: Callable[..., Any] | None
+    switch: int
+    off: object
+    on: object
+
+    def words(self) -> dict[str, int]:
+        """The words of a form."""
+        of_data = {x: layout.slot_offset(self.data, getattr(self, x)) for x in ("runs", "noted")}
+        slots = "library", "run_plan", "after", "recompute"
+        of_run = {x: layout.slot_offset(self.run, getattr(self, x)) for x in slots}
+        objects = {x: id(getattr(self, x)) for x in ("held", "edited", "off", "on")}
+        made = 0 if self.made is unavailable else id(self.made)
+        here = {"data_type": id(self.data), "attribute_name": id(self.attribute), "made": made, "switch": self.switch}
+        found = {**of_data, **of_run, **objects, **here}
+        return {x: found[x] for x in FOLLOWED}
+
+
 def _form(
     python: Callable[..., Any],
     parameters: Sequence[Parameter],
     keys: Sequence[str],
     model: tuple[type, str] | None,
     plan: layout.Words | None,
+    data: Following | None = None,
 ) -> layout.Words:
     """The words of a form; see FORM."""
     optional = [k for k, x in enumerate(parameters) if x.optional and x.kind == ARRAY]
@@ -112,11 +153,13 @@ def _form(
         "named": named[0] if named else -1,
         "rest": (1 << len(named[1:])) - 1,
         "out": sum(1 << k for k, x in enumerate(parameters) if x.kind == OUT),
+        "before": 0 if model is None and data is None else 1 if data is None else 2,
+        **(dict.fromkeys(FOLLOWED, 0) | {"switch": -1} if data is None else data.words()),
     }
     names = [sys.intern(x.name) for x in parameters]
     pairs = [word for x, name in zip(parameters, names, strict=True) for word in (id(name), x.kind)]
     pairs += [0] * (2 * MOST - len(pairs))
-    return layout.words([*_process(), *words.values(), *pairs, *map(id, keys)], python, names, keys, model, plan)
+    return layout.words([*_process(), *words.values(), *pairs, *map(id, keys)], python, names, keys, model, plan, data)
 
 
 class Item(NamedTuple):
@@ -214,17 +257,20 @@ def builtin(
     python: Callable[..., Any],
     parameters: Sequence[Parameter],
     keys: Sequence[str],
-    model: type,
+    model: type | None,
+    data: Following | None = None,
+    signature: str = "",
 ) -> Callable[..., Any]:
     """The builtin of call ``k`` of ``count``, with a Python function's name, signature and docstring.
 
-    keys   keys of its plans in the slot ``_plans`` of a model, one for each choice of optional inputs
-    model  class of its first argument
+    keys       for each choice of optional inputs: of a plan in the slot ``_plans`` of a model, or of a run of data
+    model      class of its first argument; None for one with data
+    signature  parameters in the docstring; those of the Python function if empty
     """
-    form = _form(python, parameters, keys, (model, "_plans"), None)
+    form = _form(python, parameters, keys, None if model is None else (model, "_plans"), None, data)
     layout.never_free(form)  # the function is never freed either
     ctypes.cast(_forms_of(count), ctypes.POINTER(ctypes.c_int64))[k] = form.ctypes.data
-    doc = f"{python.__name__}{inspect.signature(python)}\n--\n\n{python.__doc__}"
+    doc = f"{python.__name__}{signature or inspect.signature(python)}\n--\n\n{python.__doc__}"
     make = layout.maker(python.__name__, _code(count).address(f"call_{k}"), python.__module__, doc, keywords=True)
     return make()
 
@@ -239,3 +285,10 @@ def bound(python: Callable[..., Any], parameters: Sequence[Parameter], made: lay
     """The builtin of one plan, without a model."""
     form = _form(python, parameters, ("",), None, made)
     return layout.maker("call", _code(0).address("bound_call"), keywords=True)(form)
+
+
+def plan_of(call: Callable[..., Any]) -> layout.Words | None:
+    """The plan of a ``bound`` builtin; None of another function."""
+    form = getattr(call, "__self__", None)
+    found: layout.Words | None = form.alive[4] if type(form) is layout.Words else None
+    return found
