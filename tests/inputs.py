@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 import spatialdyn as sd
 from spatialdyn.calls import dynamics
 from spatialdyn.engines import run
+from spatialdyn.engines.programs.record import recording
 from spatialdyn.engines.programs.run import batch_kernels
 from spatialdyn.recursions.spec import Argument, Spec
 
@@ -81,6 +82,13 @@ def no_programs(monkeypatch: pytest.MonkeyPatch) -> None:
     """Have the calls of a new model run without programs, as those of robots too large for one."""
     monkeypatch.setattr(run, "program", lambda *given: None)
     monkeypatch.setattr(dynamics, "plan_of", dynamics.plan_of.__wrapped__)  # a plan without memory
+
+
+def no_programs_of_rows(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Take all models as too large for a program, until the end of the test: no later test finds a plan without one."""
+    monkeypatch.setattr(recording, "MOST_ROWS", 1)
+    monkeypatch.setattr(run, "program", run._program.__wrapped__)
+    monkeypatch.setattr(dynamics, "plan_of", dynamics.plan_of.__wrapped__)
 
 
 def run_python(code: str, *arguments: str, package: Path = PACKAGE, **environment: str) -> str:

@@ -43,7 +43,7 @@ def by_table(model: sd.Model, name: str, given: Sequence[Any], shape: tuple[int,
     """
     spec, out = numba_kernels.variant(SPECS[name], ()), np.empty(shape or (1,))
     with np.errstate(all="ignore"):
-        tiers.TableKernel(spec)._source(True)(model.address, *given, out)
+        tiers.TableKernel(spec).plain(model.address, *given, out)
     return out.reshape(shape)
 
 

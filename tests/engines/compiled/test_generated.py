@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 
 import spatialdyn as sd
-from spatialdyn.compat import pinocchio as pin
 from spatialdyn.engines.compiled import numba_kernels
 from spatialdyn.engines.compiled.generated import function_from_text
 
@@ -34,13 +33,6 @@ def test_a_traceback_shows_the_line_of_a_public_call(arm: sd.Model) -> None:
     frame = frame_of(lambda: sd.rnea(arm, [0.0], [0.0], [0.0]), "<spatialdyn rnea>")
     assert frame.name == "rnea"
     assert frame.line == "return checked_call(spec, model, (q, v, a, fext, ), (), out, ())"
-
-
-def test_a_traceback_shows_the_line_of_a_pinocchio_call() -> None:
-    model = pin.buildSampleModelManipulator()
-    data, z = model.createData(), np.zeros(model.nv)
-    frame = frame_of(lambda: pin.rnea(model, data, z, z, np.zeros(2)), "<spatialdyn pinocchio rnea>")
-    assert frame.line == "run, result = compute(model, data, kind, given, fext)"
 
 
 def test_a_traceback_shows_the_line_of_a_kernel_that_runs_as_python() -> None:

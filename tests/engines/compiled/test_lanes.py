@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from inputs import no_programs_of_rows
 from trees import random_tree
 
 import spatialdyn as sd
@@ -175,10 +176,9 @@ def test_compiling_on_lanes_leaves_numbas_types_and_typing_as_they_were() -> Non
 @pytest.fixture
 def lanes(monkeypatch: pytest.MonkeyPatch) -> None:
     """No programs, and lanes at once."""
-    monkeypatch.setattr(recording, "MOST_ROWS", 1)
+    no_programs_of_rows(monkeypatch)
     monkeypatch.setattr(lane_batches, "COMPILE_SECONDS", 0.0)
     lane_batches._batches.cache_clear()
-    run.forget_programs()
 
 
 @pytest.mark.usefixtures("lanes")

@@ -6,14 +6,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from inputs import public, random_inputs
+from inputs import no_programs_of_rows, public, random_inputs
 from slow import slow_but
 from test_mimic_rows import CLOSE, claw, wanted
 
 import spatialdyn as sd
-from spatialdyn.engines import mimic_batches, run
+from spatialdyn.engines import mimic_batches
 from spatialdyn.engines.compiled import lane_batches, lane_names, numba_kernels
-from spatialdyn.engines.programs.record import recording
 from spatialdyn.recursions import REDUCTION, SPECS
 
 QUICK = ("rnea", "crba", "aba")
@@ -23,9 +22,7 @@ PLAIN = 1e-12  # of the largest entry: plain Python takes the same sums without 
 
 @pytest.fixture(autouse=True)
 def no_programs(monkeypatch: pytest.MonkeyPatch) -> None:
-    """No programs, as for large models."""
-    monkeypatch.setattr(recording, "MOST_ROWS", 1)
-    run.forget_programs()
+    no_programs_of_rows(monkeypatch)
 
 
 def batch(name: str, model: sd.Model, count: int = COUNT) -> tuple[list[Any], Any]:
