@@ -101,3 +101,15 @@ def test_a_call_through_the_mass_matrix_runs_its_kernels() -> None:
     reduced.visit(seen.append, numba_kernels.variant(SPECS["aba"], ()), ())
     crba, rnea = SPECS[REDUCTION.mass_matrix], numba_kernels.variant(SPECS["rnea"], ("v", "a"))
     assert seen == [crba, REDUCTION.factored, rnea, REDUCTION.solved]
+
+
+def test_samples_with_gravity_of_their_own_are_those_of_edited_models_and_leave_the_model_its_own() -> None:
+    model, count = claw(False), 3
+    gravity = np.random.default_rng(4).normal(size=(count, 3))
+    values, _ = batch("rnea", model, count)
+    q, v, a = values[:3]
+    right = np.asarray(sd.rnea(model, q, v, a))
+    found = np.asarray(sd.specialize(model, sd.rnea, inputs="gravity")(q, v, a, gravity))
+    for k in range(count):
+        np.testing.assert_array_equal(found[k], sd.rnea(model.with_(gravity=gravity[k]), q[k], v[k], a[k]))
+    np.testing.assert_array_equal(sd.rnea(model, q, v, a), right)
