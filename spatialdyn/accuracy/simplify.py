@@ -18,7 +18,7 @@ from ..calls.states import random_configuration
 from ..engines.compiled import numba_kernels
 from ..engines.programs.record import recording
 from ..errors import SpatialDynError, literal
-from ..model.changes import lock_values, resting
+from ..model.changes import lock_values, resting_beside
 from ..model.model import Model
 from ..waiting import watch
 
@@ -146,7 +146,7 @@ def _locked(model: Model, lock: Any, lightest: float) -> dict[str, Any]:
         for k, joint in enumerate(model.joints[1:], start=1):
             moved = sorted(moves[k if joint.mimic is None else joint.mimic[0]])
             if mass[moved].sum() < lightest and joint.name not in {*locked, *rotors}:
-                locked[joint.name] = resting(model, joint)
+                locked[joint.name] = resting_beside(model, joint, locked)
     return locked
 
 

@@ -168,6 +168,16 @@ def resting(model: Model, joint: Joint) -> Any:
     return list(q)
 
 
+def resting_beside(model: Model, joint: Joint, locked: Mapping[str, Any]) -> Any:
+    """As ``resting``; a mimic's coordinates are those it follows to if the joint that it mimics is locked."""
+    if joint.mimic is not None:
+        leader, multiplier, offset = joint.mimic
+        if model.joints[leader].name in locked:
+            led = _numbers(locked[model.joints[leader].name]).ravel()
+            return multiplier * (float(led[0]) if len(led) == 1 else math.nan) + offset
+    return resting(model, joint)
+
+
 def _at(joint: Joint, continuous: str, value: ArrayLike) -> Array:
     """X_J (4, 4) of a joint at given coordinates. Raises ModelError unless they are nq finite numbers of unit norm."""
     if joint.kind == "world":

@@ -235,6 +235,10 @@ def test_joints_that_mimic_are_locked_with_the_joint_that_they_mimic() -> None:
     assert small == model.reduced(savings.locked)
     with pytest.raises(sd.ModelError, match='joint "other" mimics "lead", which is to be locked; lock both'):
         sd.simplify(model, lock=["lead"])
+    locked = sd.simplify(model, lock={"lead": 0.02}, merge_lighter_than=0.07)[1].locked
+    assert locked == {"lead": 0.02, "other": 0.1 - 0.5 * 0.02}
+    with pytest.raises(sd.ModelError, match='joint "lead" is locked at'):
+        sd.simplify(model, lock={"lead": [0.1, 0.2]}, merge_lighter_than=0.07)
     q = sd.random_configuration(model, np.random.default_rng(0), savings.states)
     free, G = gripper(mimic=False), np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1], [0, 0, -0.5]])
     whole = np.concatenate([q, 0.1 - 0.5 * q[:, 2:]], axis=1)
