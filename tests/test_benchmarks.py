@@ -33,6 +33,7 @@ import clients  # noqa: E402
 import contestants  # noqa: E402
 import corpus  # noqa: E402
 import costs  # noqa: E402
+import friction  # noqa: E402
 import gpu  # noqa: E402
 import machine  # noqa: E402
 import measure  # noqa: E402
@@ -524,3 +525,12 @@ def test_a_client_that_sleeps_and_reads_lines_runs_to_its_last_input(tmp_path: P
     found = pickle.loads(report)
     assert found[clients.PRINTED].tolist() == [2.5]
     assert float(found["asked"]) == clients.ANSWERS + 1
+
+
+def test_friction_is_judged_by_the_law_of_the_step_with_a_floating_base_too() -> None:
+    robot = cases.case("anymal", 4)
+    model, q, v = robot.ours, robot.state["q"], 0.3 * robot.state["v"]
+    tau = np.repeat(sd.generalized_gravity(model, q)[:, None], 6, axis=1)
+    solved, worst = friction.coulomb("anymal", model, q, v, tau, friction.friction_of(model))
+    assert solved == 1.0
+    assert worst <= friction.SOLVED["anymal"]
