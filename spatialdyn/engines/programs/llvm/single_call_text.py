@@ -132,6 +132,8 @@ class _Call(_Writer):
     inputs   addresses of the numbers of the inputs, ``sizes`` of their ends; ``%m`` counts them
     cells    words of inputs that are an index or a choice
     outputs  addresses of the numbers of the results; ``results`` their objects: null for a number, in ``number``
+    kept     references to the run of the data and to its plan, which other threads may replace while a program in plain
+             Python runs; null without
     """
 
     def __init__(self) -> None:
@@ -140,6 +142,9 @@ class _Call(_Writer):
         self.stack, self.inputs, self.sizes, self.cells = (self.put(f"alloca [{MOST} x ptr]") for _ in range(4))
         self.outputs, self.results = (self.put(f"alloca [{MOST_OUTPUTS} x ptr]") for _ in range(2))
         self.number = self.put(f"alloca [{MOST_OUTPUTS} x double]")
+        self.kept = [self.put("alloca ptr") for _ in range(2)]
+        for cell in self.kept:
+            self.store("ptr", "null", cell)
         self.none, self.ndarray = self.process("none"), self.process("ndarray")
         self.float64 = self.word("%form", PROCESS.index("float64"))
         self.count, self.switch = self.form("count"), self.form("switch")
@@ -293,10 +298,20 @@ class _Call(_Writer):
         self.need(self.equal(library, self._slot(run, "library"), "ptr"))
         words = self._slot(run, "run_plan")
         self.need(self.put(f"icmp ne ptr {words}, {self.none}"))
+        for x in (run, words):
+            self.do(f"call void {self.process('up')}(ptr {x})")
+        self._release()  # of an earlier look-up
+        for x, cell in zip((run, words), self.kept, strict=True):
+            self.store("ptr", x, cell)
         plan, last = self.pointer(words, layout.DATA), self.block
         self.jump("planned", then="planning")
         self.do("unreachable")
         return run, plan, last
+
+    def _release(self) -> None:
+        """Drop the references to the run and its plan, if any."""
+        for cell in self.kept:
+            self.do(f"call void {self.process('down')}(ptr {self.load('ptr', cell)})")  # null is allowed
 
     def _plan_of_words(self, named: str, entry: str, lookup: str) -> tuple[str, str]:
         """Look up the plan of a name alone, or of three words."""
@@ -652,6 +667,7 @@ class _Call(_Writer):
 
         self.return_tuple(parts, "s", part)
         self.label("failed")
+        self._release()
         self.do("ret ptr null")
 
     def return_tuple(self, amount: str, k: str, item: Callable[[str], str]) -> None:
@@ -697,7 +713,6 @@ class _Call(_Writer):
         self.branch(self.with_data, "following", "answer.end", then="answer.end")
         self.do("ret ptr %answer.first")
         self.label("following")
-        keep(run)
         data, made = self.load("ptr", self.at("ptr", "%args", 1)), function("made")
         self.branch(self.equal(made, "null", "ptr"), "follow", "making", then="making")
         self.branch(self.equal(made, self.none, "ptr"), "silent", "call_made", then="silent")
@@ -706,7 +721,7 @@ class _Call(_Writer):
         self.jump("follow", then="call_made")
         other = self._called(made, run, "%answer.first")
         drop("%answer.first")
-        self.branch(self.equal(other, "null", "ptr"), "lost", "follow", then="follow")
+        self.branch(self.equal(other, "null", "ptr"), "failed", "follow", then="follow")
         ways = "[ %answer.first, %following ]", f"[ {self.none}, %silent ]", f"[ {other}, %call_made ]"
         self.do(f"%answer.last = phi ptr {', '.join(ways)}")
         after = self._slot(run, "after")
@@ -726,17 +741,17 @@ class _Call(_Writer):
         self.need(self.put(f"icmp ne ptr {done}, null"), "drop_answer")
         drop(done)
         self.jump("followed", then="followed")
-        drop(run)
+        self._release()
         self.do("ret ptr %answer.last")
         self.label("drop_answer")
         drop("%answer.last")
-        self.jump("lost", then="lost")
-        drop(run)
-        self.do("ret ptr null")
+        self.jump("failed", then="unfollowed")
+        self.do("unreachable")
 
     def call_python(self) -> None:
         """Call the Python function, for anything else."""
         self.label("python")
+        self._release()
         python = self.put(f"inttoptr i64 {self.form('python')} to ptr")
         answer = self.put(f"call ptr {self.process('call')}(ptr {python}, ptr %args, i64 %n, ptr %names)")
         self.do(f"ret ptr {answer}")
