@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from spatialdyn.compat import pinocchio as pin
-from spatialdyn.engines.object_layout import words_at
+from spatialdyn.engines.object_layout import Definition, words_at
 from spatialdyn.engines.programs.llvm.single_call_text import PLAN
 from spatialdyn.engines.programs.run.single_call import NO_LIMIT, change
 
@@ -139,3 +139,23 @@ def test_a_call_keeps_its_run_and_plan_while_other_code_replaces_them() -> None:
     np.testing.assert_array_equal(pin.crba(model, data, q), expected)
     assert seen == [True, True]
     assert [x() for x in here] == [None, None]
+
+
+def test_calls_and_bound_builtins_leave_no_definitions_behind() -> None:
+    """Definitions are never freed: none may be made for each call or Data."""
+    model = pin.buildSampleModelManipulator()
+    q = np.zeros(model.nq)
+
+    def forces_held(data: Any) -> None:
+        for _ in range(3):
+            pin.rnea(model, data, q, q, q, [pin.Force.Zero()] * model.njoints)
+            assert len(data.f) == model.njoints
+
+    def definitions() -> int:
+        gc.collect()
+        return sum(type(x) is Definition for x in gc.get_objects())
+
+    forces_held(model.createData())
+    before = definitions()
+    forces_held(model.createData())
+    assert definitions() == before
