@@ -19,7 +19,7 @@ import numpy as np
 from ..engines import object_layout, run
 from ..engines.compiled import numba_kernels
 from ..engines.compiled.generated import function_from_text
-from ..engines.programs.llvm.single_call_text import ARRAY, MOST_WORDS, NUMBER, OUT, WORD
+from ..engines.programs.llvm.call_words import ARRAY, MOST_WORDS, NUMBER, OUT, WORD
 from ..engines.programs.run import batch_kernels, single_call
 from ..engines.programs.run.single_call import Parameter
 from ..engines.threads import set_num_threads

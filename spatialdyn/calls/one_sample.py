@@ -11,7 +11,7 @@ from typing import Any
 
 from ..engines import object_layout, run
 from ..engines.compiled import numba_kernels
-from ..engines.programs.llvm.single_call_text import ARRAY, MOST, NUMBER
+from ..engines.programs.llvm.call_words import ARRAY, MOST, NUMBER
 from ..engines.programs.run import batch_kernels, single_call
 from ..engines.programs.run.single_call import Parameter
 from ..model.model import Model

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..engines import object_layout
 from ..engines.compiled import numba_kernels
-from ..engines.programs.llvm.single_call_text import ARRAY, MOST, MOST_OUTPUTS, NUMBER, OUT
+from ..engines.programs.llvm.call_words import ARRAY, MOST, MOST_OUTPUTS, NUMBER, OUT
 from ..engines.programs.record import recording
 from ..engines.programs.record.program import Program
 from ..engines.programs.run import batch_kernels, single_call

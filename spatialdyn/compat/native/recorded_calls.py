@@ -38,8 +38,8 @@ from ...engines.compiled.memory import array_at, at, memory, places, records, re
 from ...engines.compiled.numba_kernels import FLOAT, OK
 from ...engines.compiled.tiers import table_kernel
 from ...engines.object_layout import Words
-from ...engines.programs.llvm.single_call_text import ARRAY as INPUT
-from ...engines.programs.llvm.single_call_text import FIXED, NUMBER
+from ...engines.programs.llvm.call_words import ARRAY as INPUT
+from ...engines.programs.llvm.call_words import FIXED, NUMBER
 from ...engines.programs.run import single_call
 from ...engines.programs.run.call_code import CallCode
 from ...engines.programs.run.routine import Choice, Index, Kind, Owner, routine

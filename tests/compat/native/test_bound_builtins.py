@@ -13,7 +13,7 @@ import pytest
 
 from spatialdyn.compat import pinocchio as pin
 from spatialdyn.engines.object_layout import Definition, words_at
-from spatialdyn.engines.programs.llvm.single_call_text import PLAN
+from spatialdyn.engines.programs.llvm.call_words import PLAN
 from spatialdyn.engines.programs.run.single_call import NO_LIMIT, change
 
 CLOSE = {"rtol": 1e-12, "atol": 1e-12}

@@ -14,7 +14,7 @@ from sys import intern
 from types import FunctionType
 from typing import Any, NamedTuple
 
-from ....engines.programs.llvm.single_call_text import ARRAY, NUMBER
+from ....engines.programs.llvm.call_words import ARRAY, NUMBER
 from ....engines.programs.run.single_call import READY, Following, Parameter, builtin, unavailable
 from ..types.frame import LOCAL, Convention
 from ..types.se3 import SE3

@@ -12,7 +12,7 @@ from ...compiled import entries
 
 
 class CallCode:
-    """The code of a call: three words ``(entry, context, left)`` at ``address``, see ``single_call_text.PLAN``.
+    """The code of a call: three words ``(entry, context, left)`` at ``address``, see ``call_words.PLAN``.
 
     program  a TieredProgram; None for the table kernel
     """

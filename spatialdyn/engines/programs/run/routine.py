@@ -14,7 +14,7 @@ from ....algebra.scalars import inline
 from ... import object_layout as layout
 from ...compiled.entries import Entry, entry_of
 from ...compiled.memory import Argument, Place
-from ..llvm.single_call_text import ARRAY, CHOICE, FIXED, INDEX, NUMBER, PLACED, TRUTH
+from ..llvm.call_words import ARRAY, CHOICE, FIXED, INDEX, NUMBER, PLACED, TRUTH
 from . import single_call
 from .single_call import Item, Parameter, unavailable
 

@@ -24,8 +24,7 @@ from ... import locks
 from ... import object_layout as layout
 from ...compiled.entries import NO_LIMIT as NO_LIMIT
 from ...compiled.numba_settings import PLAIN
-from ..llvm.host_cpu import LoadedCode, stored_code
-from ..llvm.single_call_text import (
+from ..llvm.call_words import (
     ARRAY,
     ARRAY_WORDS,
     EITHER,
@@ -42,14 +41,11 @@ from ..llvm.single_call_text import (
     RECORD,
     VALUE,
     WORD,
-    module,
-)
-from ..llvm.single_call_text import (
-    ONE as ONE,
-)
-from ..llvm.single_call_text import (
-    PARTS as PARTS,
-)
+)  # fmt: skip
+from ..llvm.call_words import ONE as ONE
+from ..llvm.call_words import PARTS as PARTS
+from ..llvm.host_cpu import LoadedCode, stored_code
+from ..llvm.single_call_text import module
 
 READY = layout.READY and not PLAIN  # whether builtins can be made
 _lock = locks.new()
