@@ -40,7 +40,7 @@ class Entry(Tier):
                 return 0
             try:
                 return int(self.in_plain_python(plain, (context, inputs, outputs)))
-            except ArithmeticError:
+            except BaseException:  # an overflow, say, or KeyboardInterrupt: ctypes would return any number, as if valid
                 return 0
 
         self._callback = ctypes.PYFUNCTYPE(ctypes.c_int64, *[ctypes.c_int64] * 3)(call)

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import ctypes
+import gc
 from collections.abc import Callable
 from typing import Any
+from weakref import ref
 
 import numpy as np
 import pytest
 
 from spatialdyn.compat import pinocchio as pin
+from spatialdyn.engines.object_layout import Definition, words_at
+from spatialdyn.engines.programs.llvm.call_words import PLAN
+from spatialdyn.engines.programs.run.single_call import NO_LIMIT, change
 
 CLOSE = {"rtol": 1e-12, "atol": 1e-12}
 
@@ -106,3 +112,50 @@ def test_velocity_derivatives_follow_each_call_and_moved_joints(model: Any, refe
     before = derivatives(data)
     model.jointPlacements[2].translation[0] += 0.1  # after the call: its derivatives are those of its placements
     np.testing.assert_array_equal(derivatives(data), before)
+
+
+def test_a_call_keeps_its_run_and_plan_while_other_code_replaces_them() -> None:
+    model = pin.buildSampleModelManipulator()
+    data, q = model.createData(), np.zeros(model.nq)
+    for _ in range(2):
+        expected = pin.crba(model, data, q)
+    run = data._runs["crba"]
+    plan, seen = run.plan, []
+    address, context, _ = words_at(int(plan[PLAN.index("program")]), 3)
+    own = ctypes.PYFUNCTYPE(*[ctypes.c_int64] * 4)(address)
+
+    def replacing(*given: int) -> int:
+        valid = own(context, *given[1:])
+        data._runs.clear()
+        gc.collect()
+        seen.extend(x() is not None for x in here)
+        return valid
+
+    entry = ctypes.PYFUNCTYPE(*[ctypes.c_int64] * 4)(replacing)
+    change(plan, (ctypes.cast(entry, ctypes.c_void_p).value or 0, 0, NO_LIMIT.ctypes.data), entry)
+    plan[PLAN.index("program")] = plan.ctypes.data
+    here = ref(run), ref(plan)
+    del run, plan
+    np.testing.assert_array_equal(pin.crba(model, data, q), expected)
+    assert seen == [True, True]
+    assert [x() for x in here] == [None, None]
+
+
+def test_calls_and_bound_builtins_leave_no_definitions_behind() -> None:
+    """Definitions are never freed: none may be made for each call or Data."""
+    model = pin.buildSampleModelManipulator()
+    q = np.zeros(model.nq)
+
+    def forces_held(data: Any) -> None:
+        for _ in range(3):
+            pin.rnea(model, data, q, q, q, [pin.Force.Zero()] * model.njoints)
+            assert len(data.f) == model.njoints
+
+    def definitions() -> int:
+        gc.collect()
+        return sum(type(x) is Definition for x in gc.get_objects())
+
+    forces_held(model.createData())
+    before = definitions()
+    forces_held(model.createData())
+    assert definitions() == before

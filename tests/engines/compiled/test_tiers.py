@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import math
 from fractions import Fraction
 from typing import Any
@@ -12,7 +13,7 @@ from slow import slow_but
 from trees import random_state, random_tree
 
 from spatialdyn.algebra.scalars import cos, sin
-from spatialdyn.engines.compiled import angles, numba_kernels, tiers
+from spatialdyn.engines.compiled import angles, entries, numba_kernels, tiers
 from spatialdyn.engines.programs.run import single_call
 from spatialdyn.recursions import SPECS
 
@@ -46,6 +47,23 @@ def test_a_function_is_compiled_once_plain_python_took_as_long() -> None:
 
 def test_a_function_whose_code_is_on_disk_is_loaded_at_once() -> None:
     assert Counted(stored=True).code() is len
+
+
+@pytest.mark.parametrize("error", [OverflowError, MemoryError, KeyboardInterrupt])
+def test_an_entry_that_raises_in_plain_python_does_not_apply(error: type[BaseException]) -> None:
+    """Its caller then computes the call another way."""
+    raised: list[int] = []
+
+    def plain(*given: int) -> int:
+        if len(raised) % 2 == 0:
+            raised.append(1)
+            raise error
+        raised.append(0)
+        return 7
+
+    entry = entries.Entry(plain, lambda: plain)
+    call = ctypes.PYFUNCTYPE(*[ctypes.c_int64] * 4)(entry.address)
+    assert [call(0, 0, 0) for _ in range(4)] == [0, 7, 0, 7]
 
 
 def test_a_product_and_a_sum_are_rounded_once() -> None:

@@ -95,6 +95,7 @@ class LibraryModel:
         self._masses: tuple[Any, Array] = None, np.empty(0)
         self._past: list[tuple[int, bytes]] = []  # states, and the time until which they were those of the table
         self._codes: dict[Any, CallCode] = {}
+        self._with_forces: dict[str, Callable[..., Any]] = {}
         self.runs: WeakSet[Any] = WeakSet()  # the last calls, which keep their state before it is forgotten
         self.words = {"table": self.address, "nq": model.nq, "nv": model.nv, "njoints": model.njoints}
 
@@ -264,7 +265,10 @@ class LibraryModel:
         forces = bool(values) and len(values) == len(spec.present) and spec.present[-1].optional
         for _ in range(2 if now else 0):
             if forces:
-                found = self._bound(name, True)(*values[:-1], values[-1].ravel())
+                call = self._with_forces.get(name)
+                if call is None:
+                    call = self._with_forces[name] = self._bound(name, True)
+                found = call(*values[:-1], values[-1].ravel())
             else:
                 found = getattr(self, name)(*values)
             if found is not None:

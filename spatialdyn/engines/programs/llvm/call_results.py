@@ -122,6 +122,7 @@ class ResultText(ArgumentText):
 
         self.return_tuple(parts, "s", part)
         self.label("failed")
+        self.release()
         self.do("ret ptr null")
 
     def return_tuple(self, amount: str, k: str, item: Callable[[str], str]) -> None:

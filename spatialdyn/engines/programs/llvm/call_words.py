@@ -81,6 +81,8 @@ class CallWriter(Body):
     inputs   addresses of the numbers of the inputs, ``sizes`` of their ends; ``%m`` counts them
     cells    words of inputs that are an index or a choice
     outputs  addresses of the numbers of the results; ``results`` their objects: null for a number, in ``number``
+    kept     references to the run of the data and to its plan, which other threads may replace while a program in plain
+             Python runs; null without
     code     three words of the plan's program; ``record`` that of the plan; ``shapes`` of its results and inputs
     amount   number of results; ``several`` how they are returned
     """
@@ -98,6 +100,9 @@ class CallWriter(Body):
         self.stack, self.inputs, self.sizes, self.cells = (self.put(f"alloca [{MOST} x ptr]") for _ in range(4))
         self.outputs, self.results = (self.put(f"alloca [{MOST_OUTPUTS} x ptr]") for _ in range(2))
         self.number = self.put(f"alloca [{MOST_OUTPUTS} x double]")
+        self.kept = [self.put("alloca ptr") for _ in range(2)]
+        for cell in self.kept:
+            self.store("ptr", "null", cell)
         self.none, self.ndarray = self.process("none"), self.process("ndarray")
         self.float64 = self.word("%form", PROCESS.index("float64"))
         self.count, self.switch = self.form("count"), self.form("switch")
@@ -140,6 +145,11 @@ class CallWriter(Body):
 
     def one_bit(self, k: str) -> str:
         return self.put(f"shl i64 1, {k}")
+
+    def release(self) -> None:
+        """Drop the references to the run and its plan, if any."""
+        for cell in self.kept:
+            self.do(f"call void {self.process('down')}(ptr {self.load('ptr', cell)})")  # null is allowed
 
     def need(self, condition: str, otherwise: str = "python") -> None:
         """Go on if the condition holds, else jump to a block."""

@@ -86,6 +86,11 @@ class _Call(ResultText):
         self.need(self.equal(library, self._slot(run, "library"), "ptr"))
         words = self._slot(run, "run_plan")
         self.need(self.put(f"icmp ne ptr {words}, {self.none}"))
+        for x in (run, words):
+            self.do(f"call void {self.process('up')}(ptr {x})")
+        self.release()  # of an earlier look-up
+        for x, cell in zip((run, words), self.kept, strict=True):
+            self.store("ptr", x, cell)
         plan, last = self.pointer(words, layout.DATA), self.block
         self.jump("planned", then="planning")
         self.do("unreachable")
@@ -202,7 +207,6 @@ class _Call(ResultText):
         self.branch(self.with_data, "following", "answer.end", then="answer.end")
         self.do("ret ptr %answer.first")
         self.label("following")
-        keep(run)
         data, made = self.load("ptr", self.at("ptr", "%args", 1)), function("made")
         self.branch(self.equal(made, "null", "ptr"), "follow", "making", then="making")
         self.branch(self.equal(made, self.none, "ptr"), "silent", "call_made", then="silent")
@@ -211,7 +215,7 @@ class _Call(ResultText):
         self.jump("follow", then="call_made")
         other = self._called(made, run, "%answer.first")
         drop("%answer.first")
-        self.branch(self.equal(other, "null", "ptr"), "lost", "follow", then="follow")
+        self.branch(self.equal(other, "null", "ptr"), "failed", "follow", then="follow")
         ways = "[ %answer.first, %following ]", f"[ {self.none}, %silent ]", f"[ {other}, %call_made ]"
         self.do(f"%answer.last = phi ptr {', '.join(ways)}")
         after = self._slot(run, "after")
@@ -231,17 +235,17 @@ class _Call(ResultText):
         self.need(self.put(f"icmp ne ptr {done}, null"), "drop_answer")
         drop(done)
         self.jump("followed", then="followed")
-        drop(run)
+        self.release()
         self.do("ret ptr %answer.last")
         self.label("drop_answer")
         drop("%answer.last")
-        self.jump("lost", then="lost")
-        drop(run)
-        self.do("ret ptr null")
+        self.jump("failed", then="unfollowed")
+        self.do("unreachable")
 
     def call_python(self) -> None:
         """Call the Python function, for anything else."""
         self.label("python")
+        self.release()
         python = self.put(f"inttoptr i64 {self.form('python')} to ptr")
         answer = self.put(f"call ptr {self.process('call')}(ptr {python}, ptr %args, i64 %n, ptr %names)")
         self.do(f"ret ptr {answer}")

@@ -280,7 +280,13 @@ def _forms_of(count: int) -> int:
 def bound(python: Callable[..., Any], parameters: Sequence[Parameter], made: layout.Words) -> Callable[..., Any]:
     """The builtin of one plan, without a model."""
     form = _form(python, parameters, ("",), None, made)
-    return layout.maker("call", _code(0).address("bound_call"), keywords=True)(form)
+    return _maker_of_bound()(form)
+
+
+@cache
+def _maker_of_bound() -> Callable[..., Callable[..., Any]]:
+    """What makes all builtins of one plan: a maker is never freed."""
+    return layout.maker("call", _code(0).address("bound_call"), keywords=True)
 
 
 def plan_of(call: Callable[..., Any]) -> layout.Words | None:
