@@ -141,7 +141,7 @@ def test_samples_with_tables_of_their_own_have_the_bits_of_one() -> None:
 
 
 @pytest.mark.slow(quick="test_samples_with_tables_of_their_own_have_the_bits_of_one")
-@pytest.mark.parametrize("name", [*EVERY_WIDTH, "minverse", "regressor", "momentum_rate"])
+@pytest.mark.parametrize("name", [*EVERY_WIDTH, "minverse", "body_regressor", "momentum_rate"])
 def test_more_calls_with_tables_of_their_own(name: str) -> None:
     check_edited(numba_kernels.variant(SPECS[name], ()), range(12))
 
