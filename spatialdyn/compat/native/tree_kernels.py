@@ -10,15 +10,18 @@ from ...algebra.public_arrays import read_body, read_pose, write_body, write_tan
 from ...algebra.records import inertia_of, motion_of, pose_of
 from ...algebra.scalars import inline
 from ...algebra.spatial import Pose, compose, momentum, motion_to_parent, zero_motion
-from ...engines.compiled.memory import at, table_at
+from ...engines.compiled.memory import array_at, at, memory, release, table_at
 from ...engines.compiled.table_kernels import kernel
-from ...engines.programs.run.routine import routine
+from ...engines.programs.run.routine import Index, routine
 from ...recursions.constraints.kkt import factored
 from ...recursions.momenta import centroidal
 from ...recursions.spec import LOCAL_WORLD_ALIGNED, WORLD
 from ...recursions.tree.ltdl import solve_tree
 from .operator_kernels import compiled, deferred
 from .operators import add_bodies, body_to_parent, relative_pose, skew
+from .recorded_constraints import write_upper
+
+WORK_SIZE = centroidal.WORK.itemsize
 
 
 @inline
@@ -31,8 +34,7 @@ def _factor_upper(bodies: Any, M: Any, L: Any, U: Any, D: Any) -> int:
     status = factored(bodies, U, L)
     for i in range(n):
         D[i] = L[i, i]
-        for j in range(n):
-            U[i, j] = L[j, i] if j > i else 1.0 if j == i else 0.0
+    write_upper(L, U)
     return status
 
 
@@ -74,9 +76,21 @@ def solve(v: Any, table: int, nv: int, U: int, D: int, scratch: int, out: Any) -
     return bool(_solve_upper(table_at(table), factors[0], factors[1], at(scratch, (nv, nv)), out.reshape(1, nv)) == 0)
 
 
-factor_upper = deferred(lambda: kernel(_factor_upper, 2, 2, 2, 1))
-solve_upper = deferred(lambda: kernel(_solve_upper, 2, 1, 2, 2))
-subtree_com_jacobian = deferred(lambda: kernel(_subtree_com_jacobian, 1, 1, 2, work=centroidal.WORK))
+@routine((3, "nv"), k=Index("njoints"))
+def subtree_com_jacobian_at_recorded(k: int, table: int, nq: int, q: int, rows: int, njoints: int, out: Any) -> bool:
+    """The Jacobian of joint k's subtree at the recorded q; ``rows`` are those of the joints, as floats."""
+    bodies = table_at(table)
+    space = len(bodies) * WORK_SIZE
+    scratch = memory(space)
+    work = array_at(scratch, (len(bodies),), centroidal.WORK)
+    _subtree_com_jacobian(bodies, work, at(q, (nq,)), at(rows, (njoints,))[k : k + 1], out)
+    release(scratch, space)
+    return True
+
+
+factor_upper = deferred(lambda: kernel(_factor_upper, 2, 2, 2, 1, contract=False))
+solve_upper = deferred(lambda: kernel(_solve_upper, 2, 1, 2, 2, contract=False))
+subtree_com_jacobian = deferred(lambda: kernel(_subtree_com_jacobian, 1, 1, 2, work=centroidal.WORK, contract=False))
 
 
 @inline

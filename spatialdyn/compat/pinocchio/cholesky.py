@@ -44,9 +44,8 @@ def solve(model: Model, data: Data, v: Any) -> Array:
     _solve(model, data, x.reshape(1, -1))
     library = library_of(model, data)
     if library.has_builtins:
-        arrays = {"U": data.hold("U"), "D": data.hold("D"), "scratch": np.empty((model.nv, model.nv))}
-        words = {**library.words, **{name: array.ctypes.data for name, array in arrays.items()}}
-        data._bound["cholesky"] = library, tree_kernels.solve.bind(words, library, *arrays.values())
+        words = {"U": data.hold("U"), "D": data.hold("D"), "scratch": np.empty((model.nv, model.nv)), **library.words}
+        data._bound["cholesky"] = library, tree_kernels.solve.bind(words, library)
     return x
 
 

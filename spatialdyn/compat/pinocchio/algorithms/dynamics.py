@@ -68,8 +68,8 @@ def jointBodyRegressor(model: Model, data: Data, joint_id: int) -> Array:
     if library.has_builtins:
         if not arrays:
             arrays = {x: data._held.get(x, np.empty((model.njoints, 6))) for x in ("v", "a_gf")}
-            words = {"velocities": arrays["v"].ctypes.data, "accelerations": arrays["a_gf"].ctypes.data}
-            call = recorded_calls.joint_body_regressor.bind({"njoints": model.njoints, **words}, *arrays.values())
+            words = {"velocities": arrays["v"], "accelerations": arrays["a_gf"], "njoints": model.njoints}
+            call = recorded_calls.joint_body_regressor.bind(words)
         for name, x in arrays.items():
             x[...] = data.array(name)
         data._bound["body regressor"] = library, clock.now[0], arrays, call
