@@ -65,6 +65,14 @@ def test_solutions_follow_each_decomposition(model: Any) -> None:
             found = pin.cholesky.solve(model, data, x)
             np.testing.assert_allclose(M @ found, x, rtol=0.0, atol=1e-10)
             np.testing.assert_array_equal(pin.cholesky.solve(model, data, x), found)
+        U = pin.cholesky.decompose(model, data)
+        np.testing.assert_array_equal(U, data.U)
+        np.testing.assert_allclose(U @ np.diag(data.D) @ U.T, M, **CLOSE)
+    data.M[...] = 0.0
+    for _ in range(2):
+        with pytest.raises(ValueError, match=r"data\.M is zero, expected crba"):
+            pin.cholesky.decompose(model, data)
+    np.testing.assert_array_equal(data.U, U)
     data.D[0] = -1.0
     with pytest.raises(ValueError, match=r"expected cholesky\.decompose to have been called"):
         pin.cholesky.solve(model, data, tau)
@@ -132,6 +140,36 @@ def test_subtree_jacobians_follow_each_call_but_no_edit_after_it(model: Any) -> 
         np.testing.assert_array_equal(jacobian(data), expected)
     with pytest.raises(IndexError, match="joint index is 99"):
         pin.getJacobianSubtreeCenterOfMass(model, data, 99)
+
+
+@pytest.mark.parametrize("reference", [pin.LOCAL, pin.WORLD, pin.LOCAL_WORLD_ALIGNED])
+def test_kinematic_regressors_follow_poses_and_placements(model: Any, reference: Any) -> None:
+    data, frame = model.createData(), model.nframes - 1
+
+    def regressor(data: Any) -> Any:
+        return pin.computeFrameKinematicRegressor(model, data, frame, reference)
+
+    for seed in range(3):
+        pin.forwardKinematics(model, data, state(model, seed)[0])
+        for _ in range(2):
+            joint, place = model.frames[frame].parentJoint, model.frames[frame].placement
+            expected = pin.computeJointKinematicRegressor(model, data, joint, reference, place)
+            np.testing.assert_array_equal(regressor(data), expected)
+            np.testing.assert_array_equal(regressor(data), expected)
+            model.jointPlacements[2].translation[0] += 0.1
+            model.frames[frame].placement.translation[1] += 0.1
+    with pytest.raises(ValueError, match="frame_id is 0, the universe"):
+        pin.computeFrameKinematicRegressor(model, data, 0, reference)
+
+
+def test_the_robots_inertia_follows_each_call_and_edits(model: Any) -> None:
+    data = model.createData()
+    for seed in range(4):
+        q, v, _ = state(model, seed)
+        pin.ccrba(model, data, q, v)
+        expected = of_new_data(model, lambda new: new.Ig.copy(), lambda new, q=q, v=v: pin.ccrba(model, new, q, v))
+        assert data.Ig == expected
+        model.inertias[3].mass *= 1.5
 
 
 def test_factors_that_were_read_follow_each_constrained_call(model: Any) -> None:

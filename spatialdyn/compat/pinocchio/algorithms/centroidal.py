@@ -26,7 +26,7 @@ def computeTotalMass(model: Model, data: Data | None = None) -> float:
     """Mass of all moving bodies [kg], also ``data.mass[0]``; bodies on the universe do not count."""
     if data is not None:
         library_of(model, data)
-    mass = float(sum(model._numbers.masses.tolist()))
+    mass: float = sum(model._numbers.masses.tolist(), 0.0)
     if data is not None:
         data.hold("mass")[0] = mass
     return mass

@@ -17,14 +17,14 @@ from ....engines.programs.run.single_call import plan_of, unavailable
 from ....model.model import Model as SdModel
 from ....recursions import SPECS
 from ....recursions.tree import kinematics
-from ...native import recorded_calls
+from ...native import recorded_calls, tree_kernels
 from ...native.recorded_calls import address, clock
 from ..model.library_model import LibraryModel
 from ..model.numbers import Numbers
 from ..types.arguments import Array
 from ..types.motion import Force
 from ..types.tracked_list import Rows
-from .field_recipes import CALL_KINDS, CallRecipe, Kind, Part, joint_placements, oMi
+from .field_recipes import CALL_KINDS, CallRecipe, Ig, Kind, Part, joint_placements, oMi
 from .field_recipes import result as RESULT
 
 FORCES, LISTS, _NUMBERS = {Force}, (list, Rows), attrgetter("_x")
@@ -281,8 +281,13 @@ class Run:
         return recorded_calls.copier(found, x)
 
     def _recompute_builtin(self, recipe: Any, x: Array) -> Callable[[], Any] | None:
-        """A builtin that recomputes a field into x in place; None if its recipe is not one call of the library."""
+        """A builtin that recomputes a field into x in place; None unless its recipe is a call of the library or Ig."""
         library = self.library
+        if recipe is Ig and library.has_builtins and library.joints is None:
+            inertias, n = library.numbers.inertias, library.words["njoints"]
+            words = {"q": self.q, "bodies": inertias, "parents": library.parents, "Ig": x, **library.words}
+            words |= {"poses": np.empty((n, 4, 4)), "sums": np.empty((n, 10))}
+            return tree_kernels.place_robot_inertia.bind(words, library)
         if (
             not isinstance(recipe, CallRecipe)
             or not library.has_builtins
