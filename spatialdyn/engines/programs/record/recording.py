@@ -33,8 +33,8 @@ from .program import Program
 from .regroup import regroup
 from .tracer import Tape, table
 
-MOST_ROWS = 128  # with more rows, programs take too long to compile, though they would be faster than lanes
-MOST_RESULTS = MOST_ROWS**2  # most results or terms of a sample: Christoffel symbols grow by the cube of the rows
+MOST_ROWS = 208  # with more rows, aba takes longer than 8 s to compile, though it would take less time than lanes do
+MOST_RESULTS = 1 << 14  # most results or terms of a sample: Christoffel symbols grow by the cube of the rows
 MOST_TABLE = 2048  # most rows of a static table: each height of a ground is in its program
 MOST_EQUATIONS = 36  # most equations of a static table: a matrix of 36 rows takes 8400 multiplications to factor
 ALONE = ("nl", "nd", "total")  # sizes of a static table that are no equations: entries with a row of J alone, results
@@ -280,13 +280,19 @@ def fits(specs: Sequence[Spec], bodies: NDArray[Any], results: int | None = None
     """
     if results is None:
         sizes = _sizes(bodies, static)
-        shapes = [(spec.output.shape, spec.term_shape) for spec in specs]
+        shapes = [(spec.output.shape, _terms(spec, bodies)) for spec in specs]
         results = sum(max(math.prod(shape_in(shape, sizes)) for shape in (out, terms)) for out, terms in shapes)
     short = 1 < len(bodies) <= MOST_ROWS + 1 and results <= MOST_RESULTS
     several = (item for x in static if isinstance(x, StaticTable) for item in x.sizes.items())
     short &= all(n <= MOST_EQUATIONS for name, n in several if name not in ALONE)
     short &= all(len(x.rows) <= MOST_TABLE + 1 for x in static if isinstance(x, StaticTable))
     return short and all(traces(spec, bodies) for spec in specs)
+
+
+def _terms(spec: Spec, bodies: NDArray[Any]) -> tuple[Any, ...]:
+    """Shape of the terms that a program sums; with mimic joints a call that solves factors M."""
+    factored = spec.through_M is not None and bodies["leader"].any()
+    return spec.term_shape or (("nv", "nv") if factored else ())
 
 
 def traces(spec: Spec, bodies: NDArray[Any]) -> bool:
