@@ -6,8 +6,8 @@ Pinocchio from Python; how many times faster than the first and the last the pub
 before. Results are compared with Pinocchio's before they are timed.
 
 With --crossover: the kernel on lanes beside the program of the call, compiled for each length however long it is, with
-the processor seconds of compiling it and the samples of batches after which it has saved them. They set
-``recording.MOST_ROWS``.
+the processor seconds of compiling it and the samples of batches after which it has saved them, with no disk cache
+(``SPATIALDYN_CACHE_DIR=``). They set ``recording.most_rows``.
 """
 
 from __future__ import annotations
