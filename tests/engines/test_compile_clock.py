@@ -33,4 +33,4 @@ def test_the_time_of_a_function_that_raises_counts() -> None:
 
 def test_all_tiers_have_the_rule() -> None:
     for kind in (Tier, LaneBatches, TieredProgram):
-        assert kind.pays is CompileClock.pays  # type: ignore[attr-defined]
+        assert kind.pays is CompileClock.pays
