@@ -17,7 +17,7 @@ from ....sources.load import compiled_file
 from ....sources.mjmodel import Tree, mjmodel_gravity, model_name, need_mujoco, tree_of
 from ....sources.mjmodel_scene import equality_ends
 from ....sources.mjmodel_values import FREE, HINGE, SLIDE, name_of
-from ..types.arguments import ArgumentError, Array, described, expected
+from ..types.arguments import ArgumentError, Array, described, expected, path
 from ..types.frame import BODY, FIXED_JOINT, OP_FRAME, Frame
 from ..types.motion import Motion
 from ..types.se3 import SE3
@@ -62,9 +62,7 @@ def buildModelAndLegacyConstraintsFromMJCF(
 
 def compiled(mjcf_filename: Any) -> Any:
     """The MjModel of an MJCF file. Raises ArgumentError, SpatialDynError."""
-    if not isinstance(mjcf_filename, str) and not hasattr(mjcf_filename, "__fspath__"):
-        raise ArgumentError(f"mjcf_filename is {described(mjcf_filename)}, expected a str or Path")
-    return compiled_file(str(mjcf_filename))
+    return compiled_file(str(path(mjcf_filename, "mjcf_filename")))
 
 
 def body_frame(tree: Tree, model: Model, body: int) -> int:

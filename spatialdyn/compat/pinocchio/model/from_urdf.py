@@ -16,7 +16,7 @@ from ....bodies.kinds import kind_of
 from ....errors import ModelError
 from ....model.robot import Link, Robot, RobotJoint
 from ....urdf.load import read_urdf
-from ..types.arguments import ArgumentError, Array, described, expected
+from ..types.arguments import ArgumentError, Array, described, expected, path, urdf_text
 from ..types.frame import BODY, FIXED_JOINT, Frame
 from ..types.inertia import Inertia
 from ..types.se3 import SE3
@@ -42,17 +42,12 @@ def buildModelFromUrdf(urdf_filename: Any, *arguments: Any, **named: Any) -> Mod
 
     Raises UrdfError naming file, line, element and value; ModelError.
     """
-    if not isinstance(urdf_filename, str) and not hasattr(urdf_filename, "__fspath__"):
-        raise ArgumentError(f"urdf_filename is {described(urdf_filename)}, expected a str or Path")
-    return _build(urdf_filename, "buildModelFromUrdf", arguments, named)
+    return _build(path(urdf_filename, "urdf_filename"), "buildModelFromUrdf", arguments, named)
 
 
 def buildModelFromXML(urdf_xml_stream: str, *arguments: Any, **named: Any) -> Model:
     """The Model of URDF text; other arguments and errors as of ``buildModelFromUrdf``."""
-    text = expected(urdf_xml_stream, str, "urdf_xml_stream")
-    if not text.lstrip("\ufeff \t\r\n").startswith("<"):
-        raise ModelError(f"urdf_xml_stream is {text[:40]!r}, expected URDF text")
-    return _build(text, "buildModelFromXML", arguments, named)
+    return _build(urdf_text(urdf_xml_stream, "urdf_xml_stream"), "buildModelFromXML", arguments, named)
 
 
 def _build(source: Any, call: str, arguments: tuple[Any, ...], named: dict[str, Any]) -> Model:

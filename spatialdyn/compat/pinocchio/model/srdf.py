@@ -12,7 +12,7 @@ from typing import Any
 
 from ....errors import UrdfError
 from ....urdf.sources import read_path
-from ..types.arguments import ArgumentError, described, expected
+from ..types.arguments import expected, path
 from ..types.frame import BODY
 from .geometry import GeometryModel
 from .joint import JointModel
@@ -99,9 +99,7 @@ def _remove_pairs(model: Model, geom_model: GeometryModel, label: str, text: byt
 
 
 def _file(filename: Any) -> tuple[str, bytes]:
-    if not isinstance(filename, str) and not hasattr(filename, "__fspath__"):
-        raise ArgumentError(f"srdf_filename is {described(filename)}, expected a str or Path")
-    return read_path(filename, "an SRDF file")
+    return read_path(path(filename, "srdf_filename"), "an SRDF file")
 
 
 def _parsed(label: str, model: Model, text: bytes) -> Any:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ....errors import SpatialDynError
+from ....errors import ModelError, SpatialDynError
 from ....model.robot_checks import masked
 
 Array = NDArray[np.float64]
@@ -83,6 +83,21 @@ def expected(value: Any, kind: type, what: str) -> Any:
     if not isinstance(value, kind):
         raise ArgumentError(f"{what} is {described(value)}, expected {kind.__name__}")
     return value
+
+
+def path(value: Any, what: str) -> Any:
+    """The str or Path itself. Raises ArgumentError for anything else."""
+    if not isinstance(value, str) and not hasattr(value, "__fspath__"):
+        raise ArgumentError(f"{what} is {described(value)}, expected a str or Path")
+    return value
+
+
+def urdf_text(value: Any, what: str) -> str:
+    """The text itself. Raises ArgumentError, or ModelError for what is no XML, as a path."""
+    text: str = expected(value, str, what)
+    if not text.lstrip("\ufeff \t\r\n").startswith("<"):
+        raise ModelError(f"{what} is {text[:40]!r}, expected URDF text")
+    return text
 
 
 def all_expected(values: Any, kind: type, what: str) -> Any:
