@@ -6,11 +6,11 @@ lxml is imported inside the function that parses.
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterator
 from typing import Any
 
 from ....errors import UrdfError
+from ....model.robot_checks import is_number
 from ....urdf.sources import read_path
 from ..types.arguments import expected, path
 from ..types.frame import BODY
@@ -22,8 +22,6 @@ __all__ = [
     "loadReferenceConfigurations", "loadReferenceConfigurationsFromXML", "loadRotorParameters", "removeCollisionPairs",
     "removeCollisionPairsFromXML",
 ]  # fmt: skip
-
-NUMBER = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
 
 
 def loadReferenceConfigurations(model: Model, srdf_filename: Any, verbose: bool = False) -> None:
@@ -144,7 +142,7 @@ def _joints(model: Model, element: Any) -> Iterator[JointModel]:
 
 def _numbers(label: str, element: Any, attribute: str) -> list[float]:
     parts = (element.get(attribute) or "").split()
-    if not parts or not all(NUMBER.fullmatch(part) for part in parts):
+    if not parts or not all(is_number(part) and math.isfinite(float(part)) for part in parts):
         raise UrdfError(
             f'{label}:{element.sourceline}: <{element.tag} {attribute}="{element.get(attribute)}"> of joint '
             f'"{element.get("name")}", expected finite numbers'
