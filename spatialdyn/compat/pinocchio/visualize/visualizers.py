@@ -18,13 +18,12 @@ import numpy as np
 from ....errors import pip_install
 from ....model.robot import Link
 from ....pictures.inertia_shapes import inertia_boxes
-from ....pictures.shapes import Shape, mesh_shapes, primitive_shape
+from ....pictures.shapes import Shape, coal_shape, mesh_shapes
 from ....pictures.stage import HOST, Stage, has_screen, warn_of
 from ..algorithms import calls, configuration
 from ..coverage.coal_package import installed
 from ..coverage.coverage import OutOfScopeAttributeError, OutOfScopeError, refused
 from ..data.data import Data
-from ..model.coal_shapes import triangles
 from ..model.geometry import VISUAL, GeometryData, GeometryModel, GeometryObject, createDatas
 from ..model.model import Model
 from ..types.arguments import ValueRuntimeError
@@ -363,12 +362,9 @@ def _shapes_of(added: GeometryObject, missing: list[str], faulty: list[str]) -> 
         missing += lost
         faulty += broken
         return [shape._replace(color=color) if added.overrideMaterial else shape for shape in found]
-    shape = primitive_shape(added.name, added.geometry, color)
+    shape = coal_shape(added.name, added.geometry, color)
     if shape is not None:
         return [shape]
-    corners = triangles(added.geometry)
-    if corners is not None:
-        return [Shape(added.name, *corners, color)]
     missing.append(f"{added.name} is a {type(added.geometry).__name__}, expected a mesh file, box, cylinder, sphere")
     return []
 
