@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import math
-import re
 import sys
 from functools import lru_cache
-from inspect import cleandoc
 from typing import Any
 
 import numpy as np
@@ -149,9 +147,3 @@ def rows(matrix: Any) -> str:
 def module_of_caller() -> str:
     """Name of the module whose line calls the calling function: the ``__module__`` of what that makes."""
     return str(sys._getframe(2).f_globals["__name__"])
-
-
-def documented_rows(table: str) -> list[tuple[str, str]]:
-    """The rows of a table of functions, each with its docstring: the lines below it that are indented by 4."""
-    rows = (row.partition("\n    ") for row in re.split(r"\n(?=\w)", table.strip("\n")))
-    return [(head, cleandoc(doc)) for head, _, doc in rows]
