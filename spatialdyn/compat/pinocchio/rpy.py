@@ -35,7 +35,8 @@ def rotate(axis: str, angle: float) -> Array:
     """The rotation (3, 3) by an angle [rad] about an axis, "x", "y" or "z"."""
     if axis not in ("x", "y", "z"):
         raise SpatialDynError(f'axis is {axis!r}, expected "x", "y" or "z"')
-    return _of_angles(*(angle if axis == one else 0.0 for one in "xyz"))  # type: ignore[no-any-return]
+    roll, pitch, yaw = (angle if axis == "x" else 0.0), (angle if axis == "y" else 0.0), (angle if axis == "z" else 0.0)
+    return _of_angles(roll, pitch, yaw)  # type: ignore[no-any-return]
 
 
 def computeRpyJacobian(rpy: Any, reference_frame: ReferenceFrame = LOCAL) -> Array:
