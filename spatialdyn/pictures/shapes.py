@@ -138,8 +138,11 @@ def mesh_shapes(link: str, path: str, scale: Any) -> Geometry:
         return Geometry([], [str(error)], [])
 
 
-def primitive_shape(link: str, given: Any, color: Color) -> Shape | None:
-    """The shape of a box, cylinder, capsule, sphere or ellipsoid of coal, known by its attributes; None for another."""
+def coal_shape(link: str, given: Any, color: Color) -> Shape | None:
+    """The shape of a box, cylinder, capsule, sphere, ellipsoid or triangles of coal, known by its attributes.
+
+    None for another.
+    """
     if hasattr(given, "halfSide"):
         return Shape(link, *box(2.0 * np.ravel(given.halfSide)), color)
     if hasattr(given, "halfLength") and hasattr(given, "radius"):
@@ -148,7 +151,31 @@ def primitive_shape(link: str, given: Any, color: Color) -> Shape | None:
     if hasattr(given, "radii"):
         vertices, faces = sphere(1.0)
         return Shape(link, vertices * np.ravel(given.radii), faces, color)
-    return Shape(link, *sphere(given.radius), color) if hasattr(given, "radius") else None
+    found: tuple[Any, Any] | None = sphere(given.radius) if hasattr(given, "radius") else coal_triangles(given)
+    return None if found is None else Shape(link, *found, color)
+
+
+def coal_triangles(shape: Any) -> tuple[Any, Any] | None:
+    """Vertices (n, 3) and faces (m, 3) of a mesh, convex shape or height field of coal; None without any."""
+    if hasattr(shape, "num_tris"):
+        points, corners = shape.vertices(), [shape.tri_indices(k) for k in range(shape.num_tris)]
+    elif hasattr(shape, "polygons"):
+        points, corners = shape.points(), [shape.polygons(k) for k in range(shape.num_polygons)]
+    elif hasattr(shape, "getHeights"):
+        return _surface(shape.getXGrid(), shape.getYGrid(), shape.getHeights())
+    else:
+        return None
+    faces = np.array([[int(corner[i]) for i in range(3)] for corner in corners])
+    return (np.array(points), faces) if len(faces) else None
+
+
+def _surface(x: Any, y: Any, heights: Any) -> tuple[Any, Any]:
+    """Vertices and faces, upwards, of heights (len(y), len(x)) over a grid whose y falls, as coal's."""
+    across, along = np.meshgrid(np.ravel(x), np.ravel(y))
+    at = np.arange(heights.size).reshape(heights.shape)
+    a, b, c, d = (part.ravel() for part in (at[:-1, :-1], at[:-1, 1:], at[1:, :-1], at[1:, 1:]))
+    points = np.stack([across.ravel(), along.ravel(), np.asarray(heights).ravel()], axis=1)
+    return points, np.concatenate([np.stack([a, d, b], axis=1), np.stack([a, c, d], axis=1)])
 
 
 def _mesh_parts(

@@ -17,7 +17,8 @@ from robots import ROBOTS
 import spatialdyn as sd
 import spatialdyn.compat.pinocchio as ours
 from spatialdyn.compat.pinocchio.coverage import coal_package, versions
-from spatialdyn.compat.pinocchio.model.coal_shapes import Box, Capsule, Cylinder, MissingMeshError, Sphere, triangles
+from spatialdyn.compat.pinocchio.model.coal_shapes import Box, Capsule, Cylinder, MissingMeshError, Sphere
+from spatialdyn.pictures.shapes import coal_triangles
 
 theirs = pytest.importorskip("pinocchio", minversion="4.1")
 coal = pytest.importorskip("coal")
@@ -224,7 +225,7 @@ def test_an_se3_is_made_of_coals_own_transform() -> None:
 
 def test_a_height_field_is_drawn_upwards_and_a_cloud_of_points_is_not() -> None:
     heights = np.array([[0.0, 1.0, 2.0], [3.0, 4.0, 5.0]])
-    found = triangles(coal.HeightFieldOBBRSS(2.0, 1.0, heights, 0.0))
+    found = coal_triangles(coal.HeightFieldOBBRSS(2.0, 1.0, heights, 0.0))
     assert found is not None
     points, faces = found
     assert points[:, 2].tolist() == heights.ravel().tolist()
@@ -236,7 +237,7 @@ def test_a_height_field_is_drawn_upwards_and_a_cloud_of_points_is_not() -> None:
     cloud.beginModel(0, 4)
     cloud.addVertices(np.eye(4)[:, :3])
     cloud.endModel()
-    assert triangles(cloud) is None
+    assert coal_triangles(cloud) is None
 
 
 def test_pairs_of_links_that_an_srdf_names_are_removed(drawn: Path, tmp_path: Path) -> None:

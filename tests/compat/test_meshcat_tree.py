@@ -14,7 +14,7 @@ import pytest
 
 import spatialdyn.compat.pinocchio as pin
 from spatialdyn.compat.pinocchio.visualize import MeshcatVisualizer, meshcat_visualizer
-from spatialdyn.compat.pinocchio.visualize.meshcat_tree import frustum, triangles
+from spatialdyn.pictures.meshcat_objects import frustum, triangles
 
 pytest.importorskip("viser")
 SINGLE = 2e-6  # viser keeps float32
@@ -96,7 +96,7 @@ def test_mesh_files_are_read(shown: Any) -> None:
     assert np.ptp(vertices, axis=0).tolist() == [1.0, 2.0, 0.0]
     assert len(faces) == 1
     with pytest.raises(RuntimeError, match="a mesh of format obj cannot be read"):
-        triangles(like("ObjMeshGeometry", contents=b"\x00\x01", mesh_format="obj"))
+        shown.viewer["broken"].set_object(like("ObjMeshGeometry", contents=b"\x00\x01", mesh_format="obj"))
 
 
 def test_points_and_lines_are_drawn(shown: Any) -> None:

@@ -196,7 +196,7 @@ def test_wrong_contacts_are_refused() -> None:
 @pytest.mark.parametrize("name", VISUALIZERS.split())
 def test_visualizers_are_made_and_show_nothing(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     visualizers._warn.cache_clear()
-    monkeypatch.setattr(visualizers, "_installed", lambda: False)
+    monkeypatch.setattr(visualizers, "installed", lambda package: False)
     model, kind = arm(ours), getattr(visualize, f"{name}Visualizer")
     with pytest.warns(UserWarning, match="shows nothing: .*pip install viser pycollada"):
         shown = kind(model, ours.GeometryModel(), ours.GeometryModel())
@@ -230,7 +230,7 @@ def test_visualizers_are_made_and_show_nothing(name: str, monkeypatch: pytest.Mo
 
 def test_a_robot_is_shown_by_nothing_too(monkeypatch: pytest.MonkeyPatch) -> None:
     visualizers._warn.cache_clear()
-    monkeypatch.setattr(visualizers, "_installed", lambda: False)
+    monkeypatch.setattr(visualizers, "installed", lambda package: False)
     robot = ours.RobotWrapper(arm(ours))
     assert robot.viewer is None
     with pytest.raises(RuntimeError, match="expected initViewer or setVisualizer before"):

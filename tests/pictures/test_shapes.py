@@ -14,7 +14,7 @@ from spatialdyn.model.robot_checks import make_link
 from spatialdyn.pictures.inertia_shapes import BOX, WRONG, box_of, inertia_boxes, joint_axes, reach, turned_to
 from spatialdyn.pictures.mesh_files import NotDrawnError, find_mesh
 from spatialdyn.pictures.robot_shapes import robot_shapes
-from spatialdyn.pictures.shapes import mesh_shapes, primitive_shape, urdf_shapes
+from spatialdyn.pictures.shapes import coal_shape, mesh_shapes, urdf_shapes
 
 trimesh = pytest.importorskip("trimesh")
 
@@ -261,8 +261,8 @@ def test_units_of_collada_are_metres(tmp_path: Path) -> None:
 
 
 def test_sharp_edges_have_a_vertex_for_each_side_and_smooth_ones_share() -> None:
-    can = primitive_shape("a", type("Cylinder", (), {"radius": 1.0, "halfLength": 1.0}), (1.0, 1.0, 1.0, 1.0))
-    ball = primitive_shape("a", type("Sphere", (), {"radius": 1.0}), (1.0, 1.0, 1.0, 1.0))
+    can = coal_shape("a", type("Cylinder", (), {"radius": 1.0, "halfLength": 1.0}), (1.0, 1.0, 1.0, 1.0))
+    ball = coal_shape("a", type("Sphere", (), {"radius": 1.0}), (1.0, 1.0, 1.0, 1.0))
     assert can is not None
     assert ball is not None
     rim = np.isclose(np.linalg.norm(can.vertices[:, :2], axis=1), 1.0)
@@ -271,11 +271,11 @@ def test_sharp_edges_have_a_vertex_for_each_side_and_smooth_ones_share() -> None
     capsule = type("Capsule", (), {"radius": 0.5, "halfLength": 1.0})()
     egg = type("Ellipsoid", (), {"radii": np.array([1.0, 2.0, 3.0])})()
     for given, extent in ((capsule, (1.0, 1.0, 3.0)), (egg, (2.0, 4.0, 6.0))):
-        drawn = primitive_shape("a", given, (1.0, 1.0, 1.0, 1.0))
+        drawn = coal_shape("a", given, (1.0, 1.0, 1.0, 1.0))
         assert drawn is not None
         assert np.ptp(drawn.vertices, axis=0) == pytest.approx(extent, rel=1e-2)
         assert drawn.vertices.max(axis=0) == pytest.approx(-drawn.vertices.min(axis=0), abs=1e-12)
-    assert primitive_shape("a", object(), (1.0, 1.0, 1.0, 1.0)) is None
+    assert coal_shape("a", object(), (1.0, 1.0, 1.0, 1.0)) is None
 
 
 # --- inertias --------------------------------------------------------------------------------------------

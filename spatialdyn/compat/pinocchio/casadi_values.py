@@ -41,7 +41,19 @@ def skew(x: Any) -> Any:
     return framework("casadi").skew(matrix(x))
 
 
-class Moved:
+class Placed:
+    """Base of what a pose moves, an SE3 of numbers too."""
+
+    @staticmethod
+    def _to_parent(placement: Any, x: Any) -> Any:
+        return SE3(placement).act(x)
+
+    @staticmethod
+    def _to_child(placement: Any, x: Any) -> Any:
+        return SE3(placement).actInv(x)
+
+
+class Moved(Placed):
     """A Motion or Force: ``(vector (6,))``, ``(linear, angular)``, or none of them for zero."""
 
     def __init__(self, *given: Any) -> None:
@@ -80,14 +92,6 @@ class Moved:
     def __rmul__(self, other: Any) -> Any:
         return self._to_parent(other, self) if isinstance(other, Placement) else self * other
 
-    @staticmethod
-    def _to_parent(placement: Any, x: Any) -> Any:
-        return SE3(placement).act(x)
-
-    @staticmethod
-    def _to_child(placement: Any, x: Any) -> Any:
-        return SE3(placement).actInv(x)
-
 
 class Motion(Moved):
     """Linear and angular velocity or acceleration, as expressions."""
@@ -97,7 +101,7 @@ class Force(Moved):
     """Force and moment, as expressions."""
 
 
-class SE3:
+class SE3(Placed):
     """A pose: ``(rotation (3, 3), translation (3,))``, ``(homogeneous (4, 4))``, an SE3 of either kind, or none."""
 
     def __init__(self, *given: Any) -> None:
@@ -149,8 +153,7 @@ class SE3:
         """The same from the reference frame to the frame."""
         return self.inverse().act(other)
 
-    def __mul__(self, other: Any) -> Any:
-        return self.act(other)
+    __mul__ = act
 
     def __rmul__(self, other: Any) -> Any:
         return SE3(other).act(self)
@@ -161,14 +164,6 @@ class SE3:
         return casadi.vertcat(casadi.horzcat(R, skew(self.translation) @ R), casadi.horzcat(casadi.DM.zeros(3, 3), R))
 
     action = property(toActionMatrix, doc="``toActionMatrix``.")
-
-    @staticmethod
-    def _to_parent(placement: Any, x: SE3) -> SE3:
-        return SE3(placement).act(x)  # type: ignore[no-any-return]
-
-    @staticmethod
-    def _to_child(placement: Any, x: SE3) -> SE3:
-        return SE3(placement).actInv(x)  # type: ignore[no-any-return]
 
 
 # --- exponential and logarithm -----------------------------------------------------------------------------

@@ -33,16 +33,10 @@ def rpyToMatrix(roll: Any, pitch: Any = None, yaw: Any = None) -> Array:
 
 def rotate(axis: str, angle: float) -> Array:
     """The rotation (3, 3) by an angle [rad] about an axis, "x", "y" or "z"."""
-    found: Array
-    if axis == "x":
-        found = _of_angles(angle, 0.0, 0.0)
-    elif axis == "y":
-        found = _of_angles(0.0, angle, 0.0)
-    elif axis == "z":
-        found = _of_angles(0.0, 0.0, angle)
-    else:
+    if axis not in ("x", "y", "z"):
         raise SpatialDynError(f'axis is {axis!r}, expected "x", "y" or "z"')
-    return found
+    roll, pitch, yaw = (angle if axis == "x" else 0.0), (angle if axis == "y" else 0.0), (angle if axis == "z" else 0.0)
+    return _of_angles(roll, pitch, yaw)  # type: ignore[no-any-return]
 
 
 def computeRpyJacobian(rpy: Any, reference_frame: ReferenceFrame = LOCAL) -> Array:

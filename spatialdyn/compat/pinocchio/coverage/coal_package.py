@@ -13,8 +13,13 @@ from .coverage import OutOfScopeAttributeError, OutOfScopeError
 
 def has_coal() -> bool:
     """Whether coal is installed, without importing it."""
+    return installed("coal")
+
+
+def installed(package: str) -> bool:
+    """Whether a package is installed, without importing it."""
     try:
-        return find_spec("coal") is not None
+        return find_spec(package) is not None
     except ValueError:  # blocked by a None in sys.modules
         return False
 

@@ -92,26 +92,3 @@ class Described:
             return package.MeshLoader().load(self.path, np.array(self.sizes))
         except Exception as error:  # of coal's readers, of any kind
             raise MissingMeshError(f"the mesh {self.path} of {name} cannot be read: {error}") from error
-
-
-def triangles(shape: Any) -> tuple[Any, Any] | None:
-    """Vertices (n, 3) and faces (m, 3) of a mesh, convex shape or height field of coal; None without any."""
-    if hasattr(shape, "num_tris"):
-        points, corners = shape.vertices(), [shape.tri_indices(k) for k in range(shape.num_tris)]
-    elif hasattr(shape, "polygons"):
-        points, corners = shape.points(), [shape.polygons(k) for k in range(shape.num_polygons)]
-    elif hasattr(shape, "getHeights"):
-        return _surface(shape.getXGrid(), shape.getYGrid(), shape.getHeights())
-    else:
-        return None
-    faces = np.array([[int(corner[i]) for i in range(3)] for corner in corners])
-    return (np.array(points), faces) if len(faces) else None
-
-
-def _surface(x: Any, y: Any, heights: Any) -> tuple[Any, Any]:
-    """Vertices and faces, upwards, of heights (len(y), len(x)) over a grid whose y falls, as coal's."""
-    across, along = np.meshgrid(np.ravel(x), np.ravel(y))
-    at = np.arange(heights.size).reshape(heights.shape)
-    a, b, c, d = (part.ravel() for part in (at[:-1, :-1], at[:-1, 1:], at[1:, :-1], at[1:, 1:]))
-    points = np.stack([across.ravel(), along.ravel(), np.asarray(heights).ravel()], axis=1)
-    return points, np.concatenate([np.stack([a, d, b], axis=1), np.stack([a, c, d], axis=1)])

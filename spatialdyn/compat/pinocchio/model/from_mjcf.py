@@ -7,41 +7,29 @@ leaves out the places of joints in their bodies, gravity, bodies beside the firs
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from ....errors import ModelError, SpatialDynError
-from ....model.joint_rows import joint_transform
+from ....model.robot import Link, RobotJoint
 from ....sources.load import compiled_file
-from ....sources.mjmodel import Tree, inertia_of, mjmodel_gravity, model_name, reflected, tree_of
+from ....sources.mjmodel import Tree, mjmodel_gravity, model_name, need_mujoco, tree_of
 from ....sources.mjmodel_scene import equality_ends
-from ....sources.mjmodel_values import FREE, HINGE, KINDS, SLIDE, floats_of, name_of, pose_of
-from ..types.arguments import ArgumentError, Array, described, expected
+from ....sources.mjmodel_values import FREE, HINGE, SLIDE, name_of
+from ..types.arguments import ArgumentError, Array, described, expected, path
 from ..types.frame import BODY, FIXED_JOINT, OP_FRAME, Frame
-from ..types.inertia import Inertia
 from ..types.motion import Motion
 from ..types.se3 import SE3
 from .constraints import ContactType, RigidConstraintModel, StdVec_RigidConstraintModel
-from .from_urdf import UNIT_BOUND, one_axis
+from .from_urdf import inertia_of, joint_model, placed, position_limits
 from .joint import JointModel
-from .joints import JointModelComposite, JointModelFreeFlyer, JointModelSpherical
+from .joints import JointModelComposite
 from .model import Model
 
 __all__ = ["buildModelAndLegacyConstraintsFromMJCF", "buildModelFromMJCF"]
 
 ROOT_NAME = "root_joint"
-
-
-class Part(NamedTuple):
-    """A joint of a body: its model, place after the joint or body before it, and position limits (nq,)."""
-
-    number: int
-    model: Any
-    placement: SE3
-    lower: Array
-    upper: Array
 
 
 def buildModelFromMJCF(mjcf_filename: Any, root_joint: JointModel | None = None, root_joint_name: Any = None) -> Any:
@@ -74,9 +62,7 @@ def buildModelAndLegacyConstraintsFromMJCF(
 
 def compiled(mjcf_filename: Any) -> Any:
     """The MjModel of an MJCF file. Raises ArgumentError, SpatialDynError."""
-    if not isinstance(mjcf_filename, str) and not hasattr(mjcf_filename, "__fspath__"):
-        raise ArgumentError(f"mjcf_filename is {described(mjcf_filename)}, expected a str or Path")
-    return compiled_file(str(mjcf_filename))
+    return compiled_file(str(path(mjcf_filename, "mjcf_filename")))
 
 
 def body_frame(tree: Tree, model: Model, body: int) -> int:
@@ -91,9 +77,7 @@ def body_frame(tree: Tree, model: Model, body: int) -> int:
 
 def constraints_of(m: Any, model: Model) -> Any:
     """A contact for each active connect and weld."""
-    import mujoco
-
-    tree, made = tree_of(m), StdVec_RigidConstraintModel()
+    mujoco, tree, made = need_mujoco(), tree_of(m), StdVec_RigidConstraintModel()
     kinds = {int(mujoco.mjtEq.mjEQ_CONNECT): ("connect", ContactType.CONTACT_3D),
              int(mujoco.mjtEq.mjEQ_WELD): ("weld", ContactType.CONTACT_6D)}  # fmt: skip
     for e in range(m.neq):
@@ -120,85 +104,54 @@ def model_of(m: Any, root_joint: JointModel | None = None, root_joint_name: str 
     model.gravity = Motion(np.array([*mjmodel_gravity(m), 0.0, 0.0, 0.0]))
     carrier = 0
     if root_joint is not None:
-        free = [tree.joint_of[j] for j in range(m.njnt) if int(m.jnt_type[j]) == FREE]
+        free = [joint.name for joint in tree.joints if joint.kind == "floating"]
         if free:
             raise SpatialDynError(f'root_joint is given and the file has the free joint "{free[0]}", expected one')
         name = expected(root_joint_name, str, "root_joint_name")
         carrier = model.addJointFrame(model.addJoint(0, root_joint, SE3.Identity(), name), 0)
-    frames = {0: carrier}
+    frames, onto = {0: carrier}, {joint.child: joint for joint in tree.joints}
+    links = {link.name: link for link in tree.links}
     for body in range(m.nbody):
         if body:
-            frames[body] = _add_body(m, tree, model, body, frames[int(m.body_parentid[body])])
+            above, link = int(m.body_parentid[body]), links[tree.link_of[body]]
+            joints = [onto[link.name]]
+            while joints[0].parent != tree.link_of[above]:
+                joints.insert(0, onto[joints[0].parent])
+            frames[body] = _add_body(model, link, joints, frames[above], _of_freedoms(m, body))
         for site in np.flatnonzero(np.asarray(m.site_bodyid) == body).tolist():
-            X = SE3(pose_of(m.site_pos[site], m.site_quat[site]))
-            at = model.frames[frames[body]]
-            name = name_of(m, mujoco_site(), site) or tree.site_of[site]
-            model.addFrame(Frame(name, at.parentJoint, frames[body], at.placement * X, OP_FRAME))
+            at, link = model.frames[frames[body]], tree.site_of[site]
+            name = name_of(m, need_mujoco().mjtObj.mjOBJ_SITE, site) or link
+            model.addFrame(Frame(name, at.parentJoint, frames[body], at.placement * placed(onto[link]), OP_FRAME))
     if root_joint is None:
         _add_configurations(m, model)
     return model
 
 
-def mujoco_site() -> Any:
-    """The kind of object that a site is."""
-    import mujoco
-
-    return mujoco.mjtObj.mjOBJ_SITE
-
-
-def _add_body(m: Any, tree: Tree, model: Model, body: int, before: int) -> int:
-    """Add a body and its joints; returns its frame."""
-    name, carrier = tree.link_of[body], model.frames[before]
-    X = carrier.placement * SE3(pose_of(m.body_pos[body], m.body_quat[body]))
-    mass, com, I = inertia_of(m, body) or (0.0, np.zeros(3), np.zeros((3, 3)))
-    inertia = Inertia.over(np.array([mass, *com, I[0, 0], I[0, 1], I[1, 1], I[0, 2], I[1, 2], I[2, 2]]))
-    parts = [*_parts(m, body)]
-    if not parts:
+def _add_body(model: Model, link: Link, joints: list[RobotJoint], before: int, limits: dict[str, Array]) -> int:
+    """Add a body on a chain of joints, the last perhaps fixed, with limits of its freedoms; returns its frame."""
+    carrier, inertia = model.frames[before], inertia_of(link)
+    place, moving = carrier.placement * placed(joints[0]), [joint for joint in joints if joint.kind != "fixed"]
+    if not moving:
         if before == 0:
-            return model.addFrame(Frame(name, 0, 0, X, BODY, inertia))
-        at = model.addFrame(Frame(f"{name}_fixed", carrier.parentJoint, before, X, FIXED_JOINT, inertia))
-        return model.addFrame(Frame(name, carrier.parentJoint, at, X, BODY))
-    first = tree.joint_of[parts[0].number]
-    free = int(m.jnt_type[parts[0].number]) == FREE
-    placement = SE3.Identity() if free else X * parts[0].placement
-    joint, called = parts[0].model, first
+            return model.addFrame(Frame(link.name, 0, 0, place, BODY, inertia))
+        at = model.addFrame(Frame(f"{link.name}_fixed", carrier.parentJoint, before, place, FIXED_JOINT, inertia))
+        return model.addFrame(Frame(link.name, carrier.parentJoint, at, place, BODY))
+    parts = [joint_model(joint) for joint in moving]
+    made, name = parts[0], moving[0].name
     if len(parts) > 1:
-        joint, called = JointModelComposite(joint), f"Composite_{first}"
-        for part in parts[1:]:
-            joint.addJoint(part.model, part.placement)
-    limits = {"min_config": np.concatenate([x.lower for x in parts]),
-              "max_config": np.concatenate([x.upper for x in parts]), **_of_freedoms(m, body)}  # fmt: skip
-    index = model.addJoint(carrier.parentJoint, joint, placement, called, **limits)
-    dofs = slice(int(m.body_dofadr[body]), int(m.body_dofadr[body]) + int(m.body_dofnum[body]))
-    own = slice(model.idx_vs[index], model.idx_vs[index] + model.nvs[index])
-    model.armature[own] = np.asarray(m.dof_armature)[dofs] + reflected(m)[dofs]
-    back = np.eye(4)
-    back[:3, 3] = 0.0 if free else -np.asarray(m.jnt_pos[parts[-1].number])
-    if mass:
-        model.appendBodyToJoint(index, inertia, SE3(back))
-    frame = model.addBodyFrame(name, index, SE3(back), model.addJointFrame(index, before))
+        made, name = JointModelComposite(made), f"Composite_{name}"
+        for joint, part in zip(moving[1:], parts[1:], strict=True):
+            made.addJoint(part, placed(joint))
+    bounds = zip(*map(position_limits, moving, parts), strict=True)
+    limits |= zip(("min_config", "max_config"), map(np.concatenate, bounds), strict=True)
+    index = model.addJoint(carrier.parentJoint, made, place, name, **limits)
+    rotors = [np.broadcast_to(joint.armature, part.nv) for joint, part in zip(moving, parts, strict=True)]
+    model.armature[model.idx_vs[index] : model.idx_vs[index] + made.nv] = np.concatenate(rotors)
+    back = placed(joints[-1]) if joints[-1].kind == "fixed" else SE3.Identity()
+    if link.mass:
+        model.appendBodyToJoint(index, inertia, back)
+    frame = model.addBodyFrame(link.name, index, back, model.addJointFrame(index, before))
     return int(frame)
-
-
-def _parts(m: Any, body: int) -> Iterator[Part]:
-    """The joints of a body, each placed from the one before it."""
-    count, first = int(m.body_jntnum[body]), int(m.body_jntadr[body])
-    before = np.zeros(3)
-    for j in range(first, first + count):
-        kind = int(m.jnt_type[j])
-        X = np.eye(4)
-        X[:3, 3] = np.asarray(m.jnt_pos[j]) - before
-        before = np.array(m.jnt_pos[j])
-        if kind in (HINGE, SLIDE):
-            axis, ref = floats_of(m.jnt_axis[j]), float(m.qpos0[m.jnt_qposadr[j]])
-            back = joint_transform(KINDS[kind], np.array(axis), np.array([-ref]), "angle", 0.0) if ref else np.eye(4)
-            lower, upper = floats_of(m.jnt_range[j]) if m.jnt_limited[j] else (-math.inf, math.inf)
-            yield Part(j, one_axis(KINDS[kind], axis), SE3(X @ back), np.array([lower]), np.array([upper]))
-        else:
-            free = kind == FREE
-            upper_of = np.array([math.inf] * 3 * free + [UNIT_BOUND] * 4)
-            made = JointModelFreeFlyer() if free else JointModelSpherical()
-            yield Part(j, made, SE3(X), -upper_of, upper_of)
 
 
 def _of_freedoms(m: Any, body: int) -> dict[str, Array]:
@@ -216,9 +169,7 @@ def _of_freedoms(m: Any, body: int) -> dict[str, Array]:
 
 def _add_configurations(m: Any, model: Model) -> None:
     """qpos0 and the keyframes, quaternions x y z w."""
-    import mujoco
-
-    keys = {name_of(m, mujoco.mjtObj.mjOBJ_KEY, k): m.key_qpos[k] for k in range(m.nkey)}
+    keys = {name_of(m, need_mujoco().mjtObj.mjOBJ_KEY, k): m.key_qpos[k] for k in range(m.nkey)}
     for name, qpos in {**keys, "qpos0": m.qpos0}.items():
         q = np.array(qpos, float)
         for j in range(m.njnt):

@@ -16,12 +16,12 @@ from ....bodies.kinds import kind_of
 from ....errors import ModelError
 from ....model.robot import Link, Robot, RobotJoint
 from ....urdf.load import read_urdf
-from ..types.arguments import ArgumentError, described, expected
+from ..types.arguments import ArgumentError, Array, described, expected, path, urdf_text
 from ..types.frame import BODY, FIXED_JOINT, Frame
 from ..types.inertia import Inertia
 from ..types.se3 import SE3
 from .joint import JointModel, X, Y, Z
-from .joints import BY_AXIS, JointModelFreeFlyer, JointModelMimic, JointModelPlanar
+from .joints import BY_AXIS, JointModelFreeFlyer, JointModelMimic, JointModelPlanar, JointModelSpherical
 from .model import Model
 
 __all__ = ["buildModelFromUrdf", "buildModelFromXML"]
@@ -42,17 +42,12 @@ def buildModelFromUrdf(urdf_filename: Any, *arguments: Any, **named: Any) -> Mod
 
     Raises UrdfError naming file, line, element and value; ModelError.
     """
-    if not isinstance(urdf_filename, str) and not hasattr(urdf_filename, "__fspath__"):
-        raise ArgumentError(f"urdf_filename is {described(urdf_filename)}, expected a str or Path")
-    return _build(urdf_filename, "buildModelFromUrdf", arguments, named)
+    return _build(path(urdf_filename, "urdf_filename"), "buildModelFromUrdf", arguments, named)
 
 
 def buildModelFromXML(urdf_xml_stream: str, *arguments: Any, **named: Any) -> Model:
     """The Model of URDF text; other arguments and errors as of ``buildModelFromUrdf``."""
-    text = expected(urdf_xml_stream, str, "urdf_xml_stream")
-    if not text.lstrip("\ufeff \t\r\n").startswith("<"):
-        raise ModelError(f"urdf_xml_stream is {text[:40]!r}, expected URDF text")
-    return _build(text, "buildModelFromXML", arguments, named)
+    return _build(urdf_text(urdf_xml_stream, "urdf_xml_stream"), "buildModelFromXML", arguments, named)
 
 
 def _build(source: Any, call: str, arguments: tuple[Any, ...], named: dict[str, Any]) -> Model:
@@ -87,7 +82,7 @@ def append(model: Model, robot: Robot, root_joint: JointModel | None, root_name:
     links, children = {link.name: link for link in robot.links}, robot.children
     root = links[robot.root]
     if root_joint is None:
-        at = model.addFrame(Frame(root.name, 0, 0, SE3.Identity(), BODY, _inertia(root)))
+        at = model.addFrame(Frame(root.name, 0, 0, SE3.Identity(), BODY, inertia_of(root)))
     else:
         index = model.addJoint(0, root_joint, SE3.Identity(), root_name)
         at = _body(model, index, model.addJointFrame(index, 0), root)
@@ -102,9 +97,9 @@ def append(model: Model, robot: Robot, root_joint: JointModel | None, root_name:
 def _joint(model: Model, robot: str, joint: RobotJoint, before: int, link: Link, mimic: bool) -> int:
     """Add a joint and its child link; returns the link's frame."""
     carrier = model.frames[before]
-    placement = carrier.placement * SE3(np.reshape(joint.placement, (4, 4)))
+    placement = carrier.placement * placed(joint)
     if joint.kind == "fixed":
-        frame = Frame(joint.name, carrier.parentJoint, before, placement, FIXED_JOINT, _inertia(link))
+        frame = Frame(joint.name, carrier.parentJoint, before, placement, FIXED_JOINT, inertia_of(link))
         at = model.addFrame(frame)
         return model.addFrame(Frame(link.name, carrier.parentJoint, at, placement, BODY))
     made = joint_model(joint)
@@ -123,11 +118,17 @@ def _joint(model: Model, robot: str, joint: RobotJoint, before: int, link: Link,
 def _body(model: Model, joint: int, frame: int, link: Link) -> int:
     """Add a link to a joint; returns its frame."""
     if link.mass or any(link.inertia):
-        model.appendBodyToJoint(joint, _inertia(link), SE3.Identity())
+        model.appendBodyToJoint(joint, inertia_of(link), SE3.Identity())
     return model.addBodyFrame(link.name, joint, SE3.Identity(), frame)
 
 
-def _inertia(link: Link) -> Inertia:
+def placed(joint: RobotJoint) -> SE3:
+    """The place of a joint on its parent link."""
+    return SE3(np.reshape(joint.placement, (4, 4)))
+
+
+def inertia_of(link: Link) -> Inertia:
+    """The inertia of a link."""
     xx, xy, xz, _, yy, yz, _, _, zz = link.inertia
     # not by the constructor, which refuses the impossible inertias of some files
     return Inertia.over(np.array([link.mass, *link.com, xx, xy, yy, xz, yz, zz]))
@@ -146,8 +147,8 @@ def joint_model(joint: RobotJoint) -> Any:
     """The joint model of a robot's joint. A planar joint ignores its axis, with a warning if that is not z."""
     if joint.kind in ("revolute", "continuous", "prismatic"):
         return one_axis(joint.kind, joint.axis)
-    if joint.kind == "floating":
-        return JointModelFreeFlyer()
+    if joint.kind in ("floating", "spherical"):
+        return (JointModelFreeFlyer if joint.kind == "floating" else JointModelSpherical)()
     if joint.kind == "planar":
         if joint.axis != Z:
             warnings.warn(
@@ -159,19 +160,22 @@ def joint_model(joint: RobotJoint) -> Any:
     raise ModelError(f'joint "{joint.name}" is {joint.kind}, expected a revolute, prismatic, floating or planar joint')
 
 
+def position_limits(joint: RobotJoint, made: JointModel) -> tuple[Array, Array]:
+    """Least and largest coordinates (nq,) of a joint, as Pinocchio's parser sets them."""
+    if joint.kind in ("revolute", "prismatic"):
+        return np.full(made.nq, joint.lower), np.full(made.nq, joint.upper)
+    free = kind_of(joint.kind).lengths
+    upper = np.array([math.inf] * free + [UNIT_BOUND] * (made.nq - free))
+    return -upper, upper
+
+
 def _limits(joint: RobotJoint, made: JointModel) -> dict[str, Any]:
     """The limit arguments of ``addJoint``, as Pinocchio's parser sets them."""
-    nq, nv = made.nq, made.nv
-    if joint.kind in ("revolute", "prismatic"):
-        lower, upper = np.full(nq, joint.lower), np.full(nq, joint.upper)
-    else:
-        free = kind_of(joint.kind).lengths
-        upper = np.array([math.inf] * free + [UNIT_BOUND] * (nq - free))
-        lower = -upper
+    nv = made.nv
     one = joint.kind not in ("floating", "planar")
     effort, velocity = (np.full(nv, x if one else math.inf) for x in (joint.effort, joint.velocity))
     friction, damping = (np.full(nv, x if one else 0.0) for x in (joint.friction, joint.damping))
-    limits = {"effort": (-effort, effort), "velocity": (-velocity, velocity), "config": (lower, upper)}
+    limits = {"effort": (-effort, effort), "velocity": (-velocity, velocity), "config": position_limits(joint, made)}
     limits["friction"] = -friction, friction
     found = {f"{end}_{name}": x for name, pair in limits.items() for end, x in zip(("min", "max"), pair, strict=True)}
     return {**found, "damping": damping}

@@ -360,10 +360,7 @@ class GeometryData(_Bookkeeping):
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "_kept": {}}
 
-    collisionRequests = _per_pair("collisionRequests")
-    collisionResults = _per_pair("collisionResults")
-    distanceRequests = _per_pair("distanceRequests")
-    distanceResults = _per_pair("distanceResults")
+    collisionRequests, collisionResults, distanceRequests, distanceResults = map(_per_pair, _COAL)
 
 
 def _shown(x: GeometryObject) -> str:

@@ -1,6 +1,6 @@
 """Geometry of a URDF as GeometryObjects: ``buildGeomFromUrdf``, ``buildModelsFromUrdf``.
 
-Objects are in Pinocchio's order, links depth first as joints are; each is named by its link and its number there. A
+Objects are in Pinocchio's order, that of the model's bodies; each is named by its link and its number there. A
 mesh is read when its shape is first needed.
 """
 
@@ -16,7 +16,7 @@ from ....pictures.mesh_files import mesh_path
 from ....pictures.shapes import urdf_elements
 from ....urdf.sources import read_source
 from ....urdf.strict_xml import StrictReader
-from ..types.arguments import ArgumentError, by_name, described, expected
+from ..types.arguments import by_name, expected, path, urdf_text
 from ..types.frame import BODY
 from ..types.se3 import SE3
 from .coal_shapes import Described
@@ -39,19 +39,14 @@ def buildGeomFromUrdf(model: Model, urdf_filename: Any, geom_type: Any, *argumen
     A mesh that is not found is an error when its shape is needed, not before.
     Raises UrdfError for a file that cannot be read, ModelError for a link that the model does not have.
     """
-    if not isinstance(urdf_filename, str) and not hasattr(urdf_filename, "__fspath__"):
-        raise ArgumentError(f"urdf_filename is {described(urdf_filename)}, expected a str or Path")
-    return _built("buildGeomFromUrdf", model, urdf_filename, geom_type, arguments, named)
+    return _built("buildGeomFromUrdf", model, path(urdf_filename, "urdf_filename"), geom_type, arguments, named)
 
 
 def buildGeomFromUrdfString(
     model: Model, urdf_string: str, geom_type: Any, *arguments: Any, **named: Any
 ) -> GeometryModel:
     """The shapes of a URDF text on the joints of a model; other arguments and errors as of ``buildGeomFromUrdf``."""
-    text = expected(urdf_string, str, "urdf_string")
-    if not text.lstrip("\ufeff \t\r\n").startswith("<"):
-        raise ModelError(f"urdf_string is {text[:40]!r}, expected URDF text")
-    return _built("buildGeomFromUrdfString", model, text, geom_type, arguments, named)
+    return _built("buildGeomFromUrdfString", model, urdf_text(urdf_string, "urdf_string"), geom_type, arguments, named)
 
 
 def buildModelsFromUrdf(filename: Any, *arguments: Any, **named: Any) -> tuple[Any, ...]:
@@ -96,48 +91,32 @@ def _built(
 
 
 def _objects(model: Model, source: Any, kind: Any, folders: Sequence[str]) -> Iterator[GeometryObject]:
-    """The objects of a kind, in order."""
+    """The objects of a kind, in the order of the model's bodies."""
     StrictReader("geometry", None, skip_leftovers=True).read(read_source(source)[1])
     elements, home = urdf_elements(source)
     palette = {x.name: x for x in elements.materials}
-    of_link = {link.name: link for link in elements.links}
     for link in elements.links:  # the first material of a name that has a colour is that of all
         for element in link.visuals:
             material = element.material
             if material is not None and (material.color is not None or material.texture is not None):
                 palette.setdefault(material.name, material)
     bodies = {frame.name: k for k, frame in enumerate(model.frames) if frame.type == BODY}
-    for name in _depth_first(elements):
-        if name not in of_link:
-            continue
-        found = of_link[name].visuals if kind == VISUAL else of_link[name].collisions
-        if found and name not in bodies:
-            raise ModelError(f'model "{model.name}" has no link "{name}", expected one built of this URDF')
+    for link in sorted(elements.links, key=lambda link: bodies.get(link.name, 0)):
+        found = link.visuals if kind == VISUAL else link.collisions
+        if found and link.name not in bodies:
+            raise ModelError(f'model "{model.name}" has no link "{link.name}", expected one built of this URDF')
         for k, element in enumerate(found):
-            at = bodies[name]
+            at = bodies[link.name]
             frame = model.frames[at]
             origin = np.eye(4) if element.origin is None else np.asarray(element.origin, float)
             shape = _shape(element.geometry, home, folders)
             color, texture, given = _material(element if kind == VISUAL else None, palette, home, folders)
             made = GeometryObject(
-                f"{name}_{k}", frame.parentJoint, at, frame.placement * SE3(origin), None,
+                f"{link.name}_{k}", frame.parentJoint, at, frame.placement * SE3(origin), None,
                 shape.path or shape.kind.upper(), shape.sizes if shape.path else np.ones(3), given, color, texture,
             )  # fmt: skip
             made._described = shape
             yield made
-
-
-def _depth_first(robot: Any) -> Iterator[str]:
-    """Names of links, children in byte order of their joints' names."""
-    children: dict[str, list[str]] = {}
-    for joint in sorted(robot.joints, key=lambda x: str(x.name).encode()):
-        children.setdefault(joint.parent, []).append(joint.child)
-    below = {joint.child for joint in robot.joints}
-    stack = [link.name for link in robot.links if link.name not in below]
-    while stack:
-        link = stack.pop()
-        yield link
-        stack += reversed(children.get(link, []))
 
 
 def _shape(given: Any, home: Any, folders: Sequence[str]) -> Described:

@@ -64,8 +64,8 @@ class JointModel(OwnedValue, metaclass=Variant):
 
     __slots__ = ("_owner", "id", "idx_q", "idx_v", "idx_vExtended")
     _name = "JointModel"
-    _nq, _nv, _unlimited = 1, 1, (1, 1)  # the first coordinates and velocities that can have a limit
     _steps: tuple[Step, ...] = ()
+    _nq, _nv, _bounded = 0, 0, 0  # of the steps; the first coordinates, this many, can have a limit
     _own_kind: Any  # the class of its kind, and that of joints in a model
     _any_kind: Any
 
@@ -175,7 +175,7 @@ class JointModel(OwnedValue, metaclass=Variant):
 
     def limited(self, tangent: bool) -> list[bool]:
         """Whether each coordinate can have a limit; ``tangent``: whether that of each velocity can."""
-        return [k < self._unlimited[tangent] for k in range(self.nv if tangent else self.nq)]
+        return [k < self._bounded for k in range(self.nv if tangent else self.nq)]
 
     def copy(self) -> JointModel:
         """An independent copy that belongs to no model."""
@@ -204,10 +204,13 @@ def joint_kind(name: str, base: Any, doc: str | None, **own: Any) -> Any:
     """The class of a kind of joints with that name, and beside it the class of such joints in a model.
 
     base  class that behaves as these joints do
-    own   its attributes: _nq, _nv, _unlimited, _steps ...
+    own   its attributes: _steps, of which the numbers of coordinates follow ...
     """
     space = {"__slots__": (), "__doc__": doc, "__module__": module_of_caller()}
-    behaviour: Any = Variant(f"_{name}", (base,), {**space, "_name": name, **own})
+    kinds = [kind_of(step.kind, "cos_sin") for step in own.get("_steps", ())]
+    sizes = [(kind.nq, kind.nv, kind.nq if kind.unit is None else kind.lengths) for kind in kinds]
+    numbers = dict(zip(("_nq", "_nv", "_bounded"), map(sum, zip(*sizes, strict=True)), strict=bool(sizes)))
+    behaviour: Any = Variant(f"_{name}", (base,), {**space, "_name": name, **numbers, **own})
     behaviour._any_kind = Variant("JointModel", (behaviour,), space)
     behaviour._own_kind = Variant(name, (behaviour,), space)
     return behaviour._own_kind

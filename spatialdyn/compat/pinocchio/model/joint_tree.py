@@ -87,37 +87,46 @@ class Joints(OwnedList[JointModel]):
         )
 
 
+class Attribute:
+    """What an attribute of each model is on the class: its documentation."""
+
+    def __init__(self, doc: str) -> None:
+        self.__doc__ = doc
+
+
+def attribute(doc: str) -> Any:
+    """The ``Attribute`` of an attribute, of the type that the attribute has in a model."""
+    return Attribute(doc)
+
+
 class Tree:
     """The part of a Model that concerns joints; index 0 is the universe.
 
-    parents, joints, names, jointPlacements, inertias   (njoints,) lists; an edit takes effect at the next call
-    idx_qs, nqs, idx_vs, nvs                            (njoints,) first index and number of each joint's q, v
-    supports, subtrees, children                        (njoints,) lists of indices
-    gravity                                             Motion
+    Lists have an entry for each joint (njoints,); an edit of one takes effect at the next call.
     """
 
-    name: str
-    nq: int
-    nv: int
-    nvExtended: int
-    nbodies: int
-    names: list[str]
-    parents: list[int]
-    joints: list[JointModel]
-    idx_qs: Indices
-    nqs: Indices
-    idx_vs: Indices
-    nvs: Indices
-    idx_vExtendeds: Indices
-    nvExtendeds: Indices
-    supports: list[Indices]
-    subtrees: list[Indices]
-    children: list[Indices]
-    mimicking_joints: Indices
-    mimicked_joints: Indices
-    mimic_joint_supports: list[Indices]
-    jointPlacements: Rows
-    inertias: Rows
+    name: str = attribute("The name of the robot.")
+    nq: int = attribute("Number of coordinates.")
+    nv: int = attribute("Number of velocities.")
+    nvExtended: int = attribute("Number of velocities without mimicking.")
+    nbodies: int = attribute("Number of appended bodies with the universe.")
+    names: list[str] = attribute("Names of the joints, a list to write into.")
+    parents: list[int] = attribute("Parents of the joints, a list to write into.")
+    joints: list[JointModel] = attribute("The joints, a list to write into.")
+    idx_qs: Indices = attribute("First index of each joint's coordinates.")
+    nqs: Indices = attribute("Number of each joint's coordinates.")
+    idx_vs: Indices = attribute("First index of each joint's velocities.")
+    nvs: Indices = attribute("Number of each joint's velocities.")
+    idx_vExtendeds: Indices = attribute("First index of each joint's velocities without mimicking.")
+    nvExtendeds: Indices = attribute("Number of each joint's velocities without mimicking.")
+    supports: list[Indices] = attribute("For each joint those that carry it, and itself.")
+    subtrees: list[Indices] = attribute("For each joint itself and those that it carries.")
+    children: list[Indices] = attribute("For each joint those right after it.")
+    mimicking_joints: Indices = attribute("The joints that mimic another.")
+    mimicked_joints: Indices = attribute("The joints that they mimic.")
+    mimic_joint_supports: list[Indices] = attribute("For each joint the mimic joints that carry it.")
+    jointPlacements: Rows = attribute("SE3 of each joint in its parent's frame, a list to write into.")
+    inertias: Rows = attribute("Inertia of each joint's bodies, a list to write into.")
     _arrays: dict[str, Array]
     _numbers: Numbers
     _gravity: Motion
@@ -286,6 +295,7 @@ class Tree:
         return Indices(k for k in range(1, self.njoints) if not self.children[k])
 
 
+ATTRIBUTES = [name for name, x in vars(Tree).items() if isinstance(x, Attribute)]
 ARRAYS = {x.name: x for x in vars(Tree).values() if isinstance(x, Entries)}
 BY_LIMIT = {x.limit: x for x in ARRAYS.values()}
 

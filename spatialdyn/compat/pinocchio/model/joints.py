@@ -48,7 +48,7 @@ class OneAxis(JointModel):
     """A joint along or about an axis."""
 
     __slots__ = ("_axis", "_pitch")
-    _kind = "revolute"
+    _kind: str
     _along: Vector | None = None  # the axis, where it is fixed
 
     def __init__(self, *given: Any, **named: Any) -> None:
@@ -87,8 +87,7 @@ def _motion_axis(joint: Any) -> Any:
 
 def _about(short: str, name: str, kind: str, doc: str, pitch: str = "") -> list[Any]:
     """The classes of joints about or along x, y, z, and any axis."""
-    own: dict[str, Any] = {"continuous": {"_nq": 2, "_unlimited": (0, 0)}, "helical": {"pitch": _PITCH}}.get(kind, {})
-    own["_kind"] = kind
+    own: dict[str, Any] = {"_kind": kind, "_steps": (Step(kind),), **({"pitch": _PITCH} if pitch else {})}
     aligned = doc + f": ``({pitch})``, 0 if left out." * bool(pitch)
     axes: list[tuple[str, Vector]] = [("x", X), ("y", Y), ("z", Z)]
     made = [
@@ -117,28 +116,26 @@ JointModelHX, JointModelHY, JointModelHZ, JointModelHelicalUnaligned = BY_AXIS["
 # --- several velocities ----------------------------------------------------------------------------------
 
 
-def _several(name: str, nq: int, nv: int, limits: int, doc: str, *steps: Step) -> Any:
-    return joint_kind(f"JointModel{name}", JointModel, doc, _nq=nq, _nv=nv, _unlimited=(limits, limits), _steps=steps)
+def _several(name: str, doc: str, *steps: Step) -> Any:
+    return joint_kind(f"JointModel{name}", JointModel, doc, _steps=steps)
 
 
 _SPHERICAL = "A rotation: q = quaternion x y z w, v = angular velocity in the body's axes."
 _ZYX = "A rotation by three angles, about z, the rotated y, the rotated x; v = their rates."
 _PLANAR = "A motion in the plane of x and y: q = x y cos sin, v in the body's axes."
 _FREE = "Any motion: q = x y z, quaternion x y z w; v in the body's axes, linear first."
-JointModelSpherical = _several("Spherical", 4, 3, 0, _SPHERICAL, Step("spherical"))
-JointModelSphericalZYX = _several("SphericalZYX", 3, 3, 3, _ZYX, *(Step("revolute", axis) for axis in (Z, Y, X)))
-JointModelTranslation = _several(
-    "Translation", 3, 3, 3, "A translation: q = x y z.", *(Step("prismatic", axis) for axis in (X, Y, Z))
-)
-JointModelPlanar = _several("Planar", 4, 3, 2, _PLANAR, Step("planar", Z))
-JointModelFreeFlyer = _several("FreeFlyer", 7, 6, 3, _FREE, Step("floating"))
+_ALONG = "A translation: q = x y z."
+JointModelSpherical = _several("Spherical", _SPHERICAL, Step("spherical"))
+JointModelSphericalZYX = _several("SphericalZYX", _ZYX, *(Step("revolute", axis) for axis in (Z, Y, X)))
+JointModelTranslation = _several("Translation", _ALONG, *(Step("prismatic", axis) for axis in (X, Y, Z)))
+JointModelPlanar = _several("Planar", _PLANAR, Step("planar", Z))
+JointModelFreeFlyer = _several("FreeFlyer", _FREE, Step("floating"))
 
 
 class Universal(JointModel):
     """Two rotations, about ``axis1`` and the rotated ``axis2``: ``(axis1 (3,), axis2 (3,))`` or six numbers."""
 
     __slots__ = ("_axis1", "_axis2")
-    _nq, _nv, _unlimited = 2, 2, (2, 2)
     axis1 = _axis("_axis1", "The first axis (3,); a copy: assign to change it.")
     axis2 = _axis("_axis2", "The second axis (3,); a copy: assign to change it.")
 
@@ -157,7 +154,8 @@ class Universal(JointModel):
         return *self._axis1, *self._axis2
 
 
-JointModelUniversal = joint_kind("JointModelUniversal", Universal, Universal.__doc__)
+_UNIVERSAL = Step("revolute", X), Step("revolute", Y)
+JointModelUniversal = joint_kind("JointModelUniversal", Universal, Universal.__doc__, _steps=_UNIVERSAL)
 
 
 class Composite(JointModel):
@@ -237,7 +235,6 @@ class Mimic(JointModel):
     """
 
     __slots__ = ("_leader", "_motion", "_offset", "_scaling")
-    _nq, _nv, _unlimited = 0, 0, (0, 0)
     nvExtended = property(lambda self: 1, doc=JointModel.nvExtended.__doc__)
     leader = property(lambda self: self._leader, doc="Index of the leader.")
     scaling = owned_attribute("_scaling", lambda x, joint: float(x), "Ratio of the joint's coordinate to its leader's.")

@@ -18,22 +18,14 @@ from ..types.se3 import SE3
 from ..types.tracked_list import OwnedList
 from .from_pinocchio import pinocchio_state
 from .joint import JointModel
-from .joint_tree import ARRAYS, BY_LIMIT, LIMITS, Indices, Tree, limit
+from .joint_tree import ARRAYS, ATTRIBUTES, BY_LIMIT, LIMITS, Indices, Tree, attribute, limit
 from .numbers import Numbers
 from .serialization_format import FORMAT, Stored, fill, state
 
 __all__ = ["Model"]
 
-FIXED = {  # attributes derived from others, and lists whose entries alone are assigned, with what they are
-    **dict.fromkeys(("nq", "nv", "nvExtended", "nbodies"), "A number of the model."),
-    **dict.fromkeys(("inertias", "joints", "names", "parents"), "A list with an entry for each joint, to write into."),
-    **dict.fromkeys(
-        ("children", "nqs", "nvs", "idx_qs", "idx_vs", "idx_vExtendeds", "nvExtendeds", "mimicking_joints",
-         "mimicked_joints", "mimic_joint_supports", "supports", "subtrees"), "Indices that follow from the joints.",
-    ),
-}  # fmt: skip
-COPIED = [name for name in (*FIXED, "name") if name != "inertias"]  # one by one; inertias are of the numbers
-OTHERS = dict.fromkeys(("name", "frames", "jointPlacements", "referenceConfigurations"), "An attribute of each model.")
+FIXED = {*ATTRIBUTES} - {"name", "jointPlacements"}  # derived from others, or lists whose entries alone are assigned
+COPIED = [x for x in ATTRIBUTES if x not in ("inertias", "jointPlacements")]  # one by one; those are of the numbers
 
 
 class Configuration(NamedTuple):
@@ -71,6 +63,8 @@ class Model(Tree, Stored, Copied):
     """
 
     _format = FORMAT
+    frames: list[Frame] = attribute("Frames on the joints, a list to write into.")
+    referenceConfigurations: dict[str, Array] = attribute("Configurations by name.")
 
     def __init__(self, clone: Any = None) -> None:
         """A model with the universe alone, or a copy of another, also of one of Pinocchio's own class.
@@ -84,8 +78,8 @@ class Model(Tree, Stored, Copied):
         super().__init__()
         universe = Frame("universe", 0, 0, SE3.Identity(), FIXED_JOINT)
         self._frames_by_name: dict[str, list[int]] | None = None  # frame indices; None after an edit
-        self.frames: list[Frame] = [universe]
-        self.referenceConfigurations: dict[str, Array] = Configurations()
+        self.frames = [universe]
+        self.referenceConfigurations = Configurations()
         self._sealed = True
         if of_pinocchio(clone, "Model"):
             fill(self, pinocchio_state(clone))
@@ -292,14 +286,3 @@ class Model(Tree, Stored, Copied):
         lines = [f"Nb joints = {self.njoints} (nq={self.nq},nv={self.nv})"]
         lines += [f"  Joint {k} {self.names[k]}: parent={self.parents[k]}" for k in range(self.njoints)]
         return "\n".join([*lines, ""])
-
-
-class Attribute:
-    """What ``Model.frames`` and its like are on the class; a model has its own."""
-
-    def __init__(self, doc: str) -> None:
-        self.__doc__ = doc
-
-
-for _name, _doc in {**FIXED, **OTHERS}.items():
-    setattr(Model, _name, Attribute(_doc))

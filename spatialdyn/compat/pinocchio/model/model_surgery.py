@@ -37,31 +37,14 @@ def buildReducedModel(model: Model, *arguments: Any, **named: Any) -> Any:
     given = by_name("buildReducedModel", names, arguments, named, 3)
     made = _reduced(model, given["list_of_joints_to_lock"], given["reference_configuration"])
     if not geometry:
-        return made
+        return made.whole
     shapes = given[geometry[0]]
     if isinstance(shapes, GeometryModel):
-        return made, _reduced_geometry(model, made, shapes)
-    return made, [_reduced_geometry(model, made, x) for x in shapes]
+        return made.whole, made.geometry(shapes)
+    return made.whole, [made.geometry(x) for x in shapes]
 
 
-def _reduced_geometry(model: Model, made: Model, given: GeometryModel) -> GeometryModel:
-    """The objects of a model on the joints of its reduced one, and their pairs."""
-    found: GeometryModel = expected(given, GeometryModel, "geom_model").copy()
-    joints = {name: k for k, name in enumerate(made.names)}
-    frames = {(frame.name, int(frame.type)): frame for frame in made.frames}
-    for x in found.geometryObjects:
-        name = model.names[x.parentJoint]
-        if name in joints:
-            x.parentJoint = joints[name]
-        else:  # a locked joint is a frame
-            at = frames[name, int(FIXED_JOINT)]
-            x.parentJoint, x.placement = at.parentJoint, at.placement * x.placement
-        if x.parentFrame < model.nframes:
-            x.parentFrame = made.getBodyId(model.frames[x.parentFrame].name)
-    return found
-
-
-def _reduced(model: Model, joints: Iterable[int], q: Any) -> Model:
+def _reduced(model: Model, joints: Iterable[int], q: Any) -> _Part:
     expected(model, Model, "model")
     if not isinstance(q, np.ndarray):
         raise ArgumentError(f"reference_configuration is {described(q)}, expected an array")
@@ -98,7 +81,7 @@ def transformJointIntoMimic(
         raise ModelError(f"joint {follower} cannot mimic joint {leader}, expected one before it")
     motion = input_model.joints[follower]
     mimic = JointModelMimic.of(motion, input_model.joints[leader], scaling, offset)
-    return _rebuilt(input_model, {}, {follower: mimic})
+    return _rebuilt(input_model, {}, {follower: mimic}).whole
 
 
 def appendModel(modelA: Model, modelB: Model, *arguments: Any, **named: Any) -> Any:
@@ -151,10 +134,7 @@ def _appended_geometry(made: tuple[Model, _Part, _Part], shapes: list[GeometryMo
     whole, parts, first = GeometryModel(), made[1:], 0
     for part, given in zip(parts, shapes, strict=True):
         first = whole.ngeoms
-        for x in given.copy().geometryObjects:
-            carrier = part.carriers[x.parentJoint]
-            x.parentJoint, x.placement = carrier.joint, carrier.placement * x.placement
-            x.parentFrame = part.frames.get(x.parentFrame, x.parentFrame)
+        for x in part.geometry(given).geometryObjects:
             whole.addGeometryObject(x)
         for pair in given.collisionPairs:
             whole.addCollisionPair(CollisionPair(pair.first + first, pair.second + first))
@@ -172,8 +152,8 @@ def _check_names(A: Model, B: Model) -> None:
             raise ModelError(f'both models have a {what} "{both[0]}", expected distinct names')
 
 
-def _rebuilt(model: Model, locked: Mapping[int, SE3], replaced: Mapping[int, JointModel]) -> Model:
-    """A model with some joints locked at a pose, others replaced; frames keep their indices."""
+def _rebuilt(model: Model, locked: Mapping[int, SE3], replaced: Mapping[int, JointModel]) -> _Part:
+    """A model, as a part, with some joints locked at a pose, others replaced; frames keep their indices."""
     whole = _empty_like(model)
     part = _Part(model, whole)
     part.fix(0, _Carrier(0, SE3.Identity()))
@@ -190,7 +170,7 @@ def _rebuilt(model: Model, locked: Mapping[int, SE3], replaced: Mapping[int, Joi
             whole.frames[at].type, whole.frames[at].inertia = FIXED_JOINT, model.inertias[frame.parentJoint]
     vars(whole)["nbodies"] = whole.njoints
     _copy_configurations(whole, part)
-    return whole
+    return part
 
 
 # --- copying piece by piece ----------------------------------------------------------------------------------
@@ -247,6 +227,15 @@ class _Part:
         before, placement = self.frames.get(frame.parentFrame, 0), carrier.placement * frame.placement
         self.frames[at] = self.whole.nframes
         self.whole.frames.append(Frame(frame.name, carrier.joint, before, placement, frame.type, frame.inertia))
+
+    def geometry(self, given: GeometryModel) -> GeometryModel:
+        """The objects of the model on the joints of the new one, and their pairs."""
+        found: GeometryModel = expected(given, GeometryModel, "geom_model").copy()
+        for x in found.geometryObjects:
+            carrier = self.carriers[x.parentJoint]
+            x.parentJoint, x.placement = carrier.joint, carrier.placement * x.placement
+            x.parentFrame = self.frames.get(x.parentFrame, x.parentFrame)
+        return found
 
 
 def _empty_like(model: Model) -> Model:

@@ -32,10 +32,7 @@ class Numbers:
         """Those with one more joint, without inertia and armature."""
         njoints, nv = len(self.placements), len(self.armature)
         found = Numbers(njoints + 1, nv + freedoms)
-        found.gravity[:], found.placements[:njoints], found.placements[njoints] = (
-            self.gravity,
-            self.placements,
-            placement,
-        )
+        found.gravity[:], found.placements[:njoints] = self.gravity, self.placements
+        found.placements[njoints] = placement
         found.inertias[:njoints], found.armature[:nv] = self.inertias, self.armature
         return found

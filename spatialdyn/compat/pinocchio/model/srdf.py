@@ -6,13 +6,13 @@ lxml is imported inside the function that parses.
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterator
 from typing import Any
 
 from ....errors import UrdfError
+from ....model.robot_checks import is_number
 from ....urdf.sources import read_path
-from ..types.arguments import ArgumentError, described, expected
+from ..types.arguments import expected, path
 from ..types.frame import BODY
 from .geometry import GeometryModel
 from .joint import JointModel
@@ -22,8 +22,6 @@ __all__ = [
     "loadReferenceConfigurations", "loadReferenceConfigurationsFromXML", "loadRotorParameters", "removeCollisionPairs",
     "removeCollisionPairsFromXML",
 ]  # fmt: skip
-
-NUMBER = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
 
 
 def loadReferenceConfigurations(model: Model, srdf_filename: Any, verbose: bool = False) -> None:
@@ -99,9 +97,7 @@ def _remove_pairs(model: Model, geom_model: GeometryModel, label: str, text: byt
 
 
 def _file(filename: Any) -> tuple[str, bytes]:
-    if not isinstance(filename, str) and not hasattr(filename, "__fspath__"):
-        raise ArgumentError(f"srdf_filename is {described(filename)}, expected a str or Path")
-    return read_path(filename, "an SRDF file")
+    return read_path(path(filename, "srdf_filename"), "an SRDF file")
 
 
 def _parsed(label: str, model: Model, text: bytes) -> Any:
@@ -146,7 +142,7 @@ def _joints(model: Model, element: Any) -> Iterator[JointModel]:
 
 def _numbers(label: str, element: Any, attribute: str) -> list[float]:
     parts = (element.get(attribute) or "").split()
-    if not parts or not all(NUMBER.fullmatch(part) for part in parts):
+    if not parts or not all(is_number(part) and math.isfinite(float(part)) for part in parts):
         raise UrdfError(
             f'{label}:{element.sourceline}: <{element.tag} {attribute}="{element.get(attribute)}"> of joint '
             f'"{element.get("name")}", expected finite numbers'

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import math
-import re
 import sys
 from functools import lru_cache
-from inspect import cleandoc
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ....errors import SpatialDynError
+from ....errors import ModelError, SpatialDynError
 from ....model.robot_checks import masked
 
 Array = NDArray[np.float64]
@@ -85,6 +83,21 @@ def expected(value: Any, kind: type, what: str) -> Any:
     return value
 
 
+def path(value: Any, what: str) -> Any:
+    """The str or Path itself. Raises ArgumentError for anything else."""
+    if not isinstance(value, str) and not hasattr(value, "__fspath__"):
+        raise ArgumentError(f"{what} is {described(value)}, expected a str or Path")
+    return value
+
+
+def urdf_text(value: Any, what: str) -> str:
+    """The text itself. Raises ArgumentError, or ModelError for what is no XML, as a path."""
+    text: str = expected(value, str, what)
+    if not text.lstrip("\ufeff \t\r\n").startswith("<"):
+        raise ModelError(f"{what} is {text[:40]!r}, expected URDF text")
+    return text
+
+
 def all_expected(values: Any, kind: type, what: str) -> Any:
     """The values themselves. Raises ArgumentError, naming the first item that is not of that type."""
     for k, x in enumerate(values):
@@ -134,9 +147,3 @@ def rows(matrix: Any) -> str:
 def module_of_caller() -> str:
     """Name of the module whose line calls the calling function: the ``__module__`` of what that makes."""
     return str(sys._getframe(2).f_globals["__name__"])
-
-
-def documented_rows(table: str) -> list[tuple[str, str]]:
-    """The rows of a table of functions, each with its docstring: the lines below it that are indented by 4."""
-    rows = (row.partition("\n    ") for row in re.split(r"\n(?=\w)", table.strip("\n")))
-    return [(head, cleandoc(doc)) for head, _, doc in rows]

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from ....errors import InertiaError
+from ....identification.pseudo_inertia import parameters_of, pseudo_inertia
 from .arguments import ArgumentError, Array, array, described, row, rows
-from .symmetric import PLACES, six
 from .value import Value, as_array, part
 
 __all__ = ["LogCholeskyParameters", "PseudoInertia"]
@@ -64,9 +64,7 @@ class PseudoInertia(Parameters):
     @staticmethod
     def FromDynamicParameters(dynamic_params: Any) -> PseudoInertia:
         """The PseudoInertia of ten dynamic parameters, as of ``Inertia.toDynamicParameters``."""
-        p = ten(dynamic_params)
-        J = p[4:][PLACES]
-        return PseudoInertia(float(p[0]), p[1:4], 0.5 * np.trace(J) * np.eye(3) - J)
+        return PseudoInertia.over(pseudo_inertia(ten(dynamic_params)))
 
     @staticmethod
     def FromInertia(inertia: Any) -> PseudoInertia:
@@ -83,8 +81,7 @@ class PseudoInertia(Parameters):
 
     def toDynamicParameters(self) -> Array:
         """The ten dynamic parameters, as of ``Inertia.toDynamicParameters``."""
-        S = self.sigma
-        return np.concatenate([[self.mass], self.h, six(np.trace(S) * np.eye(3) - S)])
+        return parameters_of(self._x)
 
     def __repr__(self) -> str:
         return f"  m = {self.mass:g}\n  h = {row(self.h)}\n  sigma = \n{rows(self.sigma)}"
@@ -131,7 +128,7 @@ class LogCholeskyParameters(Parameters):
         """Derivatives (10, 10) of the dynamic parameters by the ten numbers."""
         scale, U, turned = self._factor()
         columns = [2.0 * U @ U.T, *(D @ U.T + U @ D.T for D in turned)]
-        return np.stack([PseudoInertia.over(scale * P).toDynamicParameters() for P in columns], axis=1)
+        return parameters_of(scale * np.array(columns)).T
 
     def __repr__(self) -> str:
         return "\n".join(f"  {name}: {x:g}" for name, x in zip(self._names, self._x, strict=True))

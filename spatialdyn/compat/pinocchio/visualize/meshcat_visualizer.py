@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 
 from ....errors import pip_install
-from ....pictures.shapes import capsule
+from ....pictures.shapes import capsule, coal_triangles
 from ..coverage.coverage import OutOfScopeError
-from ..model.coal_shapes import triangles
 from .visualizers import MeshcatVisualizer
 
 __all__ = ["MeshcatVisualizer", "hasMeshFileInfo", "isMesh", "loadMesh", "loadPrimitive"]
@@ -49,7 +48,7 @@ def loadPrimitive(geometry_object: Any) -> Any:
 def loadMesh(mesh: Any) -> Any:
     """A ``meshcat.geometry.TriangularMeshGeometry`` of triangles of coal. Raises OutOfScopeError for another shape."""
     mg = _meshcat("loadMesh")
-    found = triangles(mesh)
+    found = coal_triangles(mesh)
     if found is None:
         what = f"a {type(mesh).__name__} is not converted"
         raise OutOfScopeError(f"{what}, expected a box, sphere, cylinder, cone, capsule or triangles")

@@ -11,7 +11,6 @@ import time
 import warnings
 from collections.abc import Callable
 from functools import cache
-from importlib.util import find_spec
 from typing import Any, ClassVar
 
 import numpy as np
@@ -19,12 +18,12 @@ import numpy as np
 from ....errors import pip_install
 from ....model.robot import Link
 from ....pictures.inertia_shapes import inertia_boxes
-from ....pictures.shapes import Shape, mesh_shapes, primitive_shape
+from ....pictures.shapes import Shape, coal_shape, mesh_shapes
 from ....pictures.stage import HOST, Stage, has_screen, warn_of
 from ..algorithms import calls, configuration
+from ..coverage.coal_package import installed
 from ..coverage.coverage import OutOfScopeAttributeError, OutOfScopeError, refused
 from ..data.data import Data
-from ..model.coal_shapes import triangles
 from ..model.geometry import VISUAL, GeometryData, GeometryModel, GeometryObject, createDatas
 from ..model.model import Model
 from ..types.arguments import ValueRuntimeError
@@ -149,7 +148,7 @@ class ViserVisualizer(BaseVisualizer):
 
     @classmethod
     def _draws(cls) -> bool:
-        return _installed()
+        return installed("viser")
 
     def initViewer(
         self,
@@ -220,15 +219,21 @@ class ViserVisualizer(BaseVisualizer):
 
     def _geometry(self, given: GeometryModel | None, layer: str) -> list[Any]:
         """Draw the objects of a GeometryModel."""
+        self._named[layer] = {}
+        return self._draw([] if given is None else given.geometryObjects, layer)
+
+    def _draw(self, objects: list[GeometryObject], layer: str) -> list[Any]:
+        """Draw objects of a layer; returns viser's handles."""
         missing: list[str] = []
         faulty: list[str] = []
-        self._named[layer] = {
+        made = {
             added.name: [self._add(added, shape) for shape in _shapes_of(added, missing, faulty)]
-            for added in (given.geometryObjects if given is not None else ())
+            for added in objects
             if self._has_joint(added, missing)
         }
+        self._named.setdefault(layer, {}).update(made)
         warn_of(self.model.name, list(dict.fromkeys(missing)), list(dict.fromkeys(faulty)))
-        return [handle for handles in self._named[layer].values() for handle in handles]
+        return [handle for handles in made.values() for handle in handles]
 
     def loadViewerGeometryObject(self, geometry_object: Any, geometry_type: Any = VISUAL, color: Any = None) -> None:
         """Draw an object, in place of one of its name; color (4,) in place of its own."""
@@ -237,13 +242,7 @@ class ViserVisualizer(BaseVisualizer):
         one = geometry_object.copy()
         if color is not None:
             one.meshColor, one.overrideMaterial = np.asarray(color, float), True
-        missing: list[str] = []
-        faulty: list[str] = []
-        shapes = _shapes_of(one, missing, faulty) if self._has_joint(one, missing) else []
-        made = [self._add(one, shape) for shape in shapes]
-        warn_of(self.model.name, missing, faulty)
-        self._named.setdefault(layer, {})[one.name] = made
-        self._shown.setdefault(layer, []).extend(made)
+        self._shown.setdefault(layer, []).extend(self._draw([one], layer))
 
     def addGeometryObject(self, obj: Any, color: Any = None) -> None:
         """Add an object to the visual model and draw it."""
@@ -355,14 +354,6 @@ def without(handles: list[Any], gone: list[Any]) -> list[Any]:
     return [x for x in handles if all(x is not y for y in gone)]
 
 
-def _installed() -> bool:
-    """Whether viser is installed, without importing it."""
-    try:
-        return find_spec("viser") is not None
-    except ValueError:  # blocked by a None in sys.modules
-        return False
-
-
 def _shapes_of(added: GeometryObject, missing: list[str], faulty: list[str]) -> list[Shape]:
     """The shapes of a GeometryObject: its mesh file, or a box, cylinder or sphere of coal."""
     color = tuple(np.asarray(added.meshColor, float).tolist())
@@ -371,12 +362,9 @@ def _shapes_of(added: GeometryObject, missing: list[str], faulty: list[str]) -> 
         missing += lost
         faulty += broken
         return [shape._replace(color=color) if added.overrideMaterial else shape for shape in found]
-    shape = primitive_shape(added.name, added.geometry, color)
+    shape = coal_shape(added.name, added.geometry, color)
     if shape is not None:
         return [shape]
-    corners = triangles(added.geometry)
-    if corners is not None:
-        return [Shape(added.name, *corners, color)]
     missing.append(f"{added.name} is a {type(added.geometry).__name__}, expected a mesh file, box, cylinder, sphere")
     return []
 
