@@ -111,19 +111,26 @@ def impulse_step(
 ) -> None:  # fmt: skip
     """Velocities after a step, impulses, gaps before it, residuals of the laws, friction, reactions.
 
+    With M = LᵀD L, Y = J L⁻¹ and w = L (v⁺ - v), u = J v + Y w, and a change δλ changes w by D⁻¹ Yᵀ δλ: only the blocks
+    of G for single points are needed.
+
     z      deflection of bristles, as in ``bristle_step``; None: dry friction
     law    of dry friction if z is None; it may be None: no friction
     fext   may be None; held and h are None without constraints
-    out.after, impulse, gap, stop, energy  written, as of ``contact_step``: v⁺ in the axes at the beginning
+    out.after     (nv), written: v⁺; for floating and planar joints in the axes at the beginning, see ``turn``
+    out.impulse   (3 np), written: on each point, in the world's axes
+    out.gap       (np), written: distance of each sphere from the ground before the step, negative in it
+    out.stop      (nl), written: impulse on each joint, positive from its lower limit
     out.residual  (np + nl + nd), written: the violation of each point's and joint's law [m/s | rad/s]
-    out.friction  (nv), written: dry friction torque [N m | N], 0 with bristles
+    out.energy    (np + nl), written: work of each impulse, ½ λᵀ (u⁻ + u⁺) of the velocities before and after it [J]
+    out.friction  (nv), written: dry friction torque [N m | N], if friction is dry
     out.bristles  (nv), written: deflections after the step, if there are bristles
     out.reaction  (nc), written: impulse of each equation
     out.start     (rows), written: λ, if steps begin from the λ before
     out.missed    (2), written if there are constraints: residual and rank, as of ``constrained_motion``
     """
     contacts, n, after = contact.contacts, len(bodies) - 1, out.after
-    points, joints = contacts[0].np, contacts[0].nl + contacts[0].nd
+    rubs = law is not None and z is None
     move_freely(bodies, work, q, v, z, tau, fext, dt, law, out, pivots, s)
     add_begun(bodies, dt, v, s.begun)
     add_times_L(bodies, s.L, s.begun, after)
@@ -133,14 +140,13 @@ def impulse_step(
     rub(v, z, dt, contact, law, s)
     open_laws(q, dt, contact, out.gap, after, s)
     begin(contact.start, s.force)
-    rubs = law is not None and z is None
     solve_impulses(contact, h, SWEEPS_DRY if rubs else SWEEPS, rubs, after, s)
     if held is not None and held.rate is None:
         meet(bodies, work, q, v, dt, held.constraints, out, s, h)
         settle(contact, after, s)
     for k in range(len(s.force)):
         s.total[k] = s.first[k] + s.force[k]
-    write_laws(dt, contact, out, s)
+    write_laws(dt, contact, rubs, out, s)
     keep(contact.start, s.total, out.start)
     if held is not None:
         for k in range(len(out.reaction)):
@@ -149,9 +155,10 @@ def impulse_step(
     solve_outward(bodies, s.L, after)
     for i in range(n):
         after[i] = v[i] + after[i]
-    for j in range(joints):
-        i = contacts[1 + points + j].row - 1
-        after[i] = select(s.rests[j], 0.0, after[i])
+    if rubs:
+        for j in range(len(s.rests)):
+            i = contacts[1 + contacts[0].np + j].row - 1
+            after[i] = select(s.rests[j], 0.0, after[i])
     if z is not None:
         for i in range(n):
             out.bristles[i] = (z[i] + dt * after[i]) * out.bristles[i]
@@ -187,14 +194,12 @@ def move_freely(
     if z is None:
         for i in range(n):
             after[i] = tau[i] - after[i]
-            out.friction[i] = 0.0
             if law is not None:
                 L[i, i] = L[i, i] + dt * law.viscous[i]
                 after[i] = after[i] - law.viscous[i] * v[i]
+                out.friction[i] = 0.0
     else:
         add_bristles(v, z, tau, dt, law, L, after, out.bristles)
-        for i in range(n):
-            out.friction[i] = 0.0
     keep_inertia(s)
     factor_tree(bodies, L)
     for i in range(n):
@@ -366,7 +371,7 @@ def settle(contact: Contact, w: Vector, s: Impulses) -> None:
 
 
 @inline
-def write_laws(dt: Number, contact: Contact, out: ImpulseResult, s: Impulses) -> None:
+def write_laws(dt: Number, contact: Contact, rubs: bool, out: ImpulseResult, s: Impulses) -> None:
     """Write the results of points and joints: impulses, stops, dry friction, residuals, energy, which joints rest."""
     contacts, w, force, Y, level = contact.contacts, out.after, s.total, s.Y, s.level
     points = contacts[0].np
@@ -375,14 +380,16 @@ def write_laws(dt: Number, contact: Contact, out: ImpulseResult, s: Impulses) ->
     for j in range(contacts[0].nl + contacts[0].nd):
         k, c = 3 * points + j, contacts[1 + points + j]
         alone, u = s.own[k], velocity(Y, s.b, w, k)
-        wanted, s.rests[j], _ = joint_law(j, u - alone * force[k], alone * level[j], s)
+        wanted, rests, _ = joint_law(j, u - alone * force[k], alone * level[j], s)
         out.residual[points + j] = magnitude(u - wanted)
-        rubs, least = within(force[k], level[j]), SLOW * alone * level[j]
-        rubs = select(u - least, -level[j], select(-least - u, level[j], rubs))  # of a joint that moves, against that
-        s.rests[j] = select(least - magnitude(u), 1.0, s.rests[j])
-        out.friction[c.row - 1] = rubs / dt
+        dry = 0.0
+        if rubs:
+            dry, least = within(force[k], level[j]), SLOW * alone * level[j]
+            dry = select(u - least, -level[j], select(-least - u, level[j], dry))  # of a joint that moves, against that
+            s.rests[j] = select(least - magnitude(u), 1.0, rests)
+            out.friction[c.row - 1] = dry / dt
         if j < contacts[0].nl:
-            out.stop[j] = force[k] - rubs
+            out.stop[j] = force[k] - dry
             out.energy[points + j] = work_of_row(Y, s.before, w, k, out.stop[j])
 
 
@@ -392,7 +399,6 @@ def within(x: Scalar, most: Scalar) -> Scalar:
     return select(x - most, most, select(-most - x, -most, x))
 
 
-FRICTION = Argument("friction", ("nv",), "N m | N", "dry friction torques")
 AFTER = Argument("v", ("nv",), "rad/s | m/s", "after the step, in the axes at its beginning")
 RESIDUAL = Argument("residual", ("np+nl+nd",), "m/s | rad/s", "by how much each point and joint misses its law")
 REACTION = Argument("reaction", ("nc",), "N s | N m s", "of each equation, on frame a, in b's axes")
@@ -404,7 +410,10 @@ OVER, RUBS, BENDS, HOLDS, STEADIES, CHOOSES, PUSHED, WARM = ALL
 
 @cache
 def impulse_step_spec(has: frozenset[str]) -> Spec:
-    """The Spec of a step with some of ALL; bristles beside friction, a rate and choice beside constraints."""
+    """The Spec of a step with some of ALL; bristles beside friction, a rate and choice beside constraints.
+
+    Of contacts and limits alone it is ``contact_step``.
+    """
 
     def given(what: str, x: Record) -> Record:
         return x if what in has else None
@@ -420,14 +429,16 @@ def impulse_step_spec(has: frozenset[str]) -> Spec:
         ),
     )  # fmt: skip
     parts = ImpulseResult(
-        AFTER, IMPULSE, GAP, STOP, RESIDUAL, ENERGY, FRICTION,
+        AFTER, IMPULSE, GAP, STOP, RESIDUAL, ENERGY,
+        Argument("friction", ("nv" if RUBS in has and BENDS not in has else 0,), "N m | N", "dry friction torques"),
         Argument("bristles", ("nv" if BENDS in has else 0,), "rad | m", "after the step"),
         replace(REACTION, shape=("nc" if HOLDS in has else 0,)), replace(MISSED, shape=(2 if HOLDS in has else 0,)),
         Argument(f"{START.name}_after", (ROWS if warm else 0,), "", "impulses of rows"),
     )  # fmt: skip
     width = "+".join(str(x) for part in parts for x in part.shape if x)
+    name = "impulse_step" if has - {OVER} else "contact_step"
     return Spec(
-        "_".join(["impulse_step", *(x for x in ALL if x in has)]), impulse_step, WORK, inputs,
+        "_".join([name, *(x for x in ALL if x in has)]), impulse_step, WORK, inputs,
         Argument("result", (width,), "", ", ".join(x.name for x in parts)),
         "A step of the velocities under contact, limits, dry friction and constraints.",
         "see ``recursions.contact.impulse_step``", pivots=True, regroup=True, composed=True,

@@ -1,8 +1,8 @@
 """Effects that act by impulses: contacts and joint limits, solved together with dry friction and constraints.
 
 A step solves for v⁺ and all impulses together, so its method is ``semi_implicit_euler``. Contacts and limits alone use
-``contact_step``; with dry friction or constraints they use ``impulse_step``. A run carries the largest residual so far,
-with its point and step, and on request the impulses of the last step.
+``contact_step``, which is ``impulse_step`` without dry friction and constraints. A run carries the largest residual so
+far, with its point and step, and on request the impulses of the last step.
 """
 
 from __future__ import annotations
@@ -22,7 +22,6 @@ from ...constraints.contact_dynamics import contact_gaps
 from ...constraints.contact_points import Contacts
 from ...engines.programs.record.recording import MOST_TABLE
 from ...errors import SimulationError
-from ...recursions.contact.contact import CONTACT_STEP, CONTACT_STEP_OVER
 from ...recursions.contact.contact_rows import CONTACTS_ARGUMENT, HEIGHTS_ARGUMENT, MU, RESTITUTION
 from ...recursions.contact.impulse_step import START as IMPULSES
 from ...recursions.contact.impulse_step import impulse_step_spec
@@ -161,11 +160,8 @@ class Contact(Effect):
 
     def _spec(self, constrained: Constrained | None, pushed: bool) -> Spec:
         """The Spec of the step."""
-        over = len(self.tables) > 1
-        if self.way is None and constrained is None:
-            return CONTACT_STEP_OVER if over else CONTACT_STEP
-        has = {"heights": over, "friction": self.way is not None, "bristles": self.way == LUGRE, "fext": pushed}
-        has["start"] = self.warm
+        has = {"heights": len(self.tables) > 1, "friction": self.way is not None, "bristles": self.way == LUGRE}
+        has |= {"fext": pushed, "start": self.warm}
         if constrained is not None:
             has |= {"constraints": True, "rate": not constrained.projects, "chosen": constrained.chooses}
         return impulse_step_spec(frozenset(name for name, there in has.items() if there))
