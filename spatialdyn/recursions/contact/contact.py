@@ -24,14 +24,13 @@ from __future__ import annotations
 from dataclasses import replace
 
 from ...algebra.euclidean import Mat3, Vec
-from ...algebra.records import mat3_of, put_mat3, table_dtype
+from ...algebra.records import table_dtype
 from ...algebra.scalars import inline
 from ...algebra.spatial import Pose
 from ...bodies.joints import place_joint
-from ..constraints.constraint_rows import carry_axes
 from ..signatures import Array, Bodies, Config, Record, Vector, Work
 from ..spec import Argument, Q, Spec
-from .contact_rows import CONTACTS_ARGUMENT, HEIGHTS_ARGUMENT, write_gaps
+from .contact_rows import CONTACTS_ARGUMENT, HEIGHTS_ARGUMENT, place_points
 from .impulse_step import OVER, impulse_step_spec
 
 PLACES = table_dtype(X=Pose, R=Mat3, o=Vec)
@@ -44,9 +43,7 @@ def contact_gaps(
     """Distance of each sphere from the ground, gap (np); T is scratch."""
     for i in range(1, len(bodies)):
         place_joint(bodies, i, q, work[i].X)
-    put_mat3(work[0].R, mat3_of(contacts[0].axes))
-    carry_axes(bodies, work)
-    write_gaps(bodies, work, contacts, heights, gap, T)
+    place_points(bodies, work, contacts, heights, gap, T)
 
 
 CONTACT_STEP, CONTACT_STEP_OVER = impulse_step_spec(frozenset()), impulse_step_spec(frozenset({OVER}))  # over heights

@@ -18,12 +18,11 @@ from functools import cache
 from typing import NamedTuple
 
 from ...algebra.euclidean import Vec, unrotate
-from ...algebra.records import mat3_of, put_mat3
+from ...algebra.records import mat3_of
 from ...algebra.scalars import inline
-from ..constraints.constrained import RATE, stabilize
+from ..constraints.constrained import RATE, WORK, stabilize
 from ..constraints.constraint_rows import (
     CONSTRAINTS_ARGUMENT,
-    carry_axes,
     place_bias,
     turn_rows,
     write_drift,
@@ -38,12 +37,11 @@ from .contact_rows import (
     CONTACTS_ARGUMENT,
     GAP,
     HEIGHTS_ARGUMENT,
-    WORK,
     Contact,
     allowed,
+    place_points,
     target,
     velocity,
-    write_gaps,
     write_rows,
 )
 from .impulse_rows import ROWS
@@ -109,9 +107,7 @@ def impulse_balance(
             push = push + law.viscous[i] * (x[i] - out.begun[i])
         out.momentum[i] = dt * push
 
-    put_mat3(work[0].R, mat3_of(contacts[0].axes))
-    carry_axes(bodies, work)
-    write_gaps(bodies, work, contacts, contact.heights, out.gap, s.slopes)
+    place_points(bodies, work, contacts, contact.heights, out.gap, s.slopes)
     write_rows(bodies, work, contacts, contact.heights, s.slopes, s.J)
     for k in range(3 * points + joints):
         s.b[k] = 0.0

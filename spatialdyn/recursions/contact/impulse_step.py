@@ -20,9 +20,11 @@ from dataclasses import replace
 from functools import cache
 from typing import NamedTuple
 
+from ...algebra.euclidean import unrotate
+from ...algebra.records import mat3_of
 from ...algebra.regions import repeat, settled
 from ...algebra.scalars import EPS, Scalar, inline, select, sqrt
-from ..constraints.constrained import CHOSEN, DEPENDENT, RATE, felt, share, stabilize
+from ..constraints.constrained import CHOSEN, DEPENDENT, RATE, WORK, felt, share, stabilize
 from ..constraints.constraint_rows import (
     CONSTRAINTS_ARGUMENT,
     place_rows,
@@ -34,7 +36,7 @@ from ..constraints.constraint_rows import (
 from ..constraints.dense import factor_dropping, quotient, solve_backward, solve_forward
 from ..coordinates.configuration import integrate
 from ..coordinates.coordinate_rates import add_begun, turn
-from ..joints.friction import BRISTLE_LAW, BRISTLES, DT, LAW, BristleLaw, add_bristles, dry_level
+from ..joints.friction import BRISTLE_LAW, BRISTLES, DT, LAW, BristleLaw, add_bristles, dry_level, magnitude
 from ..signatures import Bodies, Config, Matrix, Number, Record, Vector, Work
 from ..spec import FEXT, TAU, Argument, Q, Spec, V
 from ..tree.crba import crba
@@ -49,14 +51,23 @@ from .contact_rows import (
     MU,
     RESTITUTION,
     STOP,
-    WORK,
     Contact,
-    velocity,
+    force_of_point,
+    untilted,
     work_of_row,
-    write_point,
 )
-from .coulomb_cone import magnitude
-from .impulse_rows import ROWS, Impulses, joint_law, keep_inertia, open_laws, residual, sweep, write_responses
+from .impulse_rows import (
+    ROWS,
+    Impulses,
+    joint_state,
+    keep_inertia,
+    open_laws,
+    residual,
+    residual_of_joints,
+    square_of_point,
+    sweep,
+    write_responses,
+)
 from .impulses import SWEEPS, SWEEPS_AGAIN, SWEEPS_DRY, solve_impulses
 
 # Share of the velocity change of dry friction: a load that exceeds the friction by less leaves a joint at rest, because
@@ -373,24 +384,30 @@ def settle(contact: Contact, w: Vector, s: Impulses) -> None:
 @inline
 def write_laws(dt: Number, contact: Contact, rubs: bool, out: ImpulseResult, s: Impulses) -> None:
     """Write the results of points and joints: impulses, stops, dry friction, residuals, energy, which joints rest."""
-    contacts, w, force, Y, level = contact.contacts, out.after, s.total, s.Y, s.level
+    contacts, w, force, level = contact.contacts, out.after, s.total, s.level
     points = contacts[0].np
     for p in range(points):
-        write_point(contacts, contact.heights, contact.mu[p], s.B[p], w, p, out, s)
-    for j in range(contacts[0].nl + contacts[0].nd):
-        k, c = 3 * points + j, contacts[1 + points + j]
-        alone, u = s.own[k], velocity(Y, s.b, w, k)
-        wanted, rests, _ = joint_law(j, u - alone * force[k], alone * level[j], s)
-        out.residual[points + j] = magnitude(u - wanted)
-        dry = 0.0
+        out.residual[p] = sqrt(square_of_point(p, contact.mu[p], w, s))
+        out.energy[p] = 0.0
+        for k in range(3 * p, 3 * p + 3):
+            out.energy[p] = out.energy[p] + work_of_row(s.Y, s.before, w, k, force[k])
+        f = force_of_point(force, p)
+        if contact.heights is not None:
+            f = untilted(s.slopes[p], f)
+        f = unrotate(mat3_of(contacts[0].axes), f)
+        out.impulse[3 * p], out.impulse[3 * p + 1], out.impulse[3 * p + 2] = f.x, f.y, f.z
+    residual_of_joints(w, s)
+    for j in range(len(level)):
+        k, dry = 3 * points + j, 0.0
+        out.residual[points + j] = s.off[j]
         if rubs:
-            dry, least = within(force[k], level[j]), SLOW * alone * level[j]
-            dry = select(u - least, -level[j], select(-least - u, level[j], dry))  # of a joint that moves, against that
-            s.rests[j] = select(least - magnitude(u), 1.0, rests)
-            out.friction[c.row - 1] = dry / dt
+            x, least = joint_state(j, w, s), SLOW * s.own[k] * level[j]
+            dry = select(x.u - least, -level[j], select(-least - x.u, level[j], within(force[k], level[j])))
+            s.rests[j] = select(least - magnitude(x.u), 1.0, x.rests)
+            out.friction[contacts[1 + points + j].row - 1] = dry / dt  # of a joint that moves, against that
         if j < contacts[0].nl:
             out.stop[j] = force[k] - dry
-            out.energy[points + j] = work_of_row(Y, s.before, w, k, out.stop[j])
+            out.energy[points + j] = work_of_row(s.Y, s.before, w, k, out.stop[j])
 
 
 @inline
