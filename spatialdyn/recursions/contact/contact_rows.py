@@ -14,6 +14,7 @@ from ...algebra.records import mat3_of, motion_of, put_mat3, vec_of
 from ...algebra.scalars import Scalar, inline, inline_or_by_rows, select, sqrt
 from ...bodies.contact_table import CONTACTS, HEIGHTS
 from ..constraints.constraint_rows import carry_axes
+from ..constraints.dense import add_product
 from ..signatures import Array, Bodies, Config, Matrix, Number, Record, Vector, Work
 from ..spec import Argument
 
@@ -156,14 +157,6 @@ def velocity(Y: Matrix, b: Vector, w: Vector, k: int) -> Scalar:
 
 
 @inline
-def add_product(s: Scalar, Y: Matrix, w: Vector, k: int) -> Scalar:
-    """S + Y_k w."""
-    for i in range(len(w)):
-        s = s + Y[k, i] * w[i]
-    return s
-
-
-@inline
 def velocity_of_point(Y: Matrix, b: Vector, w: Vector, p: int) -> Vec:
     """The three velocities of a point."""
     return Vec(velocity(Y, b, w, 3 * p), velocity(Y, b, w, 3 * p + 1), velocity(Y, b, w, 3 * p + 2))
@@ -234,5 +227,4 @@ RESTITUTION = Argument("restitution", ("np",), "1", "of each point, from 0 to 1"
 IMPULSE = Argument("impulse", ("np+np+np",), "N s", "on each point, in the world's axes")
 GAP = Argument("gap", ("np",), "m", "distance from the ground before the step, negative in it")
 STOP = Argument("stop", ("nl",), "N m s | N s", "on each joint with limits, positive from the lower one")
-RESIDUAL = Argument("residual", ("np+nl",), "m/s | rad/s", "violation of each point's and joint's law")
 ENERGY = Argument("energy", ("np+nl",), "J", "work of the impulses of each point and joint")

@@ -20,14 +20,8 @@ from typing import NamedTuple
 from ...algebra.euclidean import Vec, unrotate
 from ...algebra.records import mat3_of
 from ...algebra.scalars import inline
-from ..constraints.constrained import RATE, WORK, stabilize
-from ..constraints.constraint_rows import (
-    CONSTRAINTS_ARGUMENT,
-    place_bias,
-    turn_rows,
-    write_drift,
-    write_jacobian,
-)
+from ..constraints.constrained import RATE, WORK, write_equations
+from ..constraints.constraint_rows import CONSTRAINTS_ARGUMENT, place_bias
 from ..coordinates.coordinate_rates import add_begun
 from ..joints.friction import DT, LAW, Law, dry_level
 from ..signatures import Array, Bodies, Config, Matrix, Number, Record, Vector, Work
@@ -125,12 +119,8 @@ def impulse_balance(
             out.least[j], out.most[j] = allowed(c, q, dt)
 
     if constraints is not None:
-        turn_rows(bodies, work)
         place_bias(bodies, work, v)
-        write_jacobian(bodies, work, constraints, h.C)
-        write_drift(bodies, work, constraints, v, out.closing)
-        if rate is not None:
-            stabilize(bodies, work, q, v, constraints, rate, h.C, out.closing, h.error)
+        write_equations(bodies, work, q, v, constraints, rate, h.C, out.closing, h.error)
         for k in range(len(out.closing)):
             out.closing[k] = dt * out.closing[k]
             for i in range(n):

@@ -14,12 +14,12 @@ from typing import NamedTuple
 from ...algebra.euclidean import Vec, sub
 from ...algebra.scalars import EPS, Scalar, inline, select, sqrt
 from ..constraints.constrained import DEPENDENT
+from ..constraints.dense import add_product
 from ..joints.friction import magnitude
 from ..signatures import Array, Bodies, Config, Matrix, Number, Vector, Work
 from ..tree.ltdl import solve_inward
 from .contact_rows import (
     Contact,
-    add_product,
     allowed,
     force_of_point,
     place_points,

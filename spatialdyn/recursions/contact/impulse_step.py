@@ -23,17 +23,19 @@ from typing import NamedTuple
 from ...algebra.euclidean import unrotate
 from ...algebra.records import mat3_of
 from ...algebra.regions import repeat, settled
-from ...algebra.scalars import EPS, Scalar, inline, select, sqrt
-from ..constraints.constrained import CHOSEN, DEPENDENT, RATE, WORK, felt, share, stabilize
-from ..constraints.constraint_rows import (
-    CONSTRAINTS_ARGUMENT,
-    place_rows,
-    turn_rows,
-    write_drift,
-    write_error,
-    write_jacobian,
+from ...algebra.scalars import Scalar, inline, select, sqrt
+from ..constraints.constrained import (
+    CHOSEN,
+    RATE,
+    WORK,
+    add_impulses,
+    factor_kept,
+    felt,
+    hold_rows,
+    write_equations,
 )
-from ..constraints.dense import factor_dropping, quotient, solve_backward, solve_forward
+from ..constraints.constraint_rows import CONSTRAINTS_ARGUMENT, place_rows, write_error, write_jacobian
+from ..constraints.dense import add_product, solve_backward, solve_forward
 from ..coordinates.configuration import integrate
 from ..coordinates.coordinate_rates import add_begun, turn
 from ..joints.friction import BRISTLE_LAW, BRISTLES, DT, LAW, BristleLaw, add_bristles, dry_level, magnitude
@@ -105,9 +107,9 @@ class HeldScratch(NamedTuple):
     N: Matrix = ("nc", "nv")  # J, then J L⁻¹
     G: Matrix = ("nc", "nc")  # inverse inertia of the constraints, then its factors; the lower triangle
     gamma: Vector = ("nc",)  # h γ, then the residuals of the equations
-    scale: Vector = ("nc",)  # the number that a pivot is compared with; then changes of impulses
+    scale: Vector = ("nc",)  # the number that a pivot is compared with: response of an equation's constraint
     kept: Vector = ("nc",)  # 1 of an equation that is independent, else 0
-    stiffness: Vector = ("nc",)  # response of an equation alone
+    change: Vector = ("nc",)  # of impulses after the sweeps
     P: Matrix = (ROWS, "nc")  # reactions to unit impulses
     J: Matrix = ("nc", "nv")  # J; after the sweeps J at the end of the step
     ways: Matrix = (2, "nv")  # velocities at the end, and the displacement that closes the constraints
@@ -240,83 +242,24 @@ def hold(
     """Eliminate the constraints from w, and from Z = D⁻¹ Yᵀ, the change of w with impulses. Dependent rows are dropped:
     in the given order, or those that are not chosen.
 
-    residual and rank are as in ``constrained.respond``; w, Z, reaction, missed and P are written.
+    w, Z, reaction, missed and P, the reactions to unit impulses, are written.
     """
-    n, m, w, L, N, G, gamma = len(bodies) - 1, len(h.gamma), out.after, s.L, h.N, h.G, h.gamma
-    constraints, rate, chosen, force = held.constraints, held.rate, held.chosen, out.reaction
-    turn_rows(bodies, work)
-    write_jacobian(bodies, work, constraints, N)
-    write_drift(bodies, work, constraints, v, gamma)
-    if rate is not None:
-        stabilize(bodies, work, q, v, constraints, rate, N, gamma, force)
-    for k in range(m):
-        for i in range(n):
-            h.J[k, i] = N[k, i]
-    for k in range(m):
+    n, constraints, rate, gamma = len(bodies) - 1, held.constraints, held.rate, h.gamma
+    write_equations(bodies, work, q, v, constraints, rate, h.N, gamma, out.reaction)
+    for k in range(len(gamma)):
         gamma[k] = dt * gamma[k]
-        if rate is None:
-            for i in range(n):
-                gamma[k] = gamma[k] + N[k, i] * v[i]
         for i in range(n):
-            gamma[k] = gamma[k] - N[k, i] * s.begun[i]
-    felt(bodies, L, N, G)
-    for k in range(m):
-        h.scale[k] = G[k, k]
-    share(constraints, h.scale)
-    for k in range(m):
-        h.stiffness[k] = h.scale[k]
-    if chosen is None:
-        factor_dropping(G, h.scale, DEPENDENT * (n + m) * EPS, h.kept)
-    else:
-        for k in range(m):
-            h.kept[k] = chosen[k]
-        factor_dropping(G, None, 0.0, h.kept)
-
-    whole, lost, rank = 0.0, 0.0, 0.0
-    for i in range(n):
-        whole = whole + w[i] * w[i] * L[i, i]
-    for k in range(m):
-        gamma[k] = -gamma[k]
-        for i in range(n):
-            gamma[k] = gamma[k] - N[k, i] * w[i]
-        force[k] = gamma[k]
-    solve_forward(G, force)
-    for k in range(m):
-        whole = whole + force[k] * force[k] * G[k, k]
-        rank = rank + h.kept[k]
-        if chosen is None:
-            gamma[k] = force[k]
-    solve_backward(G, force, force)
-    for i in range(n):
-        push = 0.0
-        for k in range(m):
-            push = push + N[k, i] * force[k] * (1.0 / L[i, i])
-        w[i] = w[i] + push
-        if chosen is not None:
-            for k in range(m):
-                gamma[k] = gamma[k] - N[k, i] * push
-    for k in range(m):
-        lost = lost + (1.0 - h.kept[k]) * quotient(gamma[k] * gamma[k], h.scale[k])
-    out.missed[0], out.missed[1] = sqrt(quotient(lost, lost + whole)), rank
-    take_out(s, h)
-
-
-@inline
-def take_out(s: Impulses, h: HeldScratch) -> None:
-    """Eliminate the constraints from Z, and write the reactions to unit impulses to P; gamma is scratch."""
-    n, m, N, gamma = len(s.x), len(h.gamma), h.N, h.gamma
+            h.J[k, i] = h.N[k, i]
+            gamma[k] = gamma[k] + h.N[k, i] * (v[i] - s.begun[i] if rate is None else -s.begun[i])
+    felt(bodies, s.L, h.N, h.G)
+    factor_kept(bodies, constraints, held.chosen, h.G, h.scale, h.kept)
+    out.missed[0], out.missed[1] = hold_rows(
+        held.chosen, s.L, h.N, h.G, gamma, h.scale, h.kept, out.after, out.reaction
+    )  # fmt: skip
     for l in range(len(s.Z)):
-        for k in range(m):
-            gamma[k] = 0.0
-            for i in range(n):
-                gamma[k] = gamma[k] - N[k, i] * s.Z[l, i]
-        solve_forward(h.G, gamma)
-        solve_backward(h.G, gamma, h.P[l])
-        for i in range(n):
-            taken = 0.0
-            for k in range(m):
-                taken = taken + N[k, i] * h.P[l, k]
-            s.Z[l, i] = s.Z[l, i] + taken * (1.0 / s.L[i, i])
+        for k in range(len(gamma)):
+            gamma[k] = add_product(0.0, h.N, s.Z[l], k)
+        push_back(s.L, h, s.Z[l], h.P[l])
 
 
 @inline
@@ -329,7 +272,7 @@ def meet(
     The two differ by O(h²) in smooth motion and by O(h) in an impact; the remaining error is one order smaller. The
     last sweeps follow and adapt points and dry joints to the change. w, in ``after``, and reaction are written.
     """
-    n, m, w, gamma, way, back = len(bodies) - 1, len(h.gamma), out.after, h.gamma, h.ways[0], h.ways[1]
+    n, w, gamma, way, back = len(bodies) - 1, out.after, h.gamma, h.ways[0], h.ways[1]
     for i in range(n):
         way[i] = w[i]
     solve_outward(bodies, s.L, way)
@@ -341,30 +284,26 @@ def meet(
     write_error(bodies, work, constraints, h.ends[0], gamma)
     for i in range(n):
         back[i] = 0.0
-    push_back(s.L, h, back)
+    push_back(s.L, h, back, h.change)
     solve_outward(bodies, s.L, back)
     integrate(bodies, h.ends[0], back, h.ends[1])
     place_rows(bodies, work, h.ends[1])
     write_jacobian(bodies, work, constraints, h.J)
-    for k in range(m):
-        gamma[k] = 0.0
-        for i in range(n):
-            gamma[k] = gamma[k] + h.J[k, i] * way[i]
-    push_back(s.L, h, w)
-    for k in range(m):
-        out.reaction[k] = out.reaction[k] + h.scale[k]
+    for k in range(len(gamma)):
+        gamma[k] = add_product(0.0, h.J, way, k)
+    push_back(s.L, h, w, h.change)
+    for k in range(len(gamma)):
+        out.reaction[k] = out.reaction[k] + h.change[k]
 
 
 @inline
-def push_back(L: Matrix, h: HeldScratch, w: Vector) -> None:
-    """Subtract gamma (nc) from the constraints' velocities in w, by impulses, which are written to scale."""
+def push_back(L: Matrix, h: HeldScratch, w: Vector, force: Vector) -> None:
+    """Subtract gamma (nc) from the constraints' velocities in w, by impulses, which are written to force."""
     for k in range(len(h.gamma)):
         h.gamma[k] = -h.gamma[k]
     solve_forward(h.G, h.gamma)
-    solve_backward(h.G, h.gamma, h.scale)
-    for i in range(len(w)):
-        for k in range(len(h.gamma)):
-            w[i] = w[i] + h.N[k, i] * h.scale[k] * (1.0 / L[i, i])
+    solve_backward(h.G, h.gamma, force)
+    add_impulses(L, h.N, force, w)
 
 
 # --- after them -----------------------------------------------------------------------------------------

@@ -14,8 +14,9 @@ Source: a derivation of our own, semi-smooth as by Alart and Curnier (1991).
 from __future__ import annotations
 
 from ...algebra.scalars import Scalar, inline, select
+from ..constraints.dense import add_product
 from ..signatures import Matrix, Number, Record, Vector
-from .contact_rows import Contact, add_product
+from .contact_rows import Contact
 from .coulomb_cone import point_slope
 from .impulse_rows import COUNT, EPSILON, GRIP, Impulses, joint_state, residual_of_joints, respond, solve_point
 
@@ -41,7 +42,7 @@ def newton_step(
         add_joint(contact.contacts[1 + points + j].row - 1, 3 * points + j, j, most, firm, w, s)
     if held is not None:
         for l in range(len(held.N)):
-            stiff = STIFF / select(held.stiffness[l], held.stiffness[l], 1.0)
+            stiff = STIFF / select(held.scale[l], held.scale[l], 1.0)
             for i in range(n):
                 for j in range(n):
                     s.K[i, j] = s.K[i, j] + held.J[l, i] * (stiff * held.J[l, j])
