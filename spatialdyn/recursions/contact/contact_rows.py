@@ -25,7 +25,7 @@ class Contact(NamedTuple):
     contacts: Record  # the table of points and joints
     heights: Record  # of the ground; None: a plane
     mu: Vector  # (np)
-    restitution: Vector  # (np)
+    restitution: Vector  # (np); None: no point bounces
     start: Vector = None  # (rows) λ to begin with; None: 0
 
 

@@ -149,7 +149,7 @@ def open_laws(
         load = select(s.b[k] - free, s.b[k] - free, 0.0)
         s.load[p] = load * s.factors[p, 0, 0]
         s.lower[p] = 0.0
-        c, s.bounces[p] = target(gap[p], s.b[k], free, dt, contact.restitution[p])
+        c, s.bounces[p] = target(gap[p], s.b[k], free, dt, entry(contact.restitution, p))
         s.b[k] = s.b[k] + c
     for j in range(len(s.level)):
         k = 3 * points + j
@@ -159,6 +159,12 @@ def open_laws(
         if j < len(s.least):
             s.least[j], s.most[j] = allowed(contact.contacts[1 + points + j], q, dt)
         s.held[j], s.goal[j], s.rests[j] = 0.0, 0.0, 0.0
+
+
+@inline
+def entry(x: Vector, k: int) -> Scalar:
+    """x_k; 0 if x is None."""
+    return 0.0 if x is None else x[k]
 
 
 @inline

@@ -61,6 +61,7 @@ from .contact_rows import (
 from .impulse_rows import (
     ROWS,
     Impulses,
+    entry,
     joint_state,
     keep_inertia,
     open_laws,
@@ -152,7 +153,8 @@ def impulse_step(
         hold(bodies, work, q, v, dt, held, out, s, h)
     rub(v, z, dt, contact, law, s)
     open_laws(q, dt, contact, out.gap, after, s)
-    begin(contact.start, s.force)
+    for k in range(len(s.force)):
+        s.force[k] = entry(contact.start, k)
     solve_impulses(contact, h, SWEEPS_DRY if rubs else SWEEPS, rubs, after, s)
     if held is not None and held.rate is None:
         meet(bodies, work, q, v, dt, held.constraints, out, s, h)
@@ -175,13 +177,6 @@ def impulse_step(
     if z is not None:
         for i in range(n):
             out.bristles[i] = (z[i] + dt * after[i]) * out.bristles[i]
-
-
-@inline
-def begin(start: Vector, force: Vector) -> None:
-    """Write the λ from which the solution begins; start may be None, for 0."""
-    for k in range(len(force)):
-        force[k] = 0.0 if start is None else start[k]
 
 
 @inline
@@ -360,8 +355,8 @@ RESIDUAL = Argument("residual", ("np+nl+nd",), "m/s | rad/s", "by how much each 
 REACTION = Argument("reaction", ("nc",), "N s | N m s", "of each equation, on frame a, in b's axes")
 START = Argument("impulses_before", (ROWS,), "", "impulses of rows in the step before", start=0.0)
 MISSED = Argument("missed", (2,), "1", "of equations that depend on others, and how many are independent")
-ALL = ("heights", "friction", "bristles", "constraints", "rate", "chosen", "fext", "start")
-OVER, RUBS, BENDS, HOLDS, STEADIES, CHOOSES, PUSHED, WARM = ALL
+ALL = ("heights", "friction", "bristles", "constraints", "rate", "chosen", "fext", "start", "no_bounce")
+OVER, RUBS, BENDS, HOLDS, STEADIES, CHOOSES, PUSHED, WARM, RESTS = ALL
 
 
 @cache
@@ -374,9 +369,9 @@ def impulse_step_spec(has: frozenset[str]) -> Spec:
     def given(what: str, x: Record) -> Record:
         return x if what in has else None
 
-    warm = WARM in has
     rubs = given(BENDS, BRISTLE_LAW) if BENDS in has else given(RUBS, LAW)
-    ground = Contact(CONTACTS_ARGUMENT, given(OVER, HEIGHTS_ARGUMENT), MU, RESTITUTION, START if warm else None)
+    bounces = None if RESTS in has else RESTITUTION
+    ground = Contact(CONTACTS_ARGUMENT, given(OVER, HEIGHTS_ARGUMENT), MU, bounces, given(WARM, START))
     inputs = (
         Q, V, given(BENDS, BRISTLES), TAU, given(PUSHED, FEXT), DT, ground, rubs,
         Held(
@@ -389,10 +384,10 @@ def impulse_step_spec(has: frozenset[str]) -> Spec:
         Argument("friction", ("nv" if RUBS in has and BENDS not in has else 0,), "N m | N", "dry friction torques"),
         Argument("bristles", ("nv" if BENDS in has else 0,), "rad | m", "after the step"),
         replace(REACTION, shape=("nc" if HOLDS in has else 0,)), replace(MISSED, shape=(2 if HOLDS in has else 0,)),
-        Argument(f"{START.name}_after", (ROWS if warm else 0,), "", "impulses of rows"),
+        Argument(f"{START.name}_after", (ROWS if WARM in has else 0,), "", "impulses of rows"),
     )  # fmt: skip
     width = "+".join(str(x) for part in parts for x in part.shape if x)
-    name = "impulse_step" if has - {OVER} else "contact_step"
+    name = "impulse_step" if has - {OVER, RESTS} else "contact_step"
     return Spec(
         "_".join([name, *(x for x in ALL if x in has)]), impulse_step, WORK, inputs,
         Argument("result", (width,), "", ", ".join(x.name for x in parts)),

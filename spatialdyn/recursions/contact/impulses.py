@@ -73,6 +73,9 @@ def solve_impulses(
     for k in range(len(state)):
         state[k] = 0.0
     state[SHARE] = 1.0
+    if contact.restitution is None:
+        solve_phase(contact, held, first, rubs, w, s)
+        return
     s.phase[0] = 1.0
     for _ in repeat(PHASES, s.phase, s.force, s.first, s.lower, s.free, w, state):
         if settled(s.phase[0]):

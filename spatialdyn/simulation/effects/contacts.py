@@ -101,7 +101,12 @@ class Contact(Effect):
 
     @property
     def _coefficients(self) -> tuple[Argument, ...]:
-        return (MU, RESTITUTION) if len(self.contacts) else ()
+        return (MU, RESTITUTION)[: bool(len(self.contacts)) + self.bounces]
+
+    @property
+    def bounces(self) -> bool:
+        """Whether a point has restitution; without any, steps have no phase of rebounds."""
+        return bool(self.contacts.restitution.any())
 
     @cached_property
     def values(self) -> dict[str, Array]:
@@ -136,8 +141,7 @@ class Contact(Effect):
             push, forces[work.EXTERNAL.name] = push + made, made
         known = {"tau": push, **({} if law is None else named(law))}
         if not len(self.contacts):
-            empty = np.zeros(0, v.dtype)
-            known |= {MU.name: empty, RESTITUTION.name: empty}
+            known[MU.name] = np.zeros(0, v.dtype)
         spec = self._spec(constrained, general and pushed)
         parts = at.evaluate(spec, **known)
         after, states = parts["v"], {self.own.name: self._noted(parts, given[self.own.name])}
@@ -161,7 +165,7 @@ class Contact(Effect):
     def _spec(self, constrained: Constrained | None, pushed: bool) -> Spec:
         """The Spec of the step."""
         has = {"heights": len(self.tables) > 1, "friction": self.way is not None, "bristles": self.way == LUGRE}
-        has |= {"fext": pushed, "start": self.warm}
+        has |= {"fext": pushed, "start": self.warm, "no_bounce": not self.bounces}
         if constrained is not None:
             has |= {"constraints": True, "rate": not constrained.projects, "chosen": constrained.chooses}
         return impulse_step_spec(frozenset(name for name, there in has.items() if there))
