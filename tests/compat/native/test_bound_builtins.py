@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from spatialdyn.compat import pinocchio as pin
+from spatialdyn.engines.compiled import numba_kernels
 from spatialdyn.engines.object_layout import Definition, words_at
 from spatialdyn.engines.programs.llvm.call_words import PLAN
 from spatialdyn.engines.programs.run.single_call import NO_LIMIT, change
@@ -114,6 +115,7 @@ def test_velocity_derivatives_follow_each_call_and_moved_joints(model: Any, refe
     np.testing.assert_array_equal(derivatives(data), before)
 
 
+@pytest.mark.skipif(numba_kernels.PLAIN, reason="NUMBA_DISABLE_JIT: no builtins")
 def test_a_call_keeps_its_run_and_plan_while_other_code_replaces_them() -> None:
     model = pin.buildSampleModelManipulator()
     data, q = model.createData(), np.zeros(model.nq)
