@@ -114,7 +114,7 @@ SHARED = {
     "tree.regressor", "momenta.adaptive_regressors", "control.control_laws",
     "control.adaptive_laws", "control.composite_laws",
     "control.inverse_kinematics", "contact.impulses", "contact.impulse_rows", "contact.newton_step", "control.paths",
-    "coordinates.coordinate_rates",
+    "coordinates.coordinate_rates", "contact.impulse_step",
 }  # fmt: skip
 TOUCH_FILES = {"urdf", "sources", "engines", "pictures", "docs", "studies", "embedded", "waiting"}  # and a fork
 # themselves, a script, and loops in TOML; one reads an environment variable

@@ -222,7 +222,8 @@ class _Steps:
         axes = self.values(np.ascontiguousarray(x), impulse, reaction).axes.reshape((self.n, points, 3, 3))
         of_points = np.einsum("npij,npj->npi", axes, force.reshape((self.n, points, 3)))
         impulse[:, : 3 * points] = of_points.reshape((self.n, -1))
-        impulse[:, 3 * points :] = (self.h[:, None] * friction)[:, self.of_joint]
+        if friction.shape[-1]:
+            impulse[:, 3 * points :] = (self.h[:, None] * friction)[:, self.of_joint]
         impulse[:, 3 * points : 3 * points + limits] += stop
         return np.ascontiguousarray(x), impulse, np.ascontiguousarray(reaction)
 

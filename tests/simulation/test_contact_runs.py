@@ -19,6 +19,7 @@ from spatialdyn.engines.programs.record import recording
 from spatialdyn.recursions.control.control_laws import law_spec
 from spatialdyn.simulation import fixed_steps
 from spatialdyn.simulation.effects import contacts as contact_effect
+from spatialdyn.simulation.effects.contacts import contact_of
 from spatialdyn.simulation.effects.control import Feedback
 from spatialdyn.simulation.steps import step_specs
 
@@ -618,3 +619,14 @@ def test_a_robot_with_nothing_to_touch_with_runs_as_without() -> None:
     free = scenes.rollout(model, [0.3], [0.0], **kept)
     none = scenes.rollout(model, [0.3], [0.0], **kept, contacts=sd.Contacts(model, {}))
     np.testing.assert_array_equal(none.q, free.q)
+
+
+@pytest.mark.parametrize("restitution", [0.0, 0.5])
+def test_steps_have_a_phase_of_rebounds_only_where_a_point_has_restitution(restitution: float) -> None:
+    model = mass()
+    scene = sd.Scene(model, contacts=sd.Contacts(model, {"z": 0.0}, restitution=restitution))
+    effect = contact_of(scene, (), False, None)
+    assert effect is not None
+    names = {x.name for x in effect._spec(None, False).present}
+    assert ("restitution" in names) == (restitution > 0.0)
+    assert ("restitution" in effect.values) == (restitution > 0.0)

@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 from ...algebra.euclidean import Mat3, Vec
 from ...algebra.records import table_dtype
-from ...algebra.scalars import EPS, exceeds, inline, sqrt
+from ...algebra.scalars import EPS, Scalar, exceeds, inline, sqrt
 from ...algebra.spatial import Force, Inertia, Pose
 from ...bodies.constraint_table import TERM
 from ..signatures import Bodies, Config, Matrix, Number, Record, Vector, Work
@@ -26,7 +26,7 @@ from ..tree.crba import crba
 from ..tree.ltdl import factor_tree, solve_inward, solve_outward
 from ..tree.rnea import rnea
 from .constraint_rows import CONSTRAINTS_ARGUMENT, turn_rows, write_drift, write_error, write_jacobian
-from .dense import choose_rows, factor_dropping, quotient, solve_backward, solve_forward
+from .dense import add_product, choose_rows, factor_dropping, quotient, solve_backward, solve_forward
 
 WORK = table_dtype(
     X=Pose,  # of crba, then of rnea
@@ -81,33 +81,43 @@ def constrained_motion(
     rank (1)      number of independent rows
     fext, rate and chosen, of ``independent_rows``, may be None
     """
-    n = len(bodies) - 1
     crba(bodies, work, q, s.L)
-    factor_tree(bodies, s.L)
     rnea(bodies, work, q, v, None, fext, a)
-    turn_rows(bodies, work)
-    write_jacobian(bodies, work, constraints, s.Y)
-    write_drift(bodies, work, constraints, v, s.gamma)
-    if rate is not None:
-        stabilize(bodies, work, q, v, constraints, rate, s.Y, s.gamma, s.error)
-    for i in range(n):
-        pivots[i] = s.L[i, i]
+    for i in range(len(bodies) - 1):
         a[i] = tau[i] - a[i]
-    respond(bodies, constraints, chosen, s, a, force, residual, rank)
+    move_held(bodies, work, q, v, constraints, rate, chosen, a, force, residual, rank, pivots, s)
 
 
 @inline
-def stabilize(
+def move_held(
+    bodies: Bodies, work: Work, q: Config, v: Vector, constraints: Record, rate: Number, chosen: Vector, x: Vector,
+    force: Vector, residual: Vector, rank: Vector, pivots: Vector, s: ConstraintScratch,
+) -> None:  # fmt: skip
+    """As ``constrained_motion``, x the acceleration in place of τ - bias, with M in s.L, and after ``rnea``."""
+    factor_tree(bodies, s.L)
+    write_equations(bodies, work, q, v, constraints, rate, s.Y, s.gamma, s.error)
+    for i in range(len(bodies) - 1):
+        pivots[i] = s.L[i, i]
+    felt(bodies, s.L, s.Y, s.G)
+    respond(bodies, constraints, chosen, s, x, force, residual, rank)
+
+
+@inline
+def write_equations(
     bodies: Bodies, work: Work, q: Config, v: Vector, constraints: Record, rate: Number, J: Matrix, gamma: Vector,
     error: Vector,
 ) -> None:  # fmt: skip
-    """gamma (nc) + 2 J v / T + φ / T² in place, with rate 1/T; error (nc), written: φ."""
-    write_error(bodies, work, constraints, q, error)
-    for k in range(len(gamma)):
-        Jv = 0.0
-        for i in range(len(bodies) - 1):
-            Jv = Jv + J[k, i] * v[i]
-        gamma[k] = gamma[k] + rate * (2.0 * Jv + rate * error[k])
+    """J (nc, nv) and γ = gamma (nc) of J a + γ = 0, after ``rnea``; with a rate 1/T, γ + 2 J v / T + φ / T² for γ.
+
+    error (nc), written if there is a rate: φ
+    """
+    turn_rows(bodies, work)
+    write_jacobian(bodies, work, constraints, J)
+    write_drift(bodies, work, constraints, v, gamma)
+    if rate is not None:
+        write_error(bodies, work, constraints, q, error)
+        for k in range(len(gamma)):
+            gamma[k] = gamma[k] + rate * (2.0 * add_product(0.0, J, v, k) + rate * error[k])
 
 
 @inline
@@ -119,12 +129,8 @@ def constraint_response(
 
     chosen, residual (1) and rank (1) as of ``constrained_motion``.
     """
-    crba(bodies, work, q, s.L)
-    factor_tree(bodies, s.L)
-    turn_rows(bodies, work)
-    write_jacobian(bodies, work, constraints, s.Y)
+    write_inertia(bodies, work, q, constraints, s.L, s.Y, s.G, pivots)
     for i in range(len(bodies) - 1):
-        pivots[i] = s.L[i, i]
         change[i] = 0.0
     for k in range(len(s.gamma)):
         s.gamma[k] = -rhs[k]
@@ -141,16 +147,8 @@ def independent_rows(
     With a known rank at most that many are kept; the rank returned is larger if a dropped pivot is above RISEN.
     """
     n, m = len(bodies) - 1, len(chosen)
-    crba(bodies, work, q, s.L)
-    factor_tree(bodies, s.L)
-    turn_rows(bodies, work)
-    write_jacobian(bodies, work, constraints, s.Y)
-    for i in range(n):
-        pivots[i] = s.L[i, i]
-    felt(bodies, s.L, s.Y, s.G)
-    for k in range(m):
-        s.size[k] = s.G[k, k]
-    share(constraints, s.size)
+    write_inertia(bodies, work, q, constraints, s.L, s.Y, s.G, pivots)
+    write_sizes(constraints, s.G, s.size)
     most = float(m) if known is None else known
     count, spare = choose_rows(s.G, s.size, DEPENDENT * (n + m) * EPS, most, chosen, s.column, s.best)
     rank[0] = count if known is None else count + exceeds(spare, RISEN)
@@ -161,6 +159,17 @@ def delassus(
     bodies: Bodies, work: Work, q: Config, constraints: Record, G: Matrix, pivots: Vector, L: Matrix, Y: Matrix
 ) -> None:
     """G = J M⁻¹ Jᵀ (nc, nc); L and Y are scratch."""
+    write_inertia(bodies, work, q, constraints, L, Y, G, pivots)
+    for k in range(len(G)):
+        for l in range(k):
+            G[l, k] = G[k, l]
+
+
+@inline
+def write_inertia(
+    bodies: Bodies, work: Work, q: Config, constraints: Record, L: Matrix, Y: Matrix, G: Matrix, pivots: Vector
+) -> None:  # fmt: skip
+    """The factors of M in L, and Y and G as of ``felt``."""
     crba(bodies, work, q, L)
     factor_tree(bodies, L)
     turn_rows(bodies, work)
@@ -168,9 +177,6 @@ def delassus(
     for i in range(len(bodies) - 1):
         pivots[i] = L[i, i]
     felt(bodies, L, Y, G)
-    for k in range(len(G)):
-        for l in range(k):
-            G[l, k] = G[k, l]
 
 
 @inline
@@ -193,22 +199,33 @@ def respond(
 ) -> None:  # fmt: skip
     """Solve M x = r + Jᵀ λ, J x + γ = 0 for x, in place of r, and λ = force.
 
-    The remaining J x + γ of dropped rows is measured in the norm of G, as are the accelerations x₀ = M⁻¹ r and
-    M⁻¹ Jᵀ λ: residual² is its share of the sum of squares, between 0 and 1 in any units. UNSURE is added to the
-    residual if the caller should choose rows.
+    UNSURE is added to the residual if the caller should choose rows.
 
     chosen  (nc) 1 for the rows that are kept, 0 for those that are dropped; None: all but those of pivots near 0
-    s       with the factors of M in L, J in Y and γ in gamma; the residuals of dropped rows are written to gamma
+    s       with the factors of M in L, Y and G of ``felt`` and γ in gamma; the residuals of rows are written to gamma
     """
-    L, Y, G, gamma, size, kept = s.L, s.Y, s.G, s.gamma, s.size, s.kept
-    n, m = len(bodies) - 1, len(gamma)
-    felt(bodies, L, Y, G)
-    for k in range(m):
-        size[k] = G[k, k]
-    share(constraints, size)
+    unsure = factor_kept(bodies, constraints, chosen, s.G, s.size, s.kept)
+    solve_inward(bodies, s.L, x)
+    for i in range(len(bodies) - 1):
+        x[i] = x[i] * (1.0 / s.L[i, i])
+    residual[0], rank[0] = hold_rows(chosen, s.L, s.Y, s.G, s.gamma, s.size, s.kept, x, force)
+    residual[0] = residual[0] + UNSURE * unsure
+    solve_outward(bodies, s.L, x)
+
+
+@inline
+def factor_kept(bodies: Bodies, constraints: Record, chosen: Vector, G: Matrix, size: Vector, kept: Vector) -> Scalar:
+    """The factors of G, of ``felt``, in its place. Returns 1 if rows should be chosen, else 0.
+
+    chosen  as of ``respond``
+    size    (nc), written: the number that a pivot is compared with
+    kept    (nc), written: 1 of a row that is kept, else 0
+    """
+    m = len(G)
+    write_sizes(constraints, G, size)
     unsure = 0.0
     if chosen is None:
-        factor_dropping(G, size, DEPENDENT * (n + m) * EPS, kept)
+        factor_dropping(G, size, DEPENDENT * (len(bodies) - 1 + m) * EPS, kept)
         small, tiny = 0.0, 0.0
         for k in range(m):
             inverse = G[k, k] * size[k]
@@ -219,59 +236,65 @@ def respond(
         for k in range(m):
             kept[k] = chosen[k]
         factor_dropping(G, None, 0.0, kept)
-
-    # G λ = -γ - Y D⁻¹ L⁻ᵀ r
-    solve_inward(bodies, L, x)
-    energy = 0.0
-    for i in range(n):
-        t = x[i] * (1.0 / L[i, i])
-        energy = energy + x[i] * t
-        x[i] = t
-    for k in range(m):
-        y = -gamma[k]
-        for i in range(n):
-            y = y - Y[k, i] * x[i]
-        gamma[k] = y
-        force[k] = y
-    solve_forward(G, force)
-    count = 0.0
-    for k in range(m):
-        energy = energy + force[k] * force[k] * G[k, k]
-        count = count + kept[k]
-    if chosen is None:
-        for k in range(m):
-            gamma[k] = force[k]
-    solve_backward(G, force, force)
-    rank[0] = count
-
-    # x = L⁻¹ D⁻¹ (L⁻ᵀ r + Yᵀ λ)
-    for i in range(n):
-        push = 0.0
-        for k in range(m):
-            push = push + Y[k, i] * force[k]
-        push = push * (1.0 / L[i, i])
-        if chosen is not None:
-            for k in range(m):
-                gamma[k] = gamma[k] - Y[k, i] * push
-        x[i] = x[i] + push
-    lost = 0.0
-    for k in range(m):
-        lost = lost + (1.0 - kept[k]) * quotient(gamma[k] * gamma[k], size[k])
-    residual[0] = sqrt(quotient(lost, lost + energy)) + UNSURE * unsure
-    solve_outward(bodies, L, x)
+    return unsure
 
 
 @inline
-def share(constraints: Record, x: Vector) -> None:
-    """Replace each entry of x by the sum of x over the equations of its constraint."""
+def hold_rows(
+    chosen: Vector, L: Matrix, Y: Matrix, G: Matrix, gamma: Vector, size: Vector, kept: Vector, w: Vector,
+    force: Vector,
+) -> tuple[Scalar, Scalar]:  # fmt: skip
+    """Solve Y w + γ = 0 for w = w₀ + D⁻¹ Yᵀ λ, in place of w₀, and λ = force. Returns residual and rank.
+
+    The remaining Y w + γ of dropped rows is measured in the norm of G, as are the accelerations of w₀ and M⁻¹ Jᵀ λ:
+    residual² is its share of the sum of squares, between 0 and 1 in any units. It is written to gamma, in place of γ.
+
+    chosen  as of ``respond``
+    G, size, kept  of ``factor_kept``
+    """
+    energy, lost, rank = 0.0, 0.0, 0.0
+    for i in range(len(w)):
+        energy = energy + w[i] * w[i] * L[i, i]
+    for k in range(len(G)):
+        force[k] = -add_product(gamma[k], Y, w, k)
+    solve_forward(G, force)
+    for k in range(len(G)):
+        energy = energy + force[k] * force[k] * G[k, k]
+        rank = rank + kept[k]
+        if chosen is None:
+            gamma[k] = force[k]
+    solve_backward(G, force, force)
+    add_impulses(L, Y, force, w)
+    for k in range(len(G)):
+        if chosen is not None:
+            gamma[k] = add_product(gamma[k], Y, w, k)
+        lost = lost + (1.0 - kept[k]) * quotient(gamma[k] * gamma[k], size[k])
+    return sqrt(quotient(lost, lost + energy)), rank
+
+
+@inline
+def add_impulses(L: Matrix, Y: Matrix, force: Vector, w: Vector) -> None:
+    """W + D⁻¹ Yᵀ λ in place."""
+    for i in range(len(w)):
+        push = 0.0
+        for k in range(len(force)):
+            push = push + Y[k, i] * force[k]
+        w[i] = w[i] + push * (1.0 / L[i, i])
+
+
+@inline
+def write_sizes(constraints: Record, G: Matrix, size: Vector) -> None:
+    """size (nc): the trace of G over the equations of each row's constraint."""
+    for k in range(len(G)):
+        size[k] = G[k, k]
     for m in range(1, len(constraints)):
         c = constraints[m]
         if c.kind != TERM:
             total = 0.0
             for k in range(c.count):
-                total = total + x[c.first + k]
+                total = total + size[c.first + k]
             for k in range(c.count):
-                x[c.first + k] = total
+                size[c.first + k] = total
 
 
 FORCE = Argument("force", ("nc",), "N | N m", "of each equation, on frame a, in b's axes")

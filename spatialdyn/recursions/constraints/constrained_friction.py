@@ -13,10 +13,9 @@ from ..joints.friction import BRISTLE_LAW, BRISTLES, DT, BristleLaw, add_bristle
 from ..signatures import Bodies, Config, Matrix, Number, Record, Vector, Work
 from ..spec import FEXT_OPTIONAL, TAU, Argument, Q, Spec, V
 from ..tree.crba import crba
-from ..tree.ltdl import factor_tree
 from ..tree.rnea import rnea
-from .constrained import CHOSEN, FORCE, RANK, RATE, RESIDUAL, WORK, ConstraintScratch, respond, stabilize
-from .constraint_rows import CONSTRAINTS_ARGUMENT, turn_rows, write_drift, write_jacobian
+from .constrained import CHOSEN, FORCE, RANK, RATE, RESIDUAL, WORK, ConstraintScratch, move_held
+from .constraint_rows import CONSTRAINTS_ARGUMENT
 
 
 class HeldBristles(NamedTuple):
@@ -38,20 +37,12 @@ def held_bristle_step(
     """Velocities and bristles after a step, as in ``bristle_step``, and the constraints' forces, as in
     ``constrained_motion``.
     """
-    n, ahead, bristles = len(bodies) - 1, after.ahead, after.bristles
+    ahead, bristles = after.ahead, after.bristles
     crba(bodies, work, q, s.L)
     rnea(bodies, work, q, v, None, fext, ahead)
     add_bristles(v, z, tau, dt, law, s.L, ahead, bristles)
-    factor_tree(bodies, s.L)
-    turn_rows(bodies, work)
-    write_jacobian(bodies, work, constraints, s.Y)
-    write_drift(bodies, work, constraints, v, s.gamma)
-    if rate is not None:
-        stabilize(bodies, work, q, v, constraints, rate, s.Y, s.gamma, s.error)
-    for i in range(n):
-        pivots[i] = s.L[i, i]
-    respond(bodies, constraints, chosen, s, ahead, after.force, after.residual, after.rank)
-    for i in range(n):
+    move_held(bodies, work, q, v, constraints, rate, chosen, ahead, after.force, after.residual, after.rank, pivots, s)
+    for i in range(len(bodies) - 1):
         ahead[i] = v[i] + dt * ahead[i]
         bristles[i] = (z[i] + dt * ahead[i]) * bristles[i]
 

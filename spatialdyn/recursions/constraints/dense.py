@@ -105,3 +105,11 @@ def solve_backward(G: Matrix, y: Vector, x: Vector) -> None:
 def quotient(x: Scalar, y: Scalar) -> Scalar:
     """x / y for x, y >= 0; x if y is 0."""
     return x * (1.0 / (y + (1.0 - exceeds(y, 0.0))))
+
+
+@inline
+def add_product(s: Scalar, A: Matrix, x: Vector, k: int) -> Scalar:
+    """S + A_k x, of row k."""
+    for i in range(len(x)):
+        s = s + A[k, i] * x[i]
+    return s

@@ -1,17 +1,17 @@
 """Motion under constraints, M x = r + Jᵀ λ and J x + γ = -μ λ, with M = LᵀD L as sparse as the tree.
 
-Y = J L⁻¹ takes one sweep towards the root for each row of J, and S = Y D⁻¹ Yᵀ + μ 1 = C Cᵀ has a row and a column for
-each constraint. A pivot of C is the part of its row that is no combination of the rows before: its size relative to
-the row, the same in all units, shows whether the constraint is independent.
+Y = J L⁻¹ takes one sweep towards the root for each row of J, and S = Y D⁻¹ Yᵀ + μ 1 has a row and a column for each
+constraint. A pivot of S is the part of its row that is no combination of the rows before: its size relative to the
+row, the same in all units, shows whether the constraint is independent.
 """
 
 from __future__ import annotations
 
-from ...algebra.scalars import EPS, Scalar, inline, sqrt
+from ...algebra.scalars import EPS, Scalar, inline
 from ..signatures import Array, Bodies, Matrix, Vector
 from ..tree.ltdl import factor_tree, solve_inward, solve_outward
-
-DEPENDENT = 16.0  # times eps and the number of terms in a pivot: the pivot that rounding leaves of a dependent row
+from .constrained import DEPENDENT, add_impulses, felt
+from .dense import add_product, factor_dropping, solve_backward, solve_forward
 
 
 @inline
@@ -31,12 +31,22 @@ def constrained(
     """Solve for x (nv) and λ = force (m); returns the number of independent constraints, -1 if M is singular.
 
     M (nv, nv), J (m, nv), r (nv), gamma (m), mu a number; also written: L (nv, nv) with D on its diagonal, Y (m, nv),
-    C (m, m) in the lower triangle
+    C (m, m), the factors of S by ``factor_dropping``
     """
     n, m = len(bodies) - 1, len(J)
     if factored(bodies, M, L) < 0:
         return -1
-    independent = _factor_constraints(bodies, J, mu, L, Y, C)
+    for k in range(m):
+        for i in range(n):
+            Y[k, i] = J[k, i]
+    felt(bodies, L, Y, C)
+    for k in range(m):
+        C[k, k] = C[k, k] + mu
+        force[k] = C[k, k]  # the size of its pivot, then whether it is kept
+    factor_dropping(C, force, DEPENDENT * (n + m) * EPS, force)
+    independent = 0
+    for k in range(m):
+        independent += 1 if force[k] > 0.0 else 0
     for i in range(n):
         x[i] = r[i]
     if independent == m:
@@ -47,24 +57,14 @@ def constrained(
 @inline
 def solve_factored(bodies: Bodies, gamma: Vector, L: Matrix, Y: Matrix, C: Matrix, x: Vector, force: Vector) -> None:
     """x (nv), in place of r, and λ = force (m), from L, Y and C."""
-    n, m = len(L), len(C)
     solve_inward(bodies, L, x)
-    for i in range(n):
+    for i in range(len(L)):
         x[i] = x[i] / L[i, i]
-    for k in range(m):
-        y = -gamma[k]
-        for i in range(n):
-            y = y - Y[k, i] * x[i]
-        for j in range(k):
-            y = y - C[k, j] * force[j]
-        force[k] = y / C[k, k]
-    for k in range(m - 1, -1, -1):
-        for j in range(k + 1, m):
-            force[k] = force[k] - C[j, k] * force[j]
-        force[k] = force[k] / C[k, k]
-    for k in range(m):
-        for i in range(n):
-            x[i] = x[i] + Y[k, i] * force[k] / L[i, i]
+    for k in range(len(C)):
+        force[k] = -add_product(gamma[k], Y, x, k)
+    solve_forward(C, force)
+    solve_backward(C, force, force)
+    add_impulses(L, Y, force, x)
     solve_outward(bodies, L, x)
 
 
@@ -105,32 +105,6 @@ def factored(bodies: Bodies, M: Matrix, L: Matrix) -> int:
         if not L[i, i] > n * EPS * M[i, i]:
             return -1
     return 0
-
-
-@inline
-def _factor_constraints(bodies: Bodies, J: Matrix, mu: Scalar, L: Matrix, Y: Matrix, C: Matrix) -> int:
-    """Write Y and C; returns the number of independent rows. A dependent row has a column of zeros in C."""
-    n, m = len(bodies) - 1, len(J)
-    independent = 0
-    for k in range(m):
-        for i in range(n):
-            Y[k, i] = J[k, i]
-        solve_inward(bodies, L, Y[k])
-        for l in range(k + 1):
-            s = mu if l == k else 0.0
-            for i in range(n):
-                s = s + Y[k, i] * Y[l, i] / L[i, i]
-            size = s
-            for j in range(l):
-                s = s - C[k, j] * C[l, j]
-            if l < k:
-                C[k, l] = s / C[l, l] if C[l, l] > 0.0 else 0.0
-            elif s > DEPENDENT * (n + m) * EPS * size:
-                C[k, k] = sqrt(s)
-                independent += 1
-            else:
-                C[k, k] = 0.0
-    return independent
 
 
 @inline

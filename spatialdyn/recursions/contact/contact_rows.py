@@ -8,26 +8,15 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from ...algebra.euclidean import Mat3, Vec, add, cross, rotate, sub, unrotate
+from ...algebra.euclidean import Vec, add, cross, rotate, sub
 from ...algebra.heights import bilinear
-from ...algebra.records import mat3_of, motion_of, table_dtype, vec_of
+from ...algebra.records import mat3_of, motion_of, put_mat3, vec_of
 from ...algebra.scalars import Scalar, inline, inline_or_by_rows, select, sqrt
-from ...algebra.spatial import Force, Inertia, Pose
 from ...bodies.contact_table import CONTACTS, HEIGHTS
+from ..constraints.constraint_rows import carry_axes
+from ..constraints.dense import add_product
 from ..signatures import Array, Bodies, Config, Matrix, Number, Record, Vector, Work
 from ..spec import Argument
-from .coulomb_cone import point_residual
-
-WORK = table_dtype(
-    X=Pose,  # of crba, then of rnea
-    Ic=Inertia,  # of crba
-    w=Vec,  # of rnea, as are the fields that follow
-    dw=Vec,
-    dv=Vec,
-    f=Force,
-    R=Mat3,  # of constraint_rows, in the ground's axes, as is the field that follows
-    o=Vec,
-)
 
 
 class Contact(NamedTuple):
@@ -36,7 +25,7 @@ class Contact(NamedTuple):
     contacts: Record  # the table of points and joints
     heights: Record  # of the ground; None: a plane
     mu: Vector  # (np)
-    restitution: Vector  # (np)
+    restitution: Vector  # (np); None: no point bounces
     start: Vector = None  # (rows) λ to begin with; None: 0
 
 
@@ -45,6 +34,14 @@ SLOWEST = 1e-2  # [s] shortest time of that rise: in ever shorter steps the poin
 BOUNCING = 1e-2  # [m/s] speed of approach from which a point bounces; a slower point comes to rest, unless its speed
 PRESSED = 10.0  # is above PRESSED times the velocity that forces add in the step
 REST = 1e-5  # [m/s] and above REST
+
+
+@inline
+def place_points(bodies: Bodies, work: Work, contacts: Record, heights: Record, gap: Vector, T: Array) -> None:
+    """R and o of every row in the ground's axes, whose X is written; then as ``write_gaps``."""
+    put_mat3(work[0].R, mat3_of(contacts[0].axes))
+    carry_axes(bodies, work)
+    write_gaps(bodies, work, contacts, heights, gap, T)
 
 
 @inline_or_by_rows
@@ -156,10 +153,7 @@ def target(gap: Scalar, before: Scalar, free: Scalar, dt: Number, restitution: N
 @inline
 def velocity(Y: Matrix, b: Vector, w: Vector, k: int) -> Scalar:
     """b_k + Y_k w."""
-    s = b[k]
-    for i in range(len(w)):
-        s = s + Y[k, i] * w[i]
-    return s
+    return add_product(b[k], Y, w, k)
 
 
 @inline
@@ -178,26 +172,6 @@ def force_of_point(force: Vector, p: int) -> Vec:
 def work_of_row(Y: Matrix, before: Vector, w: Vector, k: int, impulse: Scalar) -> Scalar:
     """½ λ (u⁻ + u⁺) of a row's velocities before and after a step."""
     return 0.5 * impulse * (before[k] + velocity(Y, before, w, k))
-
-
-@inline
-def write_point(
-    contacts: Record, heights: Record, mu: Number, B: Matrix, w: Vector, p: int, out: Record, s: Record
-) -> None:  # fmt: skip
-    """Write the results of a step for a point, B its own block of G: impulse in the world's axes, residual, energy.
-
-    out, s  results and scratch of a step
-    """
-    u = velocity_of_point(s.Y, s.b, w, p)
-    out.residual[p] = point_residual(B, u, mu, force_of_point(s.force, p), s.lower[p], s.share)
-    f = add(force_of_point(s.first, p), force_of_point(s.force, p))
-    out.energy[p] = 0.0
-    for k in range(3 * p, 3 * p + 3):
-        out.energy[p] = out.energy[p] + work_of_row(s.Y, s.before, w, k, s.first[k] + s.force[k])
-    if heights is not None:
-        f = untilted(s.slopes[p], f)
-    f = unrotate(mat3_of(contacts[0].axes), f)
-    out.impulse[3 * p], out.impulse[3 * p + 1], out.impulse[3 * p + 2] = f.x, f.y, f.z
 
 
 @inline
@@ -253,5 +227,4 @@ RESTITUTION = Argument("restitution", ("np",), "1", "of each point, from 0 to 1"
 IMPULSE = Argument("impulse", ("np+np+np",), "N s", "on each point, in the world's axes")
 GAP = Argument("gap", ("np",), "m", "distance from the ground before the step, negative in it")
 STOP = Argument("stop", ("nl",), "N m s | N s", "on each joint with limits, positive from the lower one")
-RESIDUAL = Argument("residual", ("np+nl",), "m/s | rad/s", "violation of each point's and joint's law")
 ENERGY = Argument("energy", ("np+nl",), "J", "work of the impulses of each point and joint")

@@ -21,6 +21,7 @@ from ...algebra.regions import repeat, settled, when
 from ...algebra.scalars import EPS, Scalar, inline, select, sqrt
 from ..constraints.constrained import DEPENDENT
 from ..constraints.dense import factor_dropping, solve_backward, solve_forward
+from ..joints.friction import magnitude
 from ..signatures import Matrix, Number, Vector
 
 STOPPED = 1e-18  # share of a point's squared velocity that rounding leaves when it stops
@@ -44,12 +45,6 @@ class Slide(NamedTuple):
     n2: Scalar
     each: Scalar  # 1 / B_nn, 0 of a point that cannot move along its normal
     mu: Scalar
-
-
-@inline
-def magnitude(x: Scalar) -> Scalar:
-    """|x|."""
-    return select(x, x, -x)
 
 
 @inline
@@ -253,21 +248,17 @@ def point_slope(
 
 
 @inline
-def point_residual(B: Matrix, u: Vec, mu: Number, f: Vec, least: Scalar, share: Vector) -> Scalar:
-    """The violation of the law by λ, in units of velocity: its distance from its projection, 0 if the law is met.
+def squared_residual(
+    along: Scalar, wide: Scalar, u: Vec, mu: Number, f: Vec, least: Scalar, share: Vector
+) -> Scalar:  # fmt: skip
+    """The square of the violation of the law by λ, in units of velocity: its distance from its projection.
 
+    along  the block's entry of the normal
+    wide   its largest response across that
     u      velocity after the step, along the normal with its target
     least  least λ_n, complementary to u_n
     share  (1), written
     """
-    return sqrt(squared_residual(B[0, 0], largest_eigenvalue(B), u, mu, f, least, share))
-
-
-@inline
-def squared_residual(
-    along: Scalar, wide: Scalar, u: Vec, mu: Number, f: Vec, least: Scalar, share: Vector
-) -> Scalar:  # fmt: skip
-    """The square of ``point_residual``, of the block's entry of the normal and its largest response across that."""
     pushed = along * (f.x - least)
     normal = select(u.x - pushed, pushed, u.x)
     f1, f2, most = wide * f.y, wide * f.z, wide * (mu * f.x)

@@ -18,17 +18,10 @@ from functools import cache
 from typing import NamedTuple
 
 from ...algebra.euclidean import Vec, unrotate
-from ...algebra.records import mat3_of, put_mat3
+from ...algebra.records import mat3_of
 from ...algebra.scalars import inline
-from ..constraints.constrained import RATE, stabilize
-from ..constraints.constraint_rows import (
-    CONSTRAINTS_ARGUMENT,
-    carry_axes,
-    place_bias,
-    turn_rows,
-    write_drift,
-    write_jacobian,
-)
+from ..constraints.constrained import RATE, WORK, write_equations
+from ..constraints.constraint_rows import CONSTRAINTS_ARGUMENT, place_bias
 from ..coordinates.coordinate_rates import add_begun
 from ..joints.friction import DT, LAW, Law, dry_level
 from ..signatures import Array, Bodies, Config, Matrix, Number, Record, Vector, Work
@@ -38,12 +31,11 @@ from .contact_rows import (
     CONTACTS_ARGUMENT,
     GAP,
     HEIGHTS_ARGUMENT,
-    WORK,
     Contact,
     allowed,
+    place_points,
     target,
     velocity,
-    write_gaps,
     write_rows,
 )
 from .impulse_rows import ROWS
@@ -109,9 +101,7 @@ def impulse_balance(
             push = push + law.viscous[i] * (x[i] - out.begun[i])
         out.momentum[i] = dt * push
 
-    put_mat3(work[0].R, mat3_of(contacts[0].axes))
-    carry_axes(bodies, work)
-    write_gaps(bodies, work, contacts, contact.heights, out.gap, s.slopes)
+    place_points(bodies, work, contacts, contact.heights, out.gap, s.slopes)
     write_rows(bodies, work, contacts, contact.heights, s.slopes, s.J)
     for k in range(3 * points + joints):
         s.b[k] = 0.0
@@ -129,12 +119,8 @@ def impulse_balance(
             out.least[j], out.most[j] = allowed(c, q, dt)
 
     if constraints is not None:
-        turn_rows(bodies, work)
         place_bias(bodies, work, v)
-        write_jacobian(bodies, work, constraints, h.C)
-        write_drift(bodies, work, constraints, v, out.closing)
-        if rate is not None:
-            stabilize(bodies, work, q, v, constraints, rate, h.C, out.closing, h.error)
+        write_equations(bodies, work, q, v, constraints, rate, h.C, out.closing, h.error)
         for k in range(len(out.closing)):
             out.closing[k] = dt * out.closing[k]
             for i in range(n):

@@ -12,16 +12,17 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from ...algebra.euclidean import Vec, sub
-from ...algebra.records import mat3_of, put_mat3
 from ...algebra.scalars import EPS, Scalar, inline, select, sqrt
 from ..constraints.constrained import DEPENDENT
-from ..constraints.constraint_rows import carry_axes
+from ..constraints.dense import add_product
+from ..joints.friction import magnitude
 from ..signatures import Array, Bodies, Config, Matrix, Number, Vector, Work
 from ..tree.ltdl import solve_inward
 from .contact_rows import (
     Contact,
     allowed,
     force_of_point,
+    place_points,
     product,
     push,
     target,
@@ -29,10 +30,9 @@ from .contact_rows import (
     velocity,
     velocity_of_point,
     write_block,
-    write_gaps,
     write_rows,
 )
-from .coulomb_cone import factor_block, largest_eigenvalue, magnitude, point_impulse, squared_residual
+from .coulomb_cone import factor_block, largest_eigenvalue, point_impulse, squared_residual
 
 ROWS = "np+np+np+nl+nd"
 RES, LEAST, ROUND, EPSILON, COUNT, PHASE, CAREFUL, GRIP, JAMS, SHARE, STOPS = range(11)  # of ``state``
@@ -93,22 +93,29 @@ class Impulses(NamedTuple):
     share: Vector = (1,)  # of ``squared_residual``
 
 
+class JointState(NamedTuple):
+    """Velocities of a joint, and which part of its law holds."""
+
+    u: Scalar  # with its impulse
+    free: Scalar  # without
+    wanted: Scalar  # by its law
+    rests: Scalar  # 1 if it rests, else 0
+    stays: Scalar  # 1 if friction or a limit holds it, else 0
+
+
 @inline
 def write_responses(
     bodies: Bodies, work: Work, contact: Contact, v: Vector, gap: Vector, s: Impulses
 ) -> None:  # fmt: skip
     """Gaps, and of the rows velocities without impulses, Y, Z and size; from the places that ``crba`` leaves."""
     n = len(bodies) - 1
-    put_mat3(work[0].R, mat3_of(contact.contacts[0].axes))
-    carry_axes(bodies, work)
-    write_gaps(bodies, work, contact.contacts, contact.heights, gap, s.slopes)
+    place_points(bodies, work, contact.contacts, contact.heights, gap, s.slopes)
     write_rows(bodies, work, contact.contacts, contact.heights, s.slopes, s.Y)
     for k in range(len(s.b)):
-        s.b[k] = 0.0
-        for i in range(n):
-            s.b[k] = s.b[k] + s.Y[k, i] * v[i]
-            s.J[k, i] = s.Y[k, i]
+        s.b[k] = add_product(0.0, s.Y, v, k)
         s.before[k] = s.b[k]
+        for i in range(n):
+            s.J[k, i] = s.Y[k, i]
         solve_inward(bodies, s.L, s.Y[k])
         for i in range(n):
             s.Z[k, i] = s.Y[k, i] * (1.0 / s.L[i, i])
@@ -142,7 +149,7 @@ def open_laws(
         load = select(s.b[k] - free, s.b[k] - free, 0.0)
         s.load[p] = load * s.factors[p, 0, 0]
         s.lower[p] = 0.0
-        c, s.bounces[p] = target(gap[p], s.b[k], free, dt, contact.restitution[p])
+        c, s.bounces[p] = target(gap[p], s.b[k], free, dt, entry(contact.restitution, p))
         s.b[k] = s.b[k] + c
     for j in range(len(s.level)):
         k = 3 * points + j
@@ -152,6 +159,12 @@ def open_laws(
         if j < len(s.least):
             s.least[j], s.most[j] = allowed(contact.contacts[1 + points + j], q, dt)
         s.held[j], s.goal[j], s.rests[j] = 0.0, 0.0, 0.0
+
+
+@inline
+def entry(x: Vector, k: int) -> Scalar:
+    """x_k; 0 if x is None."""
+    return 0.0 if x is None else x[k]
 
 
 @inline
@@ -178,86 +191,85 @@ def respond(w: Vector, s: Impulses) -> None:
 def sweep(contact: Contact, held: bool, w: Vector, s: Impulses) -> None:
     """New impulses of each point and joint in turn, and w with them."""
     sweep_points(contact, held, w, s)
-    sweep_joints(contact, w, s)
+    sweep_joints(w, s)
 
 
 @inline
-def sweep_joints(contact: Contact, w: Vector, s: Impulses) -> None:
+def sweep_joints(w: Vector, s: Impulses) -> None:
     """Those of joints."""
     for j in range(len(s.level)):
-        set_joint(3 * contact.contacts[0].np + j, j, w, s)
+        k, x = 3 * len(s.lower) + j, joint_state(j, w, s)
+        was = s.force[k]
+        s.force[k] = (x.wanted - x.free) * s.each[j] - s.first[k]
+        push(s.Z, k, s.force[k] - was, w)
 
 
 @inline
 def sweep_points(contact: Contact, held: bool, w: Vector, s: Impulses) -> None:
     """Those of points."""
-    points = contact.contacts[0].np
-    for p in range(points):
-        now = force_of_point(s.force, p)
-        r = sub(velocity_of_point(s.Y, s.b, w, p), times(s.B[p], now))
-        solved, _, _ = point_impulse(s.B[p], s.factors[p], r, contact.mu[p], s.lower[p], s.root, s.disc, s.solved, held)
-        set_point(p, solved, now, w, s)
+    for p in range(len(s.lower)):
+        now, _, solved, _, _ = solve_point(p, contact.mu[p], held, w, s)
+        k = 3 * p
+        s.force[k], s.force[k + 1], s.force[k + 2] = solved.x, solved.y, solved.z
+        push(s.Z, k, solved.x - now.x, w)
+        push(s.Z, k + 1, solved.y - now.y, w)
+        push(s.Z, k + 2, solved.z - now.z, w)
 
 
 @inline
-def set_point(p: int, solved: Vec, now: Vec, w: Vector, s: Impulses) -> None:
-    """Replace a point's impulse, and update w."""
-    k = 3 * p
-    s.force[k], s.force[k + 1], s.force[k + 2] = solved.x, solved.y, solved.z
-    push(s.Z, k, solved.x - now.x, w)
-    push(s.Z, k + 1, solved.y - now.y, w)
-    push(s.Z, k + 2, solved.z - now.z, w)
-
-
-@inline
-def set_joint(k: int, j: int, w: Vector, s: Impulses) -> None:
-    """Replace a joint's impulse by the solution of its law, and update w."""
-    was = s.force[k]
-    free = velocity(s.Y, s.b, w, k) - s.own[k] * (s.first[k] + was)
-    wanted, _, _ = joint_law(j, free, s.own[k] * s.level[j], s)
-    s.force[k] = (wanted - free) * s.each[j] - s.first[k]
-    push(s.Z, k, s.force[k] - was, w)
+def solve_point(
+    p: int, mu: Number, held: bool, w: Vector, s: Impulses
+) -> tuple[Vec, Vec, Vec, Scalar, Scalar]:  # fmt: skip
+    """λ of a point, its velocity without that, and what ``point_impulse`` returns for it."""
+    now = force_of_point(s.force, p)
+    r = sub(velocity_of_point(s.Y, s.b, w, p), times(s.B[p], now))
+    solved, sticks, slides = point_impulse(
+        s.B[p], s.factors[p], r, mu, s.lower[p], s.root, s.disc, s.solved, held
+    )  # fmt: skip
+    return now, r, solved, sticks, slides
 
 
 @inline
 def residual(contact: Contact, w: Vector, s: Impulses) -> Scalar:
     """The largest residual of all rows; those of joints are written to ``off``."""
-    of_points, of_joints = residual_of_points(contact, w, s), residual_of_joints(contact, w, s)
+    of_points, of_joints = residual_of_points(contact, w, s), residual_of_joints(w, s)
     return select(of_joints - of_points, of_joints, of_points)
 
 
 @inline
 def residual_of_points(contact: Contact, w: Vector, s: Impulses) -> Scalar:
     """The largest residual of points."""
-    worst, points = 0.0, contact.contacts[0].np
-    for p in range(points):
-        u = velocity_of_point(s.Y, s.b, w, p)
-        f = force_of_point(s.force, p)
-        x = squared_residual(s.B[p, 0, 0], s.wide[p], u, contact.mu[p], f, s.lower[p], s.share)
+    worst = 0.0
+    for p in range(len(s.lower)):
+        x = square_of_point(p, contact.mu[p], w, s)
         worst = select(x - worst, x, worst)
     return sqrt(worst)
 
 
 @inline
-def residual_of_joints(contact: Contact, w: Vector, s: Impulses) -> Scalar:
+def square_of_point(p: int, mu: Number, w: Vector, s: Impulses) -> Scalar:
+    """The square of a point's residual."""
+    u, f = velocity_of_point(s.Y, s.b, w, p), force_of_point(s.force, p)
+    return squared_residual(s.B[p, 0, 0], s.wide[p], u, mu, f, s.lower[p], s.share)
+
+
+@inline
+def residual_of_joints(w: Vector, s: Impulses) -> Scalar:
     """The largest of joints; all are written in ``off``."""
-    worst, points = 0.0, contact.contacts[0].np
+    worst = 0.0
     for j in range(len(s.level)):
-        k = 3 * points + j
-        u = velocity(s.Y, s.b, w, k)
-        free = u - s.own[k] * (s.first[k] + s.force[k])
-        wanted, _, _ = joint_law(j, free, s.own[k] * s.level[j], s)
-        s.off[j] = magnitude(u - wanted)
+        x = joint_state(j, w, s)
+        s.off[j] = magnitude(x.u - x.wanted)
         worst = select(s.off[j] - worst, s.off[j], worst)
     return worst
 
 
 @inline
-def beyond_limits(contact: Contact, w: Vector, s: Impulses) -> Scalar:
+def beyond_limits(w: Vector, s: Impulses) -> Scalar:
     """The largest residual of joints without impulses and friction: by how much one passes a limit; 0 if none does."""
-    worst, points = 0.0, contact.contacts[0].np
+    worst = 0.0
     for j in range(len(s.least)):
-        u = velocity(s.Y, s.b, w, 3 * points + j)
+        u = velocity(s.Y, s.b, w, 3 * len(s.lower) + j)
         low, high = s.least[j] - u, u - s.most[j]
         worst = select(low - worst, low, worst)
         worst = select(high - worst, high, worst)
@@ -272,17 +284,16 @@ def inverse(x: Scalar, size: Scalar, n: int) -> Scalar:
 
 
 @inline
-def joint_law(j: int, free: Scalar, level: Scalar, s: Impulses) -> tuple[Scalar, Scalar, Scalar]:
-    """Velocity of a joint by its law; 1 if it rests, else 0; 1 if friction or a limit holds it, else 0.
-
-    free   its velocity without an impulse
-    level  the most by which dry friction changes its velocity
-    """
+def joint_state(j: int, w: Vector, s: Impulses) -> JointState:
+    """The JointState of a joint, which dry friction slows by at most ``level``."""
+    k = 3 * len(s.lower) + j
+    u, level = velocity(s.Y, s.b, w, k), s.own[k] * s.level[j]
+    free = u - s.own[k] * (s.first[k] + s.force[k])
     moved = select(free - level, free - level, select(-free - level, free + level, 0.0))
     sticks = select(level - magnitude(free), 1.0, 0.0)  # 0 of NaN
     if j >= len(s.least):  # no limits
-        return moved, sticks, sticks
+        return JointState(u, free, moved, sticks, sticks)
     low, high = s.least[j] - moved, moved - s.most[j]
     kept = select(low, s.least[j], select(high, s.most[j], moved))
     stops = select(low, 1.0, select(high, 1.0, sticks))
-    return kept, select(low, 0.0, select(high, 0.0, sticks)), stops
+    return JointState(u, free, kept, select(low, 0.0, select(high, 0.0, sticks)), stops)

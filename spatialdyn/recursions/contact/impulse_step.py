@@ -20,21 +20,25 @@ from dataclasses import replace
 from functools import cache
 from typing import NamedTuple
 
+from ...algebra.euclidean import unrotate
+from ...algebra.records import mat3_of
 from ...algebra.regions import repeat, settled
-from ...algebra.scalars import EPS, Scalar, inline, select, sqrt
-from ..constraints.constrained import CHOSEN, DEPENDENT, RATE, felt, share, stabilize
-from ..constraints.constraint_rows import (
-    CONSTRAINTS_ARGUMENT,
-    place_rows,
-    turn_rows,
-    write_drift,
-    write_error,
-    write_jacobian,
+from ...algebra.scalars import Scalar, inline, select, sqrt
+from ..constraints.constrained import (
+    CHOSEN,
+    RATE,
+    WORK,
+    add_impulses,
+    factor_kept,
+    felt,
+    hold_rows,
+    write_equations,
 )
-from ..constraints.dense import factor_dropping, quotient, solve_backward, solve_forward
+from ..constraints.constraint_rows import CONSTRAINTS_ARGUMENT, place_rows, write_error, write_jacobian
+from ..constraints.dense import add_product, solve_backward, solve_forward
 from ..coordinates.configuration import integrate
 from ..coordinates.coordinate_rates import add_begun, turn
-from ..joints.friction import BRISTLE_LAW, BRISTLES, DT, LAW, BristleLaw, add_bristles, dry_level
+from ..joints.friction import BRISTLE_LAW, BRISTLES, DT, LAW, BristleLaw, add_bristles, dry_level, magnitude
 from ..signatures import Bodies, Config, Matrix, Number, Record, Vector, Work
 from ..spec import FEXT, TAU, Argument, Q, Spec, V
 from ..tree.crba import crba
@@ -49,14 +53,24 @@ from .contact_rows import (
     MU,
     RESTITUTION,
     STOP,
-    WORK,
     Contact,
-    velocity,
+    force_of_point,
+    untilted,
     work_of_row,
-    write_point,
 )
-from .coulomb_cone import magnitude
-from .impulse_rows import ROWS, Impulses, joint_law, keep_inertia, open_laws, residual, sweep, write_responses
+from .impulse_rows import (
+    ROWS,
+    Impulses,
+    entry,
+    joint_state,
+    keep_inertia,
+    open_laws,
+    residual,
+    residual_of_joints,
+    square_of_point,
+    sweep,
+    write_responses,
+)
 from .impulses import SWEEPS, SWEEPS_AGAIN, SWEEPS_DRY, solve_impulses
 
 # Share of the velocity change of dry friction: a load that exceeds the friction by less leaves a joint at rest, because
@@ -94,9 +108,9 @@ class HeldScratch(NamedTuple):
     N: Matrix = ("nc", "nv")  # J, then J L⁻¹
     G: Matrix = ("nc", "nc")  # inverse inertia of the constraints, then its factors; the lower triangle
     gamma: Vector = ("nc",)  # h γ, then the residuals of the equations
-    scale: Vector = ("nc",)  # the number that a pivot is compared with; then changes of impulses
+    scale: Vector = ("nc",)  # the number that a pivot is compared with: response of an equation's constraint
     kept: Vector = ("nc",)  # 1 of an equation that is independent, else 0
-    stiffness: Vector = ("nc",)  # response of an equation alone
+    change: Vector = ("nc",)  # of impulses after the sweeps
     P: Matrix = (ROWS, "nc")  # reactions to unit impulses
     J: Matrix = ("nc", "nv")  # J; after the sweeps J at the end of the step
     ways: Matrix = (2, "nv")  # velocities at the end, and the displacement that closes the constraints
@@ -111,19 +125,26 @@ def impulse_step(
 ) -> None:  # fmt: skip
     """Velocities after a step, impulses, gaps before it, residuals of the laws, friction, reactions.
 
+    With M = LᵀD L, Y = J L⁻¹ and w = L (v⁺ - v), u = J v + Y w, and a change δλ changes w by D⁻¹ Yᵀ δλ: only the blocks
+    of G for single points are needed.
+
     z      deflection of bristles, as in ``bristle_step``; None: dry friction
     law    of dry friction if z is None; it may be None: no friction
     fext   may be None; held and h are None without constraints
-    out.after, impulse, gap, stop, energy  written, as of ``contact_step``: v⁺ in the axes at the beginning
+    out.after     (nv), written: v⁺; for floating and planar joints in the axes at the beginning, see ``turn``
+    out.impulse   (3 np), written: on each point, in the world's axes
+    out.gap       (np), written: distance of each sphere from the ground before the step, negative in it
+    out.stop      (nl), written: impulse on each joint, positive from its lower limit
     out.residual  (np + nl + nd), written: the violation of each point's and joint's law [m/s | rad/s]
-    out.friction  (nv), written: dry friction torque [N m | N], 0 with bristles
+    out.energy    (np + nl), written: work of each impulse, ½ λᵀ (u⁻ + u⁺) of the velocities before and after it [J]
+    out.friction  (nv), written: dry friction torque [N m | N], if friction is dry
     out.bristles  (nv), written: deflections after the step, if there are bristles
     out.reaction  (nc), written: impulse of each equation
     out.start     (rows), written: λ, if steps begin from the λ before
     out.missed    (2), written if there are constraints: residual and rank, as of ``constrained_motion``
     """
     contacts, n, after = contact.contacts, len(bodies) - 1, out.after
-    points, joints = contacts[0].np, contacts[0].nl + contacts[0].nd
+    rubs = law is not None and z is None
     move_freely(bodies, work, q, v, z, tau, fext, dt, law, out, pivots, s)
     add_begun(bodies, dt, v, s.begun)
     add_times_L(bodies, s.L, s.begun, after)
@@ -132,15 +153,15 @@ def impulse_step(
         hold(bodies, work, q, v, dt, held, out, s, h)
     rub(v, z, dt, contact, law, s)
     open_laws(q, dt, contact, out.gap, after, s)
-    begin(contact.start, s.force)
-    rubs = law is not None and z is None
+    for k in range(len(s.force)):
+        s.force[k] = entry(contact.start, k)
     solve_impulses(contact, h, SWEEPS_DRY if rubs else SWEEPS, rubs, after, s)
     if held is not None and held.rate is None:
         meet(bodies, work, q, v, dt, held.constraints, out, s, h)
         settle(contact, after, s)
     for k in range(len(s.force)):
         s.total[k] = s.first[k] + s.force[k]
-    write_laws(dt, contact, out, s)
+    write_laws(dt, contact, rubs, out, s)
     keep(contact.start, s.total, out.start)
     if held is not None:
         for k in range(len(out.reaction)):
@@ -149,19 +170,13 @@ def impulse_step(
     solve_outward(bodies, s.L, after)
     for i in range(n):
         after[i] = v[i] + after[i]
-    for j in range(joints):
-        i = contacts[1 + points + j].row - 1
-        after[i] = select(s.rests[j], 0.0, after[i])
+    if rubs:
+        for j in range(len(s.rests)):
+            i = contacts[1 + contacts[0].np + j].row - 1
+            after[i] = select(s.rests[j], 0.0, after[i])
     if z is not None:
         for i in range(n):
             out.bristles[i] = (z[i] + dt * after[i]) * out.bristles[i]
-
-
-@inline
-def begin(start: Vector, force: Vector) -> None:
-    """Write the λ from which the solution begins; start may be None, for 0."""
-    for k in range(len(force)):
-        force[k] = 0.0 if start is None else start[k]
 
 
 @inline
@@ -187,14 +202,12 @@ def move_freely(
     if z is None:
         for i in range(n):
             after[i] = tau[i] - after[i]
-            out.friction[i] = 0.0
             if law is not None:
                 L[i, i] = L[i, i] + dt * law.viscous[i]
                 after[i] = after[i] - law.viscous[i] * v[i]
+                out.friction[i] = 0.0
     else:
         add_bristles(v, z, tau, dt, law, L, after, out.bristles)
-        for i in range(n):
-            out.friction[i] = 0.0
     keep_inertia(s)
     factor_tree(bodies, L)
     for i in range(n):
@@ -224,83 +237,24 @@ def hold(
     """Eliminate the constraints from w, and from Z = D⁻¹ Yᵀ, the change of w with impulses. Dependent rows are dropped:
     in the given order, or those that are not chosen.
 
-    residual and rank are as in ``constrained.respond``; w, Z, reaction, missed and P are written.
+    w, Z, reaction, missed and P, the reactions to unit impulses, are written.
     """
-    n, m, w, L, N, G, gamma = len(bodies) - 1, len(h.gamma), out.after, s.L, h.N, h.G, h.gamma
-    constraints, rate, chosen, force = held.constraints, held.rate, held.chosen, out.reaction
-    turn_rows(bodies, work)
-    write_jacobian(bodies, work, constraints, N)
-    write_drift(bodies, work, constraints, v, gamma)
-    if rate is not None:
-        stabilize(bodies, work, q, v, constraints, rate, N, gamma, force)
-    for k in range(m):
-        for i in range(n):
-            h.J[k, i] = N[k, i]
-    for k in range(m):
+    n, constraints, rate, gamma = len(bodies) - 1, held.constraints, held.rate, h.gamma
+    write_equations(bodies, work, q, v, constraints, rate, h.N, gamma, out.reaction)
+    for k in range(len(gamma)):
         gamma[k] = dt * gamma[k]
-        if rate is None:
-            for i in range(n):
-                gamma[k] = gamma[k] + N[k, i] * v[i]
         for i in range(n):
-            gamma[k] = gamma[k] - N[k, i] * s.begun[i]
-    felt(bodies, L, N, G)
-    for k in range(m):
-        h.scale[k] = G[k, k]
-    share(constraints, h.scale)
-    for k in range(m):
-        h.stiffness[k] = h.scale[k]
-    if chosen is None:
-        factor_dropping(G, h.scale, DEPENDENT * (n + m) * EPS, h.kept)
-    else:
-        for k in range(m):
-            h.kept[k] = chosen[k]
-        factor_dropping(G, None, 0.0, h.kept)
-
-    whole, lost, rank = 0.0, 0.0, 0.0
-    for i in range(n):
-        whole = whole + w[i] * w[i] * L[i, i]
-    for k in range(m):
-        gamma[k] = -gamma[k]
-        for i in range(n):
-            gamma[k] = gamma[k] - N[k, i] * w[i]
-        force[k] = gamma[k]
-    solve_forward(G, force)
-    for k in range(m):
-        whole = whole + force[k] * force[k] * G[k, k]
-        rank = rank + h.kept[k]
-        if chosen is None:
-            gamma[k] = force[k]
-    solve_backward(G, force, force)
-    for i in range(n):
-        push = 0.0
-        for k in range(m):
-            push = push + N[k, i] * force[k] * (1.0 / L[i, i])
-        w[i] = w[i] + push
-        if chosen is not None:
-            for k in range(m):
-                gamma[k] = gamma[k] - N[k, i] * push
-    for k in range(m):
-        lost = lost + (1.0 - h.kept[k]) * quotient(gamma[k] * gamma[k], h.scale[k])
-    out.missed[0], out.missed[1] = sqrt(quotient(lost, lost + whole)), rank
-    take_out(s, h)
-
-
-@inline
-def take_out(s: Impulses, h: HeldScratch) -> None:
-    """Eliminate the constraints from Z, and write the reactions to unit impulses to P; gamma is scratch."""
-    n, m, N, gamma = len(s.x), len(h.gamma), h.N, h.gamma
+            h.J[k, i] = h.N[k, i]
+            gamma[k] = gamma[k] + h.N[k, i] * (v[i] - s.begun[i] if rate is None else -s.begun[i])
+    felt(bodies, s.L, h.N, h.G)
+    factor_kept(bodies, constraints, held.chosen, h.G, h.scale, h.kept)
+    out.missed[0], out.missed[1] = hold_rows(
+        held.chosen, s.L, h.N, h.G, gamma, h.scale, h.kept, out.after, out.reaction
+    )  # fmt: skip
     for l in range(len(s.Z)):
-        for k in range(m):
-            gamma[k] = 0.0
-            for i in range(n):
-                gamma[k] = gamma[k] - N[k, i] * s.Z[l, i]
-        solve_forward(h.G, gamma)
-        solve_backward(h.G, gamma, h.P[l])
-        for i in range(n):
-            taken = 0.0
-            for k in range(m):
-                taken = taken + N[k, i] * h.P[l, k]
-            s.Z[l, i] = s.Z[l, i] + taken * (1.0 / s.L[i, i])
+        for k in range(len(gamma)):
+            gamma[k] = add_product(0.0, h.N, s.Z[l], k)
+        push_back(s.L, h, s.Z[l], h.P[l])
 
 
 @inline
@@ -313,7 +267,7 @@ def meet(
     The two differ by O(h²) in smooth motion and by O(h) in an impact; the remaining error is one order smaller. The
     last sweeps follow and adapt points and dry joints to the change. w, in ``after``, and reaction are written.
     """
-    n, m, w, gamma, way, back = len(bodies) - 1, len(h.gamma), out.after, h.gamma, h.ways[0], h.ways[1]
+    n, w, gamma, way, back = len(bodies) - 1, out.after, h.gamma, h.ways[0], h.ways[1]
     for i in range(n):
         way[i] = w[i]
     solve_outward(bodies, s.L, way)
@@ -325,30 +279,26 @@ def meet(
     write_error(bodies, work, constraints, h.ends[0], gamma)
     for i in range(n):
         back[i] = 0.0
-    push_back(s.L, h, back)
+    push_back(s.L, h, back, h.change)
     solve_outward(bodies, s.L, back)
     integrate(bodies, h.ends[0], back, h.ends[1])
     place_rows(bodies, work, h.ends[1])
     write_jacobian(bodies, work, constraints, h.J)
-    for k in range(m):
-        gamma[k] = 0.0
-        for i in range(n):
-            gamma[k] = gamma[k] + h.J[k, i] * way[i]
-    push_back(s.L, h, w)
-    for k in range(m):
-        out.reaction[k] = out.reaction[k] + h.scale[k]
+    for k in range(len(gamma)):
+        gamma[k] = add_product(0.0, h.J, way, k)
+    push_back(s.L, h, w, h.change)
+    for k in range(len(gamma)):
+        out.reaction[k] = out.reaction[k] + h.change[k]
 
 
 @inline
-def push_back(L: Matrix, h: HeldScratch, w: Vector) -> None:
-    """Subtract gamma (nc) from the constraints' velocities in w, by impulses, which are written to scale."""
+def push_back(L: Matrix, h: HeldScratch, w: Vector, force: Vector) -> None:
+    """Subtract gamma (nc) from the constraints' velocities in w, by impulses, which are written to force."""
     for k in range(len(h.gamma)):
         h.gamma[k] = -h.gamma[k]
     solve_forward(h.G, h.gamma)
-    solve_backward(h.G, h.gamma, h.scale)
-    for i in range(len(w)):
-        for k in range(len(h.gamma)):
-            w[i] = w[i] + h.N[k, i] * h.scale[k] * (1.0 / L[i, i])
+    solve_backward(h.G, h.gamma, force)
+    add_impulses(L, h.N, force, w)
 
 
 # --- after them -----------------------------------------------------------------------------------------
@@ -366,24 +316,32 @@ def settle(contact: Contact, w: Vector, s: Impulses) -> None:
 
 
 @inline
-def write_laws(dt: Number, contact: Contact, out: ImpulseResult, s: Impulses) -> None:
+def write_laws(dt: Number, contact: Contact, rubs: bool, out: ImpulseResult, s: Impulses) -> None:
     """Write the results of points and joints: impulses, stops, dry friction, residuals, energy, which joints rest."""
-    contacts, w, force, Y, level = contact.contacts, out.after, s.total, s.Y, s.level
+    contacts, w, force, level = contact.contacts, out.after, s.total, s.level
     points = contacts[0].np
     for p in range(points):
-        write_point(contacts, contact.heights, contact.mu[p], s.B[p], w, p, out, s)
-    for j in range(contacts[0].nl + contacts[0].nd):
-        k, c = 3 * points + j, contacts[1 + points + j]
-        alone, u = s.own[k], velocity(Y, s.b, w, k)
-        wanted, s.rests[j], _ = joint_law(j, u - alone * force[k], alone * level[j], s)
-        out.residual[points + j] = magnitude(u - wanted)
-        rubs, least = within(force[k], level[j]), SLOW * alone * level[j]
-        rubs = select(u - least, -level[j], select(-least - u, level[j], rubs))  # of a joint that moves, against that
-        s.rests[j] = select(least - magnitude(u), 1.0, s.rests[j])
-        out.friction[c.row - 1] = rubs / dt
+        out.residual[p] = sqrt(square_of_point(p, contact.mu[p], w, s))
+        out.energy[p] = 0.0
+        for k in range(3 * p, 3 * p + 3):
+            out.energy[p] = out.energy[p] + work_of_row(s.Y, s.before, w, k, force[k])
+        f = force_of_point(force, p)
+        if contact.heights is not None:
+            f = untilted(s.slopes[p], f)
+        f = unrotate(mat3_of(contacts[0].axes), f)
+        out.impulse[3 * p], out.impulse[3 * p + 1], out.impulse[3 * p + 2] = f.x, f.y, f.z
+    residual_of_joints(w, s)
+    for j in range(len(level)):
+        k, dry = 3 * points + j, 0.0
+        out.residual[points + j] = s.off[j]
+        if rubs:
+            x, least = joint_state(j, w, s), SLOW * s.own[k] * level[j]
+            dry = select(x.u - least, -level[j], select(-least - x.u, level[j], within(force[k], level[j])))
+            s.rests[j] = select(least - magnitude(x.u), 1.0, x.rests)
+            out.friction[contacts[1 + points + j].row - 1] = dry / dt  # of a joint that moves, against that
         if j < contacts[0].nl:
-            out.stop[j] = force[k] - rubs
-            out.energy[points + j] = work_of_row(Y, s.before, w, k, out.stop[j])
+            out.stop[j] = force[k] - dry
+            out.energy[points + j] = work_of_row(s.Y, s.before, w, k, out.stop[j])
 
 
 @inline
@@ -392,26 +350,28 @@ def within(x: Scalar, most: Scalar) -> Scalar:
     return select(x - most, most, select(-most - x, -most, x))
 
 
-FRICTION = Argument("friction", ("nv",), "N m | N", "dry friction torques")
 AFTER = Argument("v", ("nv",), "rad/s | m/s", "after the step, in the axes at its beginning")
 RESIDUAL = Argument("residual", ("np+nl+nd",), "m/s | rad/s", "by how much each point and joint misses its law")
 REACTION = Argument("reaction", ("nc",), "N s | N m s", "of each equation, on frame a, in b's axes")
 START = Argument("impulses_before", (ROWS,), "", "impulses of rows in the step before", start=0.0)
 MISSED = Argument("missed", (2,), "1", "of equations that depend on others, and how many are independent")
-ALL = ("heights", "friction", "bristles", "constraints", "rate", "chosen", "fext", "start")
-OVER, RUBS, BENDS, HOLDS, STEADIES, CHOOSES, PUSHED, WARM = ALL
+ALL = ("heights", "friction", "bristles", "constraints", "rate", "chosen", "fext", "start", "no_bounce")
+OVER, RUBS, BENDS, HOLDS, STEADIES, CHOOSES, PUSHED, WARM, RESTS = ALL
 
 
 @cache
 def impulse_step_spec(has: frozenset[str]) -> Spec:
-    """The Spec of a step with some of ALL; bristles beside friction, a rate and choice beside constraints."""
+    """The Spec of a step with some of ALL; bristles beside friction, a rate and choice beside constraints.
+
+    Of contacts and limits alone it is ``contact_step``.
+    """
 
     def given(what: str, x: Record) -> Record:
         return x if what in has else None
 
-    warm = WARM in has
     rubs = given(BENDS, BRISTLE_LAW) if BENDS in has else given(RUBS, LAW)
-    ground = Contact(CONTACTS_ARGUMENT, given(OVER, HEIGHTS_ARGUMENT), MU, RESTITUTION, START if warm else None)
+    bounces = None if RESTS in has else RESTITUTION
+    ground = Contact(CONTACTS_ARGUMENT, given(OVER, HEIGHTS_ARGUMENT), MU, bounces, given(WARM, START))
     inputs = (
         Q, V, given(BENDS, BRISTLES), TAU, given(PUSHED, FEXT), DT, ground, rubs,
         Held(
@@ -420,14 +380,16 @@ def impulse_step_spec(has: frozenset[str]) -> Spec:
         ),
     )  # fmt: skip
     parts = ImpulseResult(
-        AFTER, IMPULSE, GAP, STOP, RESIDUAL, ENERGY, FRICTION,
+        AFTER, IMPULSE, GAP, STOP, RESIDUAL, ENERGY,
+        Argument("friction", ("nv" if RUBS in has and BENDS not in has else 0,), "N m | N", "dry friction torques"),
         Argument("bristles", ("nv" if BENDS in has else 0,), "rad | m", "after the step"),
         replace(REACTION, shape=("nc" if HOLDS in has else 0,)), replace(MISSED, shape=(2 if HOLDS in has else 0,)),
-        Argument(f"{START.name}_after", (ROWS if warm else 0,), "", "impulses of rows"),
+        Argument(f"{START.name}_after", (ROWS if WARM in has else 0,), "", "impulses of rows"),
     )  # fmt: skip
     width = "+".join(str(x) for part in parts for x in part.shape if x)
+    name = "impulse_step" if has - {OVER, RESTS} else "contact_step"
     return Spec(
-        "_".join(["impulse_step", *(x for x in ALL if x in has)]), impulse_step, WORK, inputs,
+        "_".join([name, *(x for x in ALL if x in has)]), impulse_step, WORK, inputs,
         Argument("result", (width,), "", ", ".join(x.name for x in parts)),
         "A step of the velocities under contact, limits, dry friction and constraints.",
         "see ``recursions.contact.impulse_step``", pivots=True, regroup=True, composed=True,

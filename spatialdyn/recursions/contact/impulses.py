@@ -73,6 +73,9 @@ def solve_impulses(
     for k in range(len(state)):
         state[k] = 0.0
     state[SHARE] = 1.0
+    if contact.restitution is None:
+        solve_phase(contact, held, first, rubs, w, s)
+        return
     s.phase[0] = 1.0
     for _ in repeat(PHASES, s.phase, s.force, s.first, s.lower, s.free, w, state):
         if settled(s.phase[0]):
@@ -121,7 +124,7 @@ def solve_phase(
         state[STOPS] = 1.0
         if not rubs:
             again = state[ROUND] + state[PHASE]
-            state[STOPS] = select(again, 1.0, select(beyond_limits(contact, w, s) - tolerance, 1.0, 0.0))
+            state[STOPS] = select(again, 1.0, select(beyond_limits(w, s) - tolerance, 1.0, 0.0))
         for _ in repeat(SWEEPS_AGAIN, s.sweeping, s.force, w, state):
             if settled(s.sweeping[0]):
                 break
@@ -171,18 +174,18 @@ def sweep_stops(contact: Contact, rubs: bool, w: Vector, s: Impulses) -> None:
     """
     state, tolerance = s.state, contact.contacts[0].tolerance
     if rubs or len(s.level) == 0:
-        sweep_joints(contact, w, s)
+        sweep_joints(w, s)
         state[RES] = residual(contact, w, s)
     else:
         state[RES] = 0.0
         for _ in when(state[STOPS], s.force, w, state):
-            sweep_joints(contact, w, s)
-            state[RES] = residual_of_joints(contact, w, s)
+            sweep_joints(w, s)
+            state[RES] = residual_of_joints(w, s)
         of_points = residual_of_points(contact, w, s)
         state[RES] = select(of_points - state[RES], of_points, state[RES])
         looks = select(state[STOPS], 0.0, select(state[COUNT], tolerance - state[RES], 1.0))
         for _ in when(looks, state):
-            beyond = beyond_limits(contact, w, s)
+            beyond = beyond_limits(w, s)
             state[STOPS] = select(beyond - tolerance, 1.0, 0.0)
             state[RES] = select(beyond - state[RES], beyond, state[RES])
 

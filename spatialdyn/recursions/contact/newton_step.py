@@ -13,12 +13,12 @@ Source: a derivation of our own, semi-smooth as by Alart and Curnier (1991).
 
 from __future__ import annotations
 
-from ...algebra.euclidean import sub
 from ...algebra.scalars import Scalar, inline, select
+from ..constraints.dense import add_product
 from ..signatures import Matrix, Number, Record, Vector
-from .contact_rows import Contact, force_of_point, times, velocity, velocity_of_point
-from .coulomb_cone import magnitude, point_impulse, point_slope
-from .impulse_rows import COUNT, EPSILON, GRIP, Impulses, joint_law, respond
+from .contact_rows import Contact
+from .coulomb_cone import point_slope
+from .impulse_rows import COUNT, EPSILON, GRIP, Impulses, joint_state, residual_of_joints, respond, solve_point
 
 BOLD = 4  # steps in which all joints may change their state
 MISSES_MOST = 0.99  # share of the largest residual of all joints, above which a joint may change its state later
@@ -37,26 +37,20 @@ def newton_step(
             s.K[i, j] = s.M[i, j]
     for p in range(points):
         add_point(p, s.state[GRIP] * contact.mu[p], prox / s.firm[p], held is not None, w, s)
-    most, firm = 0.0, 1.0 / prox
-    for j in range(len(s.level)):
-        k = 3 * points + j
-        u = velocity(s.Y, s.b, w, k)
-        free = u - s.own[k] * (s.first[k] + s.force[k])
-        wanted, _, _ = joint_law(j, free, s.own[k] * s.level[j], s)
-        s.off[j] = magnitude(u - wanted)
-        most = select(s.off[j] - most, s.off[j], most)
+    most, firm = residual_of_joints(w, s), 1.0 / prox
     for j in range(len(s.level)):
         add_joint(contact.contacts[1 + points + j].row - 1, 3 * points + j, j, most, firm, w, s)
     if held is not None:
         for l in range(len(held.N)):
-            stiff = STIFF / select(held.stiffness[l], held.stiffness[l], 1.0)
+            stiff = STIFF / select(held.scale[l], held.scale[l], 1.0)
             for i in range(n):
                 for j in range(n):
                     s.K[i, j] = s.K[i, j] + held.J[l, i] * (stiff * held.J[l, j])
     solve_K(s.K, s.x)
     for p in range(points):
         k = 3 * p
-        u0, u1, u2 = along(s.J, s.x, k), along(s.J, s.x, k + 1), along(s.J, s.x, k + 2)
+        u0, u1 = add_product(0.0, s.J, s.x, k), add_product(0.0, s.J, s.x, k + 1)
+        u2 = add_product(0.0, s.J, s.x, k + 2)
         for i in range(3):
             change = s.f[k + i] - (s.C[p, i, 0] * u0 + s.C[p, i, 1] * u1 + s.C[p, i, 2] * u2)
             s.force[k + i] = s.force[k + i] + change
@@ -67,20 +61,10 @@ def newton_step(
 
 
 @inline
-def along(J: Matrix, x: Vector, k: int) -> Scalar:
-    """J_k x."""
-    total = 0.0
-    for i in range(len(x)):
-        total = total + J[k, i] * x[i]
-    return total
-
-
-@inline
 def add_point(p: int, mu: Number, prox: Scalar, held: bool, w: Vector, s: Impulses) -> None:
     """C and f of a point, and its part of K and x."""
-    n, k, now = len(w), 3 * p, force_of_point(s.force, p)
-    r = sub(velocity_of_point(s.Y, s.b, w, p), times(s.B[p], now))
-    solved, sticks, slides = point_impulse(s.B[p], s.factors[p], r, mu, s.lower[p], s.root, s.disc, s.solved, held)
+    n, k = len(w), 3 * p
+    now, r, solved, sticks, slides = solve_point(p, mu, held, w, s)
     point_slope(s.B[p], s.factors[p], r, mu, s.lower[p], solved, sticks, slides, s.root, s.disc, s.T)
     T, N = s.T, s.N
     for i in range(3):  # N = ((1 + ε) 1 + T B)⁻¹
@@ -113,13 +97,12 @@ def add_joint(
     most  the largest residual of a joint
     firm  1 / ε
     """
-    now, u = s.force[k], velocity(s.Y, s.b, w, k)
-    wanted, _, stays = joint_law(j, u - s.own[k] * (s.first[k] + now), s.own[k] * s.level[j], s)
+    now, x = s.force[k], joint_state(j, w, s)
     new = select(BOLD - s.state[COUNT], 1.0, select(MISSES_MOST * most - s.off[j], 0.0, 1.0))
-    s.held[j] = select(new, stays, s.held[j])
-    s.goal[j] = select(new, select(stays, wanted, now + (wanted - u) * s.each[j]), s.goal[j])
+    s.held[j] = select(new, x.stays, s.held[j])
+    s.goal[j] = select(new, select(x.stays, x.wanted, now + (x.wanted - x.u) * s.each[j]), s.goal[j])
     share = stick_share(j, firm, s)
-    s.f[k] = select(s.held[j], (s.goal[j] - u) * share, s.goal[j] - now)
+    s.f[k] = select(s.held[j], (s.goal[j] - x.u) * share, s.goal[j] - now)
     s.x[i] = s.x[i] + s.f[k]
     s.K[i, i] = s.K[i, i] + share
 

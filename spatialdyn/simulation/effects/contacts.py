@@ -1,8 +1,8 @@
 """Effects that act by impulses: contacts and joint limits, solved together with dry friction and constraints.
 
 A step solves for v⁺ and all impulses together, so its method is ``semi_implicit_euler``. Contacts and limits alone use
-``contact_step``; with dry friction or constraints they use ``impulse_step``. A run carries the largest residual so far,
-with its point and step, and on request the impulses of the last step.
+``contact_step``, which is ``impulse_step`` without dry friction and constraints. A run carries the largest residual so
+far, with its point and step, and on request the impulses of the last step.
 """
 
 from __future__ import annotations
@@ -22,7 +22,6 @@ from ...constraints.contact_dynamics import contact_gaps
 from ...constraints.contact_points import Contacts
 from ...engines.programs.record.recording import MOST_TABLE
 from ...errors import SimulationError
-from ...recursions.contact.contact import CONTACT_STEP, CONTACT_STEP_OVER
 from ...recursions.contact.contact_rows import CONTACTS_ARGUMENT, HEIGHTS_ARGUMENT, MU, RESTITUTION
 from ...recursions.contact.impulse_step import START as IMPULSES
 from ...recursions.contact.impulse_step import impulse_step_spec
@@ -102,7 +101,12 @@ class Contact(Effect):
 
     @property
     def _coefficients(self) -> tuple[Argument, ...]:
-        return (MU, RESTITUTION) if len(self.contacts) else ()
+        return (MU, RESTITUTION)[: bool(len(self.contacts)) + self.bounces]
+
+    @property
+    def bounces(self) -> bool:
+        """Whether a point has restitution; without any, steps have no phase of rebounds."""
+        return bool(self.contacts.restitution.any())
 
     @cached_property
     def values(self) -> dict[str, Array]:
@@ -137,8 +141,7 @@ class Contact(Effect):
             push, forces[work.EXTERNAL.name] = push + made, made
         known = {"tau": push, **({} if law is None else named(law))}
         if not len(self.contacts):
-            empty = np.zeros(0, v.dtype)
-            known |= {MU.name: empty, RESTITUTION.name: empty}
+            known[MU.name] = np.zeros(0, v.dtype)
         spec = self._spec(constrained, general and pushed)
         parts = at.evaluate(spec, **known)
         after, states = parts["v"], {self.own.name: self._noted(parts, given[self.own.name])}
@@ -161,11 +164,8 @@ class Contact(Effect):
 
     def _spec(self, constrained: Constrained | None, pushed: bool) -> Spec:
         """The Spec of the step."""
-        over = len(self.tables) > 1
-        if self.way is None and constrained is None:
-            return CONTACT_STEP_OVER if over else CONTACT_STEP
-        has = {"heights": over, "friction": self.way is not None, "bristles": self.way == LUGRE, "fext": pushed}
-        has["start"] = self.warm
+        has = {"heights": len(self.tables) > 1, "friction": self.way is not None, "bristles": self.way == LUGRE}
+        has |= {"fext": pushed, "start": self.warm, "no_bounce": not self.bounces}
         if constrained is not None:
             has |= {"constraints": True, "rate": not constrained.projects, "chosen": constrained.chooses}
         return impulse_step_spec(frozenset(name for name, there in has.items() if there))
