@@ -335,7 +335,7 @@ def check_method(scene: Scene, method: Any, known: Iterable[str]) -> str:
         acts, why = list(scene.acts), "; impulses and velocities are found together" if scene.solves else ""
         plural = len(acts) > 1 or acts[0].endswith("s")
         listed = f"{', '.join(acts)} act{'' if plural else 's'}"
-        raise SimulationError(f'method is "{method}" and {listed}, expected one of {", ".join(fit)}{why}')
+        raise SimulationError(f'method is "{method}" and {listed}, expected {"one of " * (len(fit) > 1)}{", ".join(fit)}{why}')
     return method
 
 
