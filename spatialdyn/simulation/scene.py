@@ -335,7 +335,8 @@ def check_method(scene: Scene, method: Any, known: Iterable[str]) -> str:
         acts, why = list(scene.acts), "; impulses and velocities are found together" if scene.solves else ""
         plural = len(acts) > 1 or acts[0].endswith("s")
         listed = f"{', '.join(acts)} act{'' if plural else 's'}"
-        raise SimulationError(f'method is "{method}" and {listed}, expected {"one of " * (len(fit) > 1)}{", ".join(fit)}{why}')
+        several = "one of " * (len(fit) > 1)
+        raise SimulationError(f'method is "{method}" and {listed}, expected {several}{", ".join(fit)}{why}')
     return method
 
 

@@ -44,7 +44,7 @@ from ...recursions.constraints.constrained_friction import HELD_BRISTLES
 from ...recursions.constraints.constraint_rows import CONSTRAINTS_ARGUMENT, ERROR, JACOBIAN
 from ...recursions.spec import FEXT, Argument
 from ..arithmetic import Arithmetic
-from ..methods.iteration import SETTLED, SWEEPS
+from ..methods.iteration import SETTLED, SWEEPS, largest
 from ..system import OK, STALLED, System, set_status
 from . import work
 from .effect import Effect
@@ -172,13 +172,10 @@ class Constrained(Effect):
 
     def judge_closed(self, at: Arithmetic, opened: Any, left: Any) -> None:
         """Refuse equations that stay violated after a projection; opened, left: φ before and after it."""
-        least, bad = START * START, 0.0
-        for x in opened:
-            square = LEFT * LEFT * x * x
-            least = select(square - least, square, least)
-        for x in left:
-            bad = bad + exceeds(x * x, least)
-        at.refuse(bad, lambda: self._raise_open(at.given[CHOSEN], left, left * left > least))
+        most = LEFT * largest(abs(opened))
+        least = select(most - START, most, START)
+        bad = exceeds(largest(abs(left)), least)
+        at.refuse(bad, lambda: self._raise_open(at.given[CHOSEN], left, abs(left) > least))
 
     def _raise_rank(self, rank: Any, known: Any) -> None:
         raise ConstraintError(
