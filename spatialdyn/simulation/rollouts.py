@@ -24,7 +24,7 @@ from ..model.robot_checks import masked
 from .driver import run_samples
 from .effects.control import Feedback, check_law
 from .methods.methods import SCIPY_METHODS
-from .plan import Inputs, plan_of, way_of
+from .plan import Inputs, method_of, plan_of
 from .rollout_result import Rollout
 from .scene import Scene, effects_in_scene, scene_of, warn_of_friction
 from .stable_steps import check_smooth_friction, check_springs
@@ -111,14 +111,12 @@ def rollout(
     """
     scene, where = scene_of(scene), as_device(device)
     model = scene.model
-    way = way_of(scene, method)
-    method = way.method.name
+    method = method_of(scene, method).name
     warn_of_friction(scene, "rollout")
     number, check = _dtype(dtype), as_flag("check", check)
     if not (_is_number(dt) and math.isfinite(dt) and dt > 0.0):
         raise SimulationError(f"dt is {literal(dt)}, expected a positive number of seconds")
-    if way.bounded:
-        check_smooth_friction(model, scene.effects, method, float(dt))
+    check_smooth_friction(scene, method, float(dt))
     check_control(control)
     kept, record = _of_contacts(record)
     if cost is not None:
@@ -149,8 +147,7 @@ def rollout(
     if B and T and model.nv:
         rest = np.zeros(model.nv)
         calls["aba"](model, now[0][0], rest, rest)  # raises InertiaError naming the joint
-        if way.bounded:
-            check_springs(model, method, now[0][0], float(dt))
+        check_springs(scene, method, now[0][0], float(dt))
         if model.nq != model.nv:
             calls["potential_energy"](model, now[0])  # raises ConfigurationError naming the joint
         if check and control is not None:
