@@ -155,7 +155,7 @@ class FixedSteps:
         plan, recorder, steps, start = self.plan, self.recorder, self.recorder.steps, time.perf_counter()
         at_once = program(plan, recorder, self.torque, self.state, self.sample)
         plain = self._plain_steps(at_once is not None)
-        if at_once is None:
+        if at_once is None and self.family.start is not None:
             self.family.start((self._by_calls if plain else self._by_kernels)[0], self.state)
         try:
             count, odd = 1 if at_once is None else STEPS, 0
