@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from functools import cached_property, lru_cache
-from itertools import pairwise
 from typing import Any, Protocol
 
 import numpy as np
@@ -63,8 +62,7 @@ def _places(spec: Spec, sizes: Mapping[str, int]) -> dict[str, Any]:
     """The places of the outputs, by name, in the output of a Spec."""
     if not spec.parts:
         return {spec.output.name: ...}
-    ends = np.cumsum([0, *(math.prod(shape_in(x.shape, sizes)) for x in spec.parts)]).tolist()
-    return {x.name: slice(*ends_of) for x, ends_of in zip(spec.parts, pairwise(ends), strict=True)}
+    return dict(zip((x.name for x in spec.parts), spec.places(sizes), strict=True))
 
 
 @lru_cache(maxsize=256)

@@ -18,7 +18,6 @@ from ..calls.arguments import as_array, as_number
 from ..calls.dynamics import calls
 from ..calls.progress import Progress, check_progress, reporting
 from ..control.control import Control, check_control
-from ..engines.compiled import numba_kernels
 from ..errors import (
     NonFiniteError,
     ShapeError,
@@ -291,12 +290,8 @@ def _run(
         warn_of_stiff_law(plan, control, (q, v), np.zeros((1, 1, model.nv)), steps.dt, 5)
     recorder.put(q, p if recorder.moves_p else v, np.full(model.nv, np.nan))  # its torque may never be computed
     try:
-        if torque is None:
-            asked = Torque(np.zeros((1, model.nv)), None, not numba_kernels.PLAIN)
-            recorder.rows[2][0] = 0.0
-        else:
-            asked = torque_of(torque, model.nv, steps)
-            recorder.rows[2][0] = asked.at(0, 0.0, q, v)
+        asked = torque_of(torque, model.nv, steps)
+        recorder.rows[2][0] = asked.at(0, 0.0, q, v)
         with nullcontext() if progress is False else reporting(progress, "simulate") as report:
             run_sample(plan, recorder, (q, v, p), asked, report, tolerances=tolerances)
     except KeyboardInterrupt as interrupt:
