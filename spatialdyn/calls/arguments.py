@@ -121,10 +121,10 @@ def as_count(value: Any, most: int) -> int:
     return int(value)
 
 
-def as_word(name: str, value: Any, known: Collection[str]) -> str:
-    """One of the strings ``known``. Raises SpatialDynError naming the argument."""
+def as_word(name: str, value: Any, known: Collection[str], error: type[SpatialDynError] = SpatialDynError) -> str:
+    """One of the strings ``known``. Raises the error, naming the argument."""
     if not isinstance(value, str) or value not in known:
-        raise SpatialDynError(f"{name} is {literal(value)}, expected one of {', '.join(known)}")
+        raise error(f"{name} is {literal(value)}, expected one of {', '.join(known)}")
     return value
 
 

@@ -338,7 +338,8 @@ def _alone(model: Model, method: Method, begun: Begun, beside: Beside, sample: i
     at.begin(system, 0.0)
     at.given.update(beside.given)
     with np.errstate(all="ignore"):
-        family.start(system, state)
+        if family.start is not None:
+            family.start(system, state)
         step(system, 0.0, float(h), state)
         family.observe(system, h, state)
     return state, failure_message(status, method, model, float(h), state) if status[0] != 0 else ""

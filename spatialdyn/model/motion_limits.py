@@ -20,15 +20,15 @@ def position_limits(model: Model) -> tuple[Array, Array]:
     given = {x.name: x for x in model.robot.joints}
     conflicts = []
     for joint in model.joints[1:]:
-        if joint.mimic is None or not joint.mimic[1]:
+        if joint.mimic is None:
             continue
         (leader, ratio, offset), own, k = joint.mimic, given[joint.name], joint.idx_q
-        ends = sorted(((own.lower - offset) / ratio, (own.upper - offset) / ratio))
-        lower[k], upper[k] = max(lower[k], ends[0]), min(upper[k], ends[1])
-        if not lower[k] <= upper[k]:
-            conflicts.append(
-                f'joint "{joint.name}" mimics "{model.joints[leader].name}" with limits {own.lower:g} to {own.upper:g}'
-            )
+        if ratio:
+            ends = sorted(((own.lower - offset) / ratio, (own.upper - offset) / ratio))
+            lower[k], upper[k] = max(lower[k], ends[0]), min(upper[k], ends[1])
+        if not (lower[k] <= upper[k] if ratio else own.lower <= offset <= own.upper):
+            how = f'"{model.joints[leader].name}"{"" if ratio else f" by ratio 0, at {offset:g},"}'
+            conflicts.append(f'joint "{joint.name}" mimics {how} with limits {own.lower:g} to {own.upper:g}')
     if conflicts:
         raise ModelError(f"{'; '.join(conflicts)}, expected some that a position within the limits of that one meets")
     return lower, upper

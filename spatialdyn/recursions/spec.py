@@ -24,6 +24,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, fields, replace
 from functools import cached_property, lru_cache, wraps
+from itertools import accumulate, pairwise
 from typing import Any, ParamSpec, Protocol
 
 import numpy as np
@@ -182,14 +183,12 @@ class Spec:
 
     def split(self, out: Array, sizes: Mapping[str, int]) -> list[Array]:
         """The outputs as the recursion takes them: ``out``, or its parts along the last axis."""
-        if not self.parts:
-            return [out]
-        found, at = [], 0
-        for part in self.parts:
-            width = math.prod(shape_in(part.shape, sizes))
-            found.append(out[..., at : at + width])
-            at += width
-        return found
+        return [out[..., at] for at in self.places(sizes)] if self.parts else [out]
+
+    def places(self, sizes: Mapping[str, int]) -> list[slice]:
+        """The places of the parts along the last axis of the output."""
+        ends = accumulate((math.prod(shape_in(x.shape, sizes)) for x in self.parts), initial=0)
+        return [slice(*both) for both in pairwise(ends)]
 
 
 @lru_cache(maxsize=256)

@@ -8,8 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from functools import cached_property
-from itertools import pairwise
+from functools import cached_property, lru_cache
 from typing import Any, Protocol
 
 import numpy as np
@@ -59,14 +58,18 @@ class Arithmetic(Protocol):
         """Make v infinite in a recorded step that is refused: the program then rejects the sample."""
 
 
-def _places(spec: Spec, sizes: Mapping[str, int]) -> dict[str, slice]:
+def _places(spec: Spec, sizes: Mapping[str, int]) -> dict[str, Any]:
     """The places of the outputs, by name, in the output of a Spec."""
-    ends = np.cumsum([0, *(math.prod(shape_in(x.shape, sizes)) for x in spec.parts)]).tolist()
-    return {x.name: slice(*ends_of) for x, ends_of in zip(spec.parts, pairwise(ends), strict=True)}
+    if not spec.parts:
+        return {spec.output.name: ...}
+    return dict(zip((x.name for x in spec.parts), spec.places(sizes), strict=True))
 
 
-def _by_name(spec: Spec, places: Mapping[str, slice], out: Any) -> dict[str, Any]:
-    return {name: out[at] for name, at in places.items()} if spec.parts else {spec.output.name: out}
+@lru_cache(maxsize=256)
+def _names(spec: Spec) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """The names of the static inputs of a Spec, and of the others."""
+    static, others = (tuple(x.name for x in spec.present if x.static is fixed) for fixed in (True, False))
+    return static, others
 
 
 class Recorded:
@@ -80,7 +83,7 @@ class Recorded:
     def evaluate(self, spec: Spec, **more: Any) -> dict[str, Any]:
         """See ``Arithmetic``."""
         out, sizes = self._run(spec, {**self.given, **more})
-        return _by_name(spec, _places(spec, sizes), out)
+        return {name: out[at] for name, at in _places(spec, sizes).items()}
 
     def call(self, spec: Spec, count: int, checked: bool = True) -> Callable[..., int]:
         """See ``Arithmetic``."""
@@ -120,7 +123,7 @@ class Computed:
         self.model, self.given = model, given
         self.system: Any = None
         self.t = 0.0
-        self._kernels: dict[Any, tuple[Callable[..., int], tuple[int, ...], dict[str, slice]]] = {}
+        self._kernels: dict[Any, tuple[Callable[..., int], tuple[int, ...], dict[str, Any]]] = {}
 
     @cached_property
     def rows(self) -> Any:
@@ -133,23 +136,20 @@ class Computed:
 
     def evaluate(self, spec: Spec, **more: Any) -> dict[str, Any]:
         """See ``Arithmetic``."""
-        known, present = {**self.given, **more}, spec.present
-        named = [known.get(x.name) if x.optional else known[x.name] for x in present]
-        key = spec, *[y if x.static else y is None for x, y in zip(present, named, strict=True)]
+        known, (static, others) = {**self.given, **more}, _names(spec)
+        values = [*map(known.get, others)]
+        key = (spec, *map(known.get, static), *[y is None for y in values])
         if key not in self._kernels:
-            static = tuple(y for x, y in zip(present, named, strict=True) if x.static)
-            there = tuple(y is not None for x, y in zip(present, named, strict=True) if not x.static)
-            sizes = self._sizes(static)
-            self._kernels[key] = (
-                self._kernel(spec, static, there, True),
-                shape_in(spec.output.shape, sizes),
-                _places(spec, sizes),
-            )
+            tables = tuple(known[name] for name in static)
+            inputs = [x for x in spec.present if not x.static]
+            there = tuple((known.get(x.name) if x.optional else known[x.name]) is not None for x in inputs)
+            sizes = self._sizes(tables)
+            kernel = self._kernel(spec, tables, there, True)
+            self._kernels[key] = kernel, shape_in(spec.output.shape, sizes), _places(spec, sizes)
         kernel, shape, places = self._kernels[key]
         out = np.empty(shape)
-        code = kernel(out, *[y for x, y in zip(present, named, strict=True) if not x.static and y is not None])
-        set_status(self.system, code, self.t)
-        return _by_name(spec, places, out)
+        set_status(self.system, kernel(out, *[y for y in values if y is not None]), self.t)
+        return {name: out[at] for name, at in places.items()}
 
     def call(self, spec: Spec, count: int, checked: bool = True) -> Callable[..., int]:
         """See ``Arithmetic``."""
@@ -162,8 +162,18 @@ class Computed:
         zero = np.zeros(math.prod(shape_in(spec.output.shape, self._sizes(static))))
 
         def write(out: Any, *inputs: Any) -> int:
-            code = answered(call, out, *inputs)
-            return code if not checked or code or out.ravel().dot(zero) == 0.0 else NONFINITE  # faster than isfinite
+            """Write the result on one sample; returns the status of its error, OK where an input's NaN gives NaN."""
+            try:
+                out[...] = call(*inputs)
+                return OK if not checked or out.ravel().dot(zero) == 0.0 else NONFINITE  # faster than isfinite
+            except InertiaError:
+                code = PIVOT
+            except ConfigurationError:
+                code = UNIT
+            except NonFiniteError:
+                code = NONFINITE
+            out[...] = np.nan
+            return code
 
         return write
 
@@ -181,18 +191,3 @@ class Computed:
 
     def end(self, v: Any) -> None:
         """See ``Arithmetic``."""
-
-
-def answered(call: Callable[..., Any], out: Any, *inputs: Any) -> int:
-    """Write the result of a call on one sample; returns the status of its error, OK where an input's NaN gives NaN."""
-    try:
-        out[...] = call(*inputs)
-        return OK
-    except InertiaError:
-        code = PIVOT
-    except ConfigurationError:
-        code = UNIT
-    except NonFiniteError:
-        code = NONFINITE
-    out[...] = np.nan
-    return code

@@ -108,7 +108,7 @@ def _alone(
         return ""
     alone = RunStates(initial.arguments, initial.shapes, tuple(x[None] for x in own))
     recorder = Recorder(plan, Steps(dt, total, 0.0), every, alone)
-    torque = Torque(np.ascontiguousarray(held), None, not numba_kernels.PLAIN)
+    torque = Torque(np.ascontiguousarray(held))
     p = calls["momentum"](plan.model, q, v) if recorder.moves_p else v
     recorder.put(q, p, torque.held[0])
     try:

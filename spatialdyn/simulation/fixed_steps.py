@@ -59,7 +59,8 @@ def run_sample(
         with nullcontext(report) if report else reporting(False, "simulate") as tell:
             run_adaptive(recorder, start[0], start[1], torque, tell, tolerances, rates, jumps)
     else:
-        FixedSteps(plan, recorder, start, torque, sample).run(report)
+        with ExitStack() as told:
+            FixedSteps(plan, recorder, start, torque, sample).run(report, told)
 
 
 class FixedSteps:
@@ -146,16 +147,12 @@ class FixedSteps:
         if self.status[0] != OK:
             raise SimulationError(failure_message(self.status, recorder.method, recorder.model, h, self.state))
 
-    def run(self, report: Report | None) -> None:
-        """Take all steps, in slices of about SLICE seconds; see ``run_sample``."""
-        with ExitStack() as told:
-            self._run(report, told)
-
-    def _run(self, report: Report | None, told: ExitStack) -> None:
+    def run(self, report: Report | None, told: ExitStack) -> None:
+        """Take all steps, in slices of about SLICE seconds; see ``run_sample``. ``told`` closes a report made here."""
         plan, recorder, steps, start = self.plan, self.recorder, self.recorder.steps, time.perf_counter()
         at_once = program(plan, recorder, self.torque, self.state, self.sample)
         plain = self._plain_steps(at_once is not None)
-        if at_once is None:
+        if at_once is None and self.family.start is not None:
             self.family.start((self._by_calls if plain else self._by_kernels)[0], self.state)
         try:
             count, odd = 1 if at_once is None else STEPS, 0

@@ -29,8 +29,6 @@ from .effects.constraints import Constrained, constrained_of
 from .effects.contacts import Contact, check_start
 from .effects.control import Feedback
 from .effects.effect import Effect, find
-from .effects.friction import SmoothFriction
-from .effects.springs import Springs
 from .methods.methods import EXPLICIT_METHODS, SCIPY_METHODS, Method, integrators
 from .momenta_steps import momenta_specs
 from .scene import Scene, check_method
@@ -44,20 +42,12 @@ KEPT = 64  # plans of a scene, at most
 OBSERVED = {"v": ("momentum", "kinetic_energy", "potential_energy"), "p": ("velocity_from_momentum",)}  # of samples
 
 
-class Way(NamedTuple):
-    """A method of a scene, and whether its steps may be too long to be stable."""
-
-    method: Method
-    bounded: bool
-
-
-def way_of(scene: Scene, method: Any) -> Way:
+def method_of(scene: Scene, method: Any) -> Method:
     """The method of a run, for None the scene's. Raises SpatialDynError, SimulationError."""
     kept = scene._plans.get(method) if method is None or isinstance(method, str) else None
     if kept is None:
         name = check_method(scene, scene.method if method is None else method, integrators)
-        way = Way(integrators[name], any(isinstance(x, (SmoothFriction, Springs)) for x in scene.effects))
-        kept = scene._plans.setdefault(method, way)
+        kept = scene._plans.setdefault(method, integrators[name])
     return kept  # type: ignore[no-any-return]
 
 

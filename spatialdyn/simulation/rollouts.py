@@ -7,13 +7,13 @@ states in the first-level cache.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
-from ..calls.arguments import as_array, as_flag, as_number, broadcast
+from ..calls.arguments import as_array, as_flag, as_number, as_word, broadcast
 from ..calls.devices import as_device
 from ..calls.dynamics import calls
 from ..control.control import Control, check_control
@@ -24,7 +24,7 @@ from ..model.robot_checks import masked
 from .driver import run_samples
 from .effects.control import Feedback, check_law
 from .methods.methods import SCIPY_METHODS
-from .plan import Inputs, plan_of, way_of
+from .plan import Inputs, method_of, plan_of
 from .rollout_result import Rollout
 from .scene import Scene, effects_in_scene, scene_of, warn_of_friction
 from .stable_steps import check_smooth_friction, check_springs
@@ -111,26 +111,24 @@ def rollout(
     """
     scene, where = scene_of(scene), as_device(device)
     model = scene.model
-    way = way_of(scene, method)
-    method = way.method.name
+    method = method_of(scene, method).name
     warn_of_friction(scene, "rollout")
     number, check = _dtype(dtype), as_flag("check", check)
     if not (_is_number(dt) and math.isfinite(dt) and dt > 0.0):
         raise SimulationError(f"dt is {literal(dt)}, expected a positive number of seconds")
-    if way.bounded:
-        check_smooth_friction(model, scene.effects, method, float(dt))
+    check_smooth_friction(scene, method, float(dt))
     check_control(control)
     kept, record = _of_contacts(record)
     if cost is not None:
         control, record = with_cost(control, check_cost(cost)), "last" if record is None else record
     check_law(control, method)
-    given, rows = None, _step_rows
+    given = None
     if where is not None:
         from .device_runs import DeviceInputs, check_on_device
 
-        given, rows = DeviceInputs(where, number, {"q0": q0, "v0": v0, "tau": tau, "fext": fext}), _shape_alone
+        given = DeviceInputs(where, number, {"q0": q0, "v0": v0, "tau": tau, "fext": fext})
         q0, v0, tau, fext = given.on_host()
-    start, (B, T), (tau_rows, fext_rows) = _inputs(model, q0, v0, (tau, fext), control, steps, rows)
+    start, (B, T), (tau_rows, fext_rows) = _inputs(model, q0, v0, (tau, fext), control, steps, given is None)
     single = _is_single(q0, v0, tau, fext, control)
     _check_lanes(scene, number)
     fixed = 0.0 if method in SCIPY_METHODS else float(dt)
@@ -149,8 +147,7 @@ def rollout(
     if B and T and model.nv:
         rest = np.zeros(model.nv)
         calls["aba"](model, now[0][0], rest, rest)  # raises InertiaError naming the joint
-        if way.bounded:
-            check_springs(model, method, now[0][0], float(dt))
+        check_springs(scene, method, now[0][0], float(dt))
         if model.nq != model.nv:
             calls["potential_energy"](model, now[0])  # raises ConfigurationError naming the joint
         if check and control is not None:
@@ -178,18 +175,12 @@ def rollout(
 # --- arguments -------------------------------------------------------------------------------------------
 
 
-def _choice(name: str, value: Any, known: dict[str, Any]) -> Any:
-    if not isinstance(value, str) or value not in known:
-        raise SimulationError(f"{name} is {literal(value)}, expected one of {', '.join(known)}")
-    return known[value]
-
-
 def _dtype(value: DTypeLike) -> np.dtype[Any]:
     try:
         name = np.dtype(value).name if isinstance(value, (str, type, np.dtype)) else literal(value)
     except (TypeError, ValueError, SyntaxError):
         name = value if isinstance(value, str) else literal(value)
-    return _choice("dtype", name, {x: np.dtype(x) for x in ("float64", "float32")})  # type: ignore[no-any-return]
+    return np.dtype(as_word("dtype", name, ("float64", "float32"), SimulationError))
 
 
 def _is_number(x: Any) -> bool:
@@ -210,9 +201,12 @@ def _states(model: Model, q0: ArrayLike, v0: ArrayLike) -> list[Array]:
 
 def _inputs(
     model: Model, q0: ArrayLike, v0: ArrayLike, given: tuple[Any, Any], control: Control | None, steps: int | None,
-    rows_of: Callable[..., Array],
+    on_host: bool,
 ) -> tuple[list[Array], tuple[int, int], tuple[Array | None, Array | None]]:  # fmt: skip
-    """States at the beginning; numbers of samples and steps; rows of tau and fext by ``rows_of``. Raises ShapeError."""
+    """States at the beginning; numbers of samples and steps; rows of tau and fext. Raises ShapeError.
+
+    on_host  whether tau and fext have memory: if not, they are zeros of the shapes of those on a device
+    """
     tau, fext = given
     arrays: dict[str, tuple[Array, tuple[int, ...]]] = (
         {} if tau is None else {"tau": (as_array("tau", tau), (model.nv,))}
@@ -221,7 +215,7 @@ def _inputs(
         x = as_array("fext", fext)
         if x.shape == (model.njoints, 6):
             raise SimulationError("fext is constant, an option of the scene, expected sd.Scene(model, fext=fext)")
-        if rows_of is _step_rows and not np.isfinite(x).all():
+        if on_host and not np.isfinite(x).all():
             raise NonFiniteError("fext has numbers that are not finite, expected finite ones")
         arrays["fext"] = x, (model.njoints, 6)
     start = _states(model, q0, v0)
@@ -231,7 +225,8 @@ def _inputs(
     several = {name: lead[:1] for name, lead in axes.items() if len(lead) == 2}
     (B,) = broadcast(["q0", "v0", *several], [start[0].shape[:1], start[1].shape[:1], *several.values()])
     T = _steps(steps, {name: lead[-1] for name, lead in axes.items() if lead})
-    rows = {name: rows_of(name, x, core, B, T) for name, (x, core) in arrays.items()}
+    rows = {name: x.reshape(_shape_of_rows(name, x, core, B, T)) for name, (x, core) in arrays.items()}
+    rows = {name: np.ascontiguousarray(x) if on_host else x for name, x in rows.items()}
     torques, forces = rows.pop("tau", None), rows.pop("fext", None)
     forces = None if forces is None else forces.reshape((*forces.shape[:2], model.njoints, 6))
     return start, (B, T), (torques, forces)
@@ -269,16 +264,6 @@ def _steps(steps: int | None, lengths: dict[str, int]) -> int:
     if not several and not lengths:
         raise SimulationError("steps is None, expected a whole number: no input has an axis of steps")
     return numbers[0] if numbers else 1
-
-
-def _step_rows(name: str, x: Array, core: tuple[int, ...], B: int, T: int) -> Array:
-    """An input as (samples or 1, steps or 1, columns). Raises ShapeError."""
-    return np.ascontiguousarray(x.reshape(_shape_of_rows(name, x, core, B, T)))
-
-
-def _shape_alone(name: str, x: Array, core: tuple[int, ...], B: int, T: int) -> Array:
-    """Zeros of the shape of ``_step_rows``, without memory."""
-    return np.broadcast_to(0.0, _shape_of_rows(name, x, core, B, T))
 
 
 def _shape_of_rows(name: str, x: Array, core: tuple[int, ...], B: int, T: int) -> tuple[int, ...]:

@@ -18,7 +18,6 @@ from ..calls.arguments import as_array, as_number
 from ..calls.dynamics import calls
 from ..calls.progress import Progress, check_progress, reporting
 from ..control.control import Control, check_control
-from ..engines.compiled import numba_kernels
 from ..errors import (
     NonFiniteError,
     ShapeError,
@@ -30,7 +29,8 @@ from ..errors import (
 from ..model.model import Model
 from .effects.control import Feedback, check_law
 from .fixed_steps import run_sample
-from .plan import Inputs, Way, plan_of, way_of
+from .methods.methods import Method
+from .plan import Inputs, method_of, plan_of
 from .recorder import Recorder, Steps, exploded, scale_of
 from .scene import Scene, effects_in_scene, scene_of, warn_of_friction
 from .stable_steps import check_smooth_friction, check_springs
@@ -135,20 +135,20 @@ def simulate(
     True
     """
     scene = scene_of(scene)
-    model, way = scene.model, way_of(scene, method)
+    model, way = scene.model, method_of(scene, method)
     q, v = _vector("q0", q0, (model.nq,)), _vector("v0", v0, (model.nv,))
     warn_of_friction(scene, "simulate")
     wanted = _Wanted.of(record)
     if control is not None:
-        check_law(check_control(control), way.method.name)
-    p, family = v, way.method.family
+        check_law(check_control(control), way.name)
+    p, family = v, way.family
     if family is not None and family.moves == "p":
         p = calls["momentum"](model, q, v)
         calls["velocity_from_momentum"](model, q, p)  # raises InertiaError at a singular M
     elif model.nq != model.nv:
         calls["potential_energy"](model, q)  # raises ConfigurationError naming the joint
-    run = _Run(scene, (q, v, p), way, wanted, progress, (rtol, atol), control, states)
-    return _run(run, duration, dt, torque, fext)
+    times, tolerances = (duration, dt), (rtol, atol)
+    return _run(scene, way, (q, v, p), times, torque, fext, wanted, progress, tolerances, control, states)
 
 
 def _momenta_by_name(call: Callable[P, Trajectory]) -> Callable[P, Trajectory]:
@@ -195,13 +195,12 @@ def hamilton_simulation(
     True
     """
     scene = scene_of(scene)
-    model = scene.model
-    way = way_of(scene, method)
+    model, way = scene.model, method_of(scene, method)
     q, momenta = _vector("q0", q0, (model.nq,)), _vector("p", p, (model.nv,))
     warn_of_friction(scene, "hamilton_simulation")
     v = calls["velocity_from_momentum"](model, q, momenta)
-    run = _Run(scene, (q, v, momenta), way, _Wanted.of(record), progress, (rtol, atol), None, None)
-    return _run(run, duration, dt, torque, None)
+    wanted, times, tolerances = _Wanted.of(record), (duration, dt), (rtol, atol)
+    return _run(scene, way, (q, v, momenta), times, torque, None, wanted, progress, tolerances)
 
 
 # --- arguments -------------------------------------------------------------------------------------------
@@ -266,61 +265,47 @@ def _every(record: int | None, total: int) -> int:
 # --- the run ---------------------------------------------------------------------------------------------
 
 
-class _Run(NamedTuple):
-    """A run without its time and its inputs over time; start is (q, v, p)."""
-
-    scene: Scene
-    start: tuple[Array, Array, Array]
-    way: Way
-    wanted: _Wanted
-    progress: Progress
-    tolerances: tuple[float, float]
-    control: Control | None
-    states: Any
-
-
-def _run(run: _Run, duration: float, dt: float, torque: Any, fext: Any) -> Trajectory:
-    scene, method, (q, v, p) = run.scene, run.way.method, run.start
-    model, steps = scene.model, Steps.of(duration, dt)
-    for name, x in zip(("rtol", "atol"), run.tolerances, strict=True):
+def _run(
+    scene: Scene, method: Method, start: tuple[Array, Array, Array], times: tuple[float, float], torque: Any, fext: Any,
+    wanted: _Wanted, progress: Progress, tolerances: tuple[float, float], control: Control | None = None,
+    states: Any = None,
+) -> Trajectory:  # fmt: skip
+    """``simulate`` from start (q, v, p), for times (duration, dt)."""
+    model, (q, v, p), steps = scene.model, start, Steps.of(*times)
+    for name, x in zip(("rtol", "atol"), tolerances, strict=True):
         if not 0.0 < as_number(x) < math.inf:
             raise SpatialDynError(f"{name} is {literal(x)}, expected a finite number above 0")
-    if run.progress is not False:
-        check_progress(run.progress)
-    if run.way.bounded:
-        check_smooth_friction(model, scene.effects, method.name, steps.dt)
-        check_springs(model, method.name, q, steps.dt)
+    if progress is not False:
+        check_progress(progress)
+    check_smooth_friction(scene, method.name, steps.dt)
+    check_springs(scene, method.name, q, steps.dt)
     inputs = _varying(scene, fext, steps.total)
-    if run.control is not None:
-        inputs = inputs._replace(feedback=Feedback.of(run.control, model, 1, steps.total))
+    if control is not None:
+        inputs = inputs._replace(feedback=Feedback.of(control, model, 1, steps.total))
     fixed = 0.0 if method.family is None else steps.dt
-    plan = plan_of(scene, method.name, (q, v), fixed, run.wanted.work, run.wanted.contacts, inputs)
-    initial = plan.unstarted if run.states is None else run_states(model, plan.states, plan.tables, run.states)
-    recorder = Recorder(plan, steps, _every(run.wanted.every, steps.total), initial)
-    if run.control is not None:
-        warn_of_stiff_law(plan, run.control, (q, v), np.zeros((1, 1, model.nv)), steps.dt, 5)
+    plan = plan_of(scene, method.name, (q, v), fixed, wanted.work, wanted.contacts, inputs)
+    initial = plan.unstarted if states is None else run_states(model, plan.states, plan.tables, states)
+    recorder = Recorder(plan, steps, _every(wanted.every, steps.total), initial)
+    if control is not None:
+        warn_of_stiff_law(plan, control, (q, v), np.zeros((1, 1, model.nv)), steps.dt, 5)
     recorder.put(q, p if recorder.moves_p else v, np.full(model.nv, np.nan))  # its torque may never be computed
     try:
-        if torque is None:
-            asked = Torque(np.zeros((1, model.nv)), None, not numba_kernels.PLAIN)
-            recorder.rows[2][0] = 0.0
-        else:
-            asked = torque_of(torque, model.nv, steps)
-            recorder.rows[2][0] = asked.at(0, 0.0, q, v)
-        with nullcontext() if run.progress is False else reporting(run.progress, "simulate") as report:
-            run_sample(plan, recorder, (q, v, p), asked, report, tolerances=run.tolerances)
+        asked = torque_of(torque, model.nv, steps)
+        recorder.rows[2][0] = asked.at(0, 0.0, q, v)
+        with nullcontext() if progress is False else reporting(progress, "simulate") as report:
+            run_sample(plan, recorder, (q, v, p), asked, report, tolerances=tolerances)
     except KeyboardInterrupt as interrupt:
-        trajectory = recorder.trajectory(run.control, interrupted=True)
-        stopped = SimulationInterrupt(f"interrupted at t = {trajectory.t[-1]:g} s of {duration:g} s")
+        trajectory = recorder.trajectory(control, interrupted=True)
+        stopped = SimulationInterrupt(f"interrupted at t = {trajectory.t[-1]:g} s of {times[0]:g} s")
         stopped.trajectory = trajectory
         raise stopped from interrupt
     except SimulationError as error:
         if recorder.at[0] == 0 and not recorder.moves_p:
             calls["aba"](model, q, v, np.zeros(model.nv))  # raises InertiaError naming the joint
-        error.trajectory = recorder.trajectory(run.control)
+        error.trajectory = recorder.trajectory(control)
         raise
-    trajectory = recorder.trajectory(run.control)
-    driven = asked.user is not None or run.control is not None or fext is not None or scene.fext is not None
+    trajectory = recorder.trajectory(control)
+    driven = asked.user is not None or control is not None or fext is not None or scene.fext is not None
     if not driven and not any(x.drives for x in scene.effects):  # otherwise the work that drives it is unknown
         _judge(trajectory, recorder, asked)
     return trajectory

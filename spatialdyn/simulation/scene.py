@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import warnings
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection
 from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
@@ -12,17 +12,17 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..actuation.friction import Friction, check_friction
 from ..actuation.motors import Motor, check_motor
-from ..calls.arguments import as_array, as_flag, check_model
+from ..calls.arguments import as_array, as_flag, as_word, check_model
 from ..constraints.contact_points import Contacts, check_contacts
 from ..constraints.dynamics import stabilization_time
 from ..constraints.table import Constraints, check_constraints
-from ..errors import NonFiniteError, ShapeError, SimulationError, SpatialDynError, literal
+from ..errors import NonFiniteError, ShapeError, SimulationError, literal
 from ..model.model import Model
 from ..model.motion_limits import position_limits
-from .effects import of_scene
 from .effects.effect import Effect
-from .effects.friction import IMPLICIT, STEPPED
+from .effects.friction import IMPLICIT, STEPPED, friction_effects
 from .effects.motor import CURRENT
+from .effects.springs import spring_effects
 from .methods.constrained_symplectic import UNDER, unfit
 from .methods.methods import EXPLICIT_METHODS, SCIPY_METHODS, integrators
 
@@ -117,7 +117,7 @@ class Scene:
             check_contacts(model, contacts)
         if as_flag("limits", limits):
             position_limits(model)
-        effects = of_scene(model, friction, friction_method, motor, drive)
+        effects = *friction_effects(model, friction, friction_method, motor, drive), *spring_effects(model)
         given: dict[str, Any] = {
             "model": model, "constraints": constraints, "stabilization": stabilization, "contacts": contacts,
             "friction": _friction(model, friction), "friction_method": friction_method,
@@ -324,19 +324,18 @@ def _moved(call: str, names: list[str]) -> str:
     return f"{', '.join(names)} {acts} of the scene, expected sd.{call}(sd.Scene(model, {options}), ...{more})"
 
 
-def check_method(scene: Scene, method: Any, known: Iterable[str]) -> str:
+def check_method(scene: Scene, method: Any, known: Collection[str]) -> str:
     """The method of a run, one that a call knows. Raises SpatialDynError, SimulationError with the possible methods."""
-    if not isinstance(method, str) or method not in known:
-        raise SpatialDynError(f"method is {literal(method)}, expected one of {', '.join(known)}")
-    fit = scene.methods
-    if method not in fit:
-        if not scene.solves and (reason := scene.unfit(method)):
+    name, fit = as_word("method", method, known), scene.methods
+    if name not in fit:
+        if not scene.solves and (reason := scene.unfit(name)):
             raise SimulationError(reason)
         acts, why = list(scene.acts), "; impulses and velocities are found together" if scene.solves else ""
         plural = len(acts) > 1 or acts[0].endswith("s")
         listed = f"{', '.join(acts)} act{'' if plural else 's'}"
-        raise SimulationError(f'method is "{method}" and {listed}, expected one of {", ".join(fit)}{why}')
-    return method
+        several = "one of " * (len(fit) > 1)
+        raise SimulationError(f'method is "{name}" and {listed}, expected {several}{", ".join(fit)}{why}')
+    return name
 
 
 def warn_of_friction(scene: Scene, call: str) -> None:

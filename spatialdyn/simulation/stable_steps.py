@@ -16,11 +16,12 @@ from ..calls.dynamics import calls
 from ..calls.failures import joint_of_velocity
 from ..errors import SimulationError
 from ..model.model import Model
-from .effects.effect import Effect, find
+from .effects.effect import find
 from .effects.friction import SmoothFriction
-from .effects.springs import has_springs
+from .effects.springs import Springs
 from .methods.explicit import ExplicitKernels
 from .methods.methods import EXPLICIT_METHODS
+from .scene import Scene
 from .system import OK, State, System, held_torque
 
 Array = NDArray[np.float64]
@@ -29,9 +30,9 @@ GROWS = 1e-6  # tolerance above 1 of a step's largest factor: free motions have 
 HALVINGS = 40  # of the interval that holds the largest stable step
 
 
-def check_smooth_friction(model: Model, effects: tuple[Effect, ...], method: str, dt: float) -> None:
+def check_smooth_friction(scene: Scene, method: str, dt: float) -> None:
     """Raise SimulationError, with the largest stable step, if smooth friction is unstable with M at the neutral q."""
-    effect = find(effects, SmoothFriction)
+    effect, model = find(scene.effects, SmoothFriction), scene.model
     if effect is None or method not in EXPLICIT_METHODS or not model.nv:
         return
     _, viscous, static, _ = effect.friction.law
@@ -47,11 +48,12 @@ def check_smooth_friction(model: Model, effects: tuple[Effect, ...], method: str
         )
 
 
-def check_springs(model: Model, method: str, q: Array, dt: float) -> None:
+def check_springs(scene: Scene, method: str, q: Array, dt: float) -> None:
     """Raise SimulationError naming the stiffest spring's joint and the largest stable step, if springs are unstable
     with M at q.
     """
-    if not has_springs(model) or method not in (*EXPLICIT_METHODS, *KICKED):
+    model = scene.model
+    if find(scene.effects, Springs) is None or method not in (*EXPLICIT_METHODS, *KICKED):
         return
     rows = np.flatnonzero(model.bodies["spring"])
     K, D = np.zeros((model.nv, model.nv)), np.zeros((model.nv, model.nv))

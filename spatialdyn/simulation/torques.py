@@ -23,14 +23,17 @@ Array = NDArray[np.float64]
 class Torque:
     """Torques of a simulation.
 
-    held      (rows, nv) torques of the steps, the last row for all later steps too; one row of zeros with a function
-    user      None, or ``user(t, q, v, tau)``, which writes tau
-    compiled  whether the loop runs compiled
+    held  (rows, nv) torques of the steps, the last row for all later steps too; one row of zeros with a function
+    user  None, or ``user(t, q, v, tau)``, which writes tau
     """
 
     held: Array
-    user: Callable[..., None] | None
-    compiled: bool
+    user: Callable[..., None] | None = None
+
+    @property
+    def compiled(self) -> bool:
+        """Whether the loop runs compiled."""
+        return not numba_kernels.PLAIN if self.user is None else is_jitted(self.user)
 
     def unasked(self, step: int) -> Array:
         """The held torque (nv,) at the beginning of a step; NaN if the torque is a function."""
@@ -52,6 +55,8 @@ def torque_of(torque: Any, nv: int, steps: Steps) -> Torque:
 
     Raises ShapeError for an array of another shape, SimulationError, with the time, for a torque that is not finite.
     """
+    if torque is None:
+        return Torque(np.zeros((1, nv)))
     if not callable(torque):
         rows = as_array("torque", torque)
         if rows.shape not in ((nv,), (steps.total, nv)):
@@ -65,10 +70,8 @@ def torque_of(torque: Any, nv: int, steps: Steps) -> Torque:
             raise SimulationError(
                 f"torque is {rows[step].tolist()} at t = {steps.time(step):.9g} s (row {step}), expected finite numbers"
             )
-        return Torque(rows, None, not numba_kernels.PLAIN)
-    if is_jitted(torque):
-        return Torque(np.zeros((1, nv)), torque, True)
-    return Torque(np.zeros((1, nv)), _writing(torque, nv), False)
+        return Torque(rows)
+    return Torque(np.zeros((1, nv)), torque if is_jitted(torque) else _writing(torque, nv))
 
 
 def _writing(function: Callable[..., Any], nv: int) -> Callable[[float, Array, Array, Array], None]:

@@ -738,7 +738,7 @@ def test_simulate_takes_a_scene_of_a_file_beside_options(tmp_path: Path, capsys:
         (["--ledger", "x.png"], "--ledger was given, expected --scene, --friction, --limits or --constraints"),
         (
             ["--limits", "--method", "rk4"],
-            'method is "rk4" and limits act, expected one of semi_implicit_euler',
+            'method is "rk4" and limits act, expected semi_implicit_euler',
         ),
         (["--seed", "-1"], "--seed is -1, expected a whole number of 0 or more"),
         (["--seed", "1", "--q0", "1,2"], "--q0 and --seed were given, expected one of them"),

@@ -470,7 +470,7 @@ def test_what_has_no_derivative_is_named() -> None:
     ):
         sd.linearize(scene, q, v, tau)
     with pytest.raises(
-        sd.SimulationError, match='method is "rk4" and contacts act, expected one of semi_implicit_euler'
+        sd.SimulationError, match='method is "rk4" and contacts act, expected semi_implicit_euler'
     ):
         sd.step_derivatives(scene, q, v, tau, DT, "rk4")
     four_bar = mechanisms.four_bar()

@@ -388,6 +388,18 @@ def test_a_joint_that_follows_stops_its_leader_at_its_own_limits() -> None:
     assert sd.Scene(model).acts == ()
 
 
+@pytest.mark.parametrize("offset", [-0.3, 1.2])
+def test_a_joint_that_stays_beyond_its_own_limits_is_refused_by_name(offset: float) -> None:
+    """A follower of ratio 0 stays at its offset, wherever its leader is."""
+    made = sd.ModelBuilder("pair").add_body("a", axis=(0, 1, 0), inertia=BODY, joint_name="a", limits=(-1.0, 1.0))
+    for name, at in (("b", 0.5), ("c", offset)):
+        follow = {"leader": "a", "multiplier": 0.0, "offset": at}
+        made.add_body(name, axis=(1, 0, 0), inertia=BODY, joint_name=name, mimic=follow, limits=(-0.2, 1.0))
+    text = f'^joint "c" mimics "a" by ratio 0, at {offset:g}, with limits -0.2 to 1, expected some that a position'
+    with pytest.raises(sd.ModelError, match=text):
+        sd.Scene(made.build(mimic=True), limits=True)
+
+
 def test_trade_and_recommend_measure_them() -> None:
     table = sd.trade(MODEL, "forward_dynamics", states=64, batch=64)
     assert {x.code.partition("(")[0] for x in table.options} >= {"sd.aba", "sd.crba_solve"}

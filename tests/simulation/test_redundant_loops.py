@@ -13,7 +13,8 @@ from slow import slow_but
 
 import spatialdyn as sd
 from spatialdyn.simulation.arithmetic import Computed
-from spatialdyn.simulation.effects.constraints import Constrained, raise_if_branching
+from spatialdyn.simulation.effects.constraints import Constrained
+from spatialdyn.simulation.methods.constrained_symplectic import raise_if_branching
 from spatialdyn.simulation.system import System
 
 sys.path.append(str(Path(__file__).parents[1] / "constraints"))

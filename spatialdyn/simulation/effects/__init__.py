@@ -7,21 +7,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...model.model import Model
 from .constraints import Constrained
 from .contacts import contact_of
 from .effect import Effect
 from .external import ExternalForces
-from .friction import friction_effects
-from .springs import Springs, has_springs
 
 Array = NDArray[np.float64]
-
-
-def of_scene(model: Model, friction: Any, friction_method: str, motor: Any, drive: str) -> tuple[Effect, ...]:
-    """The effects of a scene that need no state to be made."""
-    springs = (Springs(),) if has_springs(model) else ()
-    return (*friction_effects(model, friction, friction_method, motor, drive), *springs)
 
 
 def of_run(scene: Any, constrained: Constrained | None, records: bool, forces: Array | None) -> tuple[Effect, ...]:

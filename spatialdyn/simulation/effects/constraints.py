@@ -12,7 +12,6 @@ relative to the violation that it removed.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -20,32 +19,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...algebra.scalars import EPS, exceeds, select
+from ...algebra.scalars import exceeds, select
 from ...bodies.static_table import StaticTable
-from ...calls.dynamics import calls
 from ...constraints.calls import call
-from ...constraints.dynamics import (
-    FLOOR,
-    by_rows,
-    constrained_motion,
-    constraint_error,
-    constraint_jacobian,
-    delassus,
-    rate_terms,
-    rows_to_keep,
-)
+from ...constraints.dynamics import FLOOR, constrained_motion, rate_terms, rows_to_keep
 from ...constraints.kinds import HingeConstraint, WeldConstraint
 from ...constraints.loops import raise_if_open
 from ...constraints.table import Constraints
 from ...errors import ConstraintError, SimulationError, literal
-from ...model.model import Model
 from ...recursions.constraints import constrained
 from ...recursions.constraints.constrained_friction import HELD_BRISTLES
 from ...recursions.constraints.constraint_rows import CONSTRAINTS_ARGUMENT, ERROR, JACOBIAN
 from ...recursions.spec import FEXT, Argument
 from ..arithmetic import Arithmetic
-from ..methods.iteration import SETTLED, SWEEPS
-from ..system import OK, STALLED, System, set_status
+from ..methods.iteration import largest
+from ..system import System, set_status
 from . import work
 from .effect import Effect
 
@@ -57,7 +45,6 @@ START = 1e-6  # largest |φ| [m | rad], and |J v| relative to its terms, of an i
 START_SOLVED = 1e-3  # the same for |J v| where steps solve for velocities with impulses: see ``impulse_step.meet``
 CONTRADICTS = 1e-4  # relative to the motion: residual of dependent equations at the beginning of a step
 LEFT = 0.1  # largest part of the violation that may stay after a projection, which leaves about its square
-BRANCHING = 1e-3  # smallest / largest eigenvalue of Delassus' matrix, some .03 rad from a branch point
 LEAST_STEPS = 3.0  # in a stabilization time; at 1 explicit methods diverge
 
 
@@ -172,13 +159,10 @@ class Constrained(Effect):
 
     def judge_closed(self, at: Arithmetic, opened: Any, left: Any) -> None:
         """Refuse equations that stay violated after a projection; opened, left: φ before and after it."""
-        least, bad = START * START, 0.0
-        for x in opened:
-            square = LEFT * LEFT * x * x
-            least = select(square - least, square, least)
-        for x in left:
-            bad = bad + exceeds(x * x, least)
-        at.refuse(bad, lambda: self._raise_open(at.given[CHOSEN], left, left * left > least))
+        most = LEFT * largest(abs(opened))
+        least = select(most - START, most, START)
+        bad = exceeds(largest(abs(left)), least)
+        at.refuse(bad, lambda: self._raise_open(at.given[CHOSEN], left, abs(left) > least))
 
     def _raise_rank(self, rank: Any, known: Any) -> None:
         raise ConstraintError(
@@ -256,61 +240,3 @@ def _check_rates(constraints: Constraints, rates: Array, most: Array) -> None:
             f"v0{where} moves {constraints.equations[k].label} at {rates[(*index, k)]:.3g}, expected 0; "
             "project_velocity gives the nearest velocity that does not"
         )
-
-
-# --- symplectic methods ----------------------------------------------------------------------------------
-
-
-def closed(
-    effect: Constrained, model: Model, system: System, t: float, q: Array, settle: Callable[[], Array],
-    add: Callable[[Array], None],
-) -> Array:  # fmt: skip
-    """Positions with φ = 0 at the end of a step of a symplectic method, by Newton's steps on the multipliers.
-
-    settle  returns the positions at the end for the present multipliers
-    add     adds to the multipliers the impulse over a time of 1 that changes these positions by -φ
-
-    The slope is Delassus' matrix at q. If that does not converge, as in a step over a branch point, the slope is the
-    matrix between J at the beginning and J at the end. Writes the status STALLED if φ does not vanish. Raises
-    ConstraintError, also for a failure near a branch point.
-    """
-    constraints, before, chosen, exact = effect.constraints, np.inf, effect.rows(q), False
-    for sweep in range(SWEEPS):
-        ahead = settle()
-        phi = constraint_error(model, constraints, ahead)
-        size = float(abs(phi).max(initial=0.0))
-        if system.status[0] != OK or size <= EPS or (size <= SETTLED and size >= 0.5 * before):
-            break
-        if sweep == SWEEPS - 1:
-            set_status(system, STALLED, t, size)
-        exact, before = exact or size >= 0.5 * before, size
-        if not exact:
-            add(by_rows(constrained.RESPONSE, model, constraints, q, -phi, chosen)[1])
-            continue
-        J, end = (constraint_jacobian(model, constraints, x)[chosen > 0.0] for x in (q, ahead))
-        impulse = np.zeros(constraints.nc)
-        impulse[chosen > 0.0] = -np.linalg.lstsq(end @ calls["minverse"](model, q) @ J.T, phi[chosen > 0.0])[0]
-        add(impulse)
-    if system.status[0] != OK:
-        raise_if_branching(effect, model, q, chosen)
-    return ahead
-
-
-def raise_if_branching(effect: Constrained, model: Model, q: Array, chosen: Array) -> None:
-    """Raise ConstraintError if the kept equations nearly depend on each other."""
-    G = delassus(model, effect.constraints, q)[np.ix_(chosen > 0.0, chosen > 0.0)]
-    values = np.linalg.eigvalsh(G)
-    if values[0] < BRANCHING * values[-1]:
-        raise ConstraintError(
-            f"{', '.join(x.label for x in effect.constraints)} nearly lose rank, {int(chosen.sum())} at the beginning: "
-            "the step fails near a branch point, from which the mechanism may go several ways"
-        )
-
-
-def momentum_along(effect: Constrained, model: Model, q: Array, p: Array) -> Array:
-    """The momenta nearest to p whose velocities keep J v = 0."""
-    v = calls["velocity_from_momentum"](model, q, p)
-    Jv = constraint_jacobian(model, effect.constraints, q) @ v
-    change = by_rows(constrained.RESPONSE, model, effect.constraints, q, -Jv, effect.rows(q))[0]
-    made: Array = calls["momentum"](model, q, v + change)
-    return made

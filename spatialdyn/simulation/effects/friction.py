@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 from ...actuation.friction import Friction, check_friction
 from ...actuation.motors import Motor, check_motor
 from ...algebra.scalars import select
-from ...errors import SimulationError, literal
+from ...calls.arguments import as_word
+from ...errors import SimulationError
 from ...model.model import Model
 from ...recursions.joints.friction import (
     BRISTLE_STEP,
@@ -187,10 +188,8 @@ def friction_effects(
     Raises  SimulationError for an unknown method or drive, options that contradict each other, and a missing
             coefficient; ModelError naming the joint, ShapeError.
     """
-    if not isinstance(way, str) or way not in WAYS:
-        raise SimulationError(f"friction_method is {literal(way)}, expected one of {', '.join(WAYS)}")
-    if not isinstance(drive, str) or drive not in DRIVES:
-        raise SimulationError(f"drive is {literal(drive)}, expected one of {', '.join(DRIVES)}")
+    as_word("friction_method", way, WAYS, SimulationError)
+    as_word("drive", drive, DRIVES, SimulationError)
     if motor is None and drive != CURRENT:
         raise SimulationError(f'drive is "{drive}" and no motor is given, expected motor=Motor(...) with it')
     if motor is None and friction is None and way != IMPLICIT:

@@ -27,3 +27,8 @@ class Springs(Effect):
     def torque(self, at: Arithmetic, q: Any, v: Any) -> Any:
         (made,) = at.evaluate(SPRING_TORQUE, q=q, v=v).values()
         return made
+
+
+def spring_effects(model: Model) -> tuple[Springs, ...]:
+    """The springs of a model, if it has some."""
+    return (Springs(),) if has_springs(model) else ()

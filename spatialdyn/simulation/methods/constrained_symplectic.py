@@ -33,18 +33,21 @@ from numpy.typing import NDArray
 from ...algebra.scalars import EPS
 from ...bodies.kinds import R1
 from ...calls.dynamics import calls
-from ...constraints.dynamics import constraint_jacobian
+from ...constraints.dynamics import by_rows, constraint_error, constraint_jacobian, delassus
 from ...constraints.kinds import RollingConstraint, VelocityConstraint
 from ...constraints.table import Constraints
+from ...errors import ConstraintError
 from ...model.model import Model
-from ..effects.constraints import Constrained, closed, momentum_along
-from ..system import STALLED, State, System, set_status
+from ...recursions.constraints.constrained import RESPONSE
+from ..effects.constraints import Constrained
+from ..system import OK, STALLED, State, System, set_status
 from .iteration import SETTLED, SWEEPS, relative
 from .symplectic import joint_rates
 
 Array = NDArray[np.float64]
 RATTLE = "stormer_verlet"
 ROUNDING, ROUNDING_OF_MOMENTA = 4.0 * EPS, 8.0 * EPS  # of an iterate
+BRANCHING = 1e-3  # smallest / largest eigenvalue of Delassus' matrix, some .03 rad from a branch point
 
 
 def unfit(model: Model, constraints: Constraints, stabilization: float | None, method: str) -> str:
@@ -166,6 +169,64 @@ def _fixed_point(
         before = change
     set_status(system, STALLED, t, before)
     return x
+
+
+# --- the ends of a step ------------------------------------------------------------------------------------
+
+
+def closed(
+    effect: Constrained, model: Model, system: System, t: float, q: Array, settle: Callable[[], Array],
+    add: Callable[[Array], None],
+) -> Array:  # fmt: skip
+    """Positions with φ = 0 at the end of a step of a symplectic method, by Newton's steps on the multipliers.
+
+    settle  returns the positions at the end for the present multipliers
+    add     adds to the multipliers the impulse over a time of 1 that changes these positions by -φ
+
+    The slope is Delassus' matrix at q. If that does not converge, as in a step over a branch point, the slope is the
+    matrix between J at the beginning and J at the end. Writes the status STALLED if φ does not vanish. Raises
+    ConstraintError, also for a failure near a branch point.
+    """
+    constraints, before, chosen, exact = effect.constraints, np.inf, effect.rows(q), False
+    for sweep in range(SWEEPS):
+        ahead = settle()
+        phi = constraint_error(model, constraints, ahead)
+        size = float(abs(phi).max(initial=0.0))
+        if system.status[0] != OK or size <= EPS or (size <= SETTLED and size >= 0.5 * before):
+            break
+        if sweep == SWEEPS - 1:
+            set_status(system, STALLED, t, size)
+        exact, before = exact or size >= 0.5 * before, size
+        if not exact:
+            add(by_rows(RESPONSE, model, constraints, q, -phi, chosen)[1])
+            continue
+        J, end = (constraint_jacobian(model, constraints, x)[chosen > 0.0] for x in (q, ahead))
+        impulse = np.zeros(constraints.nc)
+        impulse[chosen > 0.0] = -np.linalg.lstsq(end @ calls["minverse"](model, q) @ J.T, phi[chosen > 0.0])[0]
+        add(impulse)
+    if system.status[0] != OK:
+        raise_if_branching(effect, model, q, chosen)
+    return ahead
+
+
+def raise_if_branching(effect: Constrained, model: Model, q: Array, chosen: Array) -> None:
+    """Raise ConstraintError if the kept equations nearly depend on each other."""
+    G = delassus(model, effect.constraints, q)[np.ix_(chosen > 0.0, chosen > 0.0)]
+    values = np.linalg.eigvalsh(G)
+    if values[0] < BRANCHING * values[-1]:
+        raise ConstraintError(
+            f"{', '.join(x.label for x in effect.constraints)} nearly lose rank, {int(chosen.sum())} at the beginning: "
+            "the step fails near a branch point, from which the mechanism may go several ways"
+        )
+
+
+def momentum_along(effect: Constrained, model: Model, q: Array, p: Array) -> Array:
+    """The momenta nearest to p whose velocities keep J v = 0."""
+    v = calls["velocity_from_momentum"](model, q, p)
+    Jv = constraint_jacobian(model, effect.constraints, q) @ v
+    change = by_rows(RESPONSE, model, effect.constraints, q, -Jv, effect.rows(q))[0]
+    made: Array = calls["momentum"](model, q, v + change)
+    return made
 
 
 UNDER = {RATTLE: rattle, "variational": constrained_variational}

@@ -153,8 +153,3 @@ def observe(system: System, t: float, state: State) -> None:
     copy(state.v, state.w)
     if not (all_finite(state.q) and all_finite(state.w)):
         set_status(system, NONFINITE, t)
-
-
-@inline_unoptimized
-def start(system: System, state: State) -> None:
-    """Nothing to do: the methods work on (q, v) itself."""

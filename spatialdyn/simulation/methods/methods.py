@@ -16,17 +16,18 @@ MOMENTA = "Ω, time reversal, momenta of symmetries"
 
 @dataclass(frozen=True)
 class Family:
-    """Methods that share a state: how to start and observe it, their kernels, their rows of scratch.
+    """Methods that share a state: how to observe and start it, their kernels, their rows of scratch.
 
     moves  "v" or "p", which they integrate beside q
+    start  None if they integrate q and v or p themselves
     wide   whether rows of scratch hold 2 nv numbers rather than nv
     """
 
     moves: str
     kernels: Callable[[bool], Any]
-    start: Callable[..., None]
     observe: Callable[..., None]
     rows: int
+    start: Callable[..., None] | None = None
     wide: bool = False
 
 
@@ -58,9 +59,9 @@ class Method:
         return self.preserves.startswith(SYMPLECTIC)
 
 
-EXPLICIT = Family("v", explicit.kernels, explicit.start, explicit.observe, 10)
-CANONICAL = Family("p", symplectic.kernels, symplectic.start, symplectic.observe, symplectic.ROWS, wide=True)
-DISCRETE = Family("p", variational.kernels, variational.start, variational.observe, variational.ROWS)
+EXPLICIT = Family("v", explicit.kernels, explicit.observe, 10)
+CANONICAL = Family("p", symplectic.kernels, symplectic.observe, symplectic.ROWS, symplectic.start, wide=True)
+DISCRETE = Family("p", variational.kernels, variational.observe, variational.ROWS)
 
 _ALL = (
     Method(

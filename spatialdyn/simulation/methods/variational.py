@@ -81,11 +81,6 @@ def momenta_before(bodies: Any, work: Any, q: Any, xi: Any, moved: Any, out: Any
 
 
 @inline_unoptimized
-def start(system: System, state: State) -> None:
-    """Nothing to do: the method works on (q, p) itself."""
-
-
-@inline_unoptimized
 def observe(system: System, t: float, state: State) -> None:
     """v = M⁻¹ p."""
     set_status(system, system.kernels.velocity(system.table, state.q, state.w, state.v), t)
