@@ -4,6 +4,10 @@ As a script: chains and trees of mixed joints. Prints nanoseconds of CPU time pe
 that is not zero) of the kernel of one sample, of the kernel on lanes, of the public call with its engine, and of
 Pinocchio from Python; how many times faster than the first and the last the public call is; and the step from the row
 before. Results are compared with Pinocchio's before they are timed.
+
+With --crossover: the kernel on lanes beside the program of the call, compiled for each length however long it is, with
+the processor seconds of compiling it and the samples of batches after which it has saved them, with no disk cache
+(``SPATIALDYN_CACHE_DIR=``). They set ``recording.most_rows``.
 """
 
 from __future__ import annotations
@@ -24,6 +28,7 @@ from tables import number, plain
 import spatialdyn as sd
 from spatialdyn.engines import run
 from spatialdyn.engines.compiled import lane_kernels, lane_names, numba_kernels
+from spatialdyn.engines.programs.run.tiered_program import TieredProgram
 from spatialdyn.recursions import SPECS
 
 LENGTHS = (10, 30, 100, 300, 1000)
@@ -34,6 +39,7 @@ ARGUMENTS = {"rnea": "qva", "aba": "qvt", "crba": "q"}
 MIXED = (60, 100, 150, 300, 600, 1000)  # joints of chains and trees of mixed joints
 KINDS = "revolute", "prismatic", "continuous", "spherical"
 MIXED_SAMPLES, MOST_NUMBERS = 512, 1 << 24  # samples of a batch, but no more than so many results beyond 8 samples
+DIFFERENT = {"rnea": 1e-12, "crba": 1e-12, "aba": 1e-6}  # of lanes and programs, by the largest entry; M of long chains
 ROD = (1.0, (0.0, 0.0, 0.5), np.diag([1 / 12, 1 / 12, 1e-3]))
 
 
@@ -222,14 +228,59 @@ def of_mixed(lengths: list[int], calls: list[str], rounds: int) -> list[list[str
     return rows
 
 
+def crossover(lengths: list[int], calls: list[str], rounds: int) -> list[list[str]]:
+    """A row of the table of programs beside lanes for each call and length of chains of mixed joints."""
+    rows = []
+    for call in calls:
+        for n in lengths:
+            model = mixed(n, 0.0).ours
+            state = random_state(model, MIXED_SAMPLES)
+            arguments = tuple(state[letter] for letter in ARGUMENTS[call])
+            spec, status = numba_kernels.variant(SPECS[call], ()), np.empty(MIXED_SAMPLES, np.int8)
+            found = {
+                way: aligned((MIXED_SAMPLES, *[model.nv] * (1 + (call == "crba")))) for way in ("lanes", "program")
+            }
+            known = [y for x in arguments for y in (x, 1)]
+            lanes = lane_kernels.kernel(spec, lane_names.width())
+            start = time.process_time()
+            tiered = TieredProgram((spec,), model.bodies, model.key)
+            tiered.compiled(one=False)
+            seconds = time.process_time() - start
+            program = run.CallProgram(spec, model, (), tiered)
+            ways: dict[str, Callable[[], Any]] = {
+                "lanes": partial(lanes, model.address, MIXED_SAMPLES, *known, found["lanes"], status),
+                "program": partial(program, arguments, found["program"]),
+            }
+            for compute in ways.values():
+                compute()
+            scale = abs(found["lanes"]).max()
+            assert abs(found["program"] - found["lanes"]).max() <= DIFFERENT[call] * scale, f"{model.name}, {call}"
+            times = interleaved(ways, rounds, 0.02, time.thread_time)
+            saved = (times["lanes"] - times["program"]) / MIXED_SAMPLES
+            unit = 1e9 / MIXED_SAMPLES / model.nv
+            cells = times["lanes"] * unit, times["program"] * unit, times["lanes"] / times["program"], seconds
+            paid = number(seconds / saved / 1e6, 2) if saved > 0.0 else "never"
+            row = [f"chain {n}", str(model.nv), call, str(tiered.interpreted.lines)]
+            row += [*(number(x, 2) for x in cells), paid]
+            print(*(x.ljust(10) for x in row), flush=True)
+            rows.append(row)
+    return rows
+
+
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--lengths", type=int, nargs="*", default=list(MIXED), help="numbers of bodies")
     parser.add_argument("--calls", nargs="*", default=list(ARGUMENTS), choices=tuple(ARGUMENTS))
     parser.add_argument("--rounds", type=int, default=5)
+    parser.add_argument("--crossover", action="store_true", help="programs of any length beside lanes")
     given = parser.parse_args()
     sd.set_num_threads(1)
+    if given.crossover:
+        headings = ["bodies", "rows", "call", "lines", "lanes", "program", "x lanes", "compile s", "paid by M samples"]
+        title = f"ns of CPU time a row of one sample; one thread of {machine.machine()['processor']}"
+        print(plain(title, headings, crossover(given.lengths, given.calls, given.rounds)))
+        return
     headings = [
         "bodies",
         "rows",

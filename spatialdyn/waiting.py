@@ -10,7 +10,7 @@ import os
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from contextvars import ContextVar
 from typing import NamedTuple
 
@@ -115,6 +115,10 @@ class Watch:
                 yield
         finally:
             _within.reset(reset)
+
+    def batch(self, count: int, done: Callable[[], int]) -> AbstractContextManager[None]:
+        """Name work on the samples of a batch and how many are done; of one sample the work around it says all."""
+        return nullcontext() if count == 1 else self.work(f"a batch of {count} samples", lambda: f": {done()} are done")
 
     @contextmanager
     def call(self, name: str) -> Iterator[None]:

@@ -86,7 +86,7 @@ def no_programs(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def no_programs_of_rows(monkeypatch: pytest.MonkeyPatch) -> None:
     """Take all models as too large for a program, until the end of the test: no later test finds a plan without one."""
-    monkeypatch.setattr(recording, "MOST_ROWS", 1)
+    monkeypatch.setattr(recording, "most_rows", lambda spec: 1)
     monkeypatch.setattr(run, "program", run._program.__wrapped__)
     monkeypatch.setattr(dynamics, "plan_of", dynamics.plan_of.__wrapped__)
 

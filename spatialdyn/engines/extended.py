@@ -61,7 +61,7 @@ def rewrite(spec: Spec, table: Table, inputs: Arrays, out: NDArray[np.float64], 
     rest, program = np.flatnonzero(left), _numpy_program(spec, table) if left.any() else None
     first = 0
     try:
-        with watch.work(f"a batch of {len(rest)} samples", lambda: f": {first} are done"):
+        with watch.batch(len(rest), lambda: first):
             for first, end in threads.slices(len(rest), len(table.bodies), len(table.bodies) ** 2):
                 at = rest[first:end]
                 columns = [np.broadcast_to(x if len(x) == 1 else x[at], (len(at), x.shape[1])) for x in inputs]

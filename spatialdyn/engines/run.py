@@ -403,7 +403,7 @@ def _in_slices(
     in_place = at is None and columns is None and out.dtype == np.float64
     failed: list[Failed] = []
     first = 0
-    with watch.work(f"a batch of {count} samples", lambda: f": {first} are done"):
+    with watch.batch(count, lambda: first):
         try:
             for first, end in threads.slices(count, rows, width, least):
                 here = slice(first, end) if at is None else at[first:end]

@@ -166,14 +166,16 @@ def function_of(node: Node) -> Any:
 
         @staticmethod
         def backward(ctx: Any, *seeds: Any) -> Any:
-            arrays, results = ctx.saved_tensors[:count], ctx.saved_tensors[count:]
+            saved = ctx.saved_tensors  # each access makes the tensors anew
+            arrays, results = saved[:count], saved[count:]
             answers: list[Any] = [None] * count
             for k, group in enumerate(groups):
                 if any(ctx.needs_input_grad[group]) and any(x is not None for x in seeds):
                     further, given = node.back(k, arrays, results, _filled(seeds, results))
                     found = applied(further, given)
                     for at, x in zip(range(count)[group], found, strict=True):
-                        answers[at] = x.sum_to_size(arrays[at].shape)
+                        shape = arrays[at].shape
+                        answers[at] = x if x.shape == shape else x.sum_to_size(shape)
             return tuple(answers)
 
         @staticmethod

@@ -522,6 +522,7 @@ def test_compare_says_what_is_singular_of_a_root_without_mass(cart: tuple[float,
         assert "root_joint" in rows[name].note
 
 
+@pytest.mark.skipif(numba_kernels.PLAIN, reason="NUMBA_DISABLE_JIT: no programs")
 def test_models_with_mimic_joints_have_a_program_in_double_double() -> None:
     """Through M, which the program of the full tree is not."""
     model, rng = sd.load_urdf("tree", mimic=True), np.random.default_rng(0)

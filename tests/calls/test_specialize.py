@@ -21,6 +21,7 @@ from spatialdyn.engines.compiled import numba_kernels
 from spatialdyn.engines.programs.record import recording
 from spatialdyn.engines.programs.run import batch_kernels
 from spatialdyn.engines.programs.transform import float32_range
+from spatialdyn.recursions import SPECS
 from spatialdyn.urdf.robot_files import find_robot
 
 Array = NDArray[np.float64]
@@ -434,7 +435,7 @@ def test_bad_samples_raise_as_in_the_plain_call(model: sd.Model) -> None:
 
 
 def test_long_programs_run_untraced(arm: sd.Model, model: sd.Model) -> None:
-    chain = random_tree(1, recording.MOST_ROWS + 1, kinds=("revolute",), branching=0.0).model
+    chain = random_tree(1, recording.most_rows(SPECS["rnea"]) + 1, kinds=("revolute",), branching=0.0).model
     k = specialize(chain, sd.rnea, fixed={"a": 0}, outputs=[0])
     assert k.engine == "untraced"
     s = State(chain, (3,))
@@ -445,7 +446,7 @@ def test_long_programs_run_untraced(arm: sd.Model, model: sd.Model) -> None:
 
 def test_parameters_of_each_sample_without_a_program(monkeypatch: pytest.MonkeyPatch) -> None:
     """A batch is its samples one by one, an angle beyond the polynomials and a NaN among them, and edited models'."""
-    monkeypatch.setattr(recording, "MOST_ROWS", 1)
+    monkeypatch.setattr(recording, "most_rows", lambda spec: 1)
     tree = random_tree(4, 7, kinds=("revolute", "prismatic")).model
     body, rng, count = tree.robot.links[5].name, np.random.default_rng(0), 11
     k = specialize(tree, sd.generalized_gravity, inputs=[f"payload:{body}", "gravity"], outputs=[0, 3])

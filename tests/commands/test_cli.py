@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 import spatialdyn as sd
-from spatialdyn import Trajectory, validate
+from spatialdyn import Trajectory, validate, waiting
 from spatialdyn.calls import dynamics
 from spatialdyn.commands import cli, compare
 from spatialdyn.errors import InertiaError
@@ -23,6 +23,12 @@ from spatialdyn.urdf.load import example_robots, robot_names
 
 pytest.importorskip("pinocchio")
 RICH = ("rich", "rich.box", "rich.console", "rich.progress", "rich.table", "rich.text")
+
+
+@pytest.fixture(autouse=True)
+def patient(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A command that takes long on a loaded machine, or without compiled code, does not say so."""
+    monkeypatch.setattr(waiting, "LONG", 600.0)
 
 
 def run(capsys: pytest.CaptureFixture[str], *argv: str) -> tuple[int, str, str]:

@@ -120,6 +120,17 @@ def test_the_innermost_call_is_named_with_the_outermost(said: Said) -> None:
     ]
 
 
+def test_a_batch_says_how_many_are_done_and_one_sample_nothing_of_its_own(said: Said) -> None:
+    for count in (1, 40):
+        with watch.call("rnea"), watch.batch(count, lambda: 7):
+            while len(said) < 1 + (count > 1):
+                pause()
+    assert list(said) == [
+        "rnea takes more than 0.02 s",
+        "rnea takes more than 0.02 s: a batch of 40 samples: 7 are done",
+    ]
+
+
 @pytest.mark.skipif(numba_kernels.PLAIN, reason="NUMBA_DISABLE_JIT: nothing compiles")
 @pytest.mark.parametrize("way", ["program", "kernel"])
 def test_what_compiles_is_named(arm: sd.Model, said: Said, way: str, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -205,9 +205,8 @@ def draw_between(generator: Any, size: int, units: tuple[tuple[int, int], ...] =
     interface = generator.bit_generator.ctypes  # NumPy offers it for compiled code
     address = ctypes.cast(interface.next_double, ctypes.c_void_p).value or 0
     parts = np.array(units, np.int64).ravel()
-    words = {"units": parts.ctypes.data, "count": len(units), "n": size}
-    words |= {"next_double": address, "state": interface.state_address}
-    return _draw_between.bind(words, generator, parts)
+    words = {"units": parts, "count": len(units), "n": size, "next_double": address, "state": interface.state_address}
+    return _draw_between.bind(words, generator)
 
 
 @routine(("n",), lower=("n",), upper=("n",))

@@ -42,7 +42,7 @@ from ...engines.programs.llvm.call_words import ARRAY as INPUT
 from ...engines.programs.llvm.call_words import FIXED, NUMBER
 from ...engines.programs.run import single_call
 from ...engines.programs.run.call_code import CallCode
-from ...engines.programs.run.routine import Choice, Index, Kind, Owner, routine
+from ...engines.programs.run.routine import Choice, Index, Kind, Owner, Parts, Result, Routine, routine
 from ...engines.programs.run.single_call import Parameter, unavailable
 from ...recursions import SPECS
 from ...recursions.spec import LOCAL, LOCAL_WORLD_ALIGNED, WORLD
@@ -174,10 +174,7 @@ def _in_place(program: tuple[int, int, int], inputs: Sequence[Array], out: Array
     return single_call.bound(unavailable, [Parameter(f"x{k}", FIXED) for k in range(len(places))], plan)
 
 
-_forward_kinematics, _frame_jacobian, _frame_jacobian_dot, _velocity_derivatives = (
-    table_kernel(SPECS[name])
-    for name in ("forward_kinematics", "frame_jacobian", "frame_jacobian_dot", "frame_velocity_derivatives")
-)
+_forward_kinematics, _frame_jacobian = (table_kernel(SPECS[name]) for name in ("forward_kinematics", "frame_jacobian"))
 
 
 # --- frames ----------------------------------------------------------------------------------------------
@@ -271,7 +268,7 @@ def frame_motion(
 
 @routine((6, "nv"), **OF_FRAME)
 def frame_jacobian(
-    k: int, code: int, table: int, nq: int, q_address: int, placed_rows: int, time: int, frames: Frames, out: Any
+    k: int, code: int, table: int, nq: int, q: int, placed_rows: int, time: int, frames: Frames, out: Any
 ) -> bool:
     """``frame_jacobian`` at the recorded q; it does not apply if joints were moved after that call.
 
@@ -285,30 +282,26 @@ def frame_jacobian(
         bodies = table_at(table)
         placed_frame_jacobian(bodies, records(placed_rows, (len(bodies),), WORK), i, p, code, out)
         return True
-    return bool(_frame_jacobian(table, at(q_address, (nq,)), i, p, code, out) == OK)
+    return bool(_frame_jacobian(table, at(q, (nq,)), i, p, code, out) == OK)
 
 
-@routine((6, "nv"), **OF_FRAME)
-def frame_jacobian_dot(
-    k: int, code: int, table: int, nq: int, nv: int, q_address: int, v_address: int, time: int, frames: Frames, out: Any
-) -> bool:
-    """``frame_jacobian_dot`` at the recorded q and v; it does not apply if joints were moved after that call."""
-    i, p = word(frames.joints, k), at(word(frames.placements, k), (4, 4))
-    if word(time, 0) < word(table, -1):
-        return False
-    return bool(_frame_jacobian_dot(table, at(q_address, (nq,)), at(v_address, (nv,)), i, p, code, out) == OK)
+def _at_recorded(name: str, output: Result, but: int) -> Routine:
+    """A call about a frame at the recorded q and v, not in the reference ``but``, nor if joints were moved after."""
+    kernel = table_kernel(SPECS[name])
+
+    def call(
+        k: int, code: int, table: int, nq: int, nv: int, q: int, v: int, time: int, frames: Frames, out: Any
+    ) -> bool:
+        i, p = word(frames.joints, k), at(word(frames.placements, k), (4, 4))
+        if code == but or word(time, 0) < word(table, -1):
+            return False
+        return bool(kernel(table, at(q, (nq,)), at(v, (nv,)), i, p, code, out) == OK)
+
+    return Routine(inline(call), OF_FRAME, output, f"{name}_at_recorded")
 
 
-@routine((2, 6, "nv"), **OF_FRAME)
-def frame_velocity_derivatives(
-    k: int, code: int, table: int, nq: int, nv: int, q_address: int, v_address: int, time: int, frames: Frames, out: Any
-) -> bool:
-    """``frame_velocity_derivatives`` at the recorded q and v, but not in axes of the world at the frame's origin."""
-    i, p = word(frames.joints, k), at(word(frames.placements, k), (4, 4))
-    if code == LOCAL_WORLD_ALIGNED or word(time, 0) < word(table, -1):
-        return False
-    q, v = at(q_address, (nq,)), at(v_address, (nv,))
-    return bool(_velocity_derivatives(table, q, v, i, p, code, out) == OK)
+frame_jacobian_dot = _at_recorded("frame_jacobian_dot", (6, "nv"), -1)
+frame_velocity_derivatives = _at_recorded("frame_velocity_derivatives", Parts((2, 6, "nv")), LOCAL_WORLD_ALIGNED)
 
 
 @inline

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...algebra.scalars import inline
 from ...engines.compiled import numba_kernels
@@ -24,13 +23,16 @@ compute_M, compute_bias = (
 
 class Kept(NamedTuple):
     """Words: addresses of what the field of Data holds: the factors that ``recursions.constraints.kkt`` computes and
-    the forces; of the clock, and of the stamp of the call that gave M and the bias.
+    the forces; of D and U = Lᵀ with unit diagonal, 0 if they are not held; of the clock, and of the stamp of the call
+    that gave M and the bias.
     """
 
     L: int
     Y: int
     C: int
     force: int
+    D: int
+    U: int
     clock: int
     before: int
 
@@ -65,9 +67,11 @@ def behind_system(address: int, nv: int, m: int) -> int:
     return address + 8 * (2 * nv * nv + nv + m * nv + m * m + 2 * m)
 
 
-def scratch_of(nv: int, m: int) -> NDArray[np.float64]:
-    """The memory for all scratch of a builtin under m constraints: of less than this many numbers."""
-    return np.empty((2 * nv + 2 * m + 20) * (nv + m))
+def words_of_factors(f: Any) -> dict[str, Any]:
+    """Words of a builtin that writes the factors and forces of a solution; its scratch, and no held D and U."""
+    m, nv = f.Y.shape
+    scratch = np.empty((2 * nv + 2 * m + 20) * (nv + m))  # more than a builtin needs
+    return {"L": f.L, "Y": f.Y, "C": f.C, "force": f.force, "D": None, "U": None, "scratch": scratch, "m": m}
 
 
 @inline
@@ -85,9 +89,23 @@ def copy_matrix(x: Any, out: Any) -> None:
 
 
 @inline
+def write_upper(L: Any, U: Any) -> None:
+    """U = Lᵀ with unit diagonal, of an L with D on its diagonal."""
+    for i in range(len(L)):
+        for j in range(len(L)):
+            U[i, j] = L[j, i] if j > i else 1.0 if j == i else 0.0
+
+
+@inline
 def keep(s: System, kept: Kept) -> None:
     """Copy the factors and the forces, and write a new stamp."""
     nv, m = len(s.x), len(s.g)
+    if kept.D != 0:
+        D = at(kept.D, (nv,))
+        for i in range(nv):
+            D[i] = s.L[i, i]
+    if kept.U != 0:
+        write_upper(s.L, at(kept.U, (nv, nv)))
     copy_matrix(s.L, at(kept.L, (nv, nv)))
     copy_matrix(s.Y, at(kept.Y, (m, nv)))
     copy_matrix(s.C, at(kept.C, (m, m)))

@@ -10,30 +10,38 @@ from ...algebra.public_arrays import read_body, read_pose, write_body, write_tan
 from ...algebra.records import inertia_of, motion_of, pose_of
 from ...algebra.scalars import inline
 from ...algebra.spatial import Pose, compose, momentum, motion_to_parent, zero_motion
-from ...engines.compiled.memory import at, table_at
+from ...engines.compiled.memory import array_at, at, memory, places, release, table_at, word
+from ...engines.compiled.numba_kernels import OK
 from ...engines.compiled.table_kernels import kernel
-from ...engines.programs.run.routine import routine
+from ...engines.compiled.tiers import table_kernel
+from ...engines.programs.run.routine import Index, routine
+from ...recursions import SPECS
 from ...recursions.constraints.kkt import factored
 from ...recursions.momenta import centroidal
 from ...recursions.spec import LOCAL_WORLD_ALIGNED, WORLD
 from ...recursions.tree.ltdl import solve_tree
 from .operator_kernels import compiled, deferred
 from .operators import add_bodies, body_to_parent, relative_pose, skew
+from .recorded_calls import OF_FRAME, Frames
+from .recorded_constraints import copy_matrix, write_upper
+
+WORK_SIZE = centroidal.WORK.itemsize
+_forward_kinematics = table_kernel(SPECS["forward_kinematics"])
 
 
 @inline
 def _factor_upper(bodies: Any, M: Any, L: Any, U: Any, D: Any) -> int:
-    """M = U D Uᵀ of the upper triangle of M, U with unit diagonal; L is scratch. -1 if M is singular, else 0."""
+    """M = U D Uᵀ of the upper triangle of M, U with unit diagonal; L is scratch. -1 if M is singular, D unchanged."""
     n = len(D)
     for i in range(n):
         for j in range(n):
             U[i, j] = M[j, i]
-    status = factored(bodies, U, L)
+    if factored(bodies, U, L) < 0:
+        return -1
     for i in range(n):
         D[i] = L[i, i]
-        for j in range(n):
-            U[i, j] = L[j, i] if j > i else 1.0 if j == i else 0.0
-    return status
+    write_upper(L, U)
+    return 0
 
 
 @inline
@@ -65,6 +73,16 @@ def _subtree_com_jacobian(bodies: Any, work: Any, q: Any, root: Any, J: Any) -> 
     return 0
 
 
+@routine(("nv", "nv"))
+def decompose(table: int, nv: int, M: int, U: int, D: int, scratch: int, out: Any) -> bool:
+    """U, also written to its address, and D, of the M at an address; it does not apply to a singular M."""
+    L = at(scratch, (nv, nv))
+    if _factor_upper(table_at(table), at(M, (nv, nv)), L, out, at(D, (nv,))) < 0:
+        return False
+    copy_matrix(out, at(U, (nv, nv)))
+    return True
+
+
 @routine(("nv",), v=("nv",))
 def solve(v: Any, table: int, nv: int, U: int, D: int, scratch: int, out: Any) -> bool:
     """M⁻¹ v of the factors at these addresses; it does not apply if D is not positive. ``scratch`` (nv, nv)."""
@@ -74,9 +92,21 @@ def solve(v: Any, table: int, nv: int, U: int, D: int, scratch: int, out: Any) -
     return bool(_solve_upper(table_at(table), factors[0], factors[1], at(scratch, (nv, nv)), out.reshape(1, nv)) == 0)
 
 
-factor_upper = deferred(lambda: kernel(_factor_upper, 2, 2, 2, 1))
-solve_upper = deferred(lambda: kernel(_solve_upper, 2, 1, 2, 2))
-subtree_com_jacobian = deferred(lambda: kernel(_subtree_com_jacobian, 1, 1, 2, work=centroidal.WORK))
+@routine((3, "nv"), k=Index("njoints"))
+def subtree_com_jacobian_at_recorded(k: int, table: int, nq: int, q: int, rows: int, njoints: int, out: Any) -> bool:
+    """The Jacobian of joint k's subtree at the recorded q; ``rows`` are those of the joints, as floats."""
+    bodies = table_at(table)
+    space = len(bodies) * WORK_SIZE
+    scratch = memory(space)
+    work = array_at(scratch, (len(bodies),), centroidal.WORK)
+    _subtree_com_jacobian(bodies, work, at(q, (nq,)), at(rows, (njoints,))[k : k + 1], out)
+    release(scratch, space)
+    return True
+
+
+factor_upper = deferred(lambda: kernel(_factor_upper, 2, 2, 2, 1, contract=False))
+solve_upper = deferred(lambda: kernel(_solve_upper, 2, 1, 2, 2, contract=False))
+subtree_com_jacobian = deferred(lambda: kernel(_subtree_com_jacobian, 1, 1, 2, work=centroidal.WORK, contract=False))
 
 
 @inline
@@ -103,6 +133,33 @@ def _composite_bodies(X: Any, bodies: Any, parents: Any, out: Any) -> None:
             write_body(out[k], body_to_parent(read_pose(X[k]), read_body(bodies[k])))
     for k in range(len(out) - 1, 0, -1):
         write_body(out[parents[k]], add_bodies(read_body(out[parents[k]]), read_body(out[k])))
+
+
+@routine((6, "columns"), **OF_FRAME)
+def frame_kinematic_regressor(
+    k: int, code: int, poses: int, in_parents: int, parents: int, njoints: int, frames: Frames, out: Any
+) -> bool:
+    """``_kinematic_regressor`` of a frame, but not of the universe."""
+    if k == 0:
+        return False
+    out[:] = 0.0
+    X, P, up = at(poses, (njoints, 4, 4)), at(in_parents, (njoints, 4, 4)), places(parents, (njoints,))
+    _kinematic_regressor(X, P, up, word(frames.joints, k), at(word(frames.placements, k), (4, 4)), code, out)
+    return True
+
+
+@routine(q=("nq",))
+def place_robot_inertia(
+    q: Any, table: int, njoints: int, bodies: int, parents: int, poses: int, sums: int, Ig: int
+) -> bool:
+    """The inertia (10,) of the robot about its centre of mass; scratch: ``poses``, and ``sums`` (njoints, 10)."""
+    X, composite, out = at(poses, (njoints, 4, 4)), at(sums, (njoints, 10)), at(Ig, (10,))
+    if _forward_kinematics(table, q, X) != OK:
+        return False
+    _composite_bodies(X, at(bodies, (njoints, 10)), places(parents, (njoints,)), composite)
+    for i in range(10):
+        out[i] = 0.0 if 1 <= i <= 3 else composite[0, i]
+    return True
 
 
 kinematic_regressor, composite_bodies = compiled(_kinematic_regressor), compiled(_composite_bodies)

@@ -25,6 +25,7 @@ from .algorithms.centroidal import *
 from .algorithms.collisions import *
 from .algorithms.configuration import *
 from .algorithms.constrained import *
+from .algorithms.constraint_cholesky import *
 from .algorithms.derivatives import *
 from .algorithms.dynamics import *
 from .algorithms.jacobians import *

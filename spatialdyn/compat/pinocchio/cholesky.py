@@ -20,6 +20,12 @@ from .types.arguments import Array
 
 def decompose(model: Model, data: Data) -> Array:
     """U (nv, nv) of data.M, also ``data.U``, with D (nv,) in ``data.D``. Raises InertiaError if M is singular."""
+    try:
+        library, call = data._bound["decompose"]
+        if library is model._library and (found := call()) is not None:
+            return found  # type: ignore[no-any-return]
+    except (AttributeError, KeyError):  # the fast path does not apply
+        pass
     library, M = library_of(model, data), np.ascontiguousarray(data.array("M"))
     U, D = np.empty(M.shape), np.empty(len(M))
     if tree_kernels.factor_upper(library.joint_table, M, np.empty(M.shape), U, D) < 0:
@@ -29,24 +35,30 @@ def decompose(model: Model, data: Data) -> Array:
         raise InertiaError(f'the mass matrix of "{model.name}" is not positive definite')
     data.put("D", D)
     data.put("U", U)
+    _bind(model, data, "decompose", "M", "U", "D")
     return U
+
+
+def _bind(model: Model, data: Data, name: str, *fields: str) -> None:
+    """Bind the builtin of a call on fields that are held from now on."""
+    library = library_of(model, data)
+    if library.has_builtins:
+        held = [data.hold(x) for x in fields]  # all before one is bound: holding one drops what is bound
+        words = {**dict(zip(fields, held, strict=True)), "scratch": np.empty((model.nv, model.nv)), **library.words}
+        data._bound[name] = library, getattr(tree_kernels, name).bind(words, library)
 
 
 def solve(model: Model, data: Data, v: Any) -> Array:
     """M⁻¹ v (nv,) from the U, D that decompose left in ``data``. Raises InertiaError if it was not called."""
     try:
-        library, call = data._bound["cholesky"]
+        library, call = data._bound["solve"]
         if library is model._library and (found := call(v)) is not None:
             return found  # type: ignore[no-any-return]
     except (AttributeError, KeyError):  # the fast path does not apply
         pass
     x = np.array(vector("v", v, model.nv))
     _solve(model, data, x.reshape(1, -1))
-    library = library_of(model, data)
-    if library.has_builtins:
-        arrays = {"U": data.hold("U"), "D": data.hold("D"), "scratch": np.empty((model.nv, model.nv))}
-        words = {**library.words, **{name: array.ctypes.data for name, array in arrays.items()}}
-        data._bound["cholesky"] = library, tree_kernels.solve.bind(words, library, *arrays.values())
+    _bind(model, data, "solve", "U", "D")
     return x
 
 

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterable
-from typing import Any
+from collections.abc import Callable, Iterable
+from inspect import Parameter, Signature
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...engines.compiled.generated import function_from_text
 from .algorithms import calls, collisions, configuration, jacobians, kinematics
 from .coverage.coverage import refused
+from .data.data import library_of
 from .model.geometry import createDatas
 from .model.geometry_from_mjcf import buildModelsFromMJCF
 from .model.geometry_from_urdf import buildModelsFromUrdf
@@ -113,6 +113,32 @@ class RobotWrapper:
         more = [] if v is None else [self.data.vcom[0]] if a is None else [self.data.vcom[0], self.data.acom[0]]
         return (self.data.com[0], *more) if more else found
 
+    def vcom(self, q: Any, v: Any) -> Any:
+        """``centerOfMass``: ``data.vcom[0]``."""
+        calls.centerOfMass(self.model, self.data, q, v)
+        return self.data.vcom[0]
+
+    def acom(self, q: Any, v: Any, a: Any) -> Any:
+        """``centerOfMass``: ``data.acom[0]``."""
+        calls.centerOfMass(self.model, self.data, q, v, a)
+        return self.data.acom[0]
+
+    def centroidal(self, q: Any, v: Any) -> Any:
+        """``ccrba``: ``data.hg, Ag, Ig``."""
+        calls.ccrba(self.model, self.data, q, v)
+        return self.data.hg, self.data.Ag, self.data.Ig
+
+    def forwardKinematics(self, q: Any, v: Any = None, a: Any = None) -> None:
+        """``forwardKinematics``."""
+        calls.forwardKinematics(self.model, self.data, q, v, a)
+
+    def placement(self, q: Any, index: int, update_kinematics: bool = True) -> Any:
+        """``data.oMi[index]``, after forwardKinematics if ``update_kinematics``."""
+        library_of(self.model, self.data)
+        if update_kinematics:
+            calls.forwardKinematics(self.model, self.data, q)
+        return self.data.oMi[index]
+
     # --- viewers: see ``visualize`` --------------------------------------------------------------------------
 
     viewer = property(lambda self: getattr(self.viz, "viewer", None), doc="The visualizer's viewer; None without one.")
@@ -139,65 +165,84 @@ class RobotWrapper:
 
 # --- methods that call a function, or the visualizer's method of their name ----------------------------------
 
-# method(parameters) -> function(what it is passed after model and data); fields of the data after the call that the
-# method returns. A method with update_kinematics calls forwardKinematics first, with the parameters before ``index``.
-_MOVED = "update_kinematics=True, reference_frame=LOCAL"
-_METHODS = f"""
-vcom(q, v) -> centerOfMass(q, v); vcom[0]
-acom(q, v, a) -> centerOfMass(q, v, a); acom[0]
-Jcom(q) -> jacobianCenterOfMass(q)
-centroidalMomentum(q, v) -> computeCentroidalMomentum(q, v)
-centroidalMap(q) -> computeCentroidalMap(q)
-centroidal(q, v) -> ccrba(q, v); hg; Ag; Ig
-centroidalMomentumVariation(q, v, a) -> computeCentroidalMomentumTimeVariation(q, v, a)
-mass(q) -> crba(q)
-nle(q, v) -> nonLinearEffects(q, v)
-gravity(q) -> computeGeneralizedGravity(q)
-forwardKinematics(q, v=None, a=None) -> forwardKinematics(q, v, a)
-placement(q, index, update_kinematics=True) -> library_of(); oMi[index]
-velocity(q, v, index, {_MOVED}) -> getVelocity(index, reference_frame)
-acceleration(q, v, a, index, {_MOVED}) -> getAcceleration(index, reference_frame)
-classicalAcceleration(q, v, a, index, {_MOVED}) -> getClassicalAcceleration(index, reference_frame)
-computeJointJacobian(q, index) -> computeJointJacobian(q, index)
-getJointJacobian(index, rf_frame=LOCAL) -> getJointJacobian(index, rf_frame)
-computeJointJacobians(q) -> computeJointJacobians(q)
-framesForwardKinematics(q) -> framesForwardKinematics(q)
-framePlacement(q, index, update_kinematics=True) -> updateFramePlacement(index)
-frameVelocity(q, v, index, {_MOVED}) -> getFrameVelocity(index, reference_frame)
-frameAcceleration(q, v, a, index, {_MOVED}) -> getFrameAcceleration(index, reference_frame)
-frameClassicalAcceleration(q, v, a, index, {_MOVED}) -> getFrameClassicalAcceleration(index, reference_frame)
-getFrameJacobian(frame_id, rf_frame=LOCAL) -> getFrameJacobian(frame_id, rf_frame)
-computeFrameJacobian(q, frame_id) -> computeFrameJacobian(q, frame_id)
-loadViewerModel(*arguments, **named) -> visualizer
-display(q) -> visualizer
-displayCollisions(visibility) -> visualizer
-displayVisuals(visibility) -> visualizer
-getViewerNodeName(geometry_object, geometry_type) -> visualizer
-play(q_trajectory, dt) -> visualizer
-"""
+
+class Method(NamedTuple):
+    """A method: its name, the function that it calls on the robot's model and data, and its parameters.
+
+    moved  so many parameters are the state at which it calls forwardKinematics first, unless update_kinematics is
+           False; the function gets the others
+    """
+
+    name: str
+    call: Callable[..., Any]
+    parameters: tuple[str, ...]
+    moved: int = 0
 
 
-def _method(row: str) -> Any:
+DEFAULTS = {"update_kinematics": True, "reference_frame": LOCAL, "rf_frame": LOCAL}
+Q, QV, QVA = ("q",), ("q", "v"), ("q", "v", "a")
+PLACED, MOVED = ("index", "update_kinematics"), ("index", "update_kinematics", "reference_frame")
+METHODS = (
+    Method("Jcom", calls.jacobianCenterOfMass, Q),
+    Method("centroidalMomentum", calls.computeCentroidalMomentum, QV),
+    Method("centroidalMap", calls.computeCentroidalMap, Q),
+    Method("centroidalMomentumVariation", calls.computeCentroidalMomentumTimeVariation, QVA),
+    Method("mass", calls.crba, Q),
+    Method("nle", calls.nonLinearEffects, QV),
+    Method("gravity", calls.computeGeneralizedGravity, Q),
+    Method("velocity", calls.getVelocity, (*QV, *MOVED), 2),
+    Method("acceleration", calls.getAcceleration, (*QVA, *MOVED), 3),
+    Method("classicalAcceleration", calls.getClassicalAcceleration, (*QVA, *MOVED), 3),
+    Method("computeJointJacobian", jacobians.computeJointJacobian, (*Q, "index")),
+    Method("getJointJacobian", calls.getJointJacobian, ("index", "rf_frame")),
+    Method("computeJointJacobians", calls.computeJointJacobians, Q),
+    Method("framesForwardKinematics", kinematics.framesForwardKinematics, Q),
+    Method("framePlacement", kinematics.updateFramePlacement, (*Q, *PLACED), 1),
+    Method("frameVelocity", calls.getFrameVelocity, (*QV, *MOVED), 2),
+    Method("frameAcceleration", calls.getFrameAcceleration, (*QVA, *MOVED), 3),
+    Method("frameClassicalAcceleration", calls.getFrameClassicalAcceleration, (*QVA, *MOVED), 3),
+    Method("getFrameJacobian", calls.getFrameJacobian, ("frame_id", "rf_frame")),
+    Method("computeFrameJacobian", jacobians.computeFrameJacobian, (*Q, "frame_id")),
+)
+
+
+def _method(row: Method) -> Any:
     """The method of a row, named and documented."""
-    head, call, *fields = re.split(" -> |; ", row)
-    name, _, parameters = head.rstrip(")").partition("(")
-    function, _, passed = call.partition("(")
-    moves, state = "update_kinematics" in parameters, parameters.partition("index")[0]
-    text = [f"def {name}(self, {parameters}):"]
-    text += ["    if update_kinematics:", f"        placed(self.model, self.data, {state})"] * moves
-    if call == "visualizer":
-        text, about = [*text, f"    return self._visualizer().{name}({parameters})"], "The visualizer's method"
-    else:
-        found = ", ".join(f"self.data.{x}" for x in fields)
-        text += [f"    found = call(self.model, self.data, {passed}", f"    return {found or 'found'}"]
-        about = f"``{function}``" + (f": ``data.{', '.join(fields)}``" if fields else "")
-    scope = {"LOCAL": LOCAL, "placed": calls.forwardKinematics, "call": _FUNCTIONS.get(function)}
-    method = function_from_text(name, text, {"__name__": __name__, **scope}, f"RobotWrapper.{name}")
-    after = ", after forwardKinematics if ``update_kinematics``" * moves
-    method.__qualname__, method.__doc__ = f"RobotWrapper.{name}", f"{about}{after}."
+    name, call, parameters, moved = row
+    kind, empty = Parameter.POSITIONAL_OR_KEYWORD, Parameter.empty
+    signature = Signature([Parameter(x, kind, default=DEFAULTS.get(x, empty)) for x in ("self", *parameters)])
+    defaults = [DEFAULTS[x] for x in parameters if x in DEFAULTS]
+    least = len(parameters) - len(defaults)
+
+    def method(self: RobotWrapper, *given: Any, **named: Any) -> Any:
+        if named or not least <= len(given) <= len(parameters):
+            bound = signature.bind(self, *given, **named)
+            bound.apply_defaults()
+            given = bound.args[1:]
+        values = (*given, *defaults[len(given) - least :])
+        if moved:
+            state, (index, moves, *reference) = values[:moved], values[moved:]
+            if moves:
+                calls.forwardKinematics(self.model, self.data, *state)
+            values = (index, *reference)
+        return call(self.model, self.data, *values)
+
+    method.__name__, method.__qualname__ = name, f"RobotWrapper.{name}"
+    after = ", after forwardKinematics if ``update_kinematics``" * (moved > 0)
+    method.__doc__ = f"``{call.__name__}``{after}."
+    method.__signature__ = signature  # type: ignore[attr-defined]
     return method
 
 
-_FUNCTIONS = {name: x for at in (calls, jacobians, kinematics) for name, x in vars(at).items()}
-for _row in _METHODS.strip().split("\n"):
-    setattr(RobotWrapper, _row.partition("(")[0], _method(_row))
+def _of_visualizer(name: str) -> Any:
+    def method(self: RobotWrapper, *arguments: Any, **named: Any) -> Any:
+        return getattr(self._visualizer(), name)(*arguments, **named)
+
+    method.__name__, method.__qualname__, method.__doc__ = name, f"RobotWrapper.{name}", "The visualizer's method."
+    return method
+
+
+for _row in METHODS:
+    setattr(RobotWrapper, _row.name, _method(_row))
+for _name in ("loadViewerModel", "display", "displayCollisions", "displayVisuals", "getViewerNodeName", "play"):
+    setattr(RobotWrapper, _name, _of_visualizer(_name))

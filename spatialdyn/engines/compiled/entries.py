@@ -1,5 +1,7 @@
 """Entries ``entry(context, inputs, outputs) -> 1``, or 0 where not applicable: what a builtin of ``single_call`` runs.
 
+An entry in plain Python returns RAISED where KeyboardInterrupt, say, stops it: the builtin then raises that.
+
 Arguments are addresses: of the context, and of the arrays of addresses of inputs and outputs. A program has such an
 entry by itself; here are those of calls on any table of bodies, and of other functions. Plain Python runs them until
 compiling pays (see ``tiers``), with the same bits.
@@ -9,8 +11,9 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable, Sequence
+from contextvars import ContextVar
 from functools import cache
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 
@@ -21,6 +24,13 @@ from .stamp import STAMP, covers, names
 from .tiers import Tier
 
 NO_LIMIT = np.array([1 << 62])  # a counter of calls
+RAISED = -1  # what an entry returns that an interrupt stopped
+_interrupt: ContextVar[BaseException] = ContextVar("interrupt")  # of the entry that returned RAISED in this thread
+
+
+def raise_interrupt() -> NoReturn:
+    """Raise what stopped an entry: ctypes would write it to stderr and go on."""
+    raise _interrupt.get()
 
 
 class Entry(Tier):
@@ -36,12 +46,15 @@ class Entry(Tier):
         self._dispatcher: Any = None
 
         def call(context: int, inputs: int, outputs: int) -> int:
-            if self._spent >= self.compile_seconds:
-                return 0
             try:
+                if self._spent >= self.compile_seconds:
+                    return 0
                 return int(self.in_plain_python(plain, (context, inputs, outputs)))
-            except BaseException:  # an overflow, say, or KeyboardInterrupt: ctypes would return any number, as if valid
+            except Exception:  # an overflow, say: ctypes would return any number, as if valid
                 return 0
+            except BaseException as error:
+                _interrupt.set(error)
+                return RAISED
 
         self._callback = ctypes.PYFUNCTYPE(ctypes.c_int64, *[ctypes.c_int64] * 3)(call)
         self.address = ctypes.cast(self._callback, ctypes.c_void_p).value or 0

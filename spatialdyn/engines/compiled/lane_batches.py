@@ -1,50 +1,48 @@
 """Batches on any table: by the table kernel of one sample until compiling the kernel on lanes pays.
 
-Both kernels give the same bits. The kernel on lanes is compiled once the time spent in the kernel of one sample reaches
-the expected compile time; it is loaded at once if its code is on disk.
+Both kernels give the same bits. The kernel on lanes is a ``Tier``; until its code is there, the kernel of one sample
+computes the batches.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
-from time import perf_counter
 from typing import Any
 
 import numpy as np
 
 from ...recursions.spec import Spec
-from .. import locks
 from . import lane_kernels, lane_names, numba_kernels
+from .tiers import Tier
 
 COMPILE_SECONDS = 6.0  # expected time to compile a kernel on lanes
 
 
-class LaneBatches:
+class LaneBatches(Tier):
     """As ``numba_kernels.batch_kernel``, on lanes once compiling that kernel pays."""
+
+    compile_seconds = COMPILE_SECONDS
 
     def __init__(self, spec: Spec, width: int, edited: bool = False) -> None:
         """The batches of a call for which ``lane_names.fits``, on so many lanes; ``edited`` as of ``lane_kernels``."""
+        super().__init__()
         self._spec, self._width, self._edited = spec, width, edited
-        self._lanes: Callable[..., int] | None = None
-        self._looked = False
-        self._spent = 0.0  # seconds in the kernel of one sample
-        self._lock = locks.new()
 
     @property
     def is_made(self) -> bool:
         """Whether the kernel on lanes is in memory."""
-        return self._lanes is not None
+        return self._code is not None
+
+    def _compile(self) -> Callable[..., int]:
+        return lane_kernels.kernel(self._spec, self._width, self._edited)
+
+    def _is_stored(self, *arguments: Any) -> bool:
+        return lane_kernels.is_stored(self._spec, self._width, self._edited)
 
     def prepare(self, count: int) -> None:
         """Load or compile the kernel for a batch of ``count`` samples, on the calling thread."""
-        with self._lock:
-            if self._lanes is None and 2 * count > self._width:
-                first, self._looked = not self._looked, True
-                stored = first and lane_kernels.is_stored(self._spec, self._width, self._edited)
-                if stored or self._spent >= COMPILE_SECONDS:
-                    self._lanes = lane_kernels.kernel(self._spec, self._width, self._edited)
-        if self._lanes is None:
+        if (self.code() if 2 * count > self._width else self._code) is None:
             self._one()
 
     def _one(self) -> Callable[..., int]:
@@ -56,22 +54,15 @@ class LaneBatches:
     def compile_now(self) -> None:
         """Compile the kernels, whether that pays or not."""
         self._one()
-        self._compile_lanes()
-
-    def _compile_lanes(self) -> None:
         if self._spec.mirrored and self._width == lane_kernels.WIDE:
-            batches(self._spec, self._width // 2, self._edited)._compile_lanes()
-        self._spent = COMPILE_SECONDS
-        self.prepare(self._width)
+            batches(self._spec, self._width // 2, self._edited).compile_now()
+        super().compile_now()
 
     def __call__(self, table: Any, n: int, *arguments: Any) -> int:
         """As the kernels; ``table`` is an address, or for edited samples the array of their tables (n, rows)."""
-        lanes, at = self._lanes, table.ctypes.data if self._edited else table
+        lanes, at = self._code, table.ctypes.data if self._edited else table
         if lanes is None or 2 * n <= self._width:
-            start = perf_counter()
-            failed = self._one()(at, n, *arguments)
-            self._spent += perf_counter() - start
-            return failed
+            return int(self.timed(self._one(), at, n, *arguments))
         left = lanes(at, n, *arguments)
         if left == 0:
             return 0

@@ -12,11 +12,14 @@ from . import numba_kernels
 
 
 @cache
-def kernel(function: Callable[..., int], *ranks: int, work: np.dtype | None = None) -> Callable[..., int]:
+def kernel(
+    function: Callable[..., int], *ranks: int, work: np.dtype | None = None, contract: bool = True
+) -> Callable[..., int]:
     """A kernel ``(table, *arrays) -> status`` of an inlined ``function(bodies, [work,] *arrays)``, cached on disk.
 
-    ranks  number of axes of each array; arrays are float64, in C order and writable
-    work   dtype of a scratch table with a row per body
+    ranks     number of axes of each array; arrays are float64, in C order and writable
+    work      dtype of a scratch table with a row per body
+    contract  whether LLVM may fuse products and sums; not in what a Routine computes too
     """
     from numba import types
 
@@ -33,4 +36,5 @@ def kernel(function: Callable[..., int], *ranks: int, work: np.dtype | None = No
     scope = numba_kernels.native() | {"function": function, "WORK": work, "WORK_SIZE": work.itemsize if work else 0}
     made = numba_kernels.kernel_from_text(f"table_{function.__name__}", ["table", *names], body, scope)
     array: Any = types.Array
-    return jit.compile_signature(made, (types.intp, *(array(types.float64, rank, "C") for rank in ranks)))
+    signature = types.intp, *(array(types.float64, rank, "C") for rank in ranks)
+    return jit.compile_signature(made, signature, contract=contract)

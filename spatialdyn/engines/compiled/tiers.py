@@ -1,8 +1,8 @@
 """Functions that run in plain Python until compiling them pays, with results equal to the bit.
 
 Numba takes a second or more to compile a function, and a new process with an empty cache calls dozens of functions. So
-the source runs in plain Python first. It is compiled once the time spent in plain Python reaches the expected compile
-time, or loaded at once if its compiled code is on disk. LLVM must not fuse a product and a sum of such a function
+the source runs in plain Python first. It is compiled when that pays (``compile_clock``), or loaded at once if its
+compiled code is on disk. LLVM must not fuse a product and a sum of such a function
 (``contract``). So compiled code rounds as plain Python does, and earlier calls change only the time of a call.
 
 Compiled code reads memory by address, plain Python by ``ctypes``: ``memory`` has functions for both.
@@ -12,13 +12,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache, cached_property
-from time import perf_counter
 from typing import Any
 
 import numpy as np
 
 from ...recursions.spec import Spec
 from .. import locks
+from ..compile_clock import CompileClock
 from . import angles, memory, numba_kernels
 from .numba_settings import PLAIN
 
@@ -26,17 +26,14 @@ COMPILE_SECONDS = 1.0  # expected time to compile a function
 BRANCHING_SECONDS = 10.0  # the same for a function that branches on values, the square-root ABA
 
 
-class Tier:
-    """A function that is compiled when that pays. A subclass defines ``_compile`` and ``_is_stored``.
-
-    compile_seconds  expected compile time
-    """
+class Tier(CompileClock):
+    """A function that is compiled when that pays. A subclass defines ``_compile`` and ``_is_stored``."""
 
     compile_seconds = COMPILE_SECONDS
 
     def __init__(self) -> None:
+        super().__init__()
         self._code: Any = None
-        self._spent = 0.0  # seconds in plain Python
         self._looked = False
         self._lock = locks.new()  # plain Python lets other threads run, but the memory of a plan serves one thread
 
@@ -51,9 +48,7 @@ class Tier:
         if self._code is None:
             with self._lock:
                 first, self._looked = not self._looked, True
-                if self._code is None and (
-                    self._spent >= self.compile_seconds or (first and self._is_stored(*arguments))
-                ):
+                if self._code is None and (self.pays or (first and self._is_stored(*arguments))):
                     self._code = self._compile()
         return self._code
 
@@ -69,13 +64,8 @@ class Tier:
 
     def in_plain_python(self, function: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
         """A call in plain Python, whose time is counted; one thread calls at a time."""
-        with self._lock:
-            start = perf_counter()
-            try:
-                with np.errstate(all="ignore"):
-                    return function(*arguments)
-            finally:
-                self._spent += perf_counter() - start
+        with self._lock, np.errstate(all="ignore"):
+            return self.timed(function, *arguments)
 
 
 class Tiered(Tier):

@@ -136,7 +136,8 @@ SPECS = (
         "Forward dynamics a = M(q)⁻¹ (tau - C(q, v) v - g(q) + Σ Jᵀ fext) through the mass matrix, factored as sparse "
         "as the tree.",
         "Featherstone, RBDA (2008), chapter 6: CRBA, and the factorization LᵀD L.", pivots=True, regroup=True,
-        scratch=(("nv", "nv"),), through_M=acceleration_through_M, residual=("rnea", "minverse"),
+        term_shape=("nv", "nv"), scratch=(("nv", "nv"),),
+        through_M=acceleration_through_M, residual=("rnea", "minverse"),
     ),
 )  # fmt: skip
 _LTDL = "Featherstone, RBDA (2008), section 6.3."

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from spatialdyn.compat import pinocchio as pin
+from spatialdyn.engines.compiled import numba_kernels
 from spatialdyn.engines.object_layout import Definition, words_at
 from spatialdyn.engines.programs.llvm.call_words import PLAN
 from spatialdyn.engines.programs.run.single_call import NO_LIMIT, change
@@ -62,7 +63,17 @@ def test_solutions_follow_each_decomposition(model: Any) -> None:
         M = pin.crba(model, data, state(model, seed)[0])
         pin.cholesky.decompose(model, data)
         for x in (tau, tau[::-1], 2.0 * tau):
-            np.testing.assert_allclose(M @ pin.cholesky.solve(model, data, x), x, rtol=0.0, atol=1e-10)
+            found = pin.cholesky.solve(model, data, x)
+            np.testing.assert_allclose(M @ found, x, rtol=0.0, atol=1e-10)
+            np.testing.assert_array_equal(pin.cholesky.solve(model, data, x), found)
+        U = pin.cholesky.decompose(model, data)
+        np.testing.assert_array_equal(U, data.U)
+        np.testing.assert_allclose(U @ np.diag(data.D) @ U.T, M, **CLOSE)
+    data.M[...] = 0.0
+    for _ in range(2):
+        with pytest.raises(ValueError, match=r"data\.M is zero, expected crba"):
+            pin.cholesky.decompose(model, data)
+    np.testing.assert_array_equal(data.U, U)
     data.D[0] = -1.0
     with pytest.raises(ValueError, match=r"expected cholesky\.decompose to have been called"):
         pin.cholesky.solve(model, data, tau)
@@ -114,6 +125,72 @@ def test_velocity_derivatives_follow_each_call_and_moved_joints(model: Any, refe
     np.testing.assert_array_equal(derivatives(data), before)
 
 
+def test_subtree_jacobians_follow_each_call_but_no_edit_after_it(model: Any) -> None:
+    data = model.createData()
+
+    def jacobian(data: Any) -> Any:
+        return pin.getJacobianSubtreeCenterOfMass(model, data, 3)
+
+    for seed in range(3):
+        q = state(model, seed)[0]
+        expected = of_new_data(model, jacobian, lambda new, q=q: pin.jacobianCenterOfMass(model, new, q))
+        for _ in range(2):
+            np.testing.assert_array_equal(pin.jacobianSubtreeCenterOfMass(model, data, q, 3), expected)
+        model.inertias[5].mass *= 2.0
+        pin.crba(model, data, q)  # writes the edit to the table
+        np.testing.assert_array_equal(jacobian(data), expected)
+    with pytest.raises(IndexError, match="joint index is 99"):
+        pin.getJacobianSubtreeCenterOfMass(model, data, 99)
+
+
+@pytest.mark.parametrize("reference", [pin.LOCAL, pin.WORLD, pin.LOCAL_WORLD_ALIGNED])
+def test_kinematic_regressors_follow_poses_and_placements(model: Any, reference: Any) -> None:
+    data, frame = model.createData(), model.nframes - 1
+
+    def regressor(data: Any) -> Any:
+        return pin.computeFrameKinematicRegressor(model, data, frame, reference)
+
+    for seed in range(3):
+        pin.forwardKinematics(model, data, state(model, seed)[0])
+        for _ in range(2):
+            joint, place = model.frames[frame].parentJoint, model.frames[frame].placement
+            expected = pin.computeJointKinematicRegressor(model, data, joint, reference, place)
+            np.testing.assert_array_equal(regressor(data), expected)
+            np.testing.assert_array_equal(regressor(data), expected)
+            model.jointPlacements[2].translation[0] += 0.1
+            model.frames[frame].placement.translation[1] += 0.1
+    with pytest.raises(ValueError, match="frame_id is 0, the universe"):
+        pin.computeFrameKinematicRegressor(model, data, 0, reference)
+
+
+def test_the_robots_inertia_follows_each_call_and_edits(model: Any) -> None:
+    data = model.createData()
+    for seed in range(4):
+        q, v, _ = state(model, seed)
+        pin.ccrba(model, data, q, v)
+        expected = of_new_data(model, lambda new: new.Ig.copy(), lambda new, q=q, v=v: pin.ccrba(model, new, q, v))
+        assert data.Ig == expected
+        model.inertias[3].mass *= 1.5
+
+
+def test_factors_that_were_read_follow_each_constrained_call(model: Any) -> None:
+    data, rng = model.createData(), np.random.default_rng(0)
+    J, drift = rng.standard_normal((3, model.nv)), rng.standard_normal(3)
+    M = pin.crba(model, data, state(model, 0)[0])
+    pin.cholesky.decompose(model, data)
+    pin.cholesky.solve(model, data, J[0])  # holds U and D
+    for seed in range(4):
+        q, v, tau = state(model, seed)
+        if seed % 2:
+            pin.impulseDynamics(model, data, q, v, J)
+        else:
+            pin.forwardDynamics(model, data, q, v, tau, J, drift)
+        U, M = data.U, pin.crba(model, model.createData(), q)
+        np.testing.assert_allclose(U @ np.diag(data.D) @ U.T, M, **CLOSE)
+        np.testing.assert_array_equal(U, np.triu(U))
+
+
+@pytest.mark.skipif(numba_kernels.PLAIN, reason="NUMBA_DISABLE_JIT: no builtins")
 def test_a_call_keeps_its_run_and_plan_while_other_code_replaces_them() -> None:
     model = pin.buildSampleModelManipulator()
     data, q = model.createData(), np.zeros(model.nq)

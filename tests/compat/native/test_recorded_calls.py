@@ -14,7 +14,7 @@ from unfused import unfused
 import spatialdyn as sd
 from spatialdyn.algebra import spatial
 from spatialdyn.compat.native import operator_kernels, operators, recorded_calls, recorded_constraints
-from spatialdyn.constraints.contact import solve
+from spatialdyn.constraints.contact import Solved, solve
 from spatialdyn.engines.compiled import entries
 from spatialdyn.engines.compiled.numba_kernels import variant
 from spatialdyn.engines.programs.run import single_call
@@ -34,7 +34,7 @@ compiled = pytest.mark.skipif(not single_call.READY, reason="nothing is compiled
 
 def bound(routine: Any, model: Any, arrays: dict[str, Any], **sizes: int) -> Any:
     words = {"table": model.address, "nq": model.nq, "nv": model.nv, "njoints": model.njoints, **sizes}
-    return routine.bind({**words, **{name: x.ctypes.data for name, x in arrays.items()}}, model, arrays)
+    return routine.bind({**words, **arrays}, model)
 
 
 def recorded(
@@ -182,16 +182,19 @@ def test_the_answer_under_constraints_is_the_librarys(case: Any) -> None:
     model, s = case
     m, n, rng = 3, model.nv, np.random.default_rng(3)
     J, drift = rng.normal(size=(m, n)), rng.normal(size=m)
-    arrays = {"bias": np.empty(n), "L": np.empty((n, n)), "Y": np.empty((m, n)), "C": np.empty((m, m))}
-    arrays |= {"force": np.empty(m)}
-    arrays |= {"before": np.zeros(1, np.int64), "scratch": recorded_constraints.scratch_of(n, m)}
+    arrays: dict[str, Any] = {"bias": np.empty(n), "before": np.zeros(1, np.int64)}
+    own = Solved(np.empty(n), np.empty(m), np.empty((n, n)), np.empty((m, n)), np.empty((m, m)))
+    arrays |= recorded_constraints.words_of_factors(own) | {"U": np.empty((n, n)), "D": np.empty(n)}
     clock = recorded_calls.address(recorded_calls.clock.now)
-    call = bound(recorded_constraints.dynamics, model, arrays, m=m, clock=clock)
+    call = bound(recorded_constraints.dynamics, model, arrays, clock=clock)
     bias = unfused("nonlinear_effects", model, s.q, s.v)
     expected = solve(model, unfused("crba", model, s.q), s.tau - bias, J, drift, 0.1)
     close = 1e-13 * abs(expected.x).max()  # the library's solver fuses products and sums
     np.testing.assert_allclose(call(s.q, s.v, s.tau, J, drift, 0.1), expected.x, rtol=0.0, atol=close)
     np.testing.assert_allclose(arrays["force"], expected.force, rtol=1e-12)
+    U, D = arrays["U"], arrays["D"]
+    np.testing.assert_allclose(U @ np.diag(D) @ U.T, unfused("crba", model, s.q), rtol=0.0, atol=1e-12)
+    np.testing.assert_array_equal(U, np.triu(U))
     assert 0 < arrays["before"][0] == recorded_calls.clock.now[0]
     J[1] = J[0]
     kept = arrays["force"].copy()

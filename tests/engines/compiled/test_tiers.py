@@ -49,7 +49,7 @@ def test_a_function_whose_code_is_on_disk_is_loaded_at_once() -> None:
     assert Counted(stored=True).code() is len
 
 
-@pytest.mark.parametrize("error", [OverflowError, MemoryError, KeyboardInterrupt])
+@pytest.mark.parametrize("error", [OverflowError, MemoryError])
 def test_an_entry_that_raises_in_plain_python_does_not_apply(error: type[BaseException]) -> None:
     """Its caller then computes the call another way."""
     raised: list[int] = []
@@ -64,6 +64,28 @@ def test_an_entry_that_raises_in_plain_python_does_not_apply(error: type[BaseExc
     entry = entries.Entry(plain, lambda: plain)
     call = ctypes.PYFUNCTYPE(*[ctypes.c_int64] * 4)(entry.address)
     assert [call(0, 0, 0) for _ in range(4)] == [0, 7, 0, 7]
+
+
+@pytest.mark.parametrize("error", [KeyboardInterrupt, SystemExit])
+def test_what_interrupts_an_entry_is_raised_by_its_builtin_once(error: type[BaseException]) -> None:
+    """The function for other arguments is not called then."""
+    interrupt, otherwise = error("now"), iter("no call")
+
+    def plain(*given: int) -> int:
+        if next(stops):
+            raise interrupt
+        return 0
+
+    entry, stops = entries.Entry(plain, lambda: plain), iter([True, False, True])
+    plan = single_call.plan(entry.words(0), [(3,), ()], [(2,)], single_call.SEVERAL, entry)
+    call = single_call.bound(lambda x: next(otherwise), [single_call.Parameter("x", single_call.ARRAY)], plan)
+    for expected in (None, "n", None):
+        if expected:
+            assert call(np.zeros(2)) == expected
+        else:
+            with pytest.raises(error) as found:
+                call(np.zeros(2))
+            assert found.value is interrupt
 
 
 def test_a_product_and_a_sum_are_rounded_once() -> None:

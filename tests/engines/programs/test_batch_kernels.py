@@ -754,11 +754,24 @@ def test_a_model_of_too_many_rows_goes_untraced(arm: sd.Model, monkeypatch: pyte
     wanted = untraced(arm, bare("rnea"), values)
     monkeypatch.setattr(batch_kernels, "record", None)
     empty_memory(monkeypatch)
-    monkeypatch.setattr(recording, "MOST_ROWS", arm.nv - 1)
+    monkeypatch.setattr(recording, "most_rows", lambda spec: arm.nv - 1)
     np.testing.assert_array_equal(sd.rnea(arm, *values), wanted)
     assert not recording.fits((bare("rnea"),), arm.bodies)
-    monkeypatch.setattr(recording, "MOST_ROWS", arm.nv)
+    monkeypatch.setattr(recording, "most_rows", lambda spec: arm.nv)
     assert recording.fits((bare("rnea"),), arm.bodies)
+
+
+def test_calls_that_grow_as_the_rows_do_have_programs_of_longer_tables() -> None:
+    """With a joint that mimics another, aba factors M: its program would have the cube of the rows."""
+    for name, within in (("rnea", True), ("aba", True), ("crba", False), ("crba_solve", False)):
+        n = recording.most_rows(bare(name)) if within else recording.MOST_ROWS
+        chain = random_tree(1, n + 1, kinds=("revolute",), branching=0.0).model
+        assert (n > recording.MOST_ROWS) == within
+        assert recording.fits((bare(name),), chain.bodies[:-1])
+        assert not recording.fits((bare(name),), chain.bodies)
+        mimic = chain.bodies[:-1].copy()
+        mimic["leader"][2] = 1
+        assert recording.fits((bare(name),), mimic) == (name != "aba")
 
 
 @pytest.mark.parametrize("samples", [1, 2, 63, 200])

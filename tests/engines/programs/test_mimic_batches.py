@@ -51,7 +51,7 @@ def test_each_call_is_that_of_the_whole_tree_and_of_plain_python(name: str, monk
 def test_lanes_have_the_bits_of_one_sample(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     model, made = claw(False), []
     _, found = batch(name, model)
-    monkeypatch.setattr(lane_batches, "COMPILE_SECONDS", 0.0)
+    monkeypatch.setattr(lane_batches.LaneBatches, "compile_seconds", 0.0)
     lane_batches._batches.cache_clear()
     np.testing.assert_array_equal(batch(name, model)[1], found)
     reduced = mimic_batches.reduced(model)

@@ -332,7 +332,7 @@ def test_history_chooses_how_a_program_runs_and_nothing_else(samples: int) -> No
     interpreted = sd.rnea(fresh, q, v, a)
     alone = np.array([sd.rnea(fresh, *x) for x in zip(q, v, a, strict=True)])
     program.program._calls[0] = 0
-    program.program._seconds = 0.0
+    program.program.spend(np.inf)
     compiled_ = sd.rnea(fresh, q, v, a)
     later = np.array([sd.rnea(fresh, *x) for x in zip(q, v, a, strict=True)])
     assert fresh._plans["rnea"][0] == program.program.compiled(one=True).code.entry

@@ -172,7 +172,7 @@ def test_large_results_are_prepared_for_or_written_by_the_code_at_hand(monkeypat
     assert tiers.batch(1, stream=True) is tiers.batch(1)  # both interpreted
     plain = tiers.compiled(one=False)
     assert tiers.batch(1, stream=True) is plain
-    tiers._seconds = 0.0
+    tiers.spend(tiers.compile_seconds)
     assert tiers.batch(1, stream=True) is tiers.compiled(one=False, stream=True)
     assert tiers.compiled(one=False, stream=True) is not plain
     prepared: list[tuple[bool, bool]] = []

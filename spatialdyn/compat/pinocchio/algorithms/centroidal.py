@@ -26,7 +26,7 @@ def computeTotalMass(model: Model, data: Data | None = None) -> float:
     """Mass of all moving bodies [kg], also ``data.mass[0]``; bodies on the universe do not count."""
     if data is not None:
         library_of(model, data)
-    mass = float(sum(model._numbers.masses.tolist()))
+    mass: float = sum(model._numbers.masses.tolist(), 0.0)
     if data is not None:
         data.hold("mass")[0] = mass
     return mass
@@ -56,10 +56,21 @@ def getJacobianSubtreeCenterOfMass(model: Model, data: Data, subtree_root_joint_
 
     A joint within the subtree moves its own subtree; one that carries the root joint moves the whole of it.
     """
+    try:
+        library, state, call = data._latest["J"].bound["subtree"]
+        unedited = library is model._library and library.state is state
+        if unedited and (found := call(subtree_root_joint_id)) is not None:
+            return found  # type: ignore[no-any-return]
+    except (AttributeError, KeyError):  # the fast path does not apply
+        pass
     root, run = joint_index(model, subtree_root_joint_id), last_call(model, data, "J")
     library = run.library
     out, row = np.empty((3, library.tree_nv)), library.row_numbers[root : root + 1]
     tree_kernels.subtree_com_jacobian(run.kernel_table, library.tree_q(run.q), row, out)
+    if library.has_builtins and run.state is library.state:
+        words = {"q": run.q, "rows": library.row_numbers, **library.words, "njoints": model.njoints}
+        call = tree_kernels.subtree_com_jacobian_at_recorded.bind(words, library, run)
+        run.bound["subtree"] = library, library.state, call
     return library.of_joints(out)
 
 

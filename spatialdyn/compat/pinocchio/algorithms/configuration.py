@@ -218,7 +218,7 @@ def randomConfiguration(model: Model, lower_bound: Any = None, upper_bound: Any 
 
     A coordinate without a finite limit is drawn from an interval of width 2 (Pinocchio: not finite).
     """
-    library = library_model(expected(model, Model, "model"))
+    library = expected(model, Model, "model")._library or library_model(model)
     lower = model.lowerPositionLimit if lower_bound is None else vector("lower_bound", lower_bound, model.nq)
     upper = model.upperPositionLimit if upper_bound is None else vector("upper_bound", upper_bound, model.nq)
     q: Array | None = operator_kernels.draw_between(GENERATOR, model.nq, library.units)(lower, upper) if READY else None

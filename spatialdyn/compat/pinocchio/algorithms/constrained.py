@@ -152,16 +152,11 @@ def _solve(
     data.__dict__["_contact"] = f
     if bind and library.has_builtins:
         call = data._runs[source]
-        places = {reads: call.result, "L": f.L, "Y": f.Y, "C": f.C, "force": f.force}
-        places["scratch"] = recorded_constraints.scratch_of(model.nv, len(f.C))
-        m, n = len(f.C), len(f.C) + model.nv
-        words = {**library.words, **{name: x.ctypes.data for name, x in places.items()}}
-        words |= {"clock": run.stamp_words["clock"], "before": call.stamp_words["time"], "m": m}
-        words["rows"] = n
+        words = {**library.words, **recorded_constraints.words_of_factors(f), **call.words_before, reads: call.result}
+        words |= {"D": data._held.get("D"), "U": data._held.get("U"), "rows": len(f.C) + model.nv}
         kept = None if kind == BORDERED else run.result
         noted = record(recorded, call.memory, kept, run._stamp, library.table)
-        builtin = make.bind(words, library, call, run, f, places, record=noted)
-        data._bound[kind] = library, call, run, builtin
+        data._bound[kind] = library, call, run, make.bind(words, library, call, run, record=noted)
     return f
 
 

@@ -9,27 +9,25 @@ from typing import Any
 
 import numpy as np
 
-from ....engines.programs.run.single_call import unavailable
 from ....errors import SpatialDynError
 from ...native import recorded_calls
 from ..data.data import Data, library_of
 from ..data.dispatch import (
     ALIGNED,
     IN_WORLD,
-    REFERENCES,
     about_frame,
     compute,
-    frames_for,
     joint_index,
     last_call,
     reference_code,
 )
 from ..data.face import Face
+from ..data.field_recipes import CALL_KINDS
 from ..data.run import Run
 from ..model.model import Model
 from ..types.arguments import Array, ValueRuntimeError, expected
 from ..types.se3 import SE3
-from .jacobians import call_about_frame
+from .jacobians import bind_getter, call_about_frame
 
 __all__ = [
     "getCenterOfMassVelocityDerivatives", "getCentroidalDynamicsDerivatives", "getPointClassicAccelerationDerivatives",
@@ -65,8 +63,8 @@ def last_of(data: Data, *kinds: str) -> Run | None:
 def _kinematics(model: Model, data: Data, accelerations: bool = False) -> Run:
     """The last call whose inputs derivatives of frames take. Raises ValueRuntimeError if there was none."""
     library_of(model, data)
-    kinds = ("kinematics_derivatives2", "rnea_derivatives", "centroidal_derivatives")
-    run = last_of(data, *kinds, *([] if accelerations else ["kinematics_derivatives1"]))
+    kinds = [x for x, kind in CALL_KINDS.items() if kind.derivatives and ("a" in kind.fills or not accelerations)]
+    run = last_of(data, *kinds)
     if run is None:
         raise ValueRuntimeError(
             "derivatives were not computed, expected computeForwardKinematicsDerivatives"
@@ -90,31 +88,17 @@ def _of_frame(name: str, run: Run, joint: int, placement: Array, reference: Any,
     return found
 
 
-def _bind_velocities(face: Face, model: Model, run: Run, about: tuple[Any, ...]) -> None:
-    """Bind the builtin of the derivatives of velocities of frames at the inputs of a run, for later calls."""
-    library, (key, frames) = run.library, frames_for(model, face.name, face.of_joints, about)
-    if key == face.name and library.has_builtins:
-        words = {"q_address": run.q.ctypes.data, "v_address": run.v.ctypes.data, "time": run.stamp_words["time"]}
-        words |= {**library.words, **REFERENCES, **frames.words(rows=True)}
-        run.bound[key] = frames, recorded_calls.frame_velocity_derivatives.bind(words, library, run.memory, frames)
-
-
 def derivatives_of_frame(face: Face, model: Model, data: Data, *about: Any) -> tuple[Array, ...]:
     """Derivatives of the velocity of a frame or a joint's frame, and of its spatial acceleration."""
     accelerations = "Acceleration" in face.name
     run = _kinematics(model, data, accelerations)
-    frames, call = (None, unavailable) if accelerations else run.bound.get(face.name, (None, unavailable))
-    if frames is not None and frames is (run.library.frames if face.of_joints else model._frame_placements):
-        found = call(*about[:2])
-        if found is not None:
-            return tuple(found)
     joint, place, reference = about_frame(model, face.of_joints, *about)
     velocities = _of_frame("frame_velocity_derivatives", run, joint, place, reference)
-    if not accelerations:
-        if frames is None:
-            _bind_velocities(face, model, run, about)
-        return tuple(velocities)
-    return velocities[0], *_of_frame("frame_acceleration_derivatives", run, joint, place, reference, 0)
+    if accelerations:
+        return velocities[0], *_of_frame("frame_acceleration_derivatives", run, joint, place, reference, 0)
+    if reference_code(reference) != ALIGNED:
+        bind_getter(recorded_calls.frame_velocity_derivatives, run, face, model, about)
+    return tuple(velocities)
 
 
 def getPointVelocityDerivatives(

@@ -17,8 +17,8 @@ from ...native import recorded_calls, tree_kernels
 from ...native.operator_kernels import on_motions
 from ...native.recorded_calls import clock
 from ..data.data import Data, library_of
-from ..data.dispatch import IDENTITY, frame_index, joint_index, reference_code
-from ..model.library_model import library_model
+from ..data.dispatch import IDENTITY, REFERENCES, frame_index, joint_index, reference_code
+from ..model.library_model import frame_placements, library_model
 from ..model.model import Model
 from ..types.arguments import Array, expected
 from ..types.motion import Motion
@@ -68,8 +68,8 @@ def jointBodyRegressor(model: Model, data: Data, joint_id: int) -> Array:
     if library.has_builtins:
         if not arrays:
             arrays = {x: data._held.get(x, np.empty((model.njoints, 6))) for x in ("v", "a_gf")}
-            words = {"velocities": arrays["v"].ctypes.data, "accelerations": arrays["a_gf"].ctypes.data}
-            call = recorded_calls.joint_body_regressor.bind({"njoints": model.njoints, **words}, *arrays.values())
+            words = {"velocities": arrays["v"], "accelerations": arrays["a_gf"], "njoints": model.njoints}
+            call = recorded_calls.joint_body_regressor.bind(words)
         for name, x in arrays.items():
             x[...] = data.array(name)
         data._bound["body regressor"] = library, clock.now[0], arrays, call
@@ -103,10 +103,25 @@ def computeJointKinematicRegressor(
 
 def computeFrameKinematicRegressor(model: Model, data: Data, frame_id: int, reference_frame: Any) -> Array:
     """``computeJointKinematicRegressor`` of a frame of the model."""
+    try:
+        frames, call = data._bound["kinematic regressor"]
+        known = frames is model._frame_placements and model._library is not None
+        if known and (found := call(frame_id, reference_frame)) is not None:
+            return found  # type: ignore[no-any-return]
+    except (AttributeError, KeyError):  # the fast path does not apply
+        pass
     library_of(model, data)
     at = frame_index(model, frame_id)
     frame = model.frames[at]
-    return _kinematic_regressor(model, data, ("frame_id", at), frame.parentJoint, frame.placement._x, reference_frame)
+    given = ("frame_id", at), frame.parentJoint, frame.placement._x, reference_frame
+    made = _kinematic_regressor(model, data, *given)
+    frames, library = frame_placements(model), library_model(model)
+    if library.has_builtins:
+        places = {"in_parents": model._numbers.placements, "parents": library.parents, "poses": data.hold("oMi")}
+        sizes = {"njoints": model.njoints, "columns": made.shape[1]}
+        call = tree_kernels.frame_kinematic_regressor.bind({**places, **sizes, **REFERENCES, **frames.words()}, frames)
+        data._bound["kinematic regressor"] = frames, call
+    return made
 
 
 def _kinematic_regressor(

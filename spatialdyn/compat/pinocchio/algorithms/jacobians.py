@@ -10,6 +10,7 @@ import numpy as np
 from ....calls import dynamics
 from ....engines.compiled import numba_kernels
 from ....engines.compiled.tiers import table_kernel
+from ....engines.programs.run.routine import Routine
 from ....engines.programs.run.single_call import unavailable
 from ....recursions import SPECS
 from ...native import recorded_calls
@@ -132,9 +133,9 @@ def _at(model: Model, data: Data, q: Any, index: Any, reference: Any, key: Any) 
     if library.has_builtins:
         fields = {x: data._held.get(x) for x in recorded_calls.FIELDS if x in run.kind.fills}
         held = {x: array for x, array in fields.items() if array is not None and library.joints is None} | written
-        words = {x: held[x].ctypes.data if x in held else 0 for x in recorded_calls.FIELDS}
+        words: dict[str, Any] = {x: held.get(x) for x in recorded_calls.FIELDS}
         words |= {"code": code, **library.words, **frames.words(rows=True)}
-        call = recorded_calls.frame_jacobian_at.bind(words, library, run, frames, held, record=run.recording(1))
+        call = recorded_calls.frame_jacobian_at.bind(words, library, run, frames, record=run.recording(1))
     data._bound[key] = run, frames, call
     return found
 
@@ -148,18 +149,17 @@ def recorded_jacobian(face: Face, model: Model, data: Data, *about: Any) -> Arra
     run = last_call(model, data, face.last, before="computeJointJacobians" + "TimeVariation" * rate)
     joint, place, reference = about_frame(model, face.of_joints, *about)
     found = call_about_frame(name, run, joint, place, reference_code(reference))
-    library, call, (key, frames) = run.library, unavailable, frames_for(model, face.name, face.of_joints, about)
-    if run.state is not library.state:  # of an earlier call than the last edit
-        return found
-    if library.has_builtins:
-        words = {"q_address": run.q.ctypes.data} | ({"v_address": run.v.ctypes.data} if rate else {})
-        rows = 0 if rate or run.placed_rows is None else run.placed_rows.ctypes.data
-        words |= {"placed_rows": rows, "time": run.stamp_words["time"]}
-        words |= {**library.words, **REFERENCES, **frames.words(rows=True)}
-        at_inputs = recorded_calls.frame_jacobian_dot if rate else recorded_calls.frame_jacobian
-        call = at_inputs.bind(words, library, run, frames)
-    run.bound[key] = frames, call
+    bind_getter(getattr(recorded_calls, name), run, face, model, about)
     return found
+
+
+def bind_getter(at_inputs: Routine, run: Run, face: Face, model: Model, about: tuple[Any, ...]) -> None:
+    """Bind the builtin of a call about a frame at the inputs of a run, for later calls with such arguments."""
+    library, (key, frames) = run.library, frames_for(model, face.name, face.of_joints, about)
+    if library.has_builtins and run.state is library.state:  # not of an earlier call than the last edit
+        words = {"q": run.q, "v": run.v, "placed_rows": run.placed_rows, **run.stamp_words}
+        words |= {**library.words, **REFERENCES, **frames.words(rows=True)}
+        run.bound[key] = frames, at_inputs.bind(words, library, run, frames)
 
 
 def frameJacobianTimeVariation(model: Model, data: Data, q: Any, v: Any, frame_id: int, reference_frame: Any) -> Array:

@@ -50,10 +50,9 @@ def updateFramePlacements(model: Model, data: Data) -> None:
     _place_frames(model, data)
     X, run, frames, library = data.hold("oMi"), data._runs["frames"], model._frame_placements, model._library
     if library.has_builtins:
-        words = {**library.words, **run.stamp_words, **frames.words(), "njoints": len(X)}
-        words |= {"poses": X.ctypes.data, "result": run.result.ctypes.data}
-        call = recorded_calls.place_frames.bind(words, X, run, frames)
-        data._bound["frames"] = frames, run, call
+        words = {"poses": X, "result": run.result, **library.words, **run.stamp_words, **frames.words()}
+        words["njoints"] = len(X)
+        data._bound["frames"] = frames, run, recorded_calls.place_frames.bind(words, run, frames)
 
 
 def _place_frames(model: Model, data: Data) -> None:
@@ -80,9 +79,8 @@ def updateFramePlacement(model: Model, data: Data, frame_id: int) -> SE3:
     found = shown[k]
     operator_kernels.compose(X[frames.joints[k]], frames.places[k], found._x)
     if library.has_builtins:
-        words = {"poses": X.ctypes.data, "result": shown.array.ctypes.data, **frames.words()}
-        call = recorded_calls.place_frame.bind(words, X, shown.array, frames)
-        data._bound["frame"] = frames, call, shown
+        words = {"poses": X, "result": shown.array, **frames.words()}
+        data._bound["frame"] = frames, recorded_calls.place_frame.bind(words, frames), shown
     return found
 
 
@@ -106,8 +104,8 @@ def framesForwardKinematics(model: Model, data: Data, q: Any) -> None:
     run, frames = data._runs["kinematics0"], data._runs["frames"]
     library, placements = run.library, model._frame_placements
     if library.has_builtins and library.joints is None:
-        words = {**library.words, **frames.stamp_words, **placements.words()}
-        words |= {"poses": run.result.ctypes.data, "result": frames.result.ctypes.data}
+        words: dict[str, Any] = {"poses": run.result, "result": frames.result}
+        words |= {**library.words, **frames.stamp_words, **placements.words()}
         held = library, run, frames, placements
         call = recorded_calls.place_joints_and_frames.bind(words, *held, record=run.recording(1))
         data._bound["all frames"] = placements, run, frames, call
@@ -126,10 +124,9 @@ def motion_of_frame(face: Face, model: Model, data: Data, *about: Any) -> Motion
     recorded_calls.write_frame_motion(X, place, velocities[joint], motions[joint], classical, code, out)
     if library.has_builtins:
         (key, frames), motions = frames_for(model, face.name, face.of_joints, about), data.hold(field)
-        arrays = {"poses": data.hold("oMi"), "velocities": data.hold("v") if classical else motions}
-        words = {x: array.ctypes.data for x, array in {**arrays, "motions": motions}.items()}
+        words: dict[str, Any] = {"poses": data.hold("oMi"), "motions": motions}
+        words["velocities"] = data.hold("v") if classical else motions
         words |= {"made": id(Motion), "slot": slot_offset(Value, "_x"), **REFERENCES, **frames.words()}
         words["classical"] = classical
-        call = recorded_calls.frame_motion.bind(words, *arrays.values(), motions, frames)
-        data._bound[key] = frames, call
+        data._bound[key] = frames, recorded_calls.frame_motion.bind(words, frames)
     return Motion.over(out)

@@ -6,8 +6,6 @@ J a + γ = 0, errors times the gains of Baumgarte included. ``constraints.contac
 
 from __future__ import annotations
 
-import copy
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,7 +15,7 @@ from ....engines.compiled import numba_kernels, table_kernels
 from ....errors import ConstraintError, ShapeError, SimulationError
 from ....recursions.tree.kinematics import WORK
 from ...native.recorded_calls import record
-from ...native.recorded_constraints import scratch_of
+from ...native.recorded_constraints import words_of_factors
 from ...native.recorded_contacts import FOUND, GIVEN, contact_dynamics, put_contacts
 from ..data.data import Data, library_of
 from ..data.dispatch import IN_FRAME, forces, last_call, vector
@@ -26,7 +24,6 @@ from ..explog import Jlog6
 from ..model.constraints import ContactType, ProximalSettings, RigidConstraintData, RigidConstraintModel
 from ..model.model import Model
 from ..types.arguments import ArgumentError, Array, all_expected, described, expected, number
-from ..types.bases import Registered
 from ..types.frame import Convention, ReferenceFrame
 from ..types.motion import Force, Motion
 from ..types.se3 import SE3
@@ -34,9 +31,8 @@ from .calls import computeAllTerms, crba
 from .jacobians import Inputs, call_about_frame
 
 __all__ = [
-    "ConstraintCholeskyDecomposition", "ContactCholeskyDecomposition", "computeConstraintDynamicsDerivatives",
-    "computeDelassusMatrix", "constraintDynamics", "getConstraintJacobian", "getConstraintsJacobian",
-    "initConstraintDynamics",
+    "computeConstraintDynamicsDerivatives", "computeDelassusMatrix", "constraintDynamics", "getConstraintJacobian",
+    "getConstraintsJacobian", "initConstraintDynamics",
 ]  # fmt: skip
 
 
@@ -96,7 +92,7 @@ def _contact(at: Any, model: RigidConstraintModel) -> Contact:
     return Contact(model, (one, two), M, J, np.asarray(turn, float))
 
 
-def _pairs(models: Any, datas: Any) -> list[tuple[RigidConstraintModel, RigidConstraintData]]:
+def pairs_of(models: Any, datas: Any) -> list[tuple[RigidConstraintModel, RigidConstraintData]]:
     """Contacts and their data, checked."""
     for x, kind in ((models, RigidConstraintModel), (datas, RigidConstraintData)):
         if not isinstance(x, list):
@@ -110,7 +106,7 @@ def _pairs(models: Any, datas: Any) -> list[tuple[RigidConstraintModel, RigidCon
     return list(zip(models, datas, strict=True))
 
 
-def _system(at: Any, pairs: Any, write: bool = True) -> tuple[Array, Array]:
+def system_of(at: Any, pairs: Any, write: bool = True) -> tuple[Array, Array]:
     """J (m, nv) and γ (m,) of contacts; ``write``: placements, velocities and errors are written to their data."""
     library, (n, m) = at.library, (len(pairs), sum(x.residualSize() for x, _ in pairs))
     given, found = np.array([x._x for x, _ in pairs]).reshape(n, GIVEN), np.empty((n, FOUND))
@@ -142,7 +138,7 @@ def _at(model: Model, data: Data, q: Any, v: Any = None, a: Any = None) -> Any:
 def initConstraintDynamics(model: Model, data: Data, contact_models: Any, contact_datas: Any) -> None:
     """Check a list of RigidConstraintModel and their RigidConstraintData, for the size of ``data.constraint_chol``."""
     library_of(model, data)
-    data.contacts = _pairs(contact_models, contact_datas), ProximalSettings()
+    data.contacts = pairs_of(contact_models, contact_datas), ProximalSettings()
 
 
 def constraintDynamics(
@@ -173,11 +169,11 @@ def constraintDynamics(
                 return found
     except (AttributeError, KeyError, TypeError):  # the fast path does not apply
         pass
-    pairs, settings = _pairs(contact_models, contact_datas), _settings(prox_settings)
+    pairs, settings = pairs_of(contact_models, contact_datas), _settings(prox_settings)
     computeAllTerms(model, data, q, v)
     tau = vector("tau", tau, model.nv)
     every = data._runs["all"]
-    J, gamma = _system(every, pairs)
+    J, gamma = system_of(every, pairs)
     solved = _solved(every, data.array("M"), tau - data.array("nle"), J, gamma, settings)
     run = data.run_of("contacts", model, every.library, solved.x.shape)
     run.result[...], run.contact = solved.x, solved
@@ -194,14 +190,11 @@ def _bind(data: Data, every: Run, run: Run, pairs: Any) -> None:
     if not library.has_builtins:
         return
     models, datas = [x for x, _ in pairs], [own for _, own in pairs]
-    addresses: list[Any] = [np.array([one._x.ctypes.data for one in some], np.int64) for some in (models, datas)]
-    arrays = {"bias": every.result, "rows": library.row_numbers}
-    arrays |= {"L": f.L, "Y": f.Y, "C": f.C, "force": f.force, "given": addresses[0], "found": addresses[1]}
-    arrays["scratch"] = scratch_of(len(f.L), len(f.force))
-    words = {**library.words, **every.stamp_words, **{name: x.ctypes.data for name, x in arrays.items()}}
-    words |= {"m": len(f.force), "size": len(pairs), "before": words.pop("time")}
+    given, found = (np.array([one._x.ctypes.data for one in some], np.int64) for some in (models, datas))
+    words = {**library.words, **words_of_factors(f), **every.words_before, "bias": every.result}
+    words |= {"rows": library.row_numbers, "size": len(pairs), "given": given, "found": found}
     noted = record(2, every.memory, run.result, run._stamp, library.table)
-    call = contact_dynamics.bind(words, library, arrays, models, datas, every, run, record=noted)
+    call = contact_dynamics.bind(words, library, models, datas, every, run, record=noted)
     data._bound["contacts"] = library, models, datas, every, run, f, call
 
 
@@ -210,13 +203,17 @@ def impulse_of_contacts(
     prox_settings: ProximalSettings | None = None,
 ) -> Array:  # fmt: skip
     """``impulseDynamics`` of a list of contacts."""
-    pairs, settings, e = _pairs(contact_models, contact_datas), _settings(prox_settings), number(r_coeff, "r_coeff")
+    pairs, settings, e = (
+        pairs_of(contact_models, contact_datas),
+        _settings(prox_settings),
+        number(r_coeff, "r_coeff"),
+    )
     if not 0.0 <= e <= 1.0:
         raise ConstraintError(f"r_coeff is {e}, expected 0 to 1")
     v = vector("v", v, model.nv)
     crba(model, data, q, Convention.WORLD)
     at = _at(model, data, vector("q", q, model.nq), v)
-    J, _ = _system(at, pairs)
+    J, _ = system_of(at, pairs)
     solved = _solved(at, data.array("M"), np.zeros(model.nv), J, (1.0 + e) * (J @ v), settings)
     data.put("impulse_c", solved.force)
     _share(pairs, solved.force)
@@ -259,7 +256,7 @@ def _solved(at: Any, M: Array, r: Array, J: Array, gamma: Array, settings: Proxi
 def getConstraintsJacobian(model: Model, data: Data, constraint_models: Any, constraint_datas: Any) -> Array:
     """J (m, nv) of contacts, at the q of ``data.oMi``."""
     run = last_call(model, data, "oMi", before="computeJointJacobians")
-    return _system(_at(model, data, run.q.copy()), _pairs(constraint_models, constraint_datas), False)[0]
+    return system_of(_at(model, data, run.q.copy()), pairs_of(constraint_models, constraint_datas), False)[0]
 
 
 def getConstraintJacobian(model: Model, data: Data, constraint_model: Any, constraint_data: Any) -> Array:
@@ -272,7 +269,7 @@ def computeDelassusMatrix(
 ) -> Array:
     """G = J M⁻¹ Jᵀ (m, m) of contacts; with mu above 0 (G⁻¹ + mu)⁻¹, as in Pinocchio."""
     M = crba(model, data, q)
-    J = _system(_at(model, data, vector("q", q, model.nq)), _pairs(contact_models, contact_datas), False)[0]
+    J = system_of(_at(model, data, vector("q", q, model.nq)), pairs_of(contact_models, contact_datas), False)[0]
     G = J @ np.linalg.solve(M, J.T)
     softened = np.linalg.solve(np.eye(len(G)) + number(mu, "mu") * G, G)
     return np.asarray(0.5 * (softened + softened.T))
@@ -290,7 +287,7 @@ def computeConstraintDynamicsDerivatives(
     M a + b = τ + Jᵀ λ and J a + γ = 0 are differentiated: M ∂a - Jᵀ ∂λ = ∂(τ - b - M a + Jᵀ λ), J ∂a = -∂(J a + γ).
     Raises SimulationError if constraintDynamics was not called with these contacts.
     """
-    pairs, run = _pairs(contact_models, contact_datas), data._runs.get("contacts")
+    pairs, run = pairs_of(contact_models, contact_datas), data._runs.get("contacts")
     _settings(settings)
     size = sum(x.residualSize() for x, _ in pairs)
     if run is None or len(run.contact.force) != size or library_of(model, data).state is not run.state:
@@ -379,100 +376,3 @@ def _load(c: Contact, force: Array, fext: list[Force]) -> Array:
     for joint, place, x in on:
         fext[joint] = fext[joint] + place.act(Force(x))
     return np.asarray(c.sides[1].J.T @ change)
-
-
-# --- the factors -----------------------------------------------------------------------------------------
-
-
-def _found(doc: str, find: Callable[[Any], Any]) -> Any:
-    """A method without arguments."""
-
-    def method(self: Any) -> Any:
-        return find(self)
-
-    method.__doc__ = doc
-    return method
-
-
-def _inverse(x: Array) -> Array:
-    return np.asarray(np.linalg.inv(x))
-
-
-class ConstraintCholeskyDecomposition(Registered):
-    """K = U D Uᵀ of K = [-mu 1, J; Jᵀ, M], U upper triangular with unit diagonal: ``(model, data, contact_models,
-    contact_datas)``, then ``compute`` with the M of ``data``.
-    """
-
-    def __init__(self, model: Any = None, data: Any = None, contact_models: Any = (), contact_datas: Any = ()) -> None:
-        self._J, self._M, self._mu = np.zeros((0, 0)), np.zeros((0, 0)), np.zeros(0)
-        if model is not None:
-            self.rebuild(model, data, contact_models, contact_datas)
-
-    @classmethod
-    def of(cls, data: Data) -> ConstraintCholeskyDecomposition:
-        """The factors of the last constraintDynamics of a Data; zero before it, and empty without contacts."""
-        made = cls()
-        if data.contacts is None:
-            return made
-        pairs, settings = data.contacts
-        made.rebuild(data.model, data, [x for x, _ in pairs], [own for _, own in pairs])
-        run, every = data._runs.get("contacts"), data._runs.get("all")
-        if run is not None and every is not None:
-            made._J, _ = _system(every, pairs, False)
-            made._M = every.library.compute("crba", every.q, at=every.state)
-            made.updateDamping(settings.mu)
-        return made
-
-    jacobian = staticmethod(getConstraintsJacobian)
-
-    def rebuild(self, model: Model, data: Data, contact_models: Any, contact_datas: Any) -> None:
-        """Take the sizes of other contacts."""
-        library_of(model, data)
-        size = sum(x.residualSize() for x, _ in _pairs([*contact_models], [*contact_datas]))
-        self._J, self._M, self._mu = np.zeros((size, model.nv)), np.zeros((model.nv,) * 2), np.zeros(size)
-
-    def compute(self, model: Model, data: Data, contact_models: Any, contact_datas: Any, mu: Any = 0.0) -> None:
-        """Take J at the q of ``data.oMi`` and the M of ``data``; mu is a number or one for each row."""
-        self._J = getConstraintsJacobian(model, data, contact_models, contact_datas)
-        self._M = np.array(data.array("M"))
-        self.updateDamping(mu)
-
-    def updateDamping(self, mu: Any) -> None:
-        """Set mu, a number or one for each row."""
-        self._mu = np.zeros(len(self._J)) + np.asarray(mu, float)
-
-    def _factors(self) -> tuple[Array, Array]:
-        K = self.matrix()
-        n = len(K)
-        U, D = np.eye(n), np.zeros(n)
-        for k in range(n - 1, -1, -1):
-            D[k] = K[k, k]
-            U[:k, k] = K[:k, k] / D[k]
-            K[:k, :k] -= np.outer(U[:k, k], K[:k, k])
-        return U, D
-
-    def solve(self, matrix: Any) -> Array:
-        """K⁻¹ x."""
-        return np.asarray(np.linalg.solve(self.matrix(), np.asarray(matrix, float)))
-
-    def getInverseOperationalSpaceInertiaMatrix(self, enforce_symmetry: bool = False) -> Array:
-        """J M⁻¹ Jᵀ + mu 1."""
-        G = self._J @ np.linalg.solve(self._M, self._J.T) + self.getDamping()
-        return np.asarray(0.5 * (G + G.T))
-
-    U = property(lambda self: self._factors()[0], doc="U.")
-    D = property(lambda self: self._factors()[1], doc="D (size,).")
-    Dinv = property(lambda self: 1.0 / self.D, doc="1 / D.")
-    matrix = _found("K.", lambda self: np.block([[np.diag(-self._mu), self._J], [self._J.T, self._M]]))
-    inverse = _found("K⁻¹.", lambda self: _inverse(self.matrix()))
-    size = _found("Rows of K.", lambda self: len(self._J) + len(self._M))
-    constraintDim = _found("Rows of J.", lambda self: len(self._J))
-    getDamping = _found("mu as a diagonal matrix.", lambda self: np.diag(self._mu))
-    getInverseMassMatrix = _found("M⁻¹.", lambda self: _inverse(self._M))
-    getOperationalSpaceInertiaMatrix = _found(
-        "(J M⁻¹ Jᵀ + mu 1)⁻¹.", lambda self: _inverse(self.getInverseOperationalSpaceInertiaMatrix())
-    )
-    copy = _found("An independent copy.", copy.deepcopy)
-
-
-ContactCholeskyDecomposition = ConstraintCholeskyDecomposition

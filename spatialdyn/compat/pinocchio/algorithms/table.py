@@ -15,7 +15,7 @@ import numpy as np
 from ..data.data import Data, library_of
 from ..data.dispatch import last_call
 from ..data.face import Face, Input
-from ..data.field_recipes import columns, mechanical_energy
+from ..data.field_recipes import DERIVATIVES, columns, mechanical_energy
 from ..model.model import Model
 from ..types.arguments import ArgumentError, described
 from ..types.frame import ACCELERATION, LOCAL, Convention, KinematicLevel
@@ -123,7 +123,7 @@ def _force(run: Any, result: Any) -> Force:
 PAIR, THREE, FOUR = (f"tuple[{', '.join(['Array'] * n)}]" for n in (2, 3, 4))
 _motion = partial(Face, returns="Motion", answer=motion_of_frame)
 _jacobian = partial(Face, answer=recorded_jacobian)
-_derivative = partial(Face, answer=derivatives_of_frame, bound=False)
+_derivative = partial(Face, answer=derivatives_of_frame, last=DERIVATIVES)
 _moving = (OPTIONAL[0], LOCALLY, *OPTIONAL[2:])
 
 KINEMATICS = (
@@ -208,7 +208,7 @@ CENTROIDAL = (
          "Rate of the momentum about the centre of mass; by default at the last call.", "Force", "a", made=_force),
 )  # fmt: skip
 
-DERIVATIVES = (
+OF_CALLS = (
     Face("computeRNEADerivatives", (Q, V, A, PUSHED), ("rnea_derivatives",),
          "∂tau/∂q, ∂tau/∂v and ∂tau/∂a = M, (nv, nv) each.", THREE),
     Face("computeABADerivatives", (Q_, V_, TAU_, PUSHED), ("aba_derivatives",),
@@ -229,11 +229,12 @@ DERIVATIVES = (
                 "fixed point.", PAIR),
     _derivative("getJointAccelerationDerivatives", (JOINT, REFERENCE), ("frame_acceleration_derivatives",),
                 "∂V/∂q, ∂A/∂q, ∂A/∂v and ∂A/∂a, (6, nv) each, of the spatial acceleration A of a joint's frame, after\n"
-                "computeForwardKinematicsDerivatives with a; see getJointVelocityDerivatives.", FOUR),
+                "computeForwardKinematicsDerivatives with a; see getJointVelocityDerivatives.", FOUR, bound=False),
     _derivative("getFrameVelocityDerivatives", OPTIONAL, ("frame_velocity_derivatives",),
                 "∂V/∂q and ∂V/∂v of a frame; see getJointVelocityDerivatives.", PAIR, overloads=LISTED),
     _derivative("getFrameAccelerationDerivatives", OPTIONAL, ("frame_acceleration_derivatives",),
-                "∂V/∂q, ∂A/∂q, ∂A/∂v, ∂A/∂a of a frame; see getJointAccelerationDerivatives.", FOUR, overloads=LISTED),
+                "∂V/∂q, ∂A/∂q, ∂A/∂v, ∂A/∂a of a frame; see getJointAccelerationDerivatives.", FOUR, bound=False,
+                overloads=LISTED),
 )  # fmt: skip
 
-FACES = (*KINEMATICS, *DYNAMICS, *JACOBIANS, *CENTROIDAL, *DERIVATIVES)
+FACES = (*KINEMATICS, *DYNAMICS, *JACOBIANS, *CENTROIDAL, *OF_CALLS)

@@ -230,20 +230,19 @@ def _frames(face: Face, answer: Any) -> Any:
         if not bound:
             return answer(face, model, data, x, reference, after, other, pose)
         try:
-            frames, call = (data._latest[last].bound if last else data._bound)[name]
-            if frames is model._frame_placements and (found := call(x, reference)) is not None:
-                return found
-        except REFUSED:
-            pass
-        if type(reference) is SE3:
-            try:
-                frames, call = (data._latest[last].bound if last else data._bound)[placed]
+            of_calls = data._latest[last].bound if last else data._bound
+            if type(reference) is not SE3:
+                frames, call = of_calls[name]
+                if frames is model._frame_placements and (found := call(x, reference)) is not None:
+                    return found
+            else:
+                frames, call = of_calls[placed]
                 if frames.joints is model._library.frames.joints:
                     frames.places[x][...] = reference._x
                     if (found := call(x, LOCAL if after is None else after)) is not None:
                         return found
-            except REFUSED:
-                pass
+        except REFUSED:
+            pass
         return answer(face, model, data, x, reference, after, other, pose)
 
     return joint if len(face.inputs) == 2 else frame

@@ -18,6 +18,7 @@ from ...native import operator_kernels, recorded_calls, tree_kernels
 from ..types.arguments import Array
 
 Recipe = Callable[[Any], Any]
+DERIVATIVES = "derivatives of frames' motions"  # a getter of no field
 
 
 @dataclass(frozen=True)
@@ -30,6 +31,7 @@ class Kind:
     unused_inputs   how many of the inputs ``call`` does not take
     places_path     its builtin writes those of the held fields that it fills, for the joints that carry a frame
     result_in_data  no array is returned: the result is read from the Run or the data
+    derivatives     derivatives of frames' motions are those at its inputs
     """
 
     call: str
@@ -38,11 +40,12 @@ class Kind:
     unused_inputs: int = 0
     places_path: bool = False
     result_in_data: bool = False
+    derivatives: bool = False
 
     @cached_property
     def getters(self) -> tuple[str, ...]:
-        """Those of the filled fields whose latest Run getters of Jacobians read."""
-        return tuple(name for name in ("J", "dJ") if name in self.fills)
+        """Those of the filled fields whose latest Run getters of Jacobians read, and DERIVATIVES."""
+        return tuple(x for x in ("J", "dJ") if x in self.fills) + (DERIVATIVES,) * self.derivatives
 
     @cached_property
     def returns(self) -> int:
@@ -320,10 +323,13 @@ def tau_without_weight(run: Any) -> Array:
 # --- the kinds -------------------------------------------------------------------------------------------
 
 
-def _kind(call: str, inputs: str, fills: str = "", unused: int = 0, in_data: bool = False, **own: Recipe) -> Kind:
+def _kind(
+    call: str, inputs: str, fills: str = "", unused: int = 0, in_data: bool = False, derivatives: bool = False,
+    **own: Recipe,
+) -> Kind:  # fmt: skip
     """A Kind that fills the fields named in ``fills`` by the recipes of their names, and others by their own."""
     found = {name: globals()[name] for name in fills.split()}
-    return Kind(call, inputs, {**found, **own}, unused, result_in_data=in_data)
+    return Kind(call, inputs, {**found, **own}, unused, result_in_data=in_data, derivatives=derivatives)
 
 
 def _path(**own: Recipe) -> Kind:
@@ -385,7 +391,7 @@ CALL_KINDS: dict[str, Kind] = {
     ),
     "rnea_derivatives": _kind(
         "rnea_derivatives", "q v a", f"{ACCELERATED} tau oa_gf of", dtau_dq=Part(0), dtau_dv=Part(1), M=Part(2),
-        oYcrb=moving_oYcrb,
+        oYcrb=moving_oYcrb, derivatives=True,
     ),
     "aba_derivatives": _kind(
         "aba_derivatives", "q v tau", f"{PLACES} ddq J dJ ov", ddq_dq=Part(0), ddq_dv=Part(1), Minv=Part(2),
@@ -393,11 +399,11 @@ CALL_KINDS: dict[str, Kind] = {
     ),
     "gravity_derivatives": _kind("generalized_gravity_derivatives", "q", f"{PLACES} J g"),
     "static_derivatives": _kind("static_torque_derivatives", "q", f"{PLACES} tau J"),
-    "kinematics_derivatives1": _kind("forward_kinematics", "q v", MOVING, 1, True),
-    "kinematics_derivatives2": _kind("forward_kinematics", "q v a", ACCELERATED, 2, True),
+    "kinematics_derivatives1": _kind("forward_kinematics", "q v", MOVING, 1, True, True),
+    "kinematics_derivatives2": _kind("forward_kinematics", "q v a", ACCELERATED, 2, True, True),
     "centroidal_derivatives": _kind(
         "centroidal_dynamics_derivatives", "q v a", f"{ACCELERATED} hg dhg Ig com mass", Ag=Part(3),
-        tau=tau_without_weight,
+        tau=tau_without_weight, derivatives=True,
     ),
     "constrained": _kind("", "", **FACTORS, ddq=result, lambda_c=constraint_forces),
     "contacts": _kind("", "", ddq=result, lambda_c=constraint_forces),

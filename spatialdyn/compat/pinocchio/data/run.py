@@ -17,14 +17,14 @@ from ....engines.programs.run.single_call import plan_of, unavailable
 from ....model.model import Model as SdModel
 from ....recursions import SPECS
 from ....recursions.tree import kinematics
-from ...native import recorded_calls
+from ...native import recorded_calls, tree_kernels
 from ...native.recorded_calls import address, clock
 from ..model.library_model import LibraryModel
 from ..model.numbers import Numbers
 from ..types.arguments import Array
 from ..types.motion import Force
 from ..types.tracked_list import Rows
-from .field_recipes import CALL_KINDS, CallRecipe, Kind, Part, joint_placements, oMi
+from .field_recipes import CALL_KINDS, CallRecipe, Ig, Kind, Part, joint_placements, oMi
 from .field_recipes import result as RESULT
 
 FORCES, LISTS, _NUMBERS = {Force}, (list, Rows), attrgetter("_x")
@@ -110,6 +110,11 @@ class Run:
         return {"clock": address(clock.now), "time": address(self._stamp)}
 
     @property
+    def words_before(self) -> dict[str, int]:
+        """Words of a builtin that stamps this call and then its own, which is made of it."""
+        return {"clock": address(clock.now), "before": address(self._stamp)}
+
+    @property
     def fext(self) -> Array | None:
         """Forces of the call on the library's joints (njoints, 6), or None."""
         then, forces = self.forces
@@ -183,12 +188,9 @@ class Run:
         if not (library.has_builtins and kind.call):
             return unavailable
         if self.placed_rows is not None:
-            places = {"placed_rows": self.placed_rows.ctypes.data, **self.stamp_words}
-            places["oMi"] = 0 if self.oMi is None else self.oMi.ctypes.data
+            words = {"placed_rows": self.placed_rows, "oMi": self.oMi, **self.stamp_words, **library.words}
             record = self.recording(1, self.result)
-            words = {**places, **library.words}
-            alive = library, self.placed_rows, self.oMi
-            return recorded_calls.jacobians.bind(words, *alive, record=record, otherwise=otherwise)
+            return recorded_calls.jacobians.bind(words, library, record=record, otherwise=otherwise)
         code, record = library.code(kind.call, forces), self.recording(len(kind.inputs.split()), self.result)
         plan = kind.unused_inputs, kind.returns, self.result
         return recorded_calls.recorded_call(code, library.words, record, *plan, otherwise)
@@ -221,6 +223,7 @@ class Run:
         one_to_one = self.library.has_builtins and self.library.joints is None
         moving = self._moving(held) if one_to_one else {}
         by_call = {*held} if self.kind.places_path and one_to_one else {*moving}
+        by_call |= {"D", "U"} if self.library.has_builtins else set()
         if self.placed_rows is not None and one_to_one:
             by_call.add("oMi")
             self.oMi = held.get("oMi")
@@ -259,15 +262,13 @@ class Run:
 
     def _bind_motions(self, moving: Mapping[str, Array]) -> list[Callable[[], Any]]:
         """A builtin that computes these fields; none if it is the call too, where that places the joints."""
-        words = {"oMi": moving["oMi"].ctypes.data, "v_out": moving["v"].ctypes.data}
-        words |= {"a_out": [*moving.values()][-1].ctypes.data, **self.library.words}
+        words = {"oMi": moving["oMi"], "v_out": moving["v"], "a_out": moving.get("a"), **self.library.words}
         routine = recorded_calls.accelerations if "a" in moving else recorded_calls.velocities
-        alive = (self.library, self.memory, *moving.values())
         if self.kind.call == "forward_kinematics":
             record, otherwise = self.recording(len(routine.inputs)), self._following(False)
-            self._take(routine.bind(words, *alive, record=record, otherwise=otherwise))
+            self._take(routine.bind(words, self.library, record=record, otherwise=otherwise))
             return []
-        return [routine.bind(words, *alive, places={x: getattr(self, x).ctypes.data for x in routine.inputs})]
+        return [routine.bind({**words, **{x: getattr(self, x) for x in routine.inputs}}, self.library)]
 
     def _may_share(self, x: Array) -> bool:
         return x.shape == self.result.shape and self.kind.call != "aba"  # recipes of aba read its result as an input
@@ -280,8 +281,13 @@ class Run:
         return recorded_calls.copier(found, x)
 
     def _recompute_builtin(self, recipe: Any, x: Array) -> Callable[[], Any] | None:
-        """A builtin that recomputes a field into x in place; None if its recipe is not one call of the library."""
+        """A builtin that recomputes a field into x in place; None unless its recipe is a call of the library or Ig."""
         library = self.library
+        if recipe is Ig and library.has_builtins and library.joints is None:
+            inertias, n = library.numbers.inertias, library.words["njoints"]
+            words = {"q": self.q, "bodies": inertias, "parents": library.parents, "Ig": x, **library.words}
+            words |= {"poses": np.empty((n, 4, 4)), "sums": np.empty((n, 10))}
+            return tree_kernels.place_robot_inertia.bind(words, library)
         if (
             not isinstance(recipe, CallRecipe)
             or not library.has_builtins

@@ -170,10 +170,9 @@ class LibraryModel:
 
     def _bound_put_numbers(self) -> Callable[[], Any]:
         now, then, sums = self._block, self.numbers.block, np.empty((len(self._model.bodies), 3))
-        places = {"now": now, "then": then, "rows": self.rows, "sums": sums}
-        words = {"table": self.address, "size": len(now), "njoints": len(self.rows), "count": len(sums)}
-        words |= {name: x.ctypes.data for name, x in places.items()}
-        return put_numbers.bind(words, self.table, *places.values())
+        words = {"now": now, "then": then, "rows": self.rows, "sums": sums, "table": self.address}
+        words |= {"size": len(now), "njoints": len(self.rows), "count": len(sums)}
+        return put_numbers.bind(words, self.table)
 
     def state_at(self, stamp: int) -> bytes:
         """The state at the time of a call."""
@@ -234,8 +233,8 @@ class LibraryModel:
         if not self.has_builtins:
             return unavailable
         units, scratch = np.array(self.units, np.int64), np.empty(self.words["nv"])
-        words = {"units": units.ctypes.data, "count": len(units), "scratch": scratch.ctypes.data, **self.words}
-        return ROUTINES[name].bind(words, self.table, units, scratch)
+        words = {"units": units, "count": len(units), "scratch": scratch, **self.words}
+        return ROUTINES[name].bind(words, self.table)
 
     def code(self, name: str, forces: bool = False) -> CallCode:
         """The code of a call: the library's program, or the table kernel if there is none or the model was edited."""
@@ -318,10 +317,10 @@ class FramePlacements(NamedTuple):
         """A copy of the placements (nframes, 4, 4)."""
         return np.array(self.places).reshape(-1, 4, 4)
 
-    def words(self, rows: bool = False) -> dict[str, int]:
+    def words(self, rows: bool = False) -> dict[str, Any]:
         """Words of a builtin's plan about the frames; ``rows``: their rows of the table in place of their joints."""
         joints = self.rows if rows else self.joints
-        return {"frames": len(joints), "joints": joints.ctypes.data, "placements": self.addresses.ctypes.data}
+        return {"frames": len(joints), "joints": joints, "placements": self.addresses}
 
 
 def library_model(model: Model) -> LibraryModel:

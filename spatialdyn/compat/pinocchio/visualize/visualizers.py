@@ -23,7 +23,7 @@ from ....model.robot import Link
 from ....pictures.inertia_shapes import inertia_boxes
 from ....pictures.shapes import Shape, mesh_shapes, primitive_shape
 from ....pictures.stage import HOST, Stage, has_screen, warn_of
-from ..algorithms import calls, configuration
+from ..algorithms import calls, configuration, kinematics
 from ..coverage.coverage import OutOfScopeAttributeError, OutOfScopeError, refused
 from ..data.data import Data
 from ..model.coal_shapes import triangles
@@ -450,10 +450,10 @@ class MeshcatVisualizer(ViserVisualizer):
         return getattr(_meshcat("loadMeshFromFile"), f"{kind.title()}MeshGeometry").from_file(path)
 
     def drawFrameVelocities(self, frame_id: int, v_scale: float = 0.2, color: int = FRAME_VEL_COLOR) -> None:
-        """Draw the linear velocity of a frame, of the last forwardKinematics with v by v_scale, as a line."""
+        """Draw the linear velocity of a frame, of the last forwardKinematics with v, times v_scale, as a line."""
         if self.viewer is None:
             return
-        calls.updateFramePlacement(self.model, self.data, frame_id)
+        kinematics.updateFramePlacement(self.model, self.data, frame_id)
         v = calls.getFrameVelocity(self.model, self.data, frame_id, LOCAL_WORLD_ALIGNED).linear
         start = self.data.oMf[frame_id].translation
         line = SimpleNamespace(position=np.stack([start, start + v_scale * v], axis=1))

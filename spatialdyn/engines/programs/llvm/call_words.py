@@ -16,7 +16,7 @@ MOST, MOST_OUTPUTS, MOST_WORDS = 16, 16, 3
 PROCESS = (
     "none", "true", "false", "ndarray", "float64", "string", "real", "real64", "new_array", "up", "down", "lookup",
     "pack", "call", "new_float", "new_tuple", "integer", "as_size", "forget", "allocate",
-    "attribute", "call_objects",
+    "attribute", "call_objects", "raise_interrupt",
 )  # fmt: skip  # words of this process, which every form begins with
 FOLLOWED = (
     "data_type", "runs", "attribute_name", "library", "run_plan", "noted", "after", "recompute", "held", "made",
@@ -49,7 +49,8 @@ FORM = (
 #   switch          position of an input that is ``off``, as good as left out, or ``on``; -1 if there is none
 # then MOST pairs (name, kind) of parameters, then the dict's key for each choice of optional inputs
 PLAN = ("entry", "context", "left", "program", "outputs", "several", "record")
-#   entry    the compiled program, entry(context, inputs, outputs) -> 1, or 0 if it rejects the sample, and its context
+#   entry    the compiled program, entry(context, inputs, outputs) -> 1, or 0 if it rejects the sample, or -1 if an
+#            interrupt stopped it, which ``raise_interrupt`` then raises; and its context
 #   left     address of the number of calls still to answer; at 0 the Python function is called and may change the plan
 #   program  address of these three words: in this plan, or where plans share them
 #   several  ONE: the result is returned; SEVERAL: a tuple of them; PARTS: a tuple of the first result's parts

@@ -144,12 +144,15 @@ class _Call(ResultText):
     # --- the call ------------------------------------------------------------------------------------------
 
     def run_program(self) -> None:
-        """Run the program; if it rejects the sample, drop the results and call Python."""
+        """Run the program; if it does not answer, drop the results and call Python, or raise what stopped it."""
         program, context = (self.pointer(self.code, PLAN.index(x)) for x in ("entry", "context"))
         valid = self.put(f"call i64 {program}(ptr {context}, ptr {self.inputs}, ptr {self.outputs})")
-        self.branch(self.equal(valid, 0), "release", "valid", then="release")
+        self.branch(self.put(f"icmp sle i64 {valid}, 0"), "release", "valid", then="release")
         self.do("%f = phi i64 [ 0, %run ], [ %f.next, %released ]")
-        self.branch(self.equal("%f", self.amount), "python", "releasing", then="releasing")
+        self.branch(self.equal("%f", self.amount), "dropped", "releasing", then="dropped")
+        self.branch(self.equal(valid, 0), "python", "interrupted", then="interrupted")
+        self._called(self.process("raise_interrupt"))
+        self.jump("failed", then="releasing")
         wrong = self.load("ptr", self.at("ptr", self.results, "%f"))
         self.branch(self.equal(wrong, "null", "ptr"), "released", "dropping", then="dropping")
         self.do(f"call void {self.process('down')}(ptr {wrong})")

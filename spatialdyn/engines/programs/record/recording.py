@@ -33,7 +33,8 @@ from .program import Program
 from .regroup import regroup
 from .tracer import Tape, table
 
-MOST_ROWS = 128  # with more rows, programs take too long to compile, though they would be faster than lanes
+MOST_ROWS = 128  # of a call whose program may grow by the square of the rows: crba_solve takes 40 s to compile
+MOST_NUMBERS = 100  # in a row of scratch of a call that walks the tree, see ``most_rows``
 MOST_RESULTS = MOST_ROWS**2  # most results or terms of a sample: Christoffel symbols grow by the cube of the rows
 MOST_TABLE = 2048  # most rows of a static table: each height of a ground is in its program
 MOST_EQUATIONS = 36  # most equations of a static table: a matrix of 36 rows takes 8400 multiplications to factor
@@ -280,13 +281,34 @@ def fits(specs: Sequence[Spec], bodies: NDArray[Any], results: int | None = None
     """
     if results is None:
         sizes = _sizes(bodies, static)
-        shapes = [(spec.output.shape, spec.term_shape) for spec in specs]
+        shapes = [(spec.output.shape, _terms(spec, bodies)) for spec in specs]
         results = sum(max(math.prod(shape_in(shape, sizes)) for shape in (out, terms)) for out, terms in shapes)
-    short = 1 < len(bodies) <= MOST_ROWS + 1 and results <= MOST_RESULTS
+    short = 1 < len(bodies) <= min(map(most_rows, specs)) + 1 and results <= MOST_RESULTS
     several = (item for x in static if isinstance(x, StaticTable) for item in x.sizes.items())
     short &= all(n <= MOST_EQUATIONS for name, n in several if name not in ALONE)
     short &= all(len(x.rows) <= MOST_TABLE + 1 for x in static if isinstance(x, StaticTable))
     return short and all(traces(spec, bodies) for spec in specs)
+
+
+def most_rows(spec: Spec) -> int:
+    """Most rows of a table with which a call becomes a program: 474 of rnea, 196 of aba, 128 of calls of many terms.
+
+    The lines of a call that walks the tree grow as the rows do, with the numbers in a row of its scratch: rnea has 97
+    of a row, aba 280 to 325. Such programs are compiled in up to 8 s of CPU time. On an AMD EPYC with AVX2 they take
+    less time than lanes: for chains of mixed joints of up to 468 rows rnea takes 9 to 25 ns a row where lanes take 18
+    to 30, for up to 192 rows aba takes 23 to 35 ns where lanes take 42 to 60; with 208 rows it takes 59 ns and 69, and
+    102 ns and 80 while other processes use the caches. At any length 1 to 4 million samples of batches save the time
+    of compiling (``benchmarks/chains.py --crossover``).
+    """
+    if spec.composed or spec.work is None:
+        return MOST_ROWS
+    return max(MOST_ROWS, MOST_ROWS * MOST_NUMBERS * 8 // spec.work.itemsize)
+
+
+def _terms(spec: Spec, bodies: NDArray[Any]) -> tuple[Any, ...]:
+    """Shape of the terms that a program sums; with mimic joints a call that solves factors M."""
+    factored = spec.through_M is not None and bodies["leader"].any()
+    return spec.term_shape or (("nv", "nv") if factored else ())
 
 
 def traces(spec: Spec, bodies: NDArray[Any]) -> bool:

@@ -77,7 +77,7 @@ class Batches(ABC):
         found: list[NDArray[np.intp]] = []
         done = 0
         try:
-            with watch.work(f"a batch of {n} samples", lambda: f": {done} are done"):
+            with watch.batch(n, lambda: done):
                 while done < n:
                     end = min(done + reach * self.lanes, n)
                     part = [*self._cut(inputs, done, end, n), *(y[done:end] for y in outputs)]

@@ -10,6 +10,8 @@ from collections.abc import Callable, Mapping
 from functools import cached_property
 from typing import Any, NamedTuple, get_type_hints
 
+import numpy as np
+
 from ....algebra.scalars import inline
 from ... import object_layout as layout
 from ...compiled.entries import Entry, entry_of
@@ -49,8 +51,14 @@ class Truth(NamedTuple):
     """A result: True or False for a number other than 0 or 0."""
 
 
+class Parts(NamedTuple):
+    """A result: the parts of an array of three axes, a tuple of new arrays."""
+
+    shape: Shape
+
+
 Kind = Shape | Index | Choice | Owner
-Result = Shape | Owner | Truth | None
+Result = Shape | Owner | Truth | Parts | None
 
 
 def routine(output: Result = None, name: str = "", /, **inputs: Kind) -> Callable[[Callable[..., bool]], Routine]:
@@ -100,7 +108,7 @@ class Routine:
         def extents(kind: Kind | Result) -> tuple[int, ...] | None:
             if isinstance(kind, (Index, Choice)):
                 return None
-            shape = kind.shape if isinstance(kind, Owner) else () if isinstance(kind, Truth) else kind or ()
+            shape = kind.shape if isinstance(kind, (Owner, Parts)) else () if isinstance(kind, Truth) else kind or ()
             return tuple(~place(n) if isinstance(n, str) else n for n in shape)
 
         hints = get_type_hints(self.function)
@@ -114,25 +122,24 @@ class Routine:
 
     def bind(
         self,
-        words: Mapping[str, int],
+        words: Mapping[str, Any],
         *alive: Any,
         record: layout.Words | None = None,
-        places: Mapping[str, int] | None = None,
         otherwise: Callable[..., Any] = unavailable,
     ) -> Callable[..., Any]:
         """The builtin of these words, which keeps references to the objects at their addresses.
 
-        record  see ``single_call.record``
-        places  addresses of inputs that no caller passes
+        words      ints, arrays, which stand for their addresses, or None, which is 0; an input that is among them is
+                   an array that no caller passes
+        record     see ``single_call.record``
         otherwise  called with the arguments where the routine does not apply
         """
-        context = layout.words([words[x] for x in self._read[0]], *alive)
-        entry, places = self.entry, places or {}
+        context, entry = layout.words([_word(words[x]) for x in self._read[0]], words, *alive), self.entry
 
         def sizes(shape: Shape) -> tuple[int, ...]:
             return tuple(words[x] if isinstance(x, str) else x for x in shape)
 
-        def item(kind: Kind | Truth, place: int | None) -> Item:
+        def item(kind: Kind | Truth, place: Any) -> Item:
             if isinstance(kind, Truth):
                 return Item(TRUTH)
             if isinstance(kind, Index):
@@ -141,15 +148,20 @@ class Routine:
                 return Item(CHOICE, 8, tuple(words[x] for x in kind.words))
             if isinstance(kind, Owner):
                 return single_call.value(sizes(kind.shape), words[kind.kind], words[kind.slot], kind.or_array)
-            return single_call.array(sizes(kind)) if place is None else single_call.placed(sizes(kind), place)
+            return single_call.array(sizes(kind)) if place is None else single_call.placed(sizes(kind), _word(place))
 
-        given = [item(kind, places.get(x)) for x, kind in self.inputs.items()]
-        result = Item(PLACED, 0) if self.output is None else item(self.output, None)
+        given = [item(kind, words.get(x)) for x, kind in self.inputs.items()]
+        if isinstance(self.output, Parts):
+            memory = np.empty(sizes(self.output.shape))
+            result, several = single_call.placed(memory.shape, memory.ctypes.data), single_call.PARTS
+        else:
+            memory, several = None, single_call.ONE
+            result = Item(PLACED, 0) if self.output is None else item(self.output, None)
         code = entry.words(context.ctypes.data)
-        plan = single_call.plan(code, [result], given, alive=(context, entry), record=record)
+        plan = single_call.plan(code, [result], given, several, (context, entry, memory), record=record)
 
         kinds = [
-            Parameter(x, FIXED if x in places else NUMBER if kind == () else ARRAY) for x, kind in self.inputs.items()
+            Parameter(x, FIXED if x in words else NUMBER if kind == () else ARRAY) for x, kind in self.inputs.items()
         ]
 
         def python(*given: Any, **named: Any) -> Any:
@@ -160,3 +172,8 @@ class Routine:
             return single_call.bound(otherwise, kinds, plan)(*given, **named)  # this builtin itself would be a cycle
 
         return single_call.bound(python, kinds, plan)
+
+
+def _word(x: Any) -> int:
+    found: int = 0 if x is None else x.ctypes.data if isinstance(x, np.ndarray) else x
+    return found

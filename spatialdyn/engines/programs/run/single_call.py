@@ -23,6 +23,7 @@ import numpy as np
 from ... import locks
 from ... import object_layout as layout
 from ...compiled.entries import NO_LIMIT as NO_LIMIT
+from ...compiled.entries import raise_interrupt
 from ...compiled.numba_settings import PLAIN
 from ..llvm.call_words import (
     ARRAY,
@@ -44,6 +45,7 @@ from ..llvm.call_words import (
 )  # fmt: skip
 from ..llvm.call_words import ONE as ONE
 from ..llvm.call_words import PARTS as PARTS
+from ..llvm.call_words import SEVERAL as SEVERAL
 from ..llvm.host_cpu import LoadedCode, stored_code
 from ..llvm.single_call_text import module
 
@@ -73,6 +75,7 @@ def _process() -> tuple[int, ...]:
         id(int),
         *map(api, ("PyLong_AsSsize_t", "PyErr_Clear", "PyType_GenericAlloc")),
         *map(api, ("PyObject_GetAttr", "PyObject_CallFunctionObjArgs")),
+        id(raise_interrupt),
     )
     return (*map(id, constants), layout.kind(np.dtype(np.float64)), id(str), id(float), id(np.float64), *functions)
 

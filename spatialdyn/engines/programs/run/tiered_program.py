@@ -1,7 +1,8 @@
 """Programs of some calls on one table, interpreted at once and compiled when that pays.
 
-Recording takes milliseconds, compiling ten to fifty times that. So a program is interpreted first. It is compiled once
-the time of interpreting it would reach the expected compile time; compiled code in memory or on disk is used at once.
+Recording takes milliseconds, compiling ten to fifty times that. So a program is interpreted first. It is compiled when
+that pays (``compile_clock``), by the expected time of interpreting it; compiled code in memory or on disk is used at
+once.
 All ways give the same bits and reject the same samples, so earlier calls change only the time of a call.
 """
 
@@ -18,6 +19,7 @@ from numpy.typing import NDArray
 from ....recursions.spec import Spec
 from ....waiting import watch
 from ... import locks
+from ...compile_clock import CompileClock
 from ..record.recording import ALL, ProgramOptions, Recording
 from . import batch_kernels, single_call
 from .batches import Batches
@@ -26,7 +28,7 @@ from .interpreter import TILE_LINE_NS, Interpreted, InterpretedBatches
 COMPILE_SECONDS = (0.02, 1e-4)  # expected time to compile a program: for any program, and for each line
 
 
-class TieredProgram:
+class TieredProgram(CompileClock):
     """A program of some calls on one table, in float64."""
 
     def __init__(
@@ -42,13 +44,14 @@ class TieredProgram:
 
         Nothing is recorded if compiled code of this table is in memory or on disk, or if the Recording is given.
         """
+        super().__init__()
+        self.compile_seconds = math.nan  # until a call may be interpreted
         if recorded is not None:
             self.recording = recorded
         self._arguments = (specs, bodies, key, tuple(static))
         self._options = options
         self._lock = locks.new()
         self._calls = np.zeros(1, np.int64)  # how many single samples are interpreted until compiling pays
-        self._seconds = math.nan  # how long batches are interpreted until compiling pays
         self._compiled: dict[tuple[bool, bool], batch_kernels.Kernel | None] = {}
         self._batches: dict[bool, batch_kernels.Kernel] = {}  # kernels compiled for batches, by ``stream``
         self._looked: set[tuple[bool, bool]] = set()  # (one, stream) whose structure's code was looked for
@@ -88,7 +91,7 @@ class TieredProgram:
     def single(self) -> tuple[tuple[int, int, int], object]:
         """The (entry, context, left) of a plan of ``single_call``, and the object at these addresses."""
         with self._lock:
-            if self._at_hand(one=True) is None and self._expect() and self._calls[0] > 0:
+            if self._at_hand(one=True) is None and self._expected() and self._calls[0] > 0:
                 code = self.interpreted
                 return (code.entry, code.context, self._calls.ctypes.data), (code, self._calls)
             made = self.compiled(one=True)
@@ -100,9 +103,9 @@ class TieredProgram:
         if known is not None:
             return known
         with self._lock:
-            if self._at_hand(one=False, stream=stream) is None and self._expect() > 0.0:
-                self._seconds -= 1e-9 * TILE_LINE_NS * self.interpreted.lines * samples
-                if self._seconds > 0.0:
+            if self._at_hand(one=False, stream=stream) is None and self._expected():
+                self.spend(1e-9 * TILE_LINE_NS * self.interpreted.lines * samples)
+                if not self.pays:
                     return (self._at_hand(one=False) if stream else None) or self._tiles
             return self._batches.setdefault(stream, self.compiled(one=False, stream=stream))
 
@@ -110,12 +113,12 @@ class TieredProgram:
     def _tiles(self) -> InterpretedBatches:
         return InterpretedBatches(self.interpreted)
 
-    def _expect(self) -> float:
-        """Seconds of interpreting batches until compiling pays; the first call sets the expected compile time."""
-        if math.isnan(self._seconds):
-            self._seconds = COMPILE_SECONDS[0] + COMPILE_SECONDS[1] * self.interpreted.lines
-            self._calls[0] = math.ceil(1e9 * self._seconds / self.interpreted.expected_ns)
-        return self._seconds
+    def _expected(self) -> bool:
+        """Whether the program may be interpreted; the first call sets the expected compile time."""
+        if math.isnan(self.compile_seconds):
+            self.compile_seconds = COMPILE_SECONDS[0] + COMPILE_SECONDS[1] * self.interpreted.lines
+            self._calls[0] = math.ceil(1e9 * self.compile_seconds / self.interpreted.expected_ns)
+        return self.compile_seconds > 0.0
 
     def _at_hand(self, one: bool, stream: bool = False) -> batch_kernels.Kernel | None:
         """The compiled program if its code is in memory or on disk.
