@@ -309,7 +309,8 @@ def test_mesh_files_become_objects_of_meshcat(shown: Any, tmp_path: Path) -> Non
     named = pin.GeometryObject("x", 0, pin.SE3.Identity(), coal.Sphere(1.0))
     named.meshPath = str(path)
     made = shown.loadMeshFromFile(named)
-    assert isinstance(made, kinds.ObjMeshGeometry)
+    assert isinstance(made, kinds.MeshGeometry)
+    assert made.mesh_format == "obj"
     shown.viewer["x"].set_object(made)
     assert np.ptp(nodes(shown)["/tree/x/object"].vertices, axis=0) == pytest.approx([2.0, 3.0, 0.0], abs=1e-5)
     for at in ("", "t.ply"):
