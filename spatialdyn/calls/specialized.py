@@ -41,6 +41,16 @@ def check_program(made: Specialized, what: str) -> Specialized:
     return made
 
 
+def recorded(request: SpecializeRequest, options: recording.ProgramOptions) -> recording.Recording:
+    """The program of a request and its layout, not compiled. Raises InertiaError if there is none."""
+    static = tuple(request.static.values())
+    try:
+        return derived.record(request.specs, request.model.bodies, static, options, request.dtype)
+    except ZeroDivisionError:
+        what = "a joint with zero articulated inertia in every state"
+        raise InertiaError(f'model "{request.model.name}" has {what}, expected none for a program') from None
+
+
 def of_request(
     request: SpecializeRequest, maker: Callable[..., Specialized], arguments: tuple[Any, ...]
 ) -> Specialized:
@@ -186,13 +196,7 @@ class Specialized:
         return self._record(self._request.options._replace(straight=True))
 
     def _record(self, options: recording.ProgramOptions) -> recording.Recording:
-        request = self._request
-        static = tuple(request.static.values())
-        try:
-            return derived.record(request.specs, request.model.bodies, static, options, request.dtype)
-        except ZeroDivisionError:
-            what = "a joint with zero articulated inertia in every state"
-            raise InertiaError(f'model "{request.model.name}" has {what}, expected none for a program') from None
+        return recorded(self._request, options)
 
     @property
     def program(self) -> Program:

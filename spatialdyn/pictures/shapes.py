@@ -139,14 +139,14 @@ def mesh_shapes(link: str, path: str, scale: Any) -> Geometry:
 
 
 def coal_shape(link: str, given: Any, color: Color) -> Shape | None:
-    """The shape of a box, cylinder, capsule, sphere, ellipsoid or triangles of coal, known by its attributes.
+    """The shape of a box, cylinder, cone, capsule, sphere, ellipsoid or triangles of coal, known by its attributes.
 
     None for another.
     """
     if hasattr(given, "halfSide"):
         return Shape(link, *box(2.0 * np.ravel(given.halfSide)), color)
     if hasattr(given, "halfLength") and hasattr(given, "radius"):
-        made = capsule if type(given).__name__ == "Capsule" else cylinder
+        made = {"Capsule": capsule, "Cone": cone}.get(type(given).__name__, cylinder)
         return Shape(link, *made(given.radius, 2.0 * given.halfLength), color)
     if hasattr(given, "radii"):
         vertices, faces = sphere(1.0)
@@ -223,6 +223,14 @@ def capsule(radius: float, length: float) -> tuple[Array, NDArray[np.int64]]:
     vertices = np.array(made.vertices)
     vertices[:, 2] -= 0.5 * (vertices[:, 2].min() + vertices[:, 2].max())
     return vertices, np.asarray(made.faces)
+
+
+def cone(radius: float, length: float) -> tuple[Array, NDArray[np.int64]]:
+    """Vertices and faces of a cone along z about the origin, its tip above, with a sharp rim."""
+    from trimesh import creation
+
+    made = creation.cone(radius, length, sections=32)
+    return creased(np.asarray(made.vertices) - (0.0, 0.0, 0.5 * length), np.asarray(made.faces))
 
 
 def sphere(radius: float) -> tuple[Array, NDArray[np.int64]]:

@@ -246,6 +246,15 @@ def test_an_appended_model_is_the_same(frame: str) -> None:
     assert_same_dynamics(mine, other)
 
 
+def test_a_name_in_place_of_an_index_or_a_joint_is_a_type_error() -> None:
+    for pin in (ours, theirs):
+        a, b = pin.buildSampleModelManipulator(), pin.buildModelFromXML(EVERY_JOINT)
+        with pytest.raises(TypeError):
+            pin.appendModel(a, b, "effector_body", pin.SE3.Identity())
+        with pytest.raises(TypeError):
+            pin.buildModelFromXML(EVERY_JOINT, "root_joint")
+
+
 def test_an_appended_geometry_is_the_same() -> None:
     coal, found = pytest.importorskip("coal"), []
     for pin in (ours, theirs):

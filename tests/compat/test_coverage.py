@@ -119,10 +119,11 @@ def test_what_only_objects_have_is_looked_up_too(name: str) -> None:
     assert entry(name).status == SUPPORTED
 
 
-@pytest.mark.parametrize("name", ["RobotWrapper.initFromSDF", "robot_wrapper.RobotWrapper.initFromSDF"])
-def test_members_out_of_scope_say_what_to_use_instead(name: str) -> None:
-    assert entry(name).status == OUT_OF_SCOPE
-    assert "URDF" in entry(name).note
+@pytest.mark.parametrize("member", ["setCompliance", "retrieveCompliance"])
+def test_members_out_of_scope_say_what_to_use_instead(member: str) -> None:
+    found = entry(f"RigidConstraintModel.{member}")
+    assert found.status == OUT_OF_SCOPE
+    assert found.note == face.RigidConstraintModel._instead[member]
 
 
 def test_differences_name_what_they_concern() -> None:

@@ -258,3 +258,69 @@ def test_a_robot_wrapper_is_drawn_and_played(tmp_path: Path) -> None:
         assert "/tree/target/object" in robot.viewer.server.scene._handle_from_node_name
     finally:
         robot.viz._stage.stop()
+
+
+# --- what clients call beside the tree --------------------------------------------------------------------
+
+
+def test_presets_of_the_camera_move_it(shown: Any) -> None:
+    shown.setCameraPreset("cam_ur5")
+    camera = shown._stage.server.initial_camera
+    assert np.asarray(camera.look_at).tolist() == shown.CAMERA_PRESETS["cam_ur5"][0] == [-1.0, 0.3, 0.0]
+    assert np.asarray(camera.position).tolist() == shown.CAMERA_PRESETS["cam_ur5"][1] == [-0.05, 1.5, 1.2]
+    with pytest.raises(RuntimeError, match=r"preset_key is 'moon', expected one of preset0, "):
+        shown.setCameraPreset("moon")
+
+
+def test_the_velocity_of_a_frame_is_drawn_as_a_line(shown: Any) -> None:
+    model, place = shown.model, pin.SE3(np.eye(3), np.array([0, 0, 1.0]))
+    frame = model.addFrame(pin.Frame("tip", 1, 0, place, pin.FrameType.OP_FRAME))
+    shown.rebuildData()
+    pin.forwardKinematics(model, shown.data, np.zeros(1), np.array([2.0]))
+    shown.drawFrameVelocities(frame, 0.5)
+    line = nodes(shown)[f"/tree/pinocchio/visuals/lines/ee_vel/{frame}/object"]
+    assert np.asarray(line.points) == pytest.approx(np.array([[[0, 0, 3.0], [1.0, 0, 3.0]]]))
+    assert np.unique(np.asarray(line.colors).reshape(-1, 3), axis=0).tolist() == [[0, 255, 0]]
+    assert shown.FRAME_VEL_COLOR == 0x00FF00
+
+
+def geometry_of_meshcat() -> Any:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of its own imports
+        return pytest.importorskip("meshcat.geometry")
+
+
+def test_shapes_of_coal_become_objects_of_meshcat(shown: Any) -> None:
+    coal, kinds = pytest.importorskip("coal"), geometry_of_meshcat()
+    for shape, size in ((coal.Box(1.0, 2.0, 3.0), [1, 2, 3]), (coal.Capsule(0.5, 1.0), [1, 1, 2])):
+        made = shown.loadPrimitive(pin.GeometryObject("x", 0, pin.SE3.Identity(), shape))
+        assert isinstance(made, kinds.TriangularMeshGeometry)
+        shown.viewer["x"].set_object(made)
+        assert np.ptp(nodes(shown)["/tree/x/object"].vertices, axis=0) == pytest.approx(size, abs=0.02)
+    empty = pin.GeometryObject("flat", 0, pin.SE3.Identity(), coal.Halfspace(np.array([0, 0, 1.0]), 0.0))
+    with pytest.warns(UserWarning, match="flat is a Halfspace, expected a shape with triangles"):
+        assert shown.loadPrimitive(empty) is None
+
+
+def test_mesh_files_become_objects_of_meshcat(shown: Any, tmp_path: Path) -> None:
+    coal, kinds = pytest.importorskip("coal"), geometry_of_meshcat()
+    path = tmp_path / "t.obj"
+    path.write_text("v 0 0 0\nv 2 0 0\nv 0 3 0\nf 1 2 3\n")
+    named = pin.GeometryObject("x", 0, pin.SE3.Identity(), coal.Sphere(1.0))
+    named.meshPath = str(path)
+    made = shown.loadMeshFromFile(named)
+    assert isinstance(made, kinds.MeshGeometry)
+    assert made.mesh_format == "obj"
+    shown.viewer["x"].set_object(made)
+    assert np.ptp(nodes(shown)["/tree/x/object"].vertices, axis=0) == pytest.approx([2.0, 3.0, 0.0], abs=1e-5)
+    for at in ("", "t.ply"):
+        named.meshPath = at
+        with pytest.warns(UserWarning, match=f"x has the mesh '{at}', expected .dae, .obj or .stl"):
+            assert shown.loadMeshFromFile(named) is None
+
+
+def test_without_meshcat_its_objects_are_refused(shown: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    coal = pytest.importorskip("coal")
+    monkeypatch.setitem(sys.modules, "meshcat.geometry", None)
+    with pytest.raises(NotImplementedError, match="loadPrimitive takes the package meshcat, which is not installed"):
+        shown.loadPrimitive(pin.GeometryObject("x", 0, pin.SE3.Identity(), coal.Sphere(1.0)))

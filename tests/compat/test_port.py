@@ -156,6 +156,7 @@ ALWAYS = {  # a call of each name that always raises
     "utils.mprint": lambda: face.utils.mprint(1),
     "Symmetric3.decomposeltI": lambda: face.Symmetric3.Identity().decomposeltI(),
     "RobotWrapper.BuildFromSDF": lambda: face.RobotWrapper.BuildFromSDF("a.sdf", []),
+    "RobotWrapper.initFromSDF": lambda: face.RobotWrapper().initFromSDF("a.sdf", []),
     "*Visualizer.create_video_ctx": lambda: visualize.MeshcatVisualizer().create_video_ctx("film").__enter__(),
 }
 

@@ -469,9 +469,7 @@ def test_what_has_no_derivative_is_named() -> None:
         sd.SimulationError, match="contacts acts in the scene, expected constant forces, constraints, s"
     ):
         sd.linearize(scene, q, v, tau)
-    with pytest.raises(
-        sd.SimulationError, match='method is "rk4" and contacts act, expected semi_implicit_euler'
-    ):
+    with pytest.raises(sd.SimulationError, match='method is "rk4" and contacts act, expected semi_implicit_euler'):
         sd.step_derivatives(scene, q, v, tau, DT, "rk4")
     four_bar = mechanisms.four_bar()
     held = sd.Scene(four_bar, constraints=mechanisms.pin_of(four_bar))

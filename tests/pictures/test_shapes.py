@@ -260,6 +260,15 @@ def test_units_of_collada_are_metres(tmp_path: Path) -> None:
     assert extent(small[0]) == pytest.approx(np.multiply(extent(whole[0]), 1e-3))
 
 
+def test_a_cone_has_its_tip_above() -> None:
+    cone = coal_shape("a", pytest.importorskip("coal").Cone(0.5, 2.0), (1.0, 1.0, 1.0, 1.0))
+    assert cone is not None
+    radius, z = np.hypot(*cone.vertices[:, :2].T), cone.vertices[:, 2]
+    np.testing.assert_allclose(radius[z > 0.0], 0.0, atol=1e-12)
+    np.testing.assert_allclose(z[radius > 0.0], -1.0, rtol=1e-12)
+    np.testing.assert_allclose(np.ptp(cone.vertices, axis=0), [1.0, 1.0, 2.0], rtol=1e-12)
+
+
 def test_sharp_edges_have_a_vertex_for_each_side_and_smooth_ones_share() -> None:
     can = coal_shape("a", type("Cylinder", (), {"radius": 1.0, "halfLength": 1.0}), (1.0, 1.0, 1.0, 1.0))
     ball = coal_shape("a", type("Sphere", (), {"radius": 1.0}), (1.0, 1.0, 1.0, 1.0))

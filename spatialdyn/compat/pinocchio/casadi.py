@@ -1,6 +1,7 @@
-"""``pinocchio.casadi``: the names that clients use, as expressions of CasADi, SX or MX, by ``spatialdyn.specialize``.
+"""``pinocchio.casadi``: the names that clients use, as expressions of CasADi, by programs of ``spatialdyn.specialize``.
 
-Numbers of a Model are constants. Derivatives are by entries of q: step quaternions and pairs by ``integrate``.
+Expressions are SX or MX; numbers of a Model are constants. Derivatives are by entries of q: step quaternions and
+pairs by ``integrate``.
 """
 
 from __future__ import annotations
@@ -10,7 +11,10 @@ from types import SimpleNamespace
 from typing import Any
 
 from ...calls import dynamics
-from ...calls.specialize import specialize
+from ...calls.exported import derivatives_of, exported
+from ...calls.specialize_request import read_request
+from ...calls.specialized import recorded
+from ...interop.casadi import to_casadi
 from ...interop.frameworks import framework
 from . import liegroups as _groups
 from .casadi_values import SE3, Force, Motion, exp3, exp3_quat, exp6, log3, log6, log6_quat, matrix
@@ -54,7 +58,11 @@ class StdVec_Force(list):  # type: ignore[type-arg]
 
 @lru_cache(maxsize=64)
 def _function(model: Any, call: str, forces: bool, jacobian: bool) -> Any:
-    return specialize(model, getattr(dynamics, call), inputs="fext" if forces else ()).to_casadi(jacobian=jacobian)
+    """A call as a function of CasADi: its program is recorded, and not compiled, which takes twice as long."""
+    given = "fext" if forces else ()
+    request = read_request(model, getattr(dynamics, call), float, {}, given, None, None, "local", False, None)
+    made = exported(request, recorded(request, request.options._replace(straight=True)), "c")
+    return to_casadi(made, derivatives_of(request, made) if jacobian else None)
 
 
 def _value(model: Model, call: str, *inputs: Any, forces: bool = False) -> Any:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from inspect import Parameter, Signature
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from .algorithms import calls, collisions, configuration, jacobians, kinematics
-from .coverage.coverage import Partial, refused
+from .coverage.coverage import refused
 from .data.data import library_of
 from .model.geometry import createDatas
 from .model.geometry_from_mjcf import buildModelsFromMJCF
@@ -23,7 +23,7 @@ from .visualize.visualizers import MeshcatVisualizer
 __all__ = ["RobotWrapper"]
 
 
-class RobotWrapper(Partial):
+class RobotWrapper:
     """A robot: ``RobotWrapper(model)`` or ``RobotWrapper.BuildFromURDF(filename, package_dirs, root_joint)``.
 
     model, data        a Model, one of Pinocchio's own class converted, and its Data; ``rebuildData`` makes a new Data
@@ -34,7 +34,6 @@ class RobotWrapper(Partial):
     Methods call the function that their docstring names, on the robot's model and data.
     """
 
-    _instead: ClassVar[dict[str, str]] = {"initFromSDF": "SDF is not read, expected BuildFromURDF or BuildFromMJCF"}
     nq = property(lambda self: self.model.nq, doc="Number of coordinates.")
     nv = property(lambda self: self.model.nv, doc="Number of velocities.")
 
@@ -65,7 +64,7 @@ class RobotWrapper(Partial):
         robot.initFromMJCF(filename, *arguments, **named)
         return robot
 
-    BuildFromSDF = refused("RobotWrapper.BuildFromSDF")
+    BuildFromSDF, initFromSDF = refused("RobotWrapper.BuildFromSDF"), refused("RobotWrapper.initFromSDF")
 
     def updateGeometryPlacements(self, q: Any = None, visual: bool = False) -> None:
         """Place the collision geometry, or the visual one, at q, or by ``data.oMi`` as it is."""

@@ -30,7 +30,7 @@ COLLISIONS = "computeCollisions, computeDistances, and the package coal itself"
 RAISES: tuple[tuple[str, str], ...] = (  # names that are there and raise on arguments that scripts usually pass
     ("utils.mprint", "always: print(numpy.array2string(M))"),
     ("Symmetric3.decomposeltI", "always: numpy.linalg.cholesky(S.matrix())"),
-    ("RobotWrapper.BuildFromSDF", "always: SDF is not read, BuildFromURDF or BuildFromMJCF"),
+    ("RobotWrapper.BuildFromSDF RobotWrapper.initFromSDF", "always: SDF is not read, BuildFromURDF or BuildFromMJCF"),
     ("buildGeomFromMJCF buildModel*MJCF RobotWrapper.BuildFromMJCF", "without the package mujoco"),
     (
         "computeCollision computeCollisions computeDistance computeDistances GeometryObject.CreateCapsule",

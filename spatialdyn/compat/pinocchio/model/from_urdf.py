@@ -55,7 +55,7 @@ def _build(source: Any, call: str, arguments: tuple[Any, ...], named: dict[str, 
     kinds = {"root_joint": JointModel, "root_joint_name": str, "model": Model, "mimic": bool}
     for value in arguments:  # positional arguments are told apart by type, in this order
         name = next((name for name, kind in kinds.items() if isinstance(value, kind)), None)
-        if name is None:
+        if name is None or (name == "root_joint_name" and given["root_joint"] is None):
             raise ArgumentError(f"{call} got {described(value)}, expected joint, name, Model or bool, in this order")
         given[name] = value
         for passed in list(kinds)[: list(kinds).index(name) + 1]:

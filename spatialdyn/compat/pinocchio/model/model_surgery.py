@@ -108,6 +108,8 @@ def _appended(modelA: Model, modelB: Model, frame_in_modelA: int, aMb: SE3) -> t
     expected(modelA, Model, "modelA")
     expected(modelB, Model, "modelB")
     expected(aMb, SE3, "aMb")
+    if not isinstance(frame_in_modelA, (int, np.integer)):
+        raise ArgumentError(f"frame_in_modelA is {described(frame_in_modelA)}, expected the index of a frame")
     if not 0 <= int(frame_in_modelA) < modelA.nframes:
         raise ModelError(f"frame index is {frame_in_modelA}, expected one from 0 to {modelA.nframes - 1}")
     _check_names(modelA, modelB)
