@@ -119,9 +119,9 @@ def model_of(m: Any, root_joint: JointModel | None = None, root_joint_name: str 
                 joints.insert(0, onto[joints[0].parent])
             frames[body] = _add_body(model, link, joints, frames[above], _of_freedoms(m, body))
         for site in np.flatnonzero(np.asarray(m.site_bodyid) == body).tolist():
-            at, link = model.frames[frames[body]], tree.site_of[site]
-            name = name_of(m, need_mujoco().mjtObj.mjOBJ_SITE, site) or link
-            model.addFrame(Frame(name, at.parentJoint, frames[body], at.placement * placed(onto[link]), OP_FRAME))
+            at, here = model.frames[frames[body]], tree.site_of[site]
+            name = name_of(m, need_mujoco().mjtObj.mjOBJ_SITE, site) or here
+            model.addFrame(Frame(name, at.parentJoint, frames[body], at.placement * placed(onto[here]), OP_FRAME))
     if root_joint is None:
         _add_configurations(m, model)
     return model
