@@ -471,6 +471,36 @@ def test_a_data_of_another_model_is_refused() -> None:
             ours.crba(other, model.createData(), np.zeros(1))
 
 
+@pytest.mark.parametrize("bound", [False, True])
+def test_what_follows_a_call_refuses_a_data_of_another_model(bound: bool) -> None:
+    """Its kernels would read and write behind arrays of the smaller model."""
+    model, small = biped(ours), ours.Model()
+    small.addJoint(0, ours.JointModelRX(), ours.SE3.Identity(), "only")
+    small.appendBodyToJoint(1, ours.Inertia.Random(), ours.SE3.Identity())
+    small.addJointFrame(1)
+    calls: list[Any] = [
+        lambda model, data: ours.cholesky.decompose(model, data),
+        lambda model, data: ours.cholesky.solve(model, data, np.ones(model.nv)),
+        lambda model, data: ours.getJacobianSubtreeCenterOfMass(model, data, model.njoints - 1),
+        lambda model, data: ours.computeFrameKinematicRegressor(model, data, model.nframes - 1, ours.LOCAL),
+        lambda model, data: ours.getFrameVelocityDerivatives(model, data, model.nframes - 1, ours.LOCAL),
+    ]
+    datas = []
+    for made_for in (model, small):
+        data, q = made_for.createData(), ours.neutral(made_for)
+        ours.computeForwardKinematicsDerivatives(made_for, data, q, *np.zeros((2, made_for.nv)))
+        ours.computeJointJacobians(made_for, data, q)
+        ours.crba(made_for, data, q)
+        ours.cholesky.decompose(made_for, data)
+        for call in calls if bound else ():
+            call(made_for, data)
+        datas.append(data)
+    for wrong, data in ((small, datas[0]), (model, datas[1])):
+        for call in calls:
+            with pytest.raises(ShapeError, match="data was made for a model of"):
+                call(wrong, data)
+
+
 def test_jacobians_have_to_be_computed_first() -> None:
     model = biped(ours)
     with pytest.raises(RuntimeError, match="computeJointJacobians to be called before"):

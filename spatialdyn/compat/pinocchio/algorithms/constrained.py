@@ -146,7 +146,7 @@ def _solve(
     library, (make, source, reads, recorded, _) = library_of(model, data), _BUILTINS[kind]
     f = solved(library.model, data.array("M"), r, J, gamma, mu)
     result = np.empty(0) if kind == BORDERED else before + f.x
-    run: Run = data.run_of(kind, model, library, result.shape)
+    run: Run = data.run_of(kind, library, result.shape)
     run.result[...], run.contact = result, f
     data.note_call(run)
     data.__dict__["_contact"] = f

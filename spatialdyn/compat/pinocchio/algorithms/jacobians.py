@@ -122,7 +122,7 @@ def _at(model: Model, data: Data, q: Any, index: Any, reference: Any, key: Any) 
     if code == ALIGNED:
         data.check_frames(model)
         data.hold("oMf")  # the frame is placed at the call, for its placement may be edited after it
-    run = data.run_of(KIND_BY_CODE[code], model, library)
+    run = data.run_of(KIND_BY_CODE[code], library)
     run.store_inputs(q)
     call = unavailable
     found = call_about_frame("frame_jacobian", Inputs(library, library.state, q), joint, placement, code)

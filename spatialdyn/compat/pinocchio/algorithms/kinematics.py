@@ -31,7 +31,7 @@ def updateGlobalPlacements(model: Model, data: Data) -> None:
     if source is None:
         data.put("oMi", out)
         return
-    run: Run = data.run_of("global_placements", model, library, X.shape)
+    run: Run = data.run_of("global_placements", library, X.shape)
     run.result[...] = out
     run.store_inputs(source.q)
     data.note_call(run)
@@ -58,7 +58,7 @@ def updateFramePlacements(model: Model, data: Data) -> None:
 def _place_frames(model: Model, data: Data) -> None:
     library, frames = library_of(model, data), frame_placements(model)
     data.check_frames(model)
-    run: Run = data.run_of("frames", model, library, (len(frames.joints), 4, 4))
+    run: Run = data.run_of("frames", library, (len(frames.joints), 4, 4))
     recorded_calls.compose_all(data.array("oMi"), frames.joints, frames.placements, run.result)
     data.note_call(run)
 

@@ -175,7 +175,7 @@ def constraintDynamics(
     every = data._runs["all"]
     J, gamma = system_of(every, pairs)
     solved = _solved(every, data.array("M"), tau - data.array("nle"), J, gamma, settings)
-    run = data.run_of("contacts", model, every.library, solved.x.shape)
+    run = data.run_of("contacts", every.library, solved.x.shape)
     run.result[...], run.contact = solved.x, solved
     _share(pairs, solved.force)
     data.note_call(run)

@@ -110,11 +110,8 @@ class Data(Stored, Registered, Copied):
         self._latest: dict[str, Run] = {}
         self._noted: Run | None = None
 
-    def run_of(self, name: str, model: Model, library: LibraryModel, shape: tuple[int, ...] | None = None) -> Run:
-        """The Run of a kind for this model, new if the model changed. Raises ShapeError for a model of another size."""
-        sizes = (model.nq, model.nv, model.njoints)
-        if sizes != self._sizes:
-            raise ShapeError(f"data was made for a model of (nq, nv, njoints) {self._sizes}, expected {sizes}")
+    def run_of(self, name: str, library: LibraryModel, shape: tuple[int, ...] | None = None) -> Run:
+        """The Run of a kind for the model that ``library_of`` checked, new if the model changed."""
         run: Run | None = self._runs.get(name)
         if run is None or run.library is not library or (shape is not None and run.result.shape != shape):
             stamp = 0 if run is None else run.stamp
@@ -124,6 +121,12 @@ class Data(Stored, Registered, Copied):
             self._sources.clear()
             run.hold(self._held, self._recompute)
         return run
+
+    def check_sizes(self, model: Model) -> None:
+        """Raise ShapeError if the data was made for a model of another size."""
+        sizes = (model.nq, model.nv, model.njoints)
+        if sizes != self._sizes:
+            raise ShapeError(f"data was made for a model of (nq, nv, njoints) {self._sizes}, expected {sizes}")
 
     def check_frames(self, model: Model) -> None:
         """Raise ShapeError if the data was made for a model of another number of frames."""
@@ -343,9 +346,13 @@ def _restored(model: Model, fields: dict[str, Array]) -> Data:
 
 
 def library_of(model: Model, data: Data) -> LibraryModel:
-    """The LibraryModel of a Model, both arguments checked. Raises ArgumentError for what is no Model or no Data."""
+    """The LibraryModel of a Model, both arguments checked.
+
+    Raises ArgumentError for what is no Model or no Data, ShapeError for data made for a model of another size.
+    """
     if not isinstance(model, Model):
         raise ArgumentError(f"model is {described(model)}, expected a Model")
     if not isinstance(data, Data):
         raise ArgumentError(f"data is {described(data)}, expected a Data")
+    data.check_sizes(model)
     return library_model(model)

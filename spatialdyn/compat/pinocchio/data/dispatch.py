@@ -74,7 +74,7 @@ def compute(model: Model, data: Data, kind: str, given: tuple[Any, ...], fext: A
     """
     library = library_of(model, data)
     entry = CALL_KINDS[kind]
-    run: Run = data.run_of(kind, model, library)
+    run: Run = data.run_of(kind, library)
     result = _by_builtin(run, given, fext)
     if result is None and entry.call and library.renew(entry.call, fext is not None):
         result = _by_builtin(run, given, fext)
