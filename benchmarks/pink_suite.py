@@ -4,7 +4,8 @@
 
 Prints how many tests pass under each, and the tests that pass under Pinocchio alone. The interpreter needs the
 requirements of pink's tests: pin, qpsolvers and its solvers, robot_descriptions (which clones robots into
-ROBOT_DESCRIPTIONS_CACHE), xacrodoc, loop-rate-limiters, pytest.
+ROBOT_DESCRIPTIONS_CACHE; without a network each test of a robot that is not there waits some seconds for it under
+both modules), xacrodoc, loop-rate-limiters, pytest.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ import xml.etree.ElementTree as ET
 from importlib import import_module
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from time import perf_counter
 
 OURS = "spatialdyn.compat.pinocchio"
 OPTIONS = ("-q", "-p", "no:cacheprovider", "--continue-on-collection-errors")  # of robots that are not there
@@ -36,8 +38,14 @@ def outcomes(folder: Path, ours: bool) -> dict[str, str]:
     with TemporaryDirectory() as where:
         report = Path(where) / "report.xml"
         command = [sys.executable, __file__, str(folder), "--run", "ours" if ours else "wheel", "--report", str(report)]
+        start = perf_counter()
         subprocess.run(command, cwd=folder, stdout=subprocess.DEVNULL, check=False)
-        cases = ET.parse(report).getroot().iter("testcase")
+        cases = [*ET.parse(report).getroot().iter("testcase")]
+        unreachable = sum("GitCommandError" in _said(x) for x in cases)
+        print(
+            f"{command[4]}: {len(cases)} tests in {perf_counter() - start:.0f} s, {unreachable} without a robot",
+            flush=True,
+        )
         return {f"{x.get('classname')}.{x.get('name')}": _said(x) for x in cases}
 
 
