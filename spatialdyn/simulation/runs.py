@@ -277,8 +277,9 @@ def _run(
             raise SpatialDynError(f"{name} is {literal(x)}, expected a finite number above 0")
     if progress is not False:
         check_progress(progress)
-    check_smooth_friction(scene, method.name, steps.dt)
-    check_springs(scene, method.name, q, steps.dt)
+    if scene.effects:
+        check_smooth_friction(scene, method.name, steps.dt)
+        check_springs(scene, method.name, q, steps.dt)
     inputs = _varying(scene, fext, steps.total)
     if control is not None:
         inputs = inputs._replace(feedback=Feedback.of(control, model, 1, steps.total))
@@ -290,8 +291,8 @@ def _run(
         warn_of_stiff_law(plan, control, (q, v), np.zeros((1, 1, model.nv)), steps.dt, 5)
     recorder.put(q, p if recorder.moves_p else v, np.full(model.nv, np.nan))  # its torque may never be computed
     try:
-        asked = torque_of(torque, model.nv, steps)
-        recorder.rows[2][0] = asked.at(0, 0.0, q, v)
+        asked = Torque(np.zeros((1, model.nv))) if torque is None else torque_of(torque, model.nv, steps)
+        recorder.rows[2][0] = 0.0 if torque is None else asked.at(0, 0.0, q, v)
         with nullcontext() if progress is False else reporting(progress, "simulate") as report:
             run_sample(plan, recorder, (q, v, p), asked, report, tolerances=tolerances)
     except KeyboardInterrupt as interrupt:

@@ -55,8 +55,6 @@ def torque_of(torque: Any, nv: int, steps: Steps) -> Torque:
 
     Raises ShapeError for an array of another shape, SimulationError, with the time, for a torque that is not finite.
     """
-    if torque is None:
-        return Torque(np.zeros((1, nv)))
     if not callable(torque):
         rows = as_array("torque", torque)
         if rows.shape not in ((nv,), (steps.total, nv)):

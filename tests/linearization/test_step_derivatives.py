@@ -604,7 +604,7 @@ def test_smooth_friction_in_continuous_time_is_the_chain_rule() -> None:
     bare, same = sd.linearize(sd.Scene(model, friction=False), q, v, np.add(rub, [0.3, 0.2]))
     np.testing.assert_allclose(A, bare + np.hstack([np.zeros((4, 2)), B @ slope]), rtol=0, atol=1e-8)
     np.testing.assert_allclose(B, same, rtol=0, atol=EXACT)
-    with pytest.raises(sd.SimulationError, match='method is "gauss4" and friction acts, expected one of semi_implicit'):
+    with pytest.raises(sd.SimulationError, match='method is "gauss4" and friction acts, expected semi_implicit_euler'):
         sd.step_derivatives(sd.Scene(model, friction=friction), q, v, [0.3, 0.2], 0.01, "gauss4")
 
 

@@ -517,7 +517,7 @@ def test_a_start_in_the_ground_or_beyond_a_limit_is_named_with_its_depth(robot: 
 @pytest.mark.parametrize(
     ("changes", "error", "words"),
     [
-        ({"method": "rk4"}, sd.SimulationError, 'method is "rk4" and contacts act, expected one of semi_'),
+        ({"method": "rk4"}, sd.SimulationError, 'method is "rk4" and contacts act, expected semi_implicit_euler'),
         (
             {"method": "rk4", "contacts": None, "limits": True},
             sd.SimulationError,

@@ -220,7 +220,7 @@ def test_a_number_may_be_a_truth_and_another_function_may_answer() -> None:
 def test_inputs_may_stand_at_addresses_and_be_recorded() -> None:
     x, memory, stamp, now = np.arange(3.0), np.zeros(4), np.zeros(2, np.int64), np.zeros(1)
     routine = Routine(_twice, {"x": ("n",), "s": ()}, ("n",))
-    held = routine.bind({"n": 3}, x, places={"x": x.ctypes.data, "s": x[1:].ctypes.data})
+    held = routine.bind({"n": 3, "x": x, "s": x[1:]})
     words = {"clock": stamp.ctypes.data, "time": stamp[1:].ctypes.data, "memory": memory.ctypes.data}
     words |= {"now": now.ctypes.data, "then": x.ctypes.data, "bytes": 8, "count": 2}  # the result is not recorded
     noted = routine.bind({"n": 3}, x, memory, stamp, now, record=single_call.record(**words))
