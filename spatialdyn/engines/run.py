@@ -260,7 +260,8 @@ def _run_table_kernel(
     """As ``run_table_kernel``, for samples of any kind."""
     core, rows = _core(spec, table, hashable(static)), getattr(table, numba_kernels.TABLE)
     reduced = mimic_batches.reduced(table)
-    kernel = _kernel(spec, len(out) if at is None else len(at)) if reduced is None else None
+    any_norm = bool(table.bodies[0]["kind"] == ANY_NORM)
+    kernel = _kernel(spec, len(out) if at is None else len(at), any_norm) if reduced is None else None
 
     def compute(here: slice, given: Arrays, flat: NDArray[np.float64], status: NDArray[np.int8]) -> None:
         results = flat.reshape((len(flat), *core))
@@ -299,13 +300,15 @@ def _compile_kernel(spec: Spec) -> None:
         _kernel(spec, MANY_ALONE)
 
 
-def _kernel(spec: Spec, count: int) -> Callable[..., int] | None:
-    """The table kernel of batches; None for few samples of a recursion that still runs in plain Python."""
-    if lane_names.fits(spec):
+def _kernel(spec: Spec, count: int, any_norm: bool = False) -> Callable[..., int] | None:
+    """The table kernel of batches; None for few samples of a recursion that still runs in plain Python: one that
+    branches on values, as all do where quaternions may have any norm.
+    """
+    if lane_names.fits(spec) and not any_norm:
         made = lane_batches.batches(spec)
         made.prepare(count)
         return made
-    if spec.traceable or numba_kernels.PLAIN:
+    if (spec.traceable and not any_norm) or numba_kernels.PLAIN:
         return numba_kernels.batch_kernel(spec)
     tier = tiers.table_kernel(spec)
     return tier.batches if count >= MANY_ALONE or tier.code() is not None else None

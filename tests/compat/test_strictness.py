@@ -16,6 +16,7 @@ from slow import slow_but
 
 import spatialdyn as sd
 import spatialdyn.compat.pinocchio as ours
+from spatialdyn.engines.compiled import lane_batches, numba_kernels
 
 theirs = pytest.importorskip("pinocchio")
 
@@ -117,6 +118,19 @@ def test_calls_off_the_unit_norm_give_what_the_wheel_gives(call: str) -> None:
         assert scaled(x, y) <= CHAIN
         if "(m, d, q" in call and "Jacobian(" not in call:  # Pinocchio places only the joints that carry the frame
             assert scaled(data.liMi, peer.liMi) <= CHAIN
+
+
+@pytest.mark.skipif(numba_kernels.PLAIN, reason="NUMBA_DISABLE_JIT: nothing is compiled")
+@pytest.mark.parametrize("call", ["rnea(m, d, q, v, a)", "aba(m, d, q, v, a)", "jacobianCenterOfMass(m, d, q)"])
+def test_the_first_calls_off_the_unit_norm_wait_for_no_compiler(call: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    def compiles(*arguments: Any, **named: Any) -> Any:
+        raise AssertionError(arguments)
+
+    monkeypatch.setattr(numba_kernels, "batch_kernel", compiles)
+    monkeypatch.setattr(lane_batches, "batches", compiles)
+    mine, other = pairs("FreeFlyer", "RX")
+    given = inputs(other, 0)
+    assert scaled(answer(ours, mine, call, given)[0], answer(theirs, other, call, given)[0]) <= CHAIN
 
 
 def test_places_and_motions_off_the_unit_norm_are_the_wheels() -> None:
