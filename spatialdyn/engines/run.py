@@ -260,7 +260,7 @@ def _run_table_kernel(
     """As ``run_table_kernel``, for samples of any kind."""
     core, rows = _core(spec, table, hashable(static)), getattr(table, numba_kernels.TABLE)
     reduced = mimic_batches.reduced(table)
-    kernel = _kernel(spec, len(out) if at is None else len(at)) if reduced is None else None
+    kernel = _kernel(spec, len(out) if at is None else len(at), table) if reduced is None else None
 
     def compute(here: slice, given: Arrays, flat: NDArray[np.float64], status: NDArray[np.int8]) -> None:
         results = flat.reshape((len(flat), *core))
@@ -280,7 +280,7 @@ def _run_kernel(
     status: NDArray[np.int8],
 ) -> None:  # fmt: skip
     """A ``mimic_batches.Run``."""
-    _share(_kernel(spec, len(out)), getattr(table, numba_kernels.TABLE), inputs, static, out, status)
+    _share(_kernel(spec, len(out), table), getattr(table, numba_kernels.TABLE), inputs, static, out, status)
 
 
 def compile_table_kernel(spec: Spec, table: Table, static: tuple[Any, ...] = ()) -> None:
@@ -299,9 +299,12 @@ def _compile_kernel(spec: Spec) -> None:
         _kernel(spec, MANY_ALONE)
 
 
-def _kernel(spec: Spec, count: int) -> Callable[..., int] | None:
-    """The table kernel of batches; None for few samples of a recursion that still runs in plain Python."""
-    if lane_names.fits(spec):
+def _kernel(spec: Spec, count: int, table: Table | None = None) -> Callable[..., int] | None:
+    """The table kernel of batches on a table; None for few samples of a recursion that still runs in plain Python.
+
+    The kernel on lanes refuses tables of ANY_NORM.
+    """
+    if table is not None and lane_names.fits(spec) and table.bodies[0]["kind"] != ANY_NORM:
         made = lane_batches.batches(spec)
         made.prepare(count)
         return made
