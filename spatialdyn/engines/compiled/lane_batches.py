@@ -49,14 +49,11 @@ class LaneBatches(Tier):
     def _is_stored(self, *arguments: Any) -> bool:
         return lane_kernels.is_stored(self._spec, self._width, self._edited)
 
-    @property
-    def pays(self) -> bool:
-        """Whether to compile the kernel on lanes now: also if the batch would else compile that of one sample."""
-        return super().pays or not (self._has_one or self._one_at_hand())
-
     def prepare(self, count: int) -> None:
         """Load or compile the kernel for a batch of ``count`` samples, on the calling thread."""
         many = 2 * count > self._width
+        if many and self._code is None and not (self._has_one or self._one_at_hand()):
+            self.spend(self.compile_seconds)  # to compile the kernel of one sample
         if (self.code() if many else self._code) is None or (not many and self._few.pays):
             self._one()
 
