@@ -15,8 +15,8 @@ import numpy as np
 
 from ...recursions.spec import Spec
 from ..compile_clock import CompileClock
-from . import lane_kernels, lane_names, numba_kernels
-from .tiers import Tier
+from . import disk_cache, lane_kernels, lane_names, numba_kernels
+from .tiers import Tier, is_stored
 
 COMPILE_SECONDS = 6.0  # expected time to compile a kernel on lanes, or of one sample
 
@@ -61,7 +61,7 @@ class LaneBatches(Tier):
         """Whether the kernel of one sample is in memory or on disk."""
         if self._edited:
             return lane_kernels.is_stored(self._spec, 1, edited=True)
-        return numba_kernels.is_made(self._spec) or numba_kernels.is_stored(self._spec)
+        return numba_kernels.is_made(self._spec) or one_is_stored(self._spec)
 
     def _one(self) -> Callable[..., int]:
         """The kernel of one sample at a time."""
@@ -118,3 +118,12 @@ def _batches(spec: Spec, width: int, edited: bool) -> LaneBatches:
 def batches(spec: Spec, width: int | None = None, edited: bool = False) -> LaneBatches:
     """The LaneBatches of a call, by default on all lanes of a vector."""
     return _batches(spec, width or lane_names.width(), edited)
+
+
+def one_is_stored(spec: Spec) -> bool:
+    """Whether the compiled ``sample_kernel`` of a call on lanes is on disk."""
+    from . import jit
+
+    if disk_cache.folder() is None:
+        return False
+    return is_stored(jit.numba_jit(numba_kernels.sample_source(spec), contract=False), numba_kernels.signature(spec))

@@ -248,10 +248,10 @@ def sample_kernel(spec: Spec) -> Callable[..., int]:
         from . import jit
 
         contract = not lane_names.fits(spec)
-        return jit.compile_signature(_sample_source(spec), signature(spec), keep=names(spec), contract=contract)
+        return jit.compile_signature(sample_source(spec), signature(spec), keep=names(spec), contract=contract)
 
 
-def _sample_source(spec: Spec) -> Callable[..., int]:
+def sample_source(spec: Spec) -> Callable[..., int]:
     """The Python function of a ``sample_kernel``."""
     on_lanes = lane_names.fits(spec)
     parameters = ["table", *(x.name for x in spec.present), spec.output.name]
@@ -283,16 +283,6 @@ def plain_kernel(spec: Spec) -> Callable[..., int]:
 def is_made(spec: Spec) -> bool:
     """Whether the ``batch_kernel`` of a call is in memory."""
     return spec in _made
-
-
-def is_stored(spec: Spec) -> bool:
-    """Whether the compiled ``sample_kernel`` of a call is on disk."""
-    from . import jit, tiers
-
-    if disk_cache.folder() is None or not names(spec):
-        return False
-    jitted = jit.numba_jit(_sample_source(spec), contract=not lane_names.fits(spec))
-    return tiers.is_stored(jitted, signature(spec))
 
 
 @cache

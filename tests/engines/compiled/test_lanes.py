@@ -243,7 +243,8 @@ def test_a_first_batch_compiles_the_kernel_on_lanes_alone(monkeypatch: pytest.Mo
     lanes = lane_kernels.kernel(spec, lane_names.width())
     asked: list[str] = []
     monkeypatch.setattr(numba_kernels, "is_made", lambda spec: False)
-    monkeypatch.setattr(numba_kernels, "is_stored", lambda spec: False)
+    monkeypatch.setattr(lane_batches, "one_is_stored", lambda spec: False)
+    monkeypatch.setattr(lane_kernels, "is_stored", lambda spec, width, edited: False)
     monkeypatch.setattr(numba_kernels, "batch_kernel", lambda spec: asked.append("one") or one)
     monkeypatch.setattr(lane_kernels, "kernel", lambda spec, width, edited: asked.append("lanes") or lanes)
     given = [x[:1].copy() for x in inputs(spec, model(0), 0)]
@@ -267,9 +268,9 @@ def test_a_first_batch_compiles_the_kernel_on_lanes_alone(monkeypatch: pytest.Mo
 def test_the_disk_holds_the_kernel_of_one_sample(monkeypatch: pytest.MonkeyPatch, tmp_path: Any) -> None:
     spec = numba_kernels.variant(SPECS["generalized_gravity"], ())
     numba_kernels.sample_kernel.__wrapped__(spec)
-    assert numba_kernels.is_stored(spec)
+    assert lane_batches.one_is_stored(spec)
     monkeypatch.setenv("SPATIALDYN_CACHE_DIR", str(tmp_path))
-    assert not numba_kernels.is_stored(spec)
+    assert not lane_batches.one_is_stored(spec)
 
 
 def test_results_larger_than_the_caches_are_left_to_one_sample() -> None:
