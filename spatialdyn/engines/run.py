@@ -260,8 +260,7 @@ def _run_table_kernel(
     """As ``run_table_kernel``, for samples of any kind."""
     core, rows = _core(spec, table, hashable(static)), getattr(table, numba_kernels.TABLE)
     reduced = mimic_batches.reduced(table)
-    any_norm = bool(table.bodies[0]["kind"] == ANY_NORM)
-    kernel = _kernel(spec, len(out) if at is None else len(at), any_norm) if reduced is None else None
+    kernel = _kernel(spec, len(out) if at is None else len(at), table) if reduced is None else None
 
     def compute(here: slice, given: Arrays, flat: NDArray[np.float64], status: NDArray[np.int8]) -> None:
         results = flat.reshape((len(flat), *core))
@@ -281,7 +280,9 @@ def _run_kernel(
     status: NDArray[np.int8],
 ) -> None:  # fmt: skip
     """A ``mimic_batches.Run``."""
-    _share(_kernel(spec, len(out)), getattr(table, numba_kernels.TABLE), inputs, static, out, status)
+    _share(
+        _kernel(spec, len(out), table, alone=False), getattr(table, numba_kernels.TABLE), inputs, static, out, status
+    )
 
 
 def compile_table_kernel(spec: Spec, table: Table, static: tuple[Any, ...] = ()) -> None:
@@ -300,15 +301,18 @@ def _compile_kernel(spec: Spec) -> None:
         _kernel(spec, MANY_ALONE)
 
 
-def _kernel(spec: Spec, count: int, any_norm: bool = False) -> Callable[..., int] | None:
-    """The table kernel of batches; None for few samples of a recursion that still runs in plain Python: one that
-    branches on values, as all do where quaternions may have any norm.
+def _kernel(spec: Spec, count: int, table: Table | None = None, alone: bool = True) -> Callable[..., int] | None:
+    """The table kernel of batches on a table; None for few samples of a recursion that still runs in plain Python: one
+    that branches on values, as all do on tables of ANY_NORM, which the kernel on lanes refuses.
+
+    alone  whether the caller can run one sample at a time
     """
-    if lane_names.fits(spec) and not any_norm:
+    any_norm = table is not None and table.bodies[0]["kind"] == ANY_NORM
+    if table is not None and lane_names.fits(spec) and not any_norm:
         made = lane_batches.batches(spec)
         made.prepare(count)
         return made
-    if (spec.traceable and not any_norm) or numba_kernels.PLAIN:
+    if (spec.traceable and not (any_norm and alone)) or numba_kernels.PLAIN:
         return numba_kernels.batch_kernel(spec)
     tier = tiers.table_kernel(spec)
     return tier.batches if count >= MANY_ALONE or tier.code() is not None else None
@@ -322,7 +326,7 @@ def _one_by_one(
     known = dict(zip((x.name for x in spec.present if x.static), static, strict=True))
     for k in range(len(out)):
         given = (x[k] if len(x) == len(out) else x[0] for x in inputs)
-        values = known | {x.name: y if x.shape else float(y) for x, y in zip(varying, given, strict=True)}
+        values = known | {x.name: y if x.shape else y.item() for x, y in zip(varying, given, strict=True)}
         status[k] = kernel(rows, *(values[x.name] for x in spec.present), out[k])
 
 

@@ -16,7 +16,7 @@ from slow import slow_but
 
 import spatialdyn as sd
 import spatialdyn.compat.pinocchio as ours
-from spatialdyn.engines.compiled import lane_batches, numba_kernels
+from spatialdyn.engines.compiled import jit, numba_kernels, tiers
 
 theirs = pytest.importorskip("pinocchio")
 
@@ -126,8 +126,8 @@ def test_the_first_calls_off_the_unit_norm_wait_for_no_compiler(call: str, monke
     def compiles(*arguments: Any, **named: Any) -> Any:
         raise AssertionError(arguments)
 
-    monkeypatch.setattr(numba_kernels, "batch_kernel", compiles)
-    monkeypatch.setattr(lane_batches, "batches", compiles)
+    monkeypatch.setattr(jit, "compile_signature", compiles)
+    monkeypatch.setattr(tiers.TableKernel, "code", lambda *given: None)  # as with an empty cache
     mine, other = pairs("FreeFlyer", "RX")
     given = inputs(other, 0)
     assert scaled(answer(ours, mine, call, given)[0], answer(theirs, other, call, given)[0]) <= CHAIN

@@ -247,13 +247,18 @@ def sample_kernel(spec: Spec) -> Callable[..., int]:
     with compiling(spec):  # a fork waits for the import too
         from . import jit
 
-        on_lanes = lane_names.fits(spec)
-        parameters = ["table", *(x.name for x in spec.present), spec.output.name]
-        inside = statements(spec, lambda status: f"return {status}", on_lanes=on_lanes)
-        body = ["bodies = table_at(table)", *inside, f"return {OK}"]
-        known = scope(spec) | (lane_names.known(spec, 1) if on_lanes else {})
-        function = kernel_from_text(label(spec), parameters, body, known)
-        return jit.compile_signature(function, signature(spec), keep=names(spec), contract=not on_lanes)
+        contract = not lane_names.fits(spec)
+        return jit.compile_signature(sample_source(spec), signature(spec), keep=names(spec), contract=contract)
+
+
+def sample_source(spec: Spec) -> Callable[..., int]:
+    """The Python function of a ``sample_kernel``."""
+    on_lanes = lane_names.fits(spec)
+    parameters = ["table", *(x.name for x in spec.present), spec.output.name]
+    inside = statements(spec, lambda status: f"return {status}", on_lanes=on_lanes)
+    body = ["bodies = table_at(table)", *inside, f"return {OK}"]
+    known = scope(spec) | (lane_names.known(spec, 1) if on_lanes else {})
+    return kernel_from_text(label(spec), parameters, body, known)
 
 
 def signature(spec: Spec) -> tuple[Any, ...]:

@@ -221,6 +221,7 @@ def test_one_sample_answers_until_compiling_pays(monkeypatch: pytest.MonkeyPatch
     asked: list[int] = []
     monkeypatch.setattr(lane_kernels, "is_stored", lambda spec, width, edited: False)
     monkeypatch.setattr(lane_kernels, "kernel", lambda spec, width, edited: asked.append(width) or (lambda *given: 0))
+    numba_kernels.batch_kernel(spec)
     tiers = lane_batches.LaneBatches(spec, lane_names.width())
     given = inputs(spec, model(0), 0)
     tiers.prepare(COUNT)
@@ -233,6 +234,43 @@ def test_one_sample_answers_until_compiling_pays(monkeypatch: pytest.MonkeyPatch
     assert not asked  # one sample has no use for lanes
     tiers.prepare(COUNT)
     assert asked == [lane_names.width()]
+
+
+def test_a_first_batch_compiles_the_kernel_on_lanes_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One sample runs on lanes too, until the kernel of one sample pays."""
+    spec = numba_kernels.variant(SPECS["generalized_gravity"], ())
+    one = numba_kernels.batch_kernel(spec)
+    lanes = lane_kernels.kernel(spec, lane_names.width())
+    asked: list[str] = []
+    monkeypatch.setattr(numba_kernels, "is_made", lambda spec: False)
+    monkeypatch.setattr(lane_batches, "one_is_stored", lambda spec: False)
+    monkeypatch.setattr(lane_kernels, "is_stored", lambda spec, width, edited: False)
+    monkeypatch.setattr(numba_kernels, "batch_kernel", lambda spec: asked.append("one") or one)
+    monkeypatch.setattr(lane_kernels, "kernel", lambda spec, width, edited: asked.append("lanes") or lanes)
+    given = [x[:1].copy() for x in inputs(spec, model(0), 0)]
+    alone, status, wanted = np.empty((1, model(0).nv)), np.empty(1, np.int8), np.empty((1, model(0).nv))
+    one(model(0).address, 1, *(y for x in given for y in (x, 1)), wanted, status)
+    batches = lane_batches.LaneBatches(spec, lane_names.width())
+    batches.prepare(COUNT)
+    for _ in range(2):
+        batches.prepare(1)
+        assert batches(model(0).address, 1, *(y for x in given for y in (x, 1)), alone, status) == 0
+        np.testing.assert_array_equal(alone, wanted)
+    assert asked == ["lanes"]
+    batches._few.spend(lane_batches.COMPILE_SECONDS)
+    batches.prepare(1)
+    assert asked == ["lanes", "one"]
+    first = lane_batches.LaneBatches(spec, lane_names.width())
+    first.prepare(1)
+    assert asked == ["lanes", "one", "one"]  # one sample does not wait for lanes
+
+
+def test_the_disk_holds_the_kernel_of_one_sample(monkeypatch: pytest.MonkeyPatch, tmp_path: Any) -> None:
+    spec = numba_kernels.variant(SPECS["generalized_gravity"], ())
+    numba_kernels.sample_kernel.__wrapped__(spec)
+    assert lane_batches.one_is_stored(spec)
+    monkeypatch.setenv("SPATIALDYN_CACHE_DIR", str(tmp_path))
+    assert not lane_batches.one_is_stored(spec)
 
 
 def test_results_larger_than_the_caches_are_left_to_one_sample() -> None:
