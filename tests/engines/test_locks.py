@@ -88,9 +88,10 @@ def test_a_child_forked_beside_a_compiling_thread_goes_on(way: str, samples: int
     command = [sys.executable, "-c", SCRIPT, way, str(samples), known]
     running = subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True, start_new_session=True)
     try:
-        _, said = running.communicate(timeout=120.0)
+        _, said = running.communicate(timeout=300.0)
     except subprocess.TimeoutExpired:
         os.killpg(running.pid, signal.SIGKILL)  # the child that hangs too
+        running.communicate()
         raise
     assert not running.returncode, said
 
