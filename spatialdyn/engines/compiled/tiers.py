@@ -2,8 +2,8 @@
 
 Numba takes a second or more to compile a function, and a new process with an empty cache calls dozens of functions. So
 the source runs in plain Python first. It is compiled when that pays (``compile_clock``), or loaded at once if its
-compiled code is on disk. LLVM must not fuse a product and a sum of such a function
-(``contract``). So compiled code rounds as plain Python does, and earlier calls change only the time of a call.
+compiled code is on disk. LLVM must not fuse a product and a sum of such a function (``contract``). So compiled code
+rounds as plain Python does, and earlier calls change only the time of a call.
 
 Compiled code reads memory by address, plain Python by ``ctypes``: ``memory`` has functions for both.
 """

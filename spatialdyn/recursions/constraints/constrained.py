@@ -274,7 +274,7 @@ def hold_rows(
 
 @inline
 def add_impulses(L: Matrix, Y: Matrix, force: Vector, w: Vector) -> None:
-    """W + D⁻¹ Yᵀ λ in place."""
+    """Add D⁻¹ Yᵀ λ to w in place, λ = force."""
     for i in range(len(w)):
         push = 0.0
         for k in range(len(force)):

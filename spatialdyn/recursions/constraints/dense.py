@@ -109,7 +109,7 @@ def quotient(x: Scalar, y: Scalar) -> Scalar:
 
 @inline
 def add_product(s: Scalar, A: Matrix, x: Vector, k: int) -> Scalar:
-    """S + A_k x, of row k."""
+    """The sum s + A_k x, of row k."""
     for i in range(len(x)):
         s = s + A[k, i] * x[i]
     return s
