@@ -31,6 +31,7 @@ def of_model(spec: Spec, model: Model, static: tuple[Any, ...], there: tuple[boo
     varying = [x for x in spec.present if not x.static]
     given = [x for x, has in zip(varying, there, strict=True) if has]
     lacks = any(not (has or x.optional) for x, has in zip(varying, there, strict=True))  # a required input
+
     def checked(*values: Any) -> Any:
         left = iter(values)
         return checked_call(spec, model, tuple(next(left) if has else None for has in there), static, None)
