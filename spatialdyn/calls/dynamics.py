@@ -1,8 +1,8 @@
 """The public calls, one for each Spec of ``recursions.SPECS``: ``rnea(model, q, v, a, fext=None, out=None)``.
 
 A call of one sample of float64 arrays is answered by a builtin (``engines.programs.run.single_call``), which checks
-them and runs the model's program. Everything else (batches, lists, other dtypes, bad input, a model's first call,
-models without a program) goes through ``checked_call``.
+them and runs the model's program, or the compiled table kernel of a model without a program. Everything else (batches,
+lists, other dtypes, bad input, a model's first call) goes through ``checked_call``.
 """
 
 from __future__ import annotations
