@@ -168,22 +168,22 @@ def _pairs(table: Table) -> int:
 def single(spec: Spec, table: Table, static: tuple[Any, ...], found: CallProgram | None) -> Single | None:
     """What a plan of ``single_call`` runs for one sample: the program, or else the table kernel of one sample.
 
-    Returns None if the table kernel does not apply, or is not compiled. Its bits are those of batches.
+    Returns None if the table kernel does not apply, or is not in memory. Its bits are those of batches.
     """
     if found is not None:
         return Single(*found.program.single())
     if numba_kernels.PLAIN or len(table.bodies) == 1 or spec.large or mimic_batches.reduced(table) is not None:
         return None
     if not spec.traceable or table.bodies[0]["kind"] == ANY_NORM:
+        if not tiers.table_kernel(spec).is_made:
+            return None
         made: entries.CompiledEntry = entries.table_entry(spec)
-        compiled = tiers.table_kernel(spec).code() is not None
-    elif lane_names.fits(spec):
-        made, compiled = entries.sample_entry(spec), numba_kernels.is_made(spec)
+    elif numba_kernels.is_made(spec) and lane_names.fits(spec):
+        made = entries.sample_entry(spec)
     else:
         return None
-    if compiled:
-        made.spend(CHECKS_SECONDS)
-    if (made.called and not compiled) or made.code() is None:
+    made.spend(CHECKS_SECONDS)
+    if made.code() is None:
         return None
     static = tuple(np.ascontiguousarray(x) if isinstance(x, np.ndarray) else x for x in static)
     context = entries.context_of(table, static)

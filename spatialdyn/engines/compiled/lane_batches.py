@@ -39,11 +39,6 @@ class LaneBatches(Tier):
         self._few, self._has_one = _OneSample(), False
         self._looked_for_one = False
 
-    @property
-    def is_made(self) -> bool:
-        """Whether the kernel on lanes is in memory."""
-        return self._code is not None
-
     def _compile(self) -> Callable[..., int]:
         return lane_kernels.kernel(self._spec, self._width, self._edited)
 
