@@ -1,13 +1,15 @@
 """Chains of rods: time of a call against the number of joints, one engine at a time, and the slopes.
 
 As a script: chains and trees of mixed joints. Prints nanoseconds of CPU time per row of a sample (crba: per entry of M
-that is not zero) of the kernel of one sample, of the kernel on lanes, of the public call with its engine, and of
-Pinocchio from Python; how many times faster than the first and the last the public call is; and the step from the row
-before. Results are compared with Pinocchio's before they are timed.
+that is not zero) of the kernel of one sample, of the kernel on lanes, of the public call with its engine, of Pinocchio
+from Python, and of a public call of one sample from Python; how many times faster than the kernel of one sample and
+than Pinocchio the public call is, for a batch and for one sample; and the steps of both from the row before. Results
+are compared with Pinocchio's before they are timed.
 
 With --crossover: the kernel on lanes beside the program of the call, compiled for each length however long it is, with
 the processor seconds of compiling it and the samples of batches after which it has saved them, with no disk cache
-(``SPATIALDYN_CACHE_DIR=``). They set ``recording.most_rows``.
+(``SPATIALDYN_CACHE_DIR=``). They set ``recording.most_rows``. The same of single calls: the kernel of one sample, the
+program interpreted and compiled.
 """
 
 from __future__ import annotations
@@ -27,7 +29,9 @@ from tables import number, plain
 
 import spatialdyn as sd
 from spatialdyn.engines import run
-from spatialdyn.engines.compiled import lane_kernels, lane_names, numba_kernels
+from spatialdyn.engines.compiled import entries, lane_kernels, lane_names, numba_kernels
+from spatialdyn.engines.programs.llvm.call_words import ARRAY
+from spatialdyn.engines.programs.run import single_call
 from spatialdyn.engines.programs.run.tiered_program import TieredProgram
 from spatialdyn.recursions import SPECS
 
@@ -40,6 +44,7 @@ MIXED = (60, 100, 150, 300, 600, 1000)  # joints of chains and trees of mixed jo
 KINDS = "revolute", "prismatic", "continuous", "spherical"
 MIXED_SAMPLES, MOST_NUMBERS = 512, 1 << 24  # samples of a batch, but no more than so many results beyond 8 samples
 DIFFERENT = {"rnea": 1e-12, "crba": 1e-12, "aba": 1e-6}  # of lanes and programs, by the largest entry; M of long chains
+ALONE = ("pinocchio", "single")  # ways that compute one sample
 ROD = (1.0, (0.0, 0.0, 0.5), np.diag([1 / 12, 1 / 12, 1e-3]))
 
 
@@ -66,7 +71,7 @@ def theirs(n: int) -> Any:
 def measured(rounds: int, tell: Any) -> dict[str, Any]:
     """Microseconds of one call, and per sample of a batch; ``slope`` of log time over log n from FROM joints on.
 
-    untraced   one public call from Python, in the table kernel
+    untraced   one public call from Python, compiled: by the program or the table kernel
     batch      per sample of a batch of the public call, in the engine that ``batch_engine`` names for each length
     pinocchio  one call from Python, of chains whose Data fits into memory
     """
@@ -94,6 +99,7 @@ def _of_length(n: int, model: sd.Model, rounds: int) -> dict[str, dict[str, floa
         call, function = getattr(sd, name), getattr(pin, name)
         arguments = [state[letter] for letter in letters]
         one = [np.array(x[0]) for x in arguments]
+        sd.compile(model, call)  # once for all models where there is no program
         runs = {"untraced": lambda call=call, one=one: call(model, *one)}
         if other is not None:
             runs["pinocchio"] = lambda function=function, one=one: function(other, data, *one)
@@ -103,7 +109,6 @@ def _of_length(n: int, model: sd.Model, rounds: int) -> dict[str, dict[str, floa
         if name != "crba":  # 4 GB of M at 1000 joints
             sd.set_num_threads(1)
             out = aligned((SAMPLES, n))
-            sd.compile(model, call)  # once for all models where there is no program
             call(model, *arguments, out=out)
             error = abs(out[0] - runs["untraced"]()).max() / abs(out[0]).max()
             assert error <= SCALED, f"chain of {n}, {name}: a sample of a batch differs by {error:.1e} from it alone"
@@ -156,7 +161,7 @@ def mixed(n: int, branching: float) -> Pair:
 
 
 def ways_of(pair: Pair, call: str) -> tuple[dict[str, Callable[[], Any]], int, str]:
-    """Functions that compute a batch, or with Pinocchio a sample; the samples; and the engine of the public call."""
+    """Functions that compute a batch, in ALONE a sample; the samples; and the engine of the public call."""
     model, other = pair
     wide = model.nv ** (1 + (call == "crba"))
     count = max(8, min(MIXED_SAMPLES, MOST_NUMBERS // wide))
@@ -173,16 +178,19 @@ def ways_of(pair: Pair, call: str) -> tuple[dict[str, Callable[[], Any]], int, s
     public = getattr(sd, call)
     sd.compile(model, public)
     found["call"] = lambda: public(model, *arguments, out=outs["call"])
+    first = [np.array(x[0]) for x in arguments]
+    found["single"] = lambda: public(model, *first)
     if found["lanes"]() < 0:  # no room
         del found["lanes"], outs["lanes"]
     for compute in found.values():
         compute()
     np.testing.assert_array_equal(outs.get("lanes", outs["table"]), outs["table"])
+    np.testing.assert_array_equal(found["single"](), outs["call"][0])
     if other is not None:
-        data, one, function = other.createData(), [np.array(x[0]) for x in arguments], getattr(pin, call)
-        found["pinocchio"] = lambda: function(other, data, *one)
+        data, function = other.createData(), getattr(pin, call)
+        found["pinocchio"] = lambda: function(other, data, *first)
         for way, out in outs.items():
-            error = _error(call, pair, one, out[0])
+            error = _error(call, pair, first, out[0])
             assert error <= SCALED, f"{model.name}, {call}: scaled error {error:.1e} of {way} against Pinocchio"
     return found, count, "lanes" if run.program(spec, model, ()) is None else "program"
 
@@ -204,26 +212,20 @@ def of_mixed(lengths: list[int], calls: list[str], rounds: int) -> list[list[str
     """A row of the table for each shape, call and length."""
     rows = []
     for shape, branching in (("chain", 0.0), ("tree", 0.3)):
-        last: dict[str, float] = {}
+        last: dict[tuple[str, str], float] = {}
         for n in lengths:
             pair = mixed(n, branching)
             for call in calls:
                 ways, count, engine = ways_of(pair, call)
                 unit = np.count_nonzero(sd.crba(pair.ours, sd.neutral(pair.ours))) if call == "crba" else pair.ours.nv
                 times = interleaved(ways, rounds, 0.02, time.thread_time)
-                ns = {way: 1e9 * t / unit / (1 if way == "pinocchio" else count) for way, t in times.items()}
-                beside = ns["pinocchio"] / ns["call"] if "pinocchio" in ns else None
-                step = ns["call"] / last[call] if call in last else None
-                last[call] = ns["call"]
-                cells = [
-                    ns["table"],
-                    ns.get("lanes"),
-                    ns["call"],
-                    ns.get("pinocchio"),
-                    ns["table"] / ns["call"],
-                    beside,
-                ]
-                rows.append([f"{shape} {n}", str(pair.ours.nv), call, engine, *(number(x, 2) for x in (*cells, step))])
+                ns = {way: 1e9 * t / unit / (1 if way in ALONE else count) for way, t in times.items()}
+                others = [ns["pinocchio"] / ns[way] if "pinocchio" in ns else None for way in ("call", "single")]
+                steps = [ns[way] / last[call, way] if (call, way) in last else None for way in ("call", "single")]
+                last |= {(call, way): ns[way] for way in ("call", "single")}
+                cells = [ns.get(way) for way in ("table", "lanes", "call", "pinocchio", "single")]
+                cells += [ns["table"] / ns["call"], *others, *steps]
+                rows.append([f"{shape} {n}", str(pair.ours.nv), call, engine, *(number(x, 2) for x in cells)])
                 print(*(x.ljust(10) for x in rows[-1]), flush=True)
     return rows
 
@@ -246,6 +248,7 @@ def crossover(lengths: list[int], calls: list[str], rounds: int) -> list[list[st
             tiered = TieredProgram((spec,), model.bodies, model.key)
             tiered.compiled(one=False)
             seconds = time.process_time() - start
+            alone = of_one(model, spec, [np.array(x[0]) for x in arguments], tiered)
             program = run.CallProgram(spec, model, (), tiered)
             ways: dict[str, Callable[[], Any]] = {
                 "lanes": partial(lanes, model.address, MIXED_SAMPLES, *known, found["lanes"], status),
@@ -255,16 +258,46 @@ def crossover(lengths: list[int], calls: list[str], rounds: int) -> list[list[st
                 compute()
             scale = abs(found["lanes"]).max()
             assert abs(found["program"] - found["lanes"]).max() <= DIFFERENT[call] * scale, f"{model.name}, {call}"
+            one = interleaved(alone, rounds, 0.02, time.thread_time)
             times = interleaved(ways, rounds, 0.02, time.thread_time)
             saved = (times["lanes"] - times["program"]) / MIXED_SAMPLES
             unit = 1e9 / MIXED_SAMPLES / model.nv
             cells = times["lanes"] * unit, times["program"] * unit, times["lanes"] / times["program"], seconds
             paid = number(seconds / saved / 1e6, 2) if saved > 0.0 else "never"
             row = [f"chain {n}", str(model.nv), call, str(tiered.interpreted.lines)]
-            row += [*(number(x, 2) for x in cells), paid]
+            row += [*(number(x, 2) for x in cells), paid, *(number(1e9 * t / model.nv, 2) for t in one.values())]
             print(*(x.ljust(10) for x in row), flush=True)
             rows.append(row)
     return rows
+
+
+def of_one(model: sd.Model, spec: Any, one: list[Array], tiered: TieredProgram) -> dict[str, Callable[[], Any]]:
+    """Functions that compute one sample: the kernel of one sample, and the program, interpreted and compiled."""
+    entry = entries.sample_entry(spec)
+    entry.compile_now()
+    context, code, counter = entries.context_of(model), tiered.interpreted, np.array([1 << 62])
+    made = tiered.compiled(one=True)
+    codes = {
+        "single": (entry.words(context.ctypes.data), context),
+        "interpreted": ((code.entry, code.context, counter.ctypes.data), (code, counter)),
+        "compiled": ((made.code.entry, made.numbers.ctypes.data, single_call.NO_LIMIT.ctypes.data), made),
+    }
+    shapes, names = [x.shape for x in one], [x.name for x in spec.present]
+    found: dict[str, Callable[[], Any]] = {}
+    for way, (words, alive) in codes.items():
+        plan = single_call.plan(words, [(model.nv,) * (1 + (spec.name == "crba"))], shapes, alive=alive)
+        call = single_call.bound(refused, [single_call.Parameter(name, ARRAY) for name in names], plan)
+        found[way] = lambda call=call: call(*one)
+    wanted = found["single"]()
+    for way, compute in found.items():
+        error = abs(compute() - wanted).max() / abs(wanted).max()
+        assert error <= DIFFERENT[spec.name], f"{model.name}, {spec.name}: {way} differs by {error:.1e}"
+    return found
+
+
+def refused(*given: Any) -> None:
+    """Raise: a timed call must not go on to Python."""
+    raise AssertionError(f"the compiled code refused {len(given)} inputs")
 
 
 def main() -> None:
@@ -278,6 +311,7 @@ def main() -> None:
     sd.set_num_threads(1)
     if given.crossover:
         headings = ["bodies", "rows", "call", "lines", "lanes", "program", "x lanes", "compile s", "paid by M samples"]
+        headings += ["single", "interpreted", "compiled"]
         title = f"ns of CPU time a row of one sample; one thread of {machine.machine()['processor']}"
         print(plain(title, headings, crossover(given.lengths, given.calls, given.rounds)))
         return
@@ -290,9 +324,12 @@ def main() -> None:
         "lanes",
         "call",
         "pinocchio",
+        "single",
         "x table",
         "x pinocchio",
+        "x single",
         "step",
+        "step of one",
     ]
     title = f"ns of CPU time a row of one sample, crba: an entry; one thread of {machine.machine()['processor']}"
     print(plain(title, headings, of_mixed(given.lengths, given.calls, given.rounds)))

@@ -1,8 +1,8 @@
 """The public calls, one for each Spec of ``recursions.SPECS``: ``rnea(model, q, v, a, fext=None, out=None)``.
 
 A call of one sample of float64 arrays is answered by a builtin (``engines.programs.run.single_call``), which checks
-them and runs the model's program. Everything else (batches, lists, other dtypes, bad input, a model's first call,
-models without a program) goes through ``checked_call``.
+them and runs the model's program, or the compiled table kernel of a model without a program. Everything else (batches,
+lists, other dtypes, bad input, a model's first call) goes through ``checked_call``.
 """
 
 from __future__ import annotations
@@ -118,8 +118,8 @@ def checked_call(
     n, seen = math.prod(batch), out is not None
     if n:
         plan = plan_of(spec, model, tuple(x is not None for x in values), run.hashable(static), by_table)
-        if not batch and plan.program is not None:
-            _keep_in_model(plan, plan.program, model, words)
+        if not batch and not by_table:
+            _keep_in_model(plan, model, static, words)
         inputs = [flatten_batch(a, batch, core_shape(model, x, static)) for x, a in named.items()]
         flat = result.reshape((n, -1))
         raise_early(plan.spec, model, inputs, static, n, batch)
@@ -259,8 +259,10 @@ def _keys(spec: Spec) -> list[str]:
     return [sys.intern(" ".join([spec.name, *names])) for names in chosen]
 
 
-def _keep_in_model(plan: Plan, found: run.CallProgram, model: Model, words: tuple[Any, ...]) -> None:
-    """Store the plan's program in the model, where the builtin finds it in later calls of one sample."""
+def _keep_in_model(plan: Plan, model: Model, static: tuple[Any, ...], words: tuple[Any, ...]) -> None:
+    """Store the plan's program, or its table kernel, in the model, where the builtin finds it in later calls of one
+    sample.
+    """
     spec = plan.spec
     if spec.name not in SPECS or not BUILTINS or not all(type(x) in (str, bool) for x in words):
         return
@@ -272,21 +274,23 @@ def _keep_in_model(plan: Plan, found: run.CallProgram, model: Model, words: tupl
     known = plans.get(key if not words else (*words, None, None)[:MOST_WORDS])
     if known is not None and not single_call.exhausted(known):
         return
-    program, alive = found.program.single()
+    found = run.single(spec, model, static, plan.program)
+    if found is None:
+        return
     if known is not None:
-        single_call.change(known, program, alive)
+        single_call.change(known, *found)
         return
     parameters = [x.partition("=")[0] for x in parameters_of(public)]
-    shapes = {x.name: core_shape(model, x, found.static) for x in spec.present if not x.static}
-    made = single_call.plan(program, [plan.shape], list(map(shapes.get, parameters)), alive=alive)
+    shapes = {x.name: core_shape(model, x, static) for x in spec.present if not x.static}
+    made = single_call.plan(found.words, [plan.shape], list(map(shapes.get, parameters)), alive=found.alive)
     if not words:
-        plans[key] = made
+        plans.setdefault(key, made)  # another thread may run a plan
         return
     left_out = [[x, None] if x == DEFAULTS[name] else [x] for name, x in zip(_words(spec)[1:], words[1:], strict=True)]
     for rest in itertools.product(*left_out):
-        plans[(words[0], *rest, None, None)[:MOST_WORDS]] = made
+        plans.setdefault((words[0], *rest, None, None)[:MOST_WORDS], made)
         if set(rest) <= {None}:
-            plans[words[0]] = made
+            plans.setdefault(words[0], made)
 
 
 def docstring(spec: Spec) -> str:

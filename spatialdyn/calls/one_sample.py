@@ -1,6 +1,7 @@
-"""A Spec on single samples of one model, by its program: first interpreted, compiled once that pays.
+"""A Spec on single samples of one model: by its program, first interpreted, compiled once that pays; or by the compiled
+table kernel.
 
-All else (a model without a program, a batch, a sample that the program rejects) goes through ``checked_call``.
+All else (a batch, a sample that fails or that the program rejects) goes through ``checked_call``.
 """
 
 from __future__ import annotations
@@ -29,25 +30,24 @@ def of_model(spec: Spec, model: Model, static: tuple[Any, ...], there: tuple[boo
     """
     varying = [x for x in spec.present if not x.static]
     given = [x for x, has in zip(varying, there, strict=True) if has]
-    found = None
     lacks = any(not (has or x.optional) for x, has in zip(varying, there, strict=True))  # a required input
-    if not lacks and object_layout.READY and not numba_kernels.PLAIN and len(given) < MOST:
-        found = run.program(numba_kernels.variant(spec, frozenset(x.name for x in given)), model, static)
 
     def checked(*values: Any) -> Any:
         left = iter(values)
         return checked_call(spec, model, tuple(next(left) if has else None for has in there), static, None)
 
-    if found is None:
+    if lacks or not object_layout.READY or numba_kernels.PLAIN or len(given) >= MOST:
         return checked
-    lanes = found.program
-    program, alive = lanes.single()
+    known = numba_kernels.variant(spec, frozenset(x.name for x in given))
+    program = run.program(known, model, static)
+    code, alive = run.single(known, model, static, program) or (single_call.NO_CODE, None)
     shapes = [core_shape(model, x, static) for x in given]
-    plan = single_call.plan(program, [core_shape(model, spec.output, static)], shapes, alive=alive)
+    plan = single_call.plan(code, [core_shape(model, spec.output, static)], shapes, alive=alive)
 
     def python(*values: Any) -> Any:
-        if single_call.exhausted(plan):
-            single_call.change(plan, *lanes.single())
+        faster = run.single(known, model, static, program) if single_call.exhausted(plan) else None
+        if faster is not None:
+            single_call.change(plan, *faster)
         return checked(*values)
 
     parameters = [Parameter(x.name, ARRAY if x.shape else NUMBER) for x in given]

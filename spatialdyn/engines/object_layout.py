@@ -2,7 +2,8 @@
 
 Such a function has the calling convention of CPython's builtins. It checks type, size and layout of its arguments in
 memory and calls NumPy to make the result: unpacking an array in Numba and making one in Python would each cost as much
-as the dynamics of an arm. The function holds the GIL throughout, so no other thread changes an argument meanwhile.
+as the dynamics of an arm. The function holds the GIL throughout, so no other thread changes an argument meanwhile, but
+for calls of models too large for a program: other threads run while the table kernel does.
 
 The layout of arrays is part of NumPy's C interface and the same since 1.0; the other layouts are CPython's. They were
 tried on CPython 3.11 and NumPy 2.4, 64 bits, little endian, with the GIL. ``READY`` says whether this process has that

@@ -21,7 +21,7 @@ from ..bodies.table import ANY_NORM
 from ..recursions.spec import Spec
 from ..waiting import watch
 from . import locks, mimic_batches, threads
-from .compiled import lane_batches, lane_names, numba_kernels, tiers
+from .compiled import entries, lane_batches, lane_names, numba_kernels, tiers
 from .failed import ALL_OK as ALL_OK
 from .failed import Arrays as Arrays
 from .failed import Failed as Failed
@@ -40,8 +40,9 @@ FEW, FEW_NUMBERS = 512, 1 << 20  # most samples, and most numbers in their resul
 FEW_ALONE = 16  # as FEW, for a recursion that branches on values, which NumPy runs on one sample at a time
 MANY_ALONE = 512  # a batch of so many samples compiles a recursion that branches on values at once
 MOST_STEPS = 200_000  # most rows of the table times numbers of a result that NumPy computes
-MOST_BESIDE_LANES = 1 << 12  # most numbers of a mass matrix that a program computes, if lanes can
+MOST_BESIDE_LANES = 2080  # most numbers, in one triangle, that M may hold for a program, if lanes can: a chain of 64
 EDITED_BYTES = 1 << 24  # of the tables of samples with parameters of their own, at a time
+CHECKS_SECONDS = 1e-4  # time of the checks of a call in Python, which a plan of one sample saves
 MANY = 8192  # samples of the batches that ``compile_program`` prepares for
 _lock = locks.new()
 STATIC = "rows" if numba_kernels.PLAIN else "address"  # the attribute of a StaticTable that kernels take
@@ -98,6 +99,13 @@ class CallProgram(NamedTuple):
         return in_order(concatenate_failed([x for x in (held, again) if len(x.samples)]))
 
 
+class Single(NamedTuple):
+    """The (entry, context, left) of a plan of ``single_call``, and the objects at these addresses."""
+
+    words: tuple[int, int, int]
+    alive: object
+
+
 def batch(
     spec: Spec,
     table: Table,
@@ -141,7 +149,7 @@ def _program(spec: Spec, table: Table, static: tuple[bytes | int, ...]) -> CallP
     """As ``program``, for one thread at a time, so that each program is recorded once."""
     if numba_kernels.PLAIN or not recording.fits((spec,), table.bodies, static=static):
         return None
-    if spec.mirrored and lane_names.fits(spec) and math.prod(_core(spec, table, static)) > MOST_BESIDE_LANES:
+    if spec.mirrored and lane_names.fits(spec) and _pairs(table) > MOST_BESIDE_LANES:
         return None
     values = tuple(np.frombuffer(x).reshape(4, 4) if isinstance(x, bytes) else x for x in static)
     try:
@@ -149,6 +157,37 @@ def _program(spec: Spec, table: Table, static: tuple[bytes | int, ...]) -> CallP
     except ZeroDivisionError:  # a joint with zero articulated inertia in every state
         return None
     return CallProgram(spec, table, values, made)
+
+
+def _pairs(table: Table) -> int:
+    """Of how many pairs of a row and a row of its subtree M has a number: the others are zero."""
+    last = table.bodies["last_row"][1:]
+    return int((last - np.arange(len(last))).sum())
+
+
+def single(spec: Spec, table: Table, static: tuple[Any, ...], found: CallProgram | None) -> Single | None:
+    """What a plan of ``single_call`` runs for one sample: the program, or else the table kernel of one sample.
+
+    Returns None if the table kernel does not apply, or is not in memory. Its bits are those of batches.
+    """
+    if found is not None:
+        return Single(*found.program.single())
+    if numba_kernels.PLAIN or len(table.bodies) == 1 or spec.large or mimic_batches.reduced(table) is not None:
+        return None
+    if not spec.traceable or table.bodies[0]["kind"] == ANY_NORM:
+        if not tiers.table_kernel(spec).is_made:
+            return None
+        made: entries.CompiledEntry = entries.table_entry(spec)
+    elif numba_kernels.is_made(spec) and lane_names.fits(spec):
+        made = entries.sample_entry(spec)
+    else:
+        return None
+    made.spend(CHECKS_SECONDS)
+    if made.code() is None:
+        return None
+    static = tuple(np.ascontiguousarray(x) if isinstance(x, np.ndarray) else x for x in static)
+    context = entries.context_of(table, static)
+    return Single(made.words(context.ctypes.data), (made, context, *static))
 
 
 def compile_program(spec: Spec, table: Table, static: tuple[Any, ...]) -> bool:
@@ -297,6 +336,7 @@ def compile_table_kernel(spec: Spec, table: Table, static: tuple[Any, ...] = ())
 def _compile_kernel(spec: Spec) -> None:
     if lane_names.fits(spec):
         lane_batches.batches(spec).compile_now()
+        entries.sample_entry(spec).compile_now()
     else:
         _kernel(spec, MANY_ALONE)
 

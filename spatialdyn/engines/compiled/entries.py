@@ -16,7 +16,9 @@ from functools import cache
 from typing import Any, NoReturn
 
 import numpy as np
+from numpy.typing import NDArray
 
+from ...bodies.static_table import StaticTable
 from ...recursions.spec import Spec
 from . import memory, numba_kernels, tiers
 from .memory import Argument, at, read, word
@@ -24,6 +26,8 @@ from .stamp import STAMP, covers, names
 from .tiers import Tier
 
 NO_LIMIT = np.array([1 << 62])  # a counter of calls
+_NO_CALL = np.zeros(1, np.int64)
+NO_CODE = 0, 0, _NO_CALL.ctypes.data  # the three words of a plan without code, of which all calls are Python's
 RAISED = -1  # what an entry returns that an interrupt stopped
 _interrupt: ContextVar[BaseException] = ContextVar("interrupt")  # of the entry that returned RAISED in this thread
 
@@ -33,32 +37,20 @@ def raise_interrupt() -> NoReturn:
     raise _interrupt.get()
 
 
-class Entry(Tier):
-    """An entry: its address, which calls plain Python until compiling pays."""
+class CompiledEntry(Tier):
+    """An entry that is compiled, or loaded from disk, when that pays."""
 
-    def __init__(self, plain: Callable[..., Any], compiled: Callable[[], Callable[..., Any]], key: str = "") -> None:
-        """``plain`` is the entry in plain Python; ``compiled()`` makes the one to compile.
+    compile_seconds = 0.6  # the function it calls is compiled already
+
+    def __init__(self, compiled: Callable[[], Callable[..., Any]], key: str = "") -> None:
+        """``compiled()`` makes the function to compile.
 
         key  what the code is, in text, if it is to be kept on disk
         """
         super().__init__()
         self._made_by, self._key = compiled, key
         self._dispatcher: Any = None
-
-        def call(context: int, inputs: int, outputs: int) -> int:
-            try:
-                if self._spent >= self.compile_seconds:
-                    return 0
-                return int(self.in_plain_python(plain, (context, inputs, outputs)))
-            except Exception:  # an overflow, say: ctypes would return any number, as if valid
-                return 0
-            except BaseException as error:
-                _interrupt.set(error)
-                return RAISED
-
-        self._callback = ctypes.PYFUNCTYPE(ctypes.c_int64, *[ctypes.c_int64] * 3)(call)
-        self.address = ctypes.cast(self._callback, ctypes.c_void_p).value or 0
-        self.code()
+        self.address = 0
 
     def _jitted(self) -> Any:
         from . import jit
@@ -84,6 +76,31 @@ class Entry(Tier):
         """The three words of a plan for a context, compiled if that pays."""
         self.code()
         return self.address, context, NO_LIMIT.ctypes.data
+
+
+class Entry(CompiledEntry):
+    """An entry that calls plain Python until compiling pays."""
+
+    compile_seconds = Tier.compile_seconds
+
+    def __init__(self, plain: Callable[..., Any], compiled: Callable[[], Callable[..., Any]], key: str = "") -> None:
+        """``plain`` is the entry in plain Python; ``compiled`` and ``key`` as of ``CompiledEntry``."""
+        super().__init__(compiled, key)
+
+        def call(context: int, inputs: int, outputs: int) -> int:
+            try:
+                if self._spent >= self.compile_seconds:
+                    return 0
+                return int(self.in_plain_python(plain, (context, inputs, outputs)))
+            except Exception:  # an overflow, say: ctypes would return any number, as if valid
+                return 0
+            except BaseException as error:
+                _interrupt.set(error)
+                return RAISED
+
+        self._callback = ctypes.PYFUNCTYPE(ctypes.c_int64, *[ctypes.c_int64] * 3)(call)
+        self.address = ctypes.cast(self._callback, ctypes.c_void_p).value or 0
+        self.code()
 
 
 @cache
@@ -117,19 +134,62 @@ def entry_of(function: Callable[..., Any], arguments: Sequence[Argument], name: 
     return Entry(plain, compiled, key)
 
 
+def context_of(table: Any, static: Sequence[Any] = ()) -> NDArray[np.int64]:
+    """The words at the context of an entry of a call: the table's address, and values or addresses of static inputs."""
+    words = [table.address]
+    for x in static:
+        words.append(x.address if isinstance(x, StaticTable) else x.ctypes.data if isinstance(x, np.ndarray) else x)
+    return np.array(words, np.int64)
+
+
+def _text(spec: Spec) -> tuple[list[str], str]:
+    """Statements that read the arguments of a call, and these arguments."""
+    text, names, given, known = ["stamp", "table = word(context, 0)", "bodies = table_at(table)"], ["table"], 0, 0
+    for x in (*spec.present, spec.output):
+        names.append(x.name)
+        if x.static:
+            known += 1
+            place = f"word(context, {known})"
+        elif x is spec.output:
+            place = "word(outputs, 0)"
+        else:
+            place, given = f"word(inputs, {given})", given + 1
+        if x.table or (x.static and not x.shape):
+            text.append(f"{x.name} = {place}")
+            continue
+        shape = ", ".join(numba_kernels.extent(spec, size) for size in numba_kernels.kernel_shape(x))
+        one = "" if x.shape or x is spec.output else "[0]"
+        text.append(f"{x.name} = at({place}, ({shape},)){one}")
+    return text, ", ".join(names)
+
+
 @cache
 def table_entry(spec: Spec) -> Entry:
-    """The Entry of a call on any table, whose address is the context."""
-    arrays = [*spec.present, spec.output]
-    text = ["stamp", "bodies = table_at(context)"]
-    for k, x in enumerate(arrays):
-        shape = ", ".join(numba_kernels.extent(spec, size) for size in numba_kernels.kernel_shape(x))
-        place = "word(outputs, 0)" if x is spec.output else f"word(inputs, {k})"
-        one = "" if x.shape or x is spec.output else "[0]"
-        text.append(f"x{k} = at({place}, ({shape},)){one}")
-    passed = ", ".join(f"x{k}" for k in range(len(arrays)))
-    text.append(f"return 1 if kernel(context, {passed}) == {numba_kernels.OK} else 0")
+    """The Entry of a call on any table, whose ``context_of`` is the context, by its ``tiers.table_kernel``."""
+    text, passed = _text(spec)
+    text.append(f"return 1 if kernel({passed}) == {numba_kernels.OK} else 0")
     scope = {"kernel": tiers.table_kernel(spec), "word": word, "at": at, "table_at": memory.table_at}
     name = f"entry_{numba_kernels.label(spec)}"
     made = numba_kernels.kernel_from_text(name, ["context", "inputs", "outputs"], text, scope)
     return Entry(made, lambda: made, repr((STAMP, name, text)) if names(spec) else "")
+
+
+@cache
+def sample_entry(spec: Spec) -> CompiledEntry:
+    """As ``table_entry``, by its ``numba_kernels.sample_kernel``, which gives the bits of batches.
+
+    Other threads run Python meanwhile.
+    """
+    text, passed = _text(spec)
+    text += ["held = leave_python()", f"status = kernel({passed})", "enter_python(held)"]
+    text.append(f"return 1 if status == {numba_kernels.OK} else 0")
+    name = f"sample_entry_{numba_kernels.label(spec)}"
+
+    def compiled() -> Callable[..., Any]:
+        from .memory_at import SampleKernel, enter_python, leave_python
+
+        scope = {"kernel": SampleKernel(spec), "word": word, "at": at, "table_at": memory.table_at}
+        scope |= {"leave_python": leave_python, "enter_python": enter_python}
+        return numba_kernels.kernel_from_text(name, ["context", "inputs", "outputs"], text, scope)
+
+    return CompiledEntry(compiled, repr((STAMP, name, text)) if names(spec) else "")

@@ -37,11 +37,7 @@ class LaneBatches(Tier):
         super().__init__()
         self._spec, self._width, self._edited = spec, width, edited
         self._few, self._has_one = _OneSample(), False
-
-    @property
-    def is_made(self) -> bool:
-        """Whether the kernel on lanes is in memory."""
-        return self._code is not None
+        self._looked_for_one = False
 
     def _compile(self) -> Callable[..., int]:
         return lane_kernels.kernel(self._spec, self._width, self._edited)
@@ -54,8 +50,13 @@ class LaneBatches(Tier):
         many = 2 * count > self._width
         if many and self._code is None and not (self._has_one or self._one_at_hand()):
             self.spend(self.compile_seconds)  # to compile the kernel of one sample
-        if (self.code() if many else self._code) is None or (not many and self._few.pays):
+        if (self.code() if many else self._code) is None or (not many and self._one_is_better()):
             self._one()
+
+    def _one_is_better(self) -> bool:
+        """Whether few samples take the kernel of one sample, which is on disk, or pays by now."""
+        first, self._looked_for_one = not (self._looked_for_one or self._has_one), True
+        return self._few.pays or (first and self._one_at_hand())
 
     def _one_at_hand(self) -> bool:
         """Whether the kernel of one sample is in memory or on disk."""

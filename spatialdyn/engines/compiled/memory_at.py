@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from llvmlite import ir
@@ -11,7 +11,8 @@ from numba import carray, typeof, types  # type: ignore[attr-defined]
 from numba.extending import intrinsic, typeof_impl
 
 from ...algebra.scalars import inlined_as
-from . import jit, memory
+from ...recursions.spec import Spec
+from . import jit, memory, numba_kernels
 from .memory import Argument, Place
 from .tiers import TableKernel
 
@@ -61,6 +62,37 @@ def _records(address: int, shape: tuple[int, ...], dtype: Any) -> Any:
 def _type_of_kernel(kernel: TableKernel, found: Any) -> Any:
     kind: Any = typeof
     return kind(kernel.dispatcher())
+
+
+class SampleKernel(NamedTuple):
+    """A ``numba_kernels.sample_kernel`` in the text of a function, compiled only with that function."""
+
+    spec: Spec
+
+
+@typeof_impl.register(SampleKernel)
+def _type_of_sample_kernel(kernel: SampleKernel, found: Any) -> Any:
+    kind: Any = typeof
+    return kind(numba_kernels.sample_kernel(kernel.spec))
+
+
+def _leave(typing_context: Any) -> Any:
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return context.get_python_api(builder).save_thread()
+
+    return types.voidptr(), generate
+
+
+def _enter(typing_context: Any, held: Any) -> Any:
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        context.get_python_api(builder).restore_thread(arguments[0])
+        return context.get_dummy_value()
+
+    return types.none(types.voidptr), generate
+
+
+leave_python: Any = intrinsic(_leave)  # other threads run Python until ``enter_python`` of its result
+enter_python: Any = intrinsic(_enter)
 
 
 def reader(arguments: Sequence[Argument]) -> Callable[..., Any]:

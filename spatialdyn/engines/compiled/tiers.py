@@ -53,6 +53,11 @@ class Tier(CompileClock):
         return self._code
 
     @property
+    def is_made(self) -> bool:
+        """Whether the compiled function is in memory."""
+        return self._code is not None
+
+    @property
     def called(self) -> bool:
         """Whether the function was called."""
         return self._looked

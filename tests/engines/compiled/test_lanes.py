@@ -265,6 +265,20 @@ def test_a_first_batch_compiles_the_kernel_on_lanes_alone(monkeypatch: pytest.Mo
     assert asked == ["lanes", "one", "one"]  # one sample does not wait for lanes
 
 
+@pytest.mark.parametrize("stored", [True, False])
+def test_one_sample_leaves_lanes_for_its_own_kernel_on_disk(monkeypatch: pytest.MonkeyPatch, stored: bool) -> None:
+    spec = numba_kernels.variant(SPECS["generalized_gravity"], ())
+    asked: list[str] = []
+    monkeypatch.setattr(numba_kernels, "is_made", lambda spec: False)
+    monkeypatch.setattr(lane_batches, "one_is_stored", lambda spec: asked.append("disk") or stored)
+    monkeypatch.setattr(numba_kernels, "batch_kernel", lambda spec: asked.append("one"))
+    batches = lane_batches.LaneBatches(spec, lane_names.width())
+    batches._code = lambda *given: 0  # lanes are in memory
+    for _ in range(3):
+        batches.prepare(1)
+    assert asked == (["disk", "one"] if stored else ["disk"])
+
+
 def test_the_disk_holds_the_kernel_of_one_sample(monkeypatch: pytest.MonkeyPatch, tmp_path: Any) -> None:
     spec = numba_kernels.variant(SPECS["generalized_gravity"], ())
     numba_kernels.sample_kernel.__wrapped__(spec)

@@ -7,17 +7,20 @@ import gc
 import inspect
 import pickle
 import sys
+import threading
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
 import pytest
-from inputs import random_inputs
+from inputs import no_programs_of_rows, options, random_inputs
 from trees import random_tree
 
 import spatialdyn as sd
 from spatialdyn.calls import dynamics
 from spatialdyn.engines import object_layout, run
+from spatialdyn.engines.compiled import entries, lane_names, numba_kernels
 from spatialdyn.engines.compiled.numba_kernels import variant
 from spatialdyn.engines.programs.run import single_call, tiered_program
 from spatialdyn.recursions import SPECS
@@ -357,3 +360,110 @@ def test_a_program_is_compiled_when_its_calls_are_used_up(arm: sd.Model) -> None
         assert arm._plans["rnea"][0] != entry
     assert not single_call.exhausted(arm._plans["rnea"])
     assert tiered_program.COMPILE_SECONDS[0] > 0.0
+
+
+# --- models without a program -------------------------------------------------------------------------------
+
+LARGE = ("generalized_gravity", "crba", "frame_jacobian", "kinetic_energy")  # vectors, a matrix, words, a float
+on_lanes = pytest.mark.skipif(not lane_names.fits(SPECS["crba"]), reason="the table kernel here has other bits")
+
+
+def large(name: str, monkeypatch: pytest.MonkeyPatch) -> sd.Model:
+    """A model that counts as too large for a program, when the table kernels of a call are compiled."""
+    no_programs_of_rows(monkeypatch)
+    spec = variant(SPECS[name], ())
+    numba_kernels.batch_kernel(spec)
+    entries.sample_entry(spec).compile_now()
+    model: sd.Model = random_tree(5, 9, floating=True).model
+    return model
+
+
+@on_lanes
+@pytest.mark.parametrize("name", LARGE)
+def test_the_second_call_without_a_program_is_answered_by_the_table_kernel(
+    name: str, python: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    model, spec = large(name, monkeypatch), variant(SPECS[name], ())
+    words = {word: getattr(x, "name", x) for word, x in options(model, spec).items()}
+    call = partial(getattr(sd, name), model, **words)
+    given, other = random_inputs(model, spec, 3), random_inputs(model, spec, 4)
+    first = call(*given)
+    for values in (given, other, given):
+        python.clear()
+        found = call(*values)
+        assert not python
+        np.testing.assert_array_equal(found, call(*[np.array([x, x]) for x in values])[0])
+    np.testing.assert_array_equal(found, first)
+    assert not np.array_equal(first, call(*other))
+
+
+@on_lanes
+def test_a_sample_that_a_table_kernel_refuses_goes_on_to_python(
+    python: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    model = large("generalized_gravity", monkeypatch)
+    q = sd.random_configuration(model, 1)
+    wanted = sd.generalized_gravity(model, q)
+    with pytest.raises(sd.ConfigurationError, match="norm"):
+        sd.generalized_gravity(model, 2.0 * q)
+    q[0], missing = np.nan, q.copy()
+    missing[-1] = np.nan
+    assert np.isnan(sd.generalized_gravity(model, missing)).any()
+    memory = np.concatenate([sd.random_configuration(model, 1), wanted])
+    with pytest.raises(sd.ShapeError, match="overlap"):
+        sd.generalized_gravity(model, memory[: model.nq], out=memory[1 : 1 + model.nv])
+    assert python == ["generalized_gravity"] * 4
+
+
+@on_lanes
+def test_a_table_kernel_is_compiled_for_single_calls_once_that_pays(
+    python: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    model, spec = large("generalized_gravity", monkeypatch), variant(SPECS["generalized_gravity"], ())
+    fresh = entries.CompiledEntry(entries.sample_entry(spec)._made_by)
+    monkeypatch.setattr(entries, "sample_entry", lambda spec: fresh)
+    q = sd.random_configuration(model, 1)
+    for _ in range(3):
+        wanted = sd.generalized_gravity(model, q)
+    assert len(python) == 3
+    assert fresh._spent == pytest.approx(3 * run.CHECKS_SECONDS)
+    fresh.spend(fresh.compile_seconds)
+    for _ in range(3):
+        np.testing.assert_array_equal(sd.generalized_gravity(model, q), wanted)
+    assert len(python) == 4
+
+
+@on_lanes
+def test_other_threads_run_python_during_a_call_of_a_large_model() -> None:
+    """No thread is made to give way here, so another one runs only if the call itself lets it."""
+    model = random_tree(1, 400, kinds=("revolute",), branching=0.0).model
+    q = sd.random_configuration(model, 1)
+    sd.crba(model, q)
+    entries.sample_entry(variant(SPECS["crba"], ())).compile_now()
+    sd.crba(model, q)
+    gate, ran = threading.Lock(), []
+    gate.acquire()
+    thread = threading.Thread(target=lambda: ran.append(gate.acquire()))
+    thread.start()
+    before = sys.getswitchinterval()
+    try:
+        sys.setswitchinterval(1e3)
+        gate.release()
+        for _ in range(2000):
+            if ran:
+                break
+            sd.crba(model, q)
+        assert ran
+    finally:
+        sys.setswitchinterval(before)
+        thread.join()
+
+
+def test_a_mass_matrix_of_many_zeros_has_a_program() -> None:
+    """What counts is what M holds: that of a tree of short branches is compiled fast, that of a chain is not."""
+    spec = variant(SPECS["crba"], ())
+    tree = random_tree(3, 100, kinds=("revolute",), branching=0.6).model
+    chain = random_tree(1, 65, kinds=("revolute",), branching=0.0).model
+    assert np.count_nonzero(sd.crba(tree, sd.neutral(tree))) < 65**2 < tree.nv**2
+    assert run.program(spec, tree, ()) is not None
+    assert run.program(spec, chain, ()) is None

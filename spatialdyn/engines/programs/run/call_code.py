@@ -20,6 +20,7 @@ class CallCode:
     def __init__(self, spec: Spec, table: Any, program: Any = None) -> None:
         """Of a call on a table of bodies, which has an ``address``."""
         self.spec, self.program, self._table = spec, program, table
+        self._context = entries.context_of(table)
         self._words = np.zeros(3, np.int64)
         self._alive: list[Any] = []
         self.address = self._words.ctypes.data
@@ -27,7 +28,8 @@ class CallCode:
 
     def _take(self) -> None:
         if self.program is None:
-            self._words[:] = entries.table_entry(self.spec).words(self._table.address)
+            self._context[0] = self._table.address
+            self._words[:] = entries.table_entry(self.spec).words(self._context.ctypes.data)
         else:
             self._words[:], alive = self.program.single()
             self._alive.append(alive)

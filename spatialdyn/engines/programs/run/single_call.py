@@ -22,6 +22,7 @@ import numpy as np
 
 from ... import locks
 from ... import object_layout as layout
+from ...compiled.entries import NO_CODE as NO_CODE
 from ...compiled.entries import NO_LIMIT as NO_LIMIT
 from ...compiled.entries import raise_interrupt
 from ...compiled.numba_settings import PLAIN
