@@ -177,4 +177,5 @@ def _with_bodies(model: Model, bodies: NDArray[Any]) -> Model:
             object.__setattr__(changed, slot, getattr(model, slot))
     object.__setattr__(changed, "bodies", bodies)
     object.__setattr__(changed, "address", bodies.ctypes.data)
+    object.__setattr__(changed, "_plans", {})  # a plan holds the address of its table
     return changed
