@@ -63,7 +63,7 @@ class Spatial(Summable, InFrames):
 
     def __rmul__(self: Vector, scale: Any) -> Vector:
         if isinstance(scale, (float, int)):
-            return self * scale
+            return self._scaled(float(scale), self)  # type: ignore[no-any-return]
         return cast(Vector, self._reflected(scale, "__mul__"))
 
     def __truediv__(self: Vector, scale: Any) -> Vector:
@@ -113,8 +113,9 @@ class Motion(Spatial, kind="Motion"):
     dualAction = property(lambda self: -self.action.T, doc="The matrix (6, 6) of self ×* on Force vectors.")
 
     def __xor__(self, other: Any) -> Any:
-        motion = isinstance(other, Motion) or of_pinocchio(other, "Motion")
-        return _cross_motion(self, other) if motion else _cross_force(self, other)
+        if isinstance(other, Motion) or (not isinstance(other, Force) and of_pinocchio(other, "Motion")):
+            return _cross_motion(self, other)
+        return _cross_force(self, other)
 
     def cross(self, other: Any) -> Any:
         """self × other for a Motion, self ×* other for a Force."""
