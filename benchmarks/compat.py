@@ -267,18 +267,27 @@ def warm(runs: Sequence[Callable[[], Any]]) -> None:
         compile_all()
 
 
-def prepared(expression: str, values: Mapping[str, Any]) -> Callable[[], Any]:
-    """An expression as a function of such values."""
-    made: Callable[[], Any] = eval(f"lambda: {expression}", {"np": np, **values})
-    return made
+class Calls:
+    """The expressions of a group as functions of its values with a module, for some need what others left."""
+
+    def __init__(self, group: Group, module: Any) -> None:
+        values = {"np": np, **group.values(module)}
+        self.made = {x: eval(f"lambda: {x}", values) for x in group.expressions}
+        self.waiting = [*group.expressions]
+
+    def prepared(self, expression: str) -> Callable[[], Any]:
+        """The function of an expression; those before it were called."""
+        while expression in self.waiting:
+            self.made[self.waiting.pop(0)]()
+        return self.made[expression]
 
 
 def timed(group: Group, expressions: Sequence[str], modules: Mapping[str, Any]) -> Iterator[tuple[str, dict[str, float]]]:
     """Microseconds per call of each expression under each module."""
-    values = {name: group.values(module) for name, module in modules.items()}
+    calls = {name: Calls(group, module) for name, module in modules.items()}
     empty = interleaved({"empty": lambda: None}, ROUNDS, SECONDS)["empty"]
     for expression in expressions:
-        contestants = {name: prepared(expression, values[name]) for name in modules}
+        contestants = {name: calls[name].prepared(expression) for name in modules}
         warm([*contestants.values()])
         seconds = interleaved(contestants, ROUNDS, SECONDS)
         yield expression, {name: 1e6 * (x - empty) for name, x in seconds.items()}
@@ -291,18 +300,19 @@ def serve(modules: Sequence[str]) -> None:
     """Measure a round, of a row of a group that a line of the input names, and print microseconds of each module."""
     imported = [__import__(module, fromlist=["rnea"]) for module in modules]
     empty = min(per_call(lambda: None, 10000) for _ in range(ROUNDS))
-    name, values, row = "", [], ""
+    name, row = "", ""
+    of_group: list[Calls] = []
     runs: list[Callable[[], Any]] = []
-    calls: list[int] = []
+    counts: list[int] = []
     for line in sys.stdin:
         group, expression = json.loads(line)
         if group != name:
-            name, row, values = group, "", [GROUPS[group].values(module) for module in imported]
+            name, row, of_group = group, "", [Calls(GROUPS[group], module) for module in imported]
         if expression != row:
-            row, runs = expression, [prepared(expression, x) for x in values]
+            row, runs = expression, [calls.prepared(expression) for calls in of_group]
             warm(runs)
-            calls = [calls_within(run, SECONDS) for run in runs]
-        taken = [1e6 * (per_call(run, n) - empty) for run, n in zip(runs, calls, strict=True)]
+            counts = [calls_within(run, SECONDS) for run in runs]
+        taken = [1e6 * (per_call(run, n) - empty) for run, n in zip(runs, counts, strict=True)]
         print(json.dumps(taken), flush=True)
 
 
@@ -310,6 +320,7 @@ class Checkout:
     """A process that measures rows with the package of a checkout."""
 
     def __init__(self, path: Path, modules: Sequence[str]) -> None:
+        self.path = path
         self.process = subprocess.Popen(
             [sys.executable, __file__, "--serve", *modules], env={**os.environ, "PYTHONPATH": str(path)},
             stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
@@ -320,7 +331,10 @@ class Checkout:
         assert self.process.stdin is not None
         assert self.process.stdout is not None
         print(json.dumps([group, expression]), file=self.process.stdin, flush=True)
-        taken: list[float] = json.loads(self.process.stdout.readline())
+        line = self.process.stdout.readline()
+        if not line:
+            sys.exit(f"{group}: {expression}: the process of {self.path} ended")
+        taken: list[float] = json.loads(line)
         return taken
 
     def close(self) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from typing import Any
+from weakref import ref
 
 import numpy as np
 from numpy.typing import NDArray
@@ -186,8 +187,14 @@ class Tree:
 
     def _owner_of(self, *caches: str) -> Owner:
         """The owner of values of which these cached attributes are made; a write sets them to None."""
-        model, nothing = vars(self), dict.fromkeys(caches)
-        return Owner(lambda: model.update(nothing))
+        here, nothing = ref(self), dict.fromkeys(caches)  # its lists would be a cycle: a copy is freed at once
+
+        def changed() -> None:
+            model = here()
+            if model is not None:
+                vars(model).update(nothing)
+
+        return Owner(changed)
 
     njoints: Any = property(lambda self: len(self.joints), doc="Number of joints, with the universe.")
 
