@@ -8,9 +8,10 @@
 Both modules take turns, round after round; prints medians over the rounds, less the time of an empty function, of
 compiled code. With ``--against`` the package of this checkout and that of another do, each in a process of its own that
 waits while the other measures. A row that is slower here, by medians and by minima, is measured again in new processes;
-one that is slower there too is named at the end, and the exit status is then 1. The group ``first_hour`` is what twenty usual calls cost in a new process, where nothing is compiled yet:
-seconds of CPU of each first call with an empty cache, of all of them, and of all in a second process, which finds the
-code on disk.
+one that is slower there too is named at the end, and the exit status is then 1.
+
+The group ``first_hour`` is what twenty usual calls cost in a new process, where nothing is compiled yet: seconds of CPU
+of each first call with an empty cache, of all of them, and of all in a second process, which finds the code on disk.
 """
 
 from __future__ import annotations
@@ -282,7 +283,9 @@ class Calls:
         return self.made[expression]
 
 
-def timed(group: Group, expressions: Sequence[str], modules: Mapping[str, Any]) -> Iterator[tuple[str, dict[str, float]]]:
+def timed(
+    group: Group, expressions: Sequence[str], modules: Mapping[str, Any]
+) -> Iterator[tuple[str, dict[str, float]]]:
     """Microseconds per call of each expression under each module."""
     calls = {name: Calls(group, module) for name, module in modules.items()}
     empty = interleaved({"empty": lambda: None}, ROUNDS, SECONDS)["empty"]

@@ -51,7 +51,7 @@ def declaration(face: Face) -> str:
     """One function of the stub, or its overloads."""
     lines = []
     for inputs in face.overloads or [face.inputs]:
-        parameters = ", ".join(["model: Model", "data: Data", *map(parameter, inputs)])
+        parameters = ", ".join([*["model: Model", "data: Data"][: len(face.first)], *map(parameter, inputs)])
         lines += ["@overload"] * bool(face.overloads)
         line = f"def {face.name}({parameters}) -> {face.returns}: ..."
         if len(line) > 120:
@@ -74,7 +74,7 @@ def test_stub_declares_every_row() -> None:
 def test_function_is_as_its_row_says(face: Face) -> None:
     function = getattr(pin, face.name)
     parameters = inspect.signature(function).parameters
-    assert [*parameters] == ["model", "data", *(x.name for x in face.inputs)]
+    assert [*parameters] == [*face.first, *(x.name for x in face.inputs)]
     defaults = [parameters[x.name].default for x in face.inputs]
     assert defaults == [inspect.Parameter.empty if x.default is REQUIRED else x.default for x in face.inputs]
     assert function.__doc__.startswith(face.doc)

@@ -90,8 +90,8 @@ class Data(Stored, Registered, Copied):
 
     Two records: ``_runs``, the stamped sources of all fields, which are the last calls by kind and arrays that the user
     assigned by field; and ``_held``, the arrays of fields that were read, which calls write in place. The rest follows
-    from them: ``_bound``, builtins on these arrays by the call that bound them; ``_sources``, those of a field;
-    ``_latest``, the Runs that getters of Jacobians read, of which ``_noted`` is the last; ``_bound`` has their builtins.
+    from them: ``_bound``, builtins on these arrays, and of the latest Runs, by key; ``_sources``, those of a field;
+    ``_latest``, the Runs that getters of Jacobians read, of which ``_noted`` is the last.
     """
 
     contacts: Any = None  # of the last initConstraintDynamics or constraintDynamics, with its ProximalSettings

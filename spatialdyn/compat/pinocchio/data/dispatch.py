@@ -206,5 +206,5 @@ def bind_about(
     words = {**words, **REFERENCES, **OF_POSES, **frames.words(rows)}
     if posed:
         return {with_pose(name): Bound(owner, routines.at_pose.bind(words, *alive, frames))}
-    make, local = routines.of_frame, {**words, "code": LOCALLY}
-    return {name: Bound(owner, make.bind(words, *alive, frames)), by_default(name): Bound(owner, make.bind(local, *alive, frames))}
+    of_keys = {name: words, by_default(name): {**words, "code": LOCALLY}}
+    return {key: Bound(owner, routines.of_frame.bind(x, *alive, frames)) for key, x in of_keys.items()}

@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 
 from ....engines.programs.llvm.call_words import ARRAY, NUMBER
 from ....engines.programs.run.single_call import READY, Following, Parameter, builtin, unavailable
+from ..model.model import Model
 from ..types.frame import LOCAL, Convention
 from ..types.se3 import SE3
 from .data import Data
@@ -32,7 +33,8 @@ ERRORS = "Raises ArgumentError, a TypeError, for a wrong type, ShapeError, a Val
 class Input(NamedTuple):
     """An argument: its name, role, type and meaning, and what it is if it is left out.
 
-    Roles: x, a vector that is recorded; f, external forces; o, an option; i, an index; r, a reference frame; p, a pose.
+    Roles: x, a vector that is recorded; f, external forces; o, an option; i, an index; r, a reference frame; p, a pose;
+    n, another that the plan of a Model takes.
     """
 
     name: str
@@ -67,6 +69,7 @@ class Face:
     answer     what answers where no builtin does
     bound      whether there is one
     overloads  lists of arguments, for type checkers, if ``inputs`` stands for several
+    of_data    whether it takes a Data: ``name(model, *inputs)`` without; the plan is then one of the Model
     """
 
     name: str
@@ -80,11 +83,12 @@ class Face:
     answer: Callable[..., Any] | None = None
     bound: bool = True
     overloads: tuple[tuple[Input, ...], ...] = ()
+    of_data: bool = True
 
     @property
     def fields(self) -> tuple[str, ...]:
         """The fields of Data that it fills."""
-        return tuple(CALL_KINDS[self.call[-1]].fills) if self.call[-1] in CALL_KINDS else ()
+        return tuple(CALL_KINDS[self.call[-1]].fills) if self.of_data and self.call[-1] in CALL_KINDS else ()
 
     @cached_property
     def vectors(self) -> tuple[str, ...]:
@@ -104,12 +108,17 @@ class Face:
     @property
     def about_frame(self) -> bool:
         """Whether it is a call about a joint's frame or a frame."""
-        return self.inputs[0].role == "i"
+        return self.inputs[:1] != () and self.inputs[0].role == "i"
+
+    @property
+    def first(self) -> list[str]:
+        """The parameters before the inputs."""
+        return ["model", "data"] if self.of_data else ["model"]
 
     @property
     def signature(self) -> str:
         """Parameters and defaults, as a builtin's docstring has them."""
-        return f"({', '.join(['model', 'data', *(x.text for x in self.inputs)])})"
+        return f"({', '.join([*self.first, *(x.text for x in self.inputs)])})"
 
     @property
     def docstring(self) -> str:
@@ -193,12 +202,14 @@ def _form(face: Face, answer: Any) -> Any:
     if "f" in roles:
         return {"xf": one, "xxxf": three, "xxxfo": with_option}[roles]
     forms: tuple[Any, ...] = (
+        lambda model: answer(face, model),
+        lambda model, data: answer(face, model, data),
         lambda model, data, a: answer(face, model, data, a),
         lambda model, data, a, b: answer(face, model, data, a, b),
         lambda model, data, a, b, c: answer(face, model, data, a, b, c),
         lambda model, data, a, b, c, d, e: answer(face, model, data, a, b, c, d, e),
     )
-    return forms[min(len(roles), 4) - 1]
+    return forms[min(len(face.first) + len(roles), 6) - 1]
 
 
 def _key(face: Face, chosen: Sequence[Input]) -> str:
@@ -217,6 +228,12 @@ def _frame_key(face: Face, chosen: Sequence[Input]) -> str:
     return keys[len(given) - 1] if given in ([0], [0, 1], [0, 1, 2]) else ""
 
 
+def key_of_model(face: Face, *chosen: str) -> str:
+    """The key of a row without a Data, with all or none of the optional inputs; "" for others, and with a Data."""
+    optional = [x.name for x in face.inputs if x.default is not REQUIRED]
+    return " ".join([face.name, *chosen]) if [*chosen] in ([], optional) and "data" not in chosen else ""
+
+
 def _builtin(face: Face, python: Callable[..., Any], k: int, count: int) -> Callable[..., Any]:
     """The builtin of a row, which calls a Python function where it does not apply."""
     switches = [isinstance(x.default, Convention) for x in face.inputs]
@@ -228,6 +245,9 @@ def _builtin(face: Face, python: Callable[..., Any], k: int, count: int) -> Call
     choices = ([x for n, x in enumerate(optional) if bits >> n & 1] for bits in range(1 << len(optional)))
     made = None if face.returns == "None" else face.made or unavailable
     switch = switches.index(True) if any(switches) else -1
+    if not face.of_data:
+        listed = [intern(key_of_model(face, *(x.name for x in chosen))) for chosen in choices]
+        return builtin(k, count, python, parameters, listed, Model, None, face.signature)
     if face.about_frame:
         key_of: Callable[..., str] = _frame_key
         names = ("_bound", "_noted", "_library" if face.of_joints else "_frame_placements", Bound, "owner")
@@ -242,7 +262,7 @@ def _builtin(face: Face, python: Callable[..., Any], k: int, count: int) -> Call
 def function(face: Face, module: str, k: int, count: int) -> Callable[..., Any]:
     """The function of row ``k`` of ``count``: a builtin, or a copy of a form with names and defaults of its inputs."""
     form = _form(face, face.answer or by_run)
-    code, names = form.__code__, ("model", "data", *(x.name for x in face.inputs))
+    code, names = form.__code__, (*face.first, *(x.name for x in face.inputs))
     code = code.replace(co_name=face.name, co_varnames=(*names, *code.co_varnames[len(names) :]))
     defaults = tuple(x.default for x in face.inputs if x.default is not REQUIRED)
     made = FunctionType(code, form.__globals__, face.name, defaults, form.__closure__)

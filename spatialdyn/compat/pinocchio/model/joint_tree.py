@@ -134,6 +134,8 @@ class Tree:
     _library: Any  # LibraryModel, None after an edit of the tree and where norms are checked anew
     _library_before: Any  # the last LibraryModel, None after an edit of the tree
     _frame_placements: Any  # FramePlacements, None after an edit of a frame
+    _builtins: Any  # builtins by key, of rows of the table without a Data
+    _plans: dict[str, Any]  # their plans
     _edited: Any  # whether it is the copy of one that was edited; None after an edit of the tree
 
     lowerPositionLimit = Entries(-NO_LIMIT, "(nq,) least coordinates.", "min_config")
@@ -169,9 +171,16 @@ class Tree:
     def _begin(self) -> Owner:
         """Note the model, without anything yet; returns the owner of the values of its tree."""
         MODELS.add(self)
-        caches = ("_library", "_library_before", "_frame_placements", "_edited")
+        self._plans = {}
+        caches = ("_library", "_library_before", "_edited")
         vars(self).update(dict.fromkeys(caches))
+        self._forget()
         return self._owner_of(*caches)
+
+    def _forget(self) -> None:
+        """Drop what follows from the LibraryModel."""
+        vars(self).update(_frame_placements=None, _builtins=None)
+        self._plans.clear()
 
     def _hold(self, numbers: Numbers) -> None:
         """Have the numbers be those of the model, and its values views of them."""
@@ -193,6 +202,7 @@ class Tree:
             model = here()
             if model is not None:
                 vars(model).update(nothing)
+                model._forget()
 
         return Owner(changed)
 
