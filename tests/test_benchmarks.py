@@ -414,7 +414,7 @@ def test_a_process_of_a_checkout_measures_rows(capfd: pytest.CaptureFixture[str]
     measured = compat.Checkout(BENCHMARKS.parent, ["pinocchio"])
     (taken,) = measured.round("types", "M == M")
     assert np.isfinite(taken)
-    with pytest.raises(SystemExit, match="types: no row: the process of .* ended"):
+    with pytest.raises(SystemExit, match=r"types: no row: the process of .* ended"):
         measured.round("types", "no row")
     measured.close()
     assert "KeyError: 'no row'" in capfd.readouterr().err
