@@ -50,14 +50,4 @@ def same_configuration(
     return True
 
 
-@routine(())
-def total_mass(inertias: int, njoints: int, out: Any) -> bool:
-    """The sum of the masses of inertias (njoints, 10), without the universe's."""
-    bodies = at(inertias, (njoints, 10))
-    out[0] = 0.0
-    for k in range(1, njoints):
-        out[0] += bodies[k, 0]
-    return True
-
-
 ROUTINES = {"normalized": normalized, "same_configuration": same_configuration}
