@@ -156,6 +156,30 @@ def recorded_call(
     return single_call.bound(otherwise, kinds, plan)
 
 
+class Follower:
+    """A number that follows from others, for a builtin that returns it, which does not apply where they were edited.
+
+    plan  that of the builtin, of one parameter, which no caller passes
+    """
+
+    def __init__(self, numbers: Array) -> None:
+        self._value, self._numbers, self._then, stamps = (
+            np.empty(1),
+            numbers,
+            np.empty_like(numbers),
+            array("q", [0, 0]),
+        )
+        places = {"now": numbers.ctypes.data, "then": self._then.ctypes.data, "memory": self._value.ctypes.data}
+        noted = single_call.record(**places, clock=address(stamps), time=address(stamps) + 8, bytes=numbers.nbytes)
+        program, given = (single_call.copy_entry(), 8, entries.NO_LIMIT.ctypes.data), self._value.ctypes.data
+        alive = self._value, numbers, self._then, stamps
+        self.plan = single_call.plan(program, [()], [single_call.placed((), given)], alive=alive, record=noted)
+
+    def keep(self, x: float) -> None:
+        """The number that follows from the others as they are now."""
+        self._value[0], self._then[...] = x, self._numbers
+
+
 def rerun(code: CallCode, inputs: Sequence[Array], out: Array) -> Builtin:
     """``() -> True``: a builtin that writes a call's result at the numbers that are in ``inputs`` to ``out``."""
     return _in_place(NOT_OWN, inputs, out, code.address, code)

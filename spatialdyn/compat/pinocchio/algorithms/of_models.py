@@ -10,7 +10,8 @@ import numpy as np
 
 from ....engines.programs.run.single_call import READY, plan_of
 from ....errors import SpatialDynError
-from ...native import configurations, operator_kernels, operators
+from ...native import operator_kernels, operators
+from ...native.recorded_calls import Follower
 from ..coverage.strictness import strict
 from ..data.data import Data, library_of
 from ..data.dispatch import vector
@@ -29,17 +30,17 @@ def _library_of(model: Any) -> LibraryModel:
     return library_model(expected(model, Model, "model"))
 
 
-def kept(model: Model, key: str, make: Callable[[], Callable[..., Any]]) -> Callable[..., Any]:
-    """A builtin of a Model, made at its first use; rows of the table find its plan by this key."""
+def kept(model: Model, key: str, make: Callable[[], Any]) -> Any:
+    """A builtin or Follower of a Model, made at its first use; rows of the table find its plan by this key."""
     builtins = vars(model)["_builtins"]
     if builtins is None:
         builtins = vars(model)["_builtins"] = {}
     if key not in builtins:
         builtins[key] = make()
-        plan = plan_of(builtins[key])
+        plan = builtins[key].plan if type(builtins[key]) is Follower else plan_of(builtins[key])
         if plan is not None:
             model._plans[key] = plan
-    return builtins[key]  # type: ignore[no-any-return]
+    return builtins[key]
 
 
 # --- calls of the library on configurations ------------------------------------------------------------------
@@ -139,25 +140,14 @@ def random_configuration(face: Face, model: Model, lower: Any, upper: Any) -> Ar
     return q
 
 
-def total_mass(face: Face, model: Model, data: Data | None) -> Any:
+def total_mass(face: Face, model: Model, data: Data | None) -> float:
     """``computeTotalMass``."""
     if data is not None:
         library_of(model, data)
-    inertias = expected(model, Model, "model")._numbers.inertias
-    words = {"inertias": inertias, "njoints": len(inertias)}
-    mass = None
-    if READY:
-        mass = kept(model, key_of_model(face), lambda: configurations.total_mass.bind(words, inertias))()
-    if mass is None:
-        mass = sum_of(inertias[1:, 0].tolist())
+    numbers = expected(model, Model, "model")._numbers
+    mass: float = sum(numbers.masses.tolist(), 0.0)
     if data is not None:
         data.hold("mass")[0] = mass
+    elif READY:
+        kept(model, key_of_model(face), lambda: Follower(numbers.inertias)).keep(mass)
     return mass
-
-
-def sum_of(numbers: list[float]) -> float:
-    """Their sum, one after the other: ``sum`` is a compensated one since Python 3.12."""
-    total = 0.0
-    for x in numbers:
-        total += x
-    return total
