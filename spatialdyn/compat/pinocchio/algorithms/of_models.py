@@ -54,7 +54,7 @@ def call_of_library(face: Face, model: Model, *given: Any) -> Array:
 
 
 def _checked(model: Model, library: LibraryModel, face: Face, given: tuple[Any, ...]) -> Array:
-    values = []
+    values: list[Any] = []
     for x, value in zip(face.inputs, given, strict=True):
         if x.name == "alpha":
             values.append(number(value, x.name))

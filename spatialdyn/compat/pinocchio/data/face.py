@@ -250,7 +250,13 @@ def _builtin(face: Face, python: Callable[..., Any], k: int, count: int) -> Call
         return builtin(k, count, python, parameters, listed, Model, None, face.signature)
     if face.about_frame:
         key_of: Callable[..., str] = _frame_key
-        names = ("_bound", "_noted", "_library" if face.of_joints else "_frame_placements", Bound, "owner")
+        names: tuple[Any, ...] = (
+            "_bound",
+            "_noted",
+            "_library" if face.of_joints else "_frame_placements",
+            Bound,
+            "owner",
+        )
     else:
         key_of, names = _key, ("_runs", "_noted", "_library", Run, "library")
     slots = (*names, "plan", "after", "recompute")

@@ -109,7 +109,7 @@ class Run:
         self.plan: Words | None = None
         self.forces_builtin: Callable[..., Any] | None = None
         self.recompute: Callable[[], Any] | None = None
-        self.bound: dict[str, dict[str, Any]] = {}
+        self.bound: dict[str, Any] = {}
 
     @property
     def stamp(self) -> int:
