@@ -248,19 +248,12 @@ def _builtin(face: Face, python: Callable[..., Any], k: int, count: int) -> Call
     if not face.of_data:
         listed = [intern(key_of_model(face, *(x.name for x in chosen))) for chosen in choices]
         return builtin(k, count, python, parameters, listed, Model, None, face.signature)
-    if face.about_frame:
-        key_of: Callable[..., str] = _frame_key
-        names: tuple[Any, ...] = (
-            "_bound",
-            "_noted",
-            "_library" if face.of_joints else "_frame_placements",
-            Bound,
-            "owner",
-        )
-    else:
-        key_of, names = _key, ("_runs", "_noted", "_library", Run, "library")
-    slots = (*names, "plan", "after", "recompute")
-    following = Following(Data, *slots, Data.recompute_held, Run.follow, made, switch, LOCALLY, WORLD)
+    framed = face.about_frame
+    key_of, runs, owner = (_frame_key, "_bound", "owner") if framed else (_key, "_runs", "library")
+    attribute, run = "_frame_placements" if framed and not face.of_joints else "_library", Bound if framed else Run
+    slots = owner, "plan", "after", "recompute"
+    functions = Data.recompute_held, Run.follow, made
+    following = Following(Data, runs, "_noted", attribute, run, *slots, *functions, switch, LOCALLY, WORLD)
     keys = [intern(key_of(face, x)) for x in choices]
     return builtin(k, count, python, parameters, keys, None, following, face.signature)
 
