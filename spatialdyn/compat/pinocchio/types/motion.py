@@ -66,18 +66,6 @@ class Spatial(Summable, InFrames):
             return self._scaled(float(scale), self)  # type: ignore[no-any-return]
         return cast(Vector, self._reflected(scale, "__mul__"))
 
-    def __iadd__(self: Vector, other: Any) -> Vector:
-        if type(other) is not type(self):
-            return super().__iadd__(other)  # type: ignore[no-any-return]
-        self._x += other._x
-        return self
-
-    def __isub__(self: Vector, other: Any) -> Vector:
-        if type(other) is not type(self):
-            return super().__isub__(other)  # type: ignore[no-any-return]
-        self._x -= other._x
-        return self
-
     def __truediv__(self: Vector, scale: Any) -> Vector:
         return self._divided(float(scale)) if isinstance(scale, (float, int)) else NotImplemented
 
