@@ -2,31 +2,41 @@
 
     python benchmarks/compat.py             all groups
     python benchmarks/compat.py types       some of types, panda, talos_full_v2, first_hour
+    python benchmarks/compat.py types --rows exp6               expressions that contain a text alone
+    python benchmarks/compat.py types --against ../before       the package of another checkout too
 
 Both modules take turns, round after round; prints medians over the rounds, less the time of an empty function, of
-compiled code. The group ``first_hour`` is what twenty usual calls cost in a new process, where nothing is compiled yet:
-seconds of CPU of each first call with an empty cache, of all of them, and of all in a second process, which finds the
-code on disk.
+compiled code. With ``--against`` the package of this checkout and that of another do, each in a process of its own that
+waits while the other measures. A row that is slower here, by medians and by minima, is measured again in new processes;
+one that is slower there too is named at the end, and the exit status is then 1.
+
+The group ``first_hour`` is what twenty usual calls cost in a new process, where nothing is compiled yet: seconds of CPU
+of each first call with an empty cache, of all of them, and of all in a second process, which finds the code on disk.
 """
 
 from __future__ import annotations
 
 import argparse
 import gc
+import importlib
 import json
 import os
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import cycle
+from pathlib import Path
+from statistics import median
 from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
 import numpy as np
-from measure import interleaved
+from measure import calls_within, interleaved, per_call
 
 ROUNDS, SECONDS = 15, 0.002
+NOISE, LEAST = 0.1, 0.01  # a row is slower by more than this part and so many microseconds
+WHEEL, OURS = "pinocchio", "spatialdyn.compat.pinocchio"
 
 
 class Group(NamedTuple):
@@ -227,8 +237,8 @@ def first_calls(module: str, path: str) -> dict[str, float]:
 def print_first_hour() -> None:
     """A line for each call, with seconds of CPU of the wheel, and of this package with an empty and a filled cache."""
     with TemporaryDirectory() as cache:
-        columns = [first_seconds("pinocchio", cache)]
-        columns += [first_seconds("spatialdyn.compat.pinocchio", cache) for _ in range(2)]
+        columns = [first_seconds(WHEEL, cache)]
+        columns += [first_seconds(OURS, cache) for _ in range(2)]
     print(f"{'first_hour: s of CPU, panda':40s}{'wheel':>9s}{'empty':>9s}{'kept':>9s}")
     for name in columns[0]:
         print(f"{name:40s}" + "".join(f"{column[name]:9.3f}" for column in columns))
@@ -237,9 +247,11 @@ def print_first_hour() -> None:
 
 def compile_all() -> None:
     """Compile all functions and programs that were called so far, which are interpreted until compiling pays."""
-    from spatialdyn.engines.compiled.tiers import Tier
-    from spatialdyn.engines.programs.run.tiered_program import TieredProgram
-
+    try:
+        from spatialdyn.engines.compiled.tiers import Tier
+        from spatialdyn.engines.programs.run.tiered_program import TieredProgram
+    except ImportError:  # an older checkout, which compiles at the first call
+        return
     for x in gc.get_objects():
         if isinstance(x, Tier) and x.called:
             x.compile_now()
@@ -247,49 +259,170 @@ def compile_all() -> None:
             x.compiled(one=True)
 
 
-def timed(group: Group, modules: Mapping[str, Any]) -> list[tuple[str, dict[str, float]]]:
+def warm(runs: Sequence[Callable[[], Any]]) -> None:
+    """Leave out compilation, and loading at the second and third call."""
+    for _ in range(3):
+        for run in runs:
+            for _ in range(5):
+                run()
+        compile_all()
+
+
+class Calls:
+    """The expressions of a group as functions of its values with a module, for some need what others left."""
+
+    def __init__(self, group: Group, module: Any) -> None:
+        values = {"np": np, **group.values(module)}
+        self.made = {x: eval(f"lambda: {x}", values) for x in group.expressions}
+        self.waiting = [*group.expressions]
+
+    def prepared(self, expression: str) -> Callable[[], Any]:
+        """The function of an expression; those before it were called."""
+        while expression in self.waiting:
+            self.made[self.waiting.pop(0)]()
+        return self.made[expression]
+
+
+def timed(
+    group: Group, expressions: Sequence[str], modules: Mapping[str, Any]
+) -> Iterator[tuple[str, dict[str, float]]]:
     """Microseconds per call of each expression under each module."""
-    values = {name: {"np": np, **group.values(module)} for name, module in modules.items()}
+    calls = {name: Calls(group, module) for name, module in modules.items()}
     empty = interleaved({"empty": lambda: None}, ROUNDS, SECONDS)["empty"]
-    found = []
-    for expression in group.expressions:
-        contestants = {name: eval(f"lambda: {expression}", values[name]) for name in modules}
-        for _ in range(3):  # leaves out compilation and loading at the second and third call
-            for run in contestants.values():
-                for _ in range(5):
-                    run()
-            compile_all()
+    for expression in expressions:
+        contestants = {name: calls[name].prepared(expression) for name in modules}
+        warm([*contestants.values()])
         seconds = interleaved(contestants, ROUNDS, SECONDS)
-        found.append((expression, {name: 1e6 * (x - empty) for name, x in seconds.items()}))
-    return found
+        yield expression, {name: 1e6 * (x - empty) for name, x in seconds.items()}
 
 
-def main(arguments: Sequence[str]) -> None:
-    """Print a line for each expression."""
+# --- against another checkout --------------------------------------------------------------------------------
+
+
+def serve(modules: Sequence[str]) -> None:
+    """Measure a round, of a row of a group that a line of the input names, and print microseconds of each module."""
+    imported = [__import__(module, fromlist=["rnea"]) for module in modules]
+    empty = min(per_call(lambda: None, 10000) for _ in range(ROUNDS))
+    name, row = "", ""
+    of_group: list[Calls] = []
+    runs: list[Callable[[], Any]] = []
+    counts: list[int] = []
+    for line in sys.stdin:
+        group, expression = json.loads(line)
+        if group != name:
+            name, row, of_group = group, "", [Calls(GROUPS[group], module) for module in imported]
+        if expression != row:
+            row, runs = expression, [calls.prepared(expression) for calls in of_group]
+            warm(runs)
+            counts = [calls_within(run, SECONDS) for run in runs]
+        taken = [1e6 * (per_call(run, n) - empty) for run, n in zip(runs, counts, strict=True)]
+        print(json.dumps(taken), flush=True)
+
+
+class Checkout:
+    """A process that measures rows with the package of a checkout."""
+
+    def __init__(self, path: Path, modules: Sequence[str]) -> None:
+        self.path = path
+        self.process = subprocess.Popen(
+            [sys.executable, __file__, "--serve", *modules], env={**os.environ, "PYTHONPATH": str(path)},
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
+        )  # fmt: skip
+
+    def round(self, group: str, expression: str) -> list[float]:
+        """Microseconds of an expression of a group under each module, in one round."""
+        assert self.process.stdin is not None
+        assert self.process.stdout is not None
+        print(json.dumps([group, expression]), file=self.process.stdin, flush=True)
+        line = self.process.stdout.readline()
+        if not line:
+            sys.exit(f"{group}: {expression}: the process of {self.path} ended")
+        taken: list[float] = json.loads(line)
+        return taken
+
+    def close(self) -> None:
+        """End the process."""
+        self.process.communicate()
+
+
+class Row(NamedTuple):
+    """Microseconds of an expression in each round: of the wheel, of the other checkout, and of this one."""
+
+    wheel: Sequence[float]
+    old: Sequence[float]
+    new: Sequence[float]
+
+    @property
+    def slower(self) -> bool:
+        """Whether this checkout is slower than the other, by medians and by minima."""
+        return all(of(self.new) > (1.0 + NOISE) * of(self.old) + LEAST for of in (median, min))
+
+
+def turns(path: Path, rows: Sequence[tuple[str, str]]) -> Iterator[Row]:
+    """The rounds of rows, each a group and an expression, of which the checkouts take turns."""
+    old, new = Checkout(path, [OURS]), Checkout(Path(__file__).parents[1], [WHEEL, OURS])
+    try:
+        for row in rows:
+            rounds = [(*new.round(*row), *old.round(*row)) for _ in range(ROUNDS + 1)][1:]  # the first prepares
+            wheel, ours, before = zip(*rounds, strict=True)
+            yield Row(wheel, before, ours)
+    finally:
+        old.close()
+        new.close()
+
+
+def compare(path: Path, rows: Sequence[tuple[str, str]]) -> list[tuple[str, str]]:
+    """Print a line for each row; returns those that are slower here, in each of two pairs of processes."""
+    slower, before = [], ""
+    for (group, expression), row in zip(rows, turns(path, rows), strict=True):
+        if group != before:
+            print(f"{group:74s}{'wheel':>9s}{'before':>9s}{'now':>9s}{'/wheel':>8s}{'/before':>8s}")
+            before = group
+        wheel, old, new = map(median, row)
+        mark = " slower" if row.slower else ""
+        print(f"{expression:74s}{wheel:9.3f}{old:9.3f}{new:9.3f}{new / wheel:8.2f}{new / old:8.2f}{mark}", flush=True)
+        if row.slower:
+            slower.append((group, expression))
+    return [name for name, row in zip(slower, turns(path, slower), strict=True) if row.slower] if slower else []
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Print a line for each expression; returns 1 if one is slower than with the other checkout."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("groups", nargs="*", metavar="GROUP", help=f"some of {', '.join(NAMES)}; by default all")
+    parser.add_argument("--rows", default="", metavar="TEXT", help="expressions that contain this text alone")
+    parser.add_argument("--against", type=Path, metavar="CHECKOUT", help="folder of another checkout to compare with")
     parser.add_argument("--first-calls", nargs=2, metavar=("MODULE", "URDF"), help=argparse.SUPPRESS)
+    parser.add_argument("--serve", nargs="+", metavar="MODULE", help=argparse.SUPPRESS)
     given = parser.parse_args(arguments)
     if given.first_calls:
         print(json.dumps(first_calls(*given.first_calls)))
-        return
+        return 0
+    if given.serve:
+        serve(given.serve)
+        return 0
     chosen = given.groups or NAMES
     unknown = [name for name in chosen if name not in NAMES]
     if unknown:
         parser.error(f"group is {unknown[0]!r}, expected some of {', '.join(NAMES)}")
-    if FIRST_HOUR in chosen:
+    rows = [(name, x) for name in chosen if name != FIRST_HOUR for x in GROUPS[name].expressions if given.rows in x]
+    if given.against is not None:
+        if not (given.against / "spatialdyn").is_dir():
+            parser.error(f"--against is {str(given.against)!r}, expected a folder with spatialdyn in it")
+        slower = compare(given.against.resolve(), rows)
+        for group, expression in slower:
+            print(f"slower than before: {group}: {expression}")
+        return int(bool(slower))
+    if FIRST_HOUR in chosen and not given.rows:
         print_first_hour()
-    import pinocchio
-
-    import spatialdyn.compat.pinocchio
-
-    modules = {"wheel": pinocchio, "ours": spatialdyn.compat.pinocchio}
+    modules = {"wheel": importlib.import_module(WHEEL), "ours": importlib.import_module(OURS)}
     for name in (name for name in chosen if name != FIRST_HOUR):
         print(f"{name:74s}{'wheel':>9s}{'ours':>9s}{'ratio':>8s}")
-        for expression, taken in timed(GROUPS[name], modules):
+        for expression, taken in timed(GROUPS[name], [x for group, x in rows if group == name], modules):
             ratio = taken["ours"] / taken["wheel"]
             print(f"{expression:74s}{taken['wheel']:9.3f}{taken['ours']:9.3f}{ratio:8.2f}")
+    return 0
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    sys.exit(main(sys.argv[1:]))

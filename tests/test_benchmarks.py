@@ -370,6 +370,66 @@ def test_an_unknown_group_is_named(capsys: pytest.CaptureFixture[str]) -> None:
     assert "group is 'tipes', expected some of types, panda" in capsys.readouterr().err
 
 
+class Scripted:
+    """In place of ``compat.Checkout``: rounds of three rows, of which ours of the second and third are slower."""
+
+    pairs = 0
+
+    def __init__(self, path: Path, modules: list[str]) -> None:
+        self.ours = len(modules) == 2
+        Scripted.pairs += self.ours
+
+    def round(self, group: str, expression: str) -> list[float]:
+        slower = {"a": 1.05, "b": 1.5, "c": 1.5 if Scripted.pairs == 1 else 1.0}[expression]
+        return [2.0, slower] if self.ours else [1.0]
+
+    def close(self) -> None:
+        pass
+
+
+def test_a_row_that_is_slower_in_two_pairs_of_processes_is_named(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The first is slower by less than the noise, the third in the first pair alone."""
+    monkeypatch.setattr(compat, "Checkout", Scripted)
+    monkeypatch.setattr(Scripted, "pairs", 0)
+    monkeypatch.setattr(compat, "GROUPS", {"types": compat.Group(lambda pin: {}, ["a", "b", "c"])})
+    root = str(BENCHMARKS.parent)
+    assert compat.main(["types", "--against", root]) == 1
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split() for line in lines[1:4]] == [
+        ["a", "2.000", "1.000", "1.050", "0.53", "1.05"],
+        ["b", "2.000", "1.000", "1.500", "0.75", "1.50", "slower"],
+        ["c", "2.000", "1.000", "1.500", "0.75", "1.50", "slower"],
+    ]
+    assert lines[4:] == ["slower than before: types: b"]
+    assert compat.main(["types", "--rows", "a", "--against", root]) == 0
+    with pytest.raises(SystemExit):
+        compat.main(["types", "--against", str(BENCHMARKS)])
+    assert "expected a folder with spatialdyn in it" in capsys.readouterr().err
+
+
+def test_a_process_of_a_checkout_measures_rows(capfd: pytest.CaptureFixture[str]) -> None:
+    """Of the wheel's module, whose import is quick; the expressions before a row are called too."""
+    measured = compat.Checkout(BENCHMARKS.parent, ["pinocchio"])
+    (taken,) = measured.round("types", "M == M")
+    assert np.isfinite(taken)
+    with pytest.raises(SystemExit, match=r"types: no row: the process of .* ended"):
+        measured.round("types", "no row")
+    measured.close()
+    assert "KeyError: 'no row'" in capfd.readouterr().err
+
+
+def test_a_row_is_called_after_those_before_it() -> None:
+    seen: list[str] = []
+    group = compat.Group(lambda module: {"note": seen.append}, [f"note({name!r})" for name in "abc"])
+    calls = compat.Calls(group, None)
+    calls.prepared("note('b')")
+    assert seen == ["a", "b"]
+    calls.prepared("note('c')")()
+    assert seen == ["a", "b", "c", "c"]
+
+
 @compiled
 def test_rows_of_the_face_time_compiled_programs(monkeypatch: pytest.MonkeyPatch) -> None:
     """With an empty cache as with a filled one: an interpreted program takes up to twice as long."""

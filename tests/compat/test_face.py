@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import gc
 import inspect
 import pickle
 from pathlib import Path
@@ -17,6 +18,7 @@ from spatialdyn.compat.pinocchio.algorithms import calls
 from spatialdyn.compat.pinocchio.algorithms.table import FACES
 from spatialdyn.compat.pinocchio.data.face import REQUIRED, Face, Input
 from spatialdyn.compat.pinocchio.data.field_recipes import CALL_KINDS
+from spatialdyn.compat.pinocchio.types.tracked_list import OwnedList
 
 STUB = Path(calls.__file__).with_suffix(".pyi")
 HEAD = '''"""The functions of ``table.FACES``, for type checkers: made by tests/compat/test_face.py."""
@@ -51,7 +53,7 @@ def declaration(face: Face) -> str:
     """One function of the stub, or its overloads."""
     lines = []
     for inputs in face.overloads or [face.inputs]:
-        parameters = ", ".join(["model: Model", "data: Data", *map(parameter, inputs)])
+        parameters = ", ".join([*["model: Model", "data: Data"][: len(face.first)], *map(parameter, inputs)])
         lines += ["@overload"] * bool(face.overloads)
         line = f"def {face.name}({parameters}) -> {face.returns}: ..."
         if len(line) > 120:
@@ -74,7 +76,7 @@ def test_stub_declares_every_row() -> None:
 def test_function_is_as_its_row_says(face: Face) -> None:
     function = getattr(pin, face.name)
     parameters = inspect.signature(function).parameters
-    assert [*parameters] == ["model", "data", *(x.name for x in face.inputs)]
+    assert [*parameters] == [*face.first, *(x.name for x in face.inputs)]
     defaults = [parameters[x.name].default for x in face.inputs]
     assert defaults == [inspect.Parameter.empty if x.default is REQUIRED else x.default for x in face.inputs]
     assert function.__doc__.startswith(face.doc)
@@ -145,6 +147,124 @@ def test_conventions_fill_their_own_fields_at_every_call(name: str) -> None:
         for wrong in (None, 0, 1, 2):
             with pytest.raises(TypeError, match="convention is"):
                 call(model, data, q, *rest, convention=wrong)
+
+
+def test_getters_read_the_latest_call_also_where_calls_alternate() -> None:
+    """Of each getter the first call is checked in Python; later ones are builtins about the inputs of one call."""
+    model = pin.buildSampleModelManipulator()
+    data, v, place = model.createData(), np.full(6, 0.3), pin.SE3.Random()
+    calls = [
+        lambda data, q: pin.computeJointJacobians(model, data, q),
+        lambda data, q: pin.computeJointJacobiansTimeVariation(model, data, q, v),
+        lambda data, q: pin.computeAllTerms(model, data, q, v),
+    ]
+    for n, order in enumerate([0, 1, 0, 2, 1, 1, 2, 0, 1, 0]):
+        q, fresh = np.full(6, 0.1 * n), model.createData()
+        calls[order](data, q)
+        pin.computeJointJacobians(model, fresh, q)
+        for reference in (pin.LOCAL, pin.WORLD, pin.LOCAL_WORLD_ALIGNED):
+            for name, about in (
+                ("getFrameJacobian", (3, reference)),
+                ("getFrameJacobian", (3, place, reference)),
+                ("getJointJacobian", (4, reference)),
+            ):
+                getter = getattr(pin, name)
+                np.testing.assert_allclose(getter(model, data, *about), getter(model, fresh, *about), atol=1e-14)
+
+
+def test_a_frame_may_be_given_in_any_form() -> None:
+    """Twice each: checked in Python, then by a builtin, where one takes arguments of that form."""
+    model = pin.buildSampleModelManipulator()
+    data, q, v = model.createData(), np.full(6, 0.2), np.full(6, 0.3)
+    frame = model.frames[-1]
+    joint, place = frame.parentJoint, frame.placement
+    for _ in range(2):
+        for reference in (pin.LOCAL, pin.WORLD, pin.LOCAL_WORLD_ALIGNED):
+            q = q + 0.1
+            pin.forwardKinematics(model, data, q, v)
+            forms = [
+                pin.getFrameVelocity(model, data, model.nframes - 1, reference),
+                pin.getFrameVelocity(model, data, reference_frame=reference, frame_id=model.nframes - 1),
+                pin.getFrameVelocity(model, data, joint, place, reference),
+                pin.getFrameVelocity(model, data, joint_id=joint, placement=place, reference_frame=reference),
+            ]
+            if reference == pin.LOCAL:
+                forms += [
+                    pin.getFrameVelocity(model, data, model.nframes - 1),
+                    pin.getFrameVelocity(model, data, joint, place),
+                ]
+            for found in forms[1:]:
+                np.testing.assert_allclose(found.vector, forms[0].vector, atol=1e-14)
+    with pytest.raises(IndexError):
+        pin.getFrameVelocity(model, data, model.nframes)
+
+
+def test_plans_of_a_model_follow_its_edits() -> None:
+    model = pin.buildSampleModelManipulator()
+    q, ones = pin.neutral(model), np.ones(6)
+    for mass in (1.0, 2.0):
+        for _ in range(2):
+            model.inertias[2].mass = mass
+            assert pin.computeTotalMass(model) == pytest.approx(sum(x.mass for x in model.inertias[1:]), rel=1e-15)
+    for _ in range(2):
+        assert pin.isNormalized(model, q)
+        assert pin.isSameConfiguration(model, q, q, 0.0)
+        np.testing.assert_array_equal(pin.integrate(model, v=ones, q=q), ones)
+        np.testing.assert_array_equal(pin.interpolate(model, q, ones, 0.5), 0.5 * ones)
+        assert pin.randomConfiguration(model, -ones, upper_bound=ones).shape == (6,)
+        model.upperPositionLimit = np.full(6, 0.5)
+        model.lowerPositionLimit[:] = 0.5
+        np.testing.assert_array_equal(pin.randomConfiguration(model), np.full(6, 0.5))
+        for wrong in (None, [0.0] * 6, np.ones(5)):
+            with pytest.raises((TypeError, ValueError)):
+                pin.integrate(model, q, wrong)
+        with pytest.raises(TypeError):
+            pin.neutral(None)
+    model.addJoint(6, pin.JointModelSpherical(), pin.SE3.Identity(), "wrist")
+    assert pin.neutral(model).shape == pin.randomConfiguration(model).shape == (10,)
+    q = pin.neutral(model)
+    assert pin.isNormalized(model, q)
+    assert not pin.isNormalized(model, 2.0 * q)
+    assert pin.isSameConfiguration(model, q, -q, 1e-9)
+
+
+def test_strict_mode_checks_norms_of_configurations_that_were_planned() -> None:
+    model = pin.Model()
+    model.addJoint(0, pin.JointModelSpherical(), pin.SE3.Identity(), "ball")
+    q = np.array([0.0, 0.0, 0.0, 2.0])
+    for _ in range(2):
+        pin.integrate(model, q, np.zeros(3))
+    before = pin.strict(True)
+    try:
+        with pytest.raises(ValueError, match="norm"):
+            pin.integrate(model, q, np.zeros(3))
+    finally:
+        pin.strict(before)
+
+
+def test_a_copy_of_a_model_is_freed_at_once() -> None:
+    """It is in no cycle: the garbage of many copies would slow everything else."""
+    model = pin.buildSampleModelManipulator()
+    pin.neutral(model)
+    pin.rnea(model, model.createData(), *np.zeros((3, 6)))
+    gc.collect()
+    gc.disable()
+    try:
+        before = parts_of_models()
+        copy = model.copy()
+        assert pin.computeTotalMass(copy) == pin.computeTotalMass(model)
+        copy.armature[0] = 1.0
+        pin.neutral(copy)
+        assert parts_of_models() > before
+        del copy
+        assert parts_of_models() == before
+    finally:
+        gc.enable()
+
+
+def parts_of_models() -> int:
+    """How many lists of models there are, also of those that only the collector would free."""
+    return sum(isinstance(x, OwnedList) for x in gc.get_objects())
 
 
 if __name__ == "__main__":

@@ -98,13 +98,14 @@ def _put_bounds(bodies: Any, sums: Any) -> None:
 
 @inline
 def _put_numbers(bodies: Any, rows: Any, now: Any, then: Any, sums: Any) -> float:
-    njoints, moved = len(rows), WRITTEN
+    njoints, moved, weighed = len(rows), WRITTEN, False
     if not _sound(now, njoints):
         return REFUSED
     for k in range(1, njoints):
         row, place, body = rows[k], 6 + 16 * k, 6 + 16 * njoints + 10 * k
         if _differ(now, then, body, 10):
             put_inertia(bodies[row].inertia, inertia_about_origin(read_body(now[body : body + 10])))
+            weighed = True
         while bodies[row].kind == CONTINUED:
             row -= 1
         if _differ(now, then, place, 16):
@@ -113,7 +114,8 @@ def _put_numbers(bodies: Any, rows: Any, now: Any, then: Any, sums: Any) -> floa
     for i in range(1, len(bodies)):
         bodies[i].armature = now[5 + 26 * njoints + i]
     put_vec(bodies[0].gravity, Vec(now[0], now[1], now[2]))
-    _put_bounds(bodies, sums)
+    if weighed or moved == MOVED:
+        _put_bounds(bodies, sums)
     for i in range(len(now)):
         then[i] = now[i]
     return moved

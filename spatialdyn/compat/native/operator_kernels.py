@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable, Mapping
-from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -194,11 +193,13 @@ class Operator(NamedTuple):
         return self.routine().bind({"slot": slot, **words}, *classes.values(), otherwise=otherwise)
 
 
-@cache
-def draw_between(generator: Any, size: int, units: tuple[tuple[int, int], ...] = ()) -> Callable[..., Any]:
+def draw_between(
+    generator: Any, size: int, units: tuple[tuple[int, int], ...] = (), **limits: np.ndarray
+) -> Callable[..., Any]:
     """A builtin ``(lower, upper) -> (size,)`` of ``operators.between`` with draws of a generator of NumPy.
 
-    units  first index and size of parts of unit norm, drawn by ``operators.put_direction``
+    units   first index and size of parts of unit norm, drawn by ``operators.put_direction``
+    limits  lower and upper, which it then reads where they are
 
     Returns None if not applicable. A call of the generator from Python takes far longer than a draw.
     """
@@ -206,7 +207,7 @@ def draw_between(generator: Any, size: int, units: tuple[tuple[int, int], ...] =
     address = ctypes.cast(interface.next_double, ctypes.c_void_p).value or 0
     parts = np.array(units, np.int64).ravel()
     words = {"units": parts, "count": len(units), "n": size, "next_double": address, "state": interface.state_address}
-    return _draw_between.bind(words, generator)
+    return _draw_between.bind({**words, **limits}, generator)
 
 
 @routine(("n",), lower=("n",), upper=("n",))

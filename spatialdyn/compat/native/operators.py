@@ -37,6 +37,7 @@ from ...algebra.spatial import (
     inertia_at_parent,
     motion_at_child,
     power,
+    scale_force,
     scale_motion,
 )
 
@@ -130,6 +131,18 @@ def divided_motion(m: Motion, s: Scalar) -> Motion:
 def divided_force(f: Force, s: Scalar) -> Force:
     """f / s."""
     return Force(divide(f.n, s), divide(f.f, s))
+
+
+@inline
+def scaled_motion(m: Motion, s: Scalar) -> Motion:
+    """s m."""
+    return scale_motion(s, m)
+
+
+@inline
+def scaled_force(f: Force, s: Scalar) -> Force:
+    """s f."""
+    return scale_force(s, f)
 
 
 @inline

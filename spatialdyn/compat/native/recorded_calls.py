@@ -66,6 +66,7 @@ HEAD = 64  # bytes before a table
 REFERENCES = ("in_frame", "in_world", "aligned")  # words: ids of the ReferenceFrame objects, in the order of codes
 ROW_SIZE, VELOCITY_SIZE, ACCELERATION_SIZE = WORK.itemsize, WORK_VELOCITY.itemsize, WORK_ACCELERATION.itemsize
 OF_FRAME: dict[str, Kind] = {"k": Index("frames"), "code": Choice(REFERENCES)}
+AT_POSE: dict[str, Kind] = {"k": Index("frames"), "p": Owner((4, 4), "pose", "slot"), "code": Choice(REFERENCES)}
 
 
 class Table:
@@ -153,6 +154,30 @@ def recorded_call(
     plan = single_call.plan(NOT_OWN, [output], given, several, (code, place), code.address, recorded)
     kinds = [Parameter(f"x{k}", NUMBER if x == () else INPUT) for k, x in enumerate(given)]
     return single_call.bound(otherwise, kinds, plan)
+
+
+class Follower:
+    """A number that follows from others, for a builtin that returns it, which does not apply where they were edited.
+
+    plan  that of the builtin, of one parameter, which no caller passes
+    """
+
+    def __init__(self, numbers: Array) -> None:
+        self._value, self._numbers, self._then, stamps = (
+            np.empty(1),
+            numbers,
+            np.empty_like(numbers),
+            array("q", [0, 0]),
+        )
+        places = {"now": numbers.ctypes.data, "then": self._then.ctypes.data, "memory": self._value.ctypes.data}
+        noted = single_call.record(**places, clock=address(stamps), time=address(stamps) + 8, bytes=numbers.nbytes)
+        program, given = (single_call.copy_entry(), 8, entries.NO_LIMIT.ctypes.data), self._value.ctypes.data
+        alive = self._value, numbers, self._then, stamps
+        self.plan = single_call.plan(program, [()], [single_call.placed((), given)], alive=alive, record=noted)
+
+    def keep(self, x: float) -> None:
+        """The number that follows from the others as they are now."""
+        self._value[0], self._then[...] = x, self._numbers
 
 
 def rerun(code: CallCode, inputs: Sequence[Array], out: Array) -> Builtin:
@@ -255,49 +280,86 @@ def _write_frame_motion(X: Any, placement: Any, v: Any, a: Any, classical: bool,
 write_frame_motion = operator_kernels.compiled(_write_frame_motion)
 
 
-@routine(Owner((6,), "made", "slot"), **OF_FRAME)
-def frame_motion(
-    k: int, code: int, poses: int, velocities: int, motions: int, classical: int, frames: Frames, out: Any
-) -> bool:
-    """The velocity or acceleration of a frame from that of its joint; ``made`` is the class of Motion."""
-    i, p = word(frames.joints, k), at(word(frames.placements, k), (4, 4))
-    X, v, m = at(poses + 128 * i, (4, 4)), at(velocities + 48 * i, (6,)), at(motions + 48 * i, (6,))
-    _write_frame_motion(X, p, v, m, classical != 0, code, out)
+class OnFrames(NamedTuple):
+    """A call about a frame of the model as a routine, and about one at a pose on a joint."""
+
+    of_frame: Routine
+    at_pose: Routine
+
+
+def _on_frames(name: str, output: Result, words: type, call: Callable[..., bool]) -> OnFrames:
+    """Of ``call(joint, placement, code, words, out)``. Words of the second: the class ``pose``, and its ``slot``."""
+
+    def of_frame(k: int, code: int, given: Any, frames: Frames, out: Any) -> bool:
+        return call(word(frames.joints, k), at(word(frames.placements, k), (4, 4)), code, given, out)
+
+    def at_pose(k: int, p: Any, code: int, given: Any, frames: Frames, out: Any) -> bool:
+        return call(word(frames.joints, k), p, code, given, out)
+
+    of_frame.__annotations__["given"] = at_pose.__annotations__["given"] = words
+    of_pose = Routine(inline(at_pose), AT_POSE, output, f"{name}_at_pose")
+    return OnFrames(Routine(inline(of_frame), OF_FRAME, output, f"{name}_of_frame"), of_pose)
+
+
+class Motions(NamedTuple):
+    """Words: addresses of fields of all joints; ``motions`` are read, and velocities if ``classical`` is not 0."""
+
+    poses: int
+    velocities: int
+    motions: int
+    classical: int
+
+
+@inline
+def _frame_motion(i: int, p: Any, code: int, given: Motions, out: Any) -> bool:
+    """The velocity or acceleration of a frame from that of its joint."""
+    X, v = at(given.poses + 128 * i, (4, 4)), at(given.velocities + 48 * i, (6,))
+    _write_frame_motion(X, p, v, at(given.motions + 48 * i, (6,)), given.classical != 0, code, out)
     return True
 
 
-@routine((6, "nv"), **OF_FRAME)
-def frame_jacobian(
-    k: int, code: int, table: int, nq: int, q: int, placed_rows: int, time: int, frames: Frames, out: Any
-) -> bool:
-    """``frame_jacobian`` at the recorded q; it does not apply if joints were moved after that call.
-
-    ``placed_rows`` are the rows of ``jacobians`` (0: none), ``time`` the stamps, which are equal if the rows are those
-    of the call. The joints of frames are rows of the table.
+class Recorded(NamedTuple):
+    """Words: what a call recorded; ``placed_rows`` are the rows of ``jacobians`` (0: none), ``time`` the stamps, which
+    are equal if the rows are those of the call.
     """
-    i, p = word(frames.joints, k), at(word(frames.placements, k), (4, 4))
+
+    table: int
+    nq: int
+    nv: int
+    q: int
+    v: int
+    placed_rows: int
+    time: int
+
+
+@inline
+def _frame_jacobian_at_recorded(i: int, p: Any, code: int, given: Recorded, out: Any) -> bool:
+    """``frame_jacobian`` at the recorded q, of a row of the table; not if joints were moved after that call."""
+    table, time = given.table, given.time
     if word(time, 0) < word(table, -1):
         return False
-    if placed_rows != 0 and word(time, 0) == word(time, 1):
+    if given.placed_rows != 0 and word(time, 0) == word(time, 1):
         bodies = table_at(table)
-        placed_frame_jacobian(bodies, records(placed_rows, (len(bodies),), WORK), i, p, code, out)
+        placed_frame_jacobian(bodies, records(given.placed_rows, (len(bodies),), WORK), i, p, code, out)
         return True
-    return bool(_frame_jacobian(table, at(q, (nq,)), i, p, code, out) == OK)
+    return bool(_frame_jacobian(table, at(given.q, (given.nq,)), i, p, code, out) == OK)
 
 
-def _at_recorded(name: str, output: Result, but: int) -> Routine:
+def _at_recorded(name: str, output: Result, but: int) -> OnFrames:
     """A call about a frame at the recorded q and v, not in the reference ``but``, nor if joints were moved after."""
     kernel = table_kernel(SPECS[name])
 
-    def call(
-        k: int, code: int, table: int, nq: int, nv: int, q: int, v: int, time: int, frames: Frames, out: Any
-    ) -> bool:
-        i, p = word(frames.joints, k), at(word(frames.placements, k), (4, 4))
-        if code == but or word(time, 0) < word(table, -1):
+    def call(i: int, p: Any, code: int, given: Recorded, out: Any) -> bool:
+        if code == but or word(given.time, 0) < word(given.table, -1):
             return False
-        return bool(kernel(table, at(q, (nq,)), at(v, (nv,)), i, p, code, out) == OK)
+        q, v = at(given.q, (given.nq,)), at(given.v, (given.nv,))
+        return bool(kernel(given.table, q, v, i, p, code, out) == OK)
 
-    return Routine(inline(call), OF_FRAME, output, f"{name}_at_recorded")
+    return _on_frames(name, output, Recorded, inline(call))
+
+
+frame_motion = _on_frames("frame_motion", Owner((6,), "made", "slot"), Motions, _frame_motion)  # made: class of Motion
+frame_jacobian = _on_frames("frame_jacobian", (6, "nv"), Recorded, _frame_jacobian_at_recorded)
 
 
 frame_jacobian_dot = _at_recorded("frame_jacobian_dot", (6, "nv"), -1)

@@ -86,9 +86,11 @@ def log3(R: Any, theta: Array | None = None) -> Array:
 
     theta  (1,)  written in place if given: its length
     """
-    if of_pinocchio(R, "Quaternion"):
-        R = Quaternion(R)
-    four = (isinstance(R, Quaternion) and theta is None) or (isinstance(R, np.ndarray) and R.shape in ((4,), (4, 1)))
+    if isinstance(R, np.ndarray):
+        four = R.shape in ((4,), (4, 1))
+    else:
+        R = Quaternion(R) if of_pinocchio(R, "Quaternion") else R
+        four = isinstance(R, Quaternion) and theta is None
     out: Array = (_log_of_quaternion if four else _log_of_matrix)(R)
     if theta is not None:
         if not isinstance(theta, np.ndarray) or theta.size != 1:

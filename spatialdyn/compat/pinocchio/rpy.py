@@ -33,10 +33,13 @@ def rpyToMatrix(roll: Any, pitch: Any = None, yaw: Any = None) -> Array:
 
 def rotate(axis: str, angle: float) -> Array:
     """The rotation (3, 3) by an angle [rad] about an axis, "x", "y" or "z"."""
-    if axis not in ("x", "y", "z"):
-        raise SpatialDynError(f'axis is {axis!r}, expected "x", "y" or "z"')
-    roll, pitch, yaw = (angle if axis == "x" else 0.0), (angle if axis == "y" else 0.0), (angle if axis == "z" else 0.0)
-    return _of_angles(roll, pitch, yaw)  # type: ignore[no-any-return]
+    if axis == "x":
+        return _of_angles(angle, 0.0, 0.0)  # type: ignore[no-any-return]
+    if axis == "y":
+        return _of_angles(0.0, angle, 0.0)  # type: ignore[no-any-return]
+    if axis == "z":
+        return _of_angles(0.0, 0.0, angle)  # type: ignore[no-any-return]
+    raise SpatialDynError(f'axis is {axis!r}, expected "x", "y" or "z"')
 
 
 def computeRpyJacobian(rpy: Any, reference_frame: ReferenceFrame = LOCAL) -> Array:

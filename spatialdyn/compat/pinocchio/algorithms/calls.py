@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from ..data.face import function
 from ..types.frame import Convention as Convention  # of defaults in signatures
+from ..types.frame import ReferenceFrame as ReferenceFrame
 from .table import FACES
 
 __all__ = [face.name for face in FACES] + ["nle"]

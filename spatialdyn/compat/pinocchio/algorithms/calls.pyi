@@ -44,8 +44,10 @@ __all__ = [
     "computeStaticRegressor",
     "computeStaticTorque",
     "computeStaticTorqueDerivatives",
+    "computeTotalMass",
     "crba",
     "dccrba",
+    "difference",
     "forwardKinematics",
     "getAcceleration",
     "getClassicalAcceleration",
@@ -61,9 +63,16 @@ __all__ = [
     "getJointJacobianTimeVariation",
     "getJointVelocityDerivatives",
     "getVelocity",
+    "integrate",
+    "interpolate",
+    "isNormalized",
+    "isSameConfiguration",
     "jacobianCenterOfMass",
+    "neutral",
     "nle",
     "nonLinearEffects",
+    "normalize",
+    "randomConfiguration",
     "rnea",
 ]
 
@@ -205,5 +214,16 @@ def getFrameAccelerationDerivatives(
 def getFrameAccelerationDerivatives(
     model: Model, data: Data, joint_id: int, placement: SE3, reference_frame: ReferenceFrame
 ) -> tuple[Array, Array, Array, Array]: ...
+def computeTotalMass(model: Model, data: Data | None = ...) -> float: ...
+def neutral(model: Model) -> Array: ...
+def integrate(model: Model, q: Numbers, v: Numbers) -> Array: ...
+def difference(model: Model, q1: Numbers, q2: Numbers) -> Array: ...
+def interpolate(model: Model, q1: Numbers, q2: Numbers, alpha: float) -> Array: ...
+def normalize(model: Model, q: Numbers) -> Array: ...
+def isNormalized(model: Model, q: Numbers, prec: float = ...) -> bool: ...
+def isSameConfiguration(model: Model, q1: Numbers, q2: Numbers, prec: float) -> bool: ...
+def randomConfiguration(
+    model: Model, lower_bound: Numbers | None = ..., upper_bound: Numbers | None = ...
+) -> Array: ...
 
 nle = nonLinearEffects

@@ -17,19 +17,9 @@ from ..types.motion import Force
 from .calls import jacobianCenterOfMass
 
 __all__ = [
-    "computeSubtreeMasses", "computeSupportedForceByFrame", "computeSupportedInertiaByFrame", "computeTotalMass",
+    "computeSubtreeMasses", "computeSupportedForceByFrame", "computeSupportedInertiaByFrame",
     "getJacobianSubtreeCenterOfMass", "jacobianSubtreeCenterOfMass",
 ]  # fmt: skip
-
-
-def computeTotalMass(model: Model, data: Data | None = None) -> float:
-    """Mass of all moving bodies [kg], also ``data.mass[0]``; bodies on the universe do not count."""
-    if data is not None:
-        library_of(model, data)
-    mass: float = sum(model._numbers.masses.tolist(), 0.0)
-    if data is not None:
-        data.hold("mass")[0] = mass
-    return mass
 
 
 def computeSubtreeMasses(model: Model, data: Data) -> None:

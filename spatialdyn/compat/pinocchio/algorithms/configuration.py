@@ -1,4 +1,4 @@
-"""Configurations under Pinocchio's names: integrate, difference, interpolate, random ones, derivatives."""
+"""Configurations under Pinocchio's names: distances, derivatives of integrate and difference, tangent maps."""
 
 from __future__ import annotations
 
@@ -9,110 +9,29 @@ from typing import Any
 import numpy as np
 
 from ....bodies.kinds import kind_of
-from ....engines.programs.run.single_call import READY
-from ....errors import ShapeError, SpatialDynError
-from ...native import operator_kernels, operators
-from ..coverage.strictness import strict
+from ....errors import ShapeError
 from ..data.dispatch import vector
-from ..model.joint_tree import NO_LIMIT
 from ..model.joints import Mimic
 from ..model.library_model import library_model
 from ..model.model import Model
-from ..types.arguments import NUMBERS, ArgumentError, Array, described, expected, number
+from ..types.arguments import NUMBERS, ArgumentError, Array, described, expected
 from ..types.frame import ARG0, ARG1, ArgumentPosition
-from ..types.random import GENERATOR
 from ..types.rotations import Quaternion
+from .calls import difference as difference
+from .calls import integrate as integrate
+from .calls import interpolate as interpolate
+from .calls import neutral as neutral
+from .calls import normalize as normalize
+from .calls import randomConfiguration as randomConfiguration
 
 __all__ = [
-    "compactTangentMap", "dDifference", "dIntegrate", "dIntegrateTransport", "difference", "distance", "integrate",
-    "interpolate", "isNormalized", "isSameConfiguration", "neutral", "normalize", "randomConfiguration",
-    "squaredDistance", "tangentMap", "tangentMapProduct", "tangentMapTransposeProduct",
+    "compactTangentMap", "dDifference", "dIntegrate", "dIntegrateTransport", "distance", "squaredDistance",
+    "tangentMap", "tangentMapProduct", "tangentMapTransposeProduct",
 ]  # fmt: skip
-
-
-FAR = 1e30  # products of seven such numbers are finite
 
 
 def _library_model(model: Model) -> Any:
     return library_model(expected(model, Model, "model"))
-
-
-def _checked(model: Model, name: str, clipped: bool = False, **given: Any) -> Array:
-    """A call of the library with argument checks; ``clipped``: configurations are clipped to finite products first."""
-    library = _library_model(model)
-    values: list[Any] = []
-    for x, value in given.items():
-        if x == "alpha":
-            values.append(number(value, x))
-        else:
-            q = vector(x, value, model.nv if x == "v" else model.nq)
-            values.append(_clipped(model, q) if clipped else q)
-    found: Array = library.compute(name, *values)
-    return found
-
-
-def neutral(model: Model) -> Array:
-    """Configuration (nq,) without displacement of any joint."""
-    try:
-        found: Array | None = model._library.neutral()
-    except AttributeError:
-        found = None
-    return _checked(model, "neutral") if found is None else found
-
-
-def integrate(model: Model, q: Any, v: Any) -> Array:
-    """Configuration (nq,) reached from q (nq,) by the displacement v (nv,): a velocity held for unit time.
-
-    Raises ArgumentError, a TypeError, for a wrong type, ShapeError, a ValueError, for a wrong size, and in strict mode
-    ConfigurationError for a quaternion or (cos, sin) pair whose norm is not 1.
-    """
-    try:
-        found: Array | None = model._library.integrate(q, v)
-    except AttributeError:
-        found = None
-    return _checked(model, "integrate", q=q, v=v) if found is None else found
-
-
-def difference(model: Model, q1: Any, q2: Any) -> Array:
-    """Displacement v (nv,) with integrate(q1, v) = q2, by the shorter way round.
-
-    Outside strict mode joints with several coordinates have them clipped to ±1e30, so that products stay finite.
-    """
-    try:
-        found: Array | None = model._library.difference(q1, q2)
-    except AttributeError:
-        found = None
-    return _checked(model, "difference", True, q1=q1, q2=q2) if found is None else found
-
-
-def interpolate(model: Model, q1: Any, q2: Any, alpha: float) -> Array:
-    """Configuration (nq,) at the fraction alpha of the way from q1 to q2."""
-    try:
-        found: Array | None = model._library.interpolate(q1, q2, alpha)
-    except AttributeError:
-        found = None
-    return _checked(model, "interpolate", True, q1=q1, q2=q2, alpha=alpha) if found is None else found
-
-
-def normalize(model: Model, q: Any) -> Array:
-    """q (nq,) with its quaternions and (cos, sin) pairs at unit norm."""
-    try:
-        found: Array | None = model._library.normalize(q)
-    except AttributeError:
-        found = None
-    return _checked(model, "normalize", q=q) if found is None else found
-
-
-def _clipped(model: Model, q: Array) -> Array:
-    """q with entries clipped so that the products of a difference are finite; unchanged in strict mode.
-
-    Pinocchio's limits of a free flyer are the largest number, those of its quaternion too, and programs take
-    differences to them for the sake of the other joints.
-    """
-    if strict() or not (abs(q) > FAR).any():
-        return q
-    bound = np.concatenate([np.full(joint.nq, FAR if joint.nq > 1 else NO_LIMIT / 2.0) for joint in model.joints[1:]])
-    return np.where(np.isfinite(q), np.clip(q, -bound, bound), q)
 
 
 def squaredDistance(model: Model, q1: Any, q2: Any) -> Array:
@@ -126,59 +45,6 @@ def distance(model: Model, q1: Any, q2: Any) -> float:
     """Norm of the difference."""
     v = difference(model, q1, q2)
     return hypot(*v.tolist())
-
-
-def isNormalized(model: Model, q: Any, prec: float = 1e-12) -> bool:
-    """Whether the norms of all quaternions and (cos, sin) pairs are within prec of 1. Raises SpatialDynError, a
-    ValueError, for a prec below 0.
-    """
-    try:
-        found: bool | None = model._library.normalized(q, prec)
-        if found is not None:
-            return found
-    except AttributeError:  # the fast path does not apply
-        pass
-    prec = _precision(prec)
-    parts = _unit_parts(expected(model, Model, "model"), vector("q", q, model.nq))
-    return all(abs(hypot(*part.tolist()) - 1.0) < prec for part in parts)
-
-
-def _precision(prec: Any) -> float:
-    """A precision as a float. Raises SpatialDynError unless it is 0 or more."""
-    if not number(prec, "prec") >= 0.0:
-        raise SpatialDynError(f"prec is {prec!r}, expected a number that is not negative")
-    return float(prec)
-
-
-def _unit_parts(model: Model, q: Array) -> list[Array]:
-    """Views of the quaternions and (cos, sin) pairs of a configuration."""
-    return [q[unit] for unit in (model._library or library_model(model)).unit_parts]
-
-
-def isSameConfiguration(model: Model, q1: Any, q2: Any, prec: float) -> bool:
-    """Whether two configurations agree to prec; a quaternion and its negative are one rotation.
-
-    Quaternions and pairs off their unit norm agree if their numbers do, to prec of the smaller norm. Raises as
-    ``isNormalized``.
-    """
-    try:
-        found: bool | None = model._library.same_configuration(q1, q2, prec)
-        if found is not None:
-            return found
-    except AttributeError:  # the fast path does not apply
-        pass
-    prec = _precision(prec)
-    units = (expected(model, Model, "model")._library or library_model(model)).unit_parts
-    if units:
-        q1, q2 = (vector(name, q, model.nq) for name, q in (("q1", q1), ("q2", q2)))
-    for x, y in ((q1[unit], q2[unit]) for unit in units):
-        norms = [hypot(*part.tolist()) for part in (x, y)]
-        apart = [hypot(*(x - s * y).tolist()) for s in ((1.0, -1.0) if len(x) == 4 else (1.0,))]
-        if max(abs(n - 1.0) for n in norms) > 1e-6 and min(apart) > prec * min(norms):
-            return False
-    if units:
-        q1, q2 = normalize(model, q1), normalize(model, q2)
-    return all([abs(x) <= prec for x in difference(model, q1, q2).tolist()])  # a list is faster than a generator
 
 
 # --- derivatives -----------------------------------------------------------------------------------------
@@ -208,25 +74,6 @@ def dIntegrateTransport(model: Model, q: Any, v: Any, Jin: Any, argument_positio
     """The derivative of integrate(q, v) by q (ARG0) or v (ARG1), times a matrix Jin (nv, n)."""
     by = dIntegrate(model, q, v, argument_position)
     return np.asarray(by @ _matrix("Jin", Jin, model.nv))
-
-
-# --- random ones -----------------------------------------------------------------------------------------
-
-
-def randomConfiguration(model: Model, lower_bound: Any = None, upper_bound: Any = None) -> Array:
-    """A random configuration (nq,) between the bounds, by default the model's; rotations are uniform.
-
-    A coordinate without a finite limit is drawn from an interval of width 2 (Pinocchio: not finite).
-    """
-    library = expected(model, Model, "model")._library or library_model(model)
-    lower = model.lowerPositionLimit if lower_bound is None else vector("lower_bound", lower_bound, model.nq)
-    upper = model.upperPositionLimit if upper_bound is None else vector("upper_bound", upper_bound, model.nq)
-    q: Array | None = operator_kernels.draw_between(GENERATOR, model.nq, library.units)(lower, upper) if READY else None
-    if q is None:
-        q = np.array([*map(operators.between, lower.tolist(), upper.tolist(), GENERATOR.random(model.nq))])
-        for first, size in library.units:
-            operators.put_direction(q, first, size, *GENERATOR.random(3).tolist())
-    return q
 
 
 # --- the tangent map T: q̇ = T(q) v ----------------------------------------------------------------------

@@ -97,7 +97,7 @@ def derivatives_of_frame(face: Face, model: Model, data: Data, *about: Any) -> t
     if accelerations:
         return velocities[0], *_of_frame("frame_acceleration_derivatives", run, joint, place, reference, 0)
     if reference_code(reference) != ALIGNED:
-        bind_getter(recorded_calls.frame_velocity_derivatives, run, face, model, about)
+        bind_getter(recorded_calls.frame_velocity_derivatives, run, face, model, data, about)
     return tuple(velocities)
 
 

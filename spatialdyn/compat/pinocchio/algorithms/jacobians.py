@@ -10,19 +10,18 @@ import numpy as np
 from ....calls import dynamics
 from ....engines.compiled import numba_kernels
 from ....engines.compiled.tiers import table_kernel
-from ....engines.programs.run.routine import Routine
 from ....engines.programs.run.single_call import unavailable
 from ....recursions import SPECS
 from ...native import recorded_calls
+from ...native.recorded_calls import OnFrames
 from ..data.data import Data, library_of
 from ..data.dispatch import (
     ALIGNED,
     IN_FRAME,
     IN_WORLD,
-    REFERENCES,
     about_frame,
+    bind_about,
     compute,
-    frames_for,
     last_call,
     reference_code,
     vector,
@@ -149,17 +148,16 @@ def recorded_jacobian(face: Face, model: Model, data: Data, *about: Any) -> Arra
     run = last_call(model, data, face.last, before="computeJointJacobians" + "TimeVariation" * rate)
     joint, place, reference = about_frame(model, face.of_joints, *about)
     found = call_about_frame(name, run, joint, place, reference_code(reference))
-    bind_getter(getattr(recorded_calls, name), run, face, model, about)
+    bind_getter(getattr(recorded_calls, name), run, face, model, data, about)
     return found
 
 
-def bind_getter(at_inputs: Routine, run: Run, face: Face, model: Model, about: tuple[Any, ...]) -> None:
+def bind_getter(at_inputs: OnFrames, run: Run, face: Face, model: Model, data: Data, about: tuple[Any, ...]) -> None:
     """Bind the builtin of a call about a frame at the inputs of a run, for later calls with such arguments."""
-    library, (key, frames) = run.library, frames_for(model, face.name, face.of_joints, about)
+    library = run.library
     if library.has_builtins and run.state is library.state:  # not of an earlier call than the last edit
-        words = {"q": run.q, "v": run.v, "placed_rows": run.placed_rows, **run.stamp_words}
-        words |= {**library.words, **REFERENCES, **frames.words(rows=True)}
-        run.bound[key] = frames, at_inputs.bind(words, library, run, frames)
+        words = {"q": run.q, "v": run.v, "placed_rows": run.placed_rows, **run.stamp_words, **library.words}
+        data.bind_latest(face.last, run, bind_about(face.name, at_inputs, words, model, about, True, library, run))
 
 
 def frameJacobianTimeVariation(model: Model, data: Data, q: Any, v: Any, frame_id: int, reference_frame: Any) -> Array:

@@ -6,17 +6,15 @@ from typing import Any
 
 import numpy as np
 
-from ....engines.object_layout import slot_offset
 from ...native import operator_kernels, recorded_calls
 from ..data.data import Data, library_of
-from ..data.dispatch import IDENTITY, REFERENCES, about_frame, compute, frame_index, frames_for, reference_code
+from ..data.dispatch import IDENTITY, about_frame, bind_about, compute, frame_index, reference_code
 from ..data.face import Face
 from ..data.run import Run
 from ..model.library_model import frame_placements
 from ..model.model import Model
 from ..types.motion import Motion
 from ..types.se3 import SE3
-from ..types.value import Value
 
 __all__ = ["framesForwardKinematics", "updateFramePlacement", "updateFramePlacements", "updateGlobalPlacements"]
 
@@ -123,10 +121,8 @@ def motion_of_frame(face: Face, model: Model, data: Data, *about: Any) -> Motion
     velocities = data.array("v") if classical else motions
     recorded_calls.write_frame_motion(X, place, velocities[joint], motions[joint], classical, code, out)
     if library.has_builtins:
-        (key, frames), motions = frames_for(model, face.name, face.of_joints, about), data.hold(field)
-        words: dict[str, Any] = {"poses": data.hold("oMi"), "motions": motions}
-        words["velocities"] = data.hold("v") if classical else motions
-        words |= {"made": id(Motion), "slot": slot_offset(Value, "_x"), **REFERENCES, **frames.words()}
-        words["classical"] = classical
-        data._bound[key] = frames, recorded_calls.frame_motion.bind(words, frames)
+        motions = data.hold(field)  # all fields before one is bound: holding one drops what is bound
+        words: dict[str, Any] = {"poses": data.hold("oMi"), "motions": motions, "made": id(Motion)}
+        words |= {"velocities": data.hold("v") if classical else motions, "classical": classical}
+        data._bound.update(bind_about(face.name, recorded_calls.frame_motion, words, model, about, False))
     return Motion.over(out)

@@ -23,6 +23,14 @@ from ..types.motion import Force
 from .derivatives import derivatives_of_frame, last_of
 from .jacobians import recorded_jacobian
 from .kinematics import motion_of_frame
+from .of_models import (
+    PRECISION,
+    call_of_library,
+    is_normalized,
+    is_same_configuration,
+    random_configuration,
+    total_mass,
+)
 
 Read = tuple[str, tuple[Any, ...], Any]  # kind, inputs and external forces of a call
 
@@ -41,9 +49,14 @@ JOINT, FRAME = (Input(f"{x}_id", "i", "int", f"index of a {x}") for x in ("joint
 REFERENCE = Input("reference_frame", "r", "ReferenceFrame", "axes, and point the spatial vector is about")
 LOCALLY = REFERENCE.otherwise(LOCAL)
 PLACEMENT = Input("placement", "p", "SE3", "pose of a frame in the joint's frame")
-AFTER = Input("last", "o", "ReferenceFrame", "", None)  # a reference frame that follows a placement
+AFTER = Input("last", "r", "ReferenceFrame", "", None)  # a reference frame that follows a placement
 Q_, V_, A_, TAU_ = (x.otherwise(None) for x in (Q, V, A, TAU))
 LISTED, LISTED_LOCALLY = (((FRAME, x), (JOINT, PLACEMENT, x)) for x in (REFERENCE, LOCALLY))
+Q1, Q2 = (Input(x, "n", "Numbers", "(nq,) joint positions [rad | m]") for x in ("q1", "q2"))
+ALPHA = Input("alpha", "n", "float", "from 0 at q1 to 1 at q2")
+PREC = Input("prec", "n", "float", "a precision")
+LOWER, UPPER = (Input(f"{x}_bound", "n", "Numbers", f"(nq,) {x} bounds", None) for x in ("lower", "upper"))
+OWN_DATA = Input("data", "n", "Data", "whose ``mass[0]`` is written, if any", None)
 OPTIONAL = FRAME.otherwise(None), REFERENCE.otherwise(None), AFTER, JOINT.otherwise(None), PLACEMENT.otherwise(None)
 
 
@@ -124,6 +137,7 @@ PAIR, THREE, FOUR = (f"tuple[{', '.join(['Array'] * n)}]" for n in (2, 3, 4))
 _motion = partial(Face, returns="Motion", answer=motion_of_frame)
 _jacobian = partial(Face, answer=recorded_jacobian)
 _derivative = partial(Face, answer=derivatives_of_frame, last=DERIVATIVES)
+_configuration = partial(Face, answer=call_of_library, of_data=False)
 _moving = (OPTIONAL[0], LOCALLY, *OPTIONAL[2:])
 
 KINEMATICS = (
@@ -237,4 +251,33 @@ OF_CALLS = (
                 overloads=LISTED),
 )  # fmt: skip
 
-FACES = (*KINEMATICS, *DYNAMICS, *JACOBIANS, *CENTROIDAL, *OF_CALLS)
+OF_MODELS = (
+    Face("computeTotalMass", (OWN_DATA,), ("total_mass",),
+         "Mass of all moving bodies [kg], also ``data.mass[0]``; bodies on the universe do not count.", "float",
+         answer=total_mass, of_data=False),
+    _configuration("neutral", (), ("neutral",), "Configuration (nq,) without displacement of any joint."),
+    _configuration("integrate", (Q, V), ("integrate",),
+                   "Configuration (nq,) reached from q by the displacement v: a velocity held for unit time.\n\n"
+                   "Raises in strict mode ConfigurationError for a quaternion or (cos, sin) pair whose norm is not 1."),
+    _configuration("difference", (Q1, Q2), ("difference",),
+                   "Displacement v (nv,) with integrate(q1, v) = q2, by the shorter way round.\n\n"
+                   "Outside strict mode joints with several coordinates have them clipped to ±1e30, so that products\n"
+                   "stay finite."),
+    _configuration("interpolate", (Q1, Q2, ALPHA), ("interpolate",),
+                   "Configuration (nq,) at the fraction alpha of the way from q1 to q2."),
+    _configuration("normalize", (Q,), ("normalize",),
+                   "q (nq,) with its quaternions and (cos, sin) pairs at unit norm."),
+    Face("isNormalized", (Q, PREC.otherwise(PRECISION)), ("normalized",),
+         "Whether the norms of all quaternions and (cos, sin) pairs are within prec of 1.\n\n"
+         "Raises SpatialDynError, a ValueError, for a prec below 0.", "bool", answer=is_normalized, of_data=False),
+    Face("isSameConfiguration", (Q1, Q2, PREC), ("same_configuration",),
+         "Whether two configurations agree to prec; a quaternion and its negative are one rotation.\n\n"
+         "Quaternions and pairs off their unit norm agree if their numbers do, to prec of the smaller norm. Raises as\n"
+         "``isNormalized``.", "bool", answer=is_same_configuration, of_data=False),
+    Face("randomConfiguration", (LOWER, UPPER), ("random",),
+         "A random configuration (nq,) between the bounds, by default the model's; rotations are uniform.\n\n"
+         "A coordinate without a finite limit is drawn from an interval of width 2 (Pinocchio: not finite).",
+         answer=random_configuration, of_data=False),
+)  # fmt: skip
+
+FACES = (*KINEMATICS, *DYNAMICS, *JACOBIANS, *CENTROIDAL, *OF_CALLS, *OF_MODELS)

@@ -27,6 +27,7 @@ class _Switch:
             self.on = on
             for model in list(MODELS):
                 model._library = None
+                model._forget()
 
 
 _SWITCH = _Switch()

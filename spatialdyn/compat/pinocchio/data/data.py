@@ -90,7 +90,7 @@ class Data(Stored, Registered, Copied):
 
     Two records: ``_runs``, the stamped sources of all fields, which are the last calls by kind and arrays that the user
     assigned by field; and ``_held``, the arrays of fields that were read, which calls write in place. The rest follows
-    from them: ``_bound``, builtins on these arrays by the call that bound them; ``_sources``, those of a field;
+    from them: ``_bound``, builtins on these arrays, and of the latest Runs, by key; ``_sources``, those of a field;
     ``_latest``, the Runs that getters of Jacobians read, of which ``_noted`` is the last.
     """
 
@@ -151,7 +151,18 @@ class Data(Stored, Registered, Copied):
     def note_latest(self, run: Run) -> None:
         """Note a Run as the one that getters of Jacobians read."""
         for name in run.kind.getters:
+            before = self._latest.get(name)
             self._latest[name] = self._noted = run
+            if before is not run:
+                for key in () if before is None else before.bound.get(name, ()):
+                    self._bound.pop(key, None)
+                self._bound.update(run.bound.get(name, ()))
+
+    def bind_latest(self, name: str, run: Run, made: Mapping[str, Any]) -> None:
+        """Have builtins about the inputs of a Run for as long as it is the one that a getter reads."""
+        run.bound.setdefault(name, {}).update(made)
+        if self._latest.get(name) is run:
+            self._bound.update(made)
 
     def recompute_held(self, run: Run) -> None:
         """Recompute the held fields that a Run fills by their recipes."""

@@ -7,11 +7,12 @@ from typing import Any
 
 import numpy as np
 
+from ....engines.object_layout import slot_offset
 from ....errors import ShapeError
 from ....model.robot_checks import masked
 from ....recursions import spec
-from ...native.recorded_calls import PARTS
-from ..model.library_model import FramePlacements, LibraryModel, frame_placements, joints_as_frames
+from ...native.recorded_calls import PARTS, OnFrames
+from ..model.library_model import LibraryModel, frame_placements, joints_as_frames, library_model
 from ..model.model import Model
 from ..types.arguments import (
     NUMBERS,
@@ -27,9 +28,10 @@ from ..types.frame import LOCAL, LOCAL_WORLD_ALIGNED, WORLD, ReferenceFrame
 from ..types.motion import Force
 from ..types.se3 import SE3
 from ..types.tracked_list import Rows
+from ..types.value import Value
 from .data import Data, library_of
 from .field_recipes import CALL_KINDS
-from .run import Run
+from .run import Bound, Run
 
 FLOAT64 = np.dtype(np.float64)
 
@@ -114,25 +116,14 @@ def last_call(model: Model, data: Data, *fields: str, before: str = "forwardKine
     raise ValueRuntimeError(f"data.{fields[0]} was not computed, expected {before} to be called before")
 
 
-def placed_name(name: str) -> str:
-    """The key of a builtin about frames that are no frames of the model."""
-    return f"{name} at a placement"
-
-
-def frames_for(model: Model, name: str, of_joints: bool, about: tuple[Any, ...]) -> tuple[str, FramePlacements]:
-    """The key of the builtin of a call about a frame for such arguments, and the frames that it takes."""
-    if isinstance(about[1], SE3):
-        joints = joints_as_frames(model)
-        return placed_name(name), FramePlacements.of(joints.joints, joints.rows, joints.placements)
-    return name, joints_as_frames(model) if of_joints else frame_placements(model)
-
-
 # --- arguments about a joint or a frame ------------------------------------------------------------------
 
 
 IN_FRAME, IN_WORLD, ALIGNED = spec.LOCAL, spec.WORLD, spec.LOCAL_WORLD_ALIGNED  # the library's codes
 CODES = {LOCAL: IN_FRAME, WORLD: IN_WORLD, LOCAL_WORLD_ALIGNED: ALIGNED}
 REFERENCES = {"in_frame": id(LOCAL), "in_world": id(WORLD), "aligned": id(LOCAL_WORLD_ALIGNED)}
+OF_POSES = {"pose": id(SE3), "slot": slot_offset(Value, "_x")}
+LOCALLY = np.array([IN_FRAME])
 IDENTITY = np.eye(4)
 
 
@@ -188,3 +179,32 @@ def about_frame(
         return joint_index(model, index), expected(placement, SE3, "placement")._x, reference_frame
     k, frames = frame_index(model, index), frame_placements(model)
     return int(frames.joints[k]), frames.places[k], reference_frame
+
+
+def with_pose(name: str) -> str:
+    """The key of a builtin about a frame that is given by a joint and its placement."""
+    return f"{name} at a placement"
+
+
+def by_default(name: str) -> str:
+    """The key of a builtin about a frame whose reference is left out."""
+    return f"{name} by default"
+
+
+def bind_about(
+    name: str, routines: OnFrames, words: dict[str, Any], model: Model, about: tuple[Any, ...], rows: bool, *alive: Any
+) -> dict[str, Bound]:
+    """The builtins, by their keys, of a call about a frame for later calls with such arguments.
+
+    rows  whether the joints of frames are rows of the table
+    """
+    if about[0] is None:
+        return {}  # no builtin takes arguments in this order
+    of_joints, posed = "Frame" not in name, isinstance(about[1], SE3)
+    frames = joints_as_frames(model) if of_joints or posed else frame_placements(model)
+    owner = library_model(model) if of_joints else frame_placements(model)
+    words = {**words, **REFERENCES, **OF_POSES, **frames.words(rows)}
+    if posed:
+        return {with_pose(name): Bound(owner, routines.at_pose.bind(words, *alive, frames))}
+    of_keys = {name: words, by_default(name): {**words, "code": LOCALLY}}
+    return {key: Bound(owner, routines.of_frame.bind(x, *alive, frames)) for key, x in of_keys.items()}

@@ -1,7 +1,7 @@
 """Face: a row of the table of names, and the function made from it.
 
-It is a builtin that finds the plan of the last such call in the Run of a Data, or of calls about a frame a copy of a
-form below; where these do not apply the row's ``answer`` checks the arguments. The rows are in ``algorithms/table.py``.
+It is a builtin that finds the plan of the last such call in a Run, or of calls about a frame in a Bound, of a Data;
+where that does not apply the row's ``answer`` checks the arguments. The rows are in ``algorithms/table.py``.
 """
 
 from __future__ import annotations
@@ -16,12 +16,13 @@ from typing import Any, NamedTuple
 
 from ....engines.programs.llvm.call_words import ARRAY, NUMBER
 from ....engines.programs.run.single_call import READY, Following, Parameter, builtin, unavailable
+from ..model.model import Model
 from ..types.frame import LOCAL, Convention
 from ..types.se3 import SE3
 from .data import Data
-from .dispatch import compute, last_call, placed_name
+from .dispatch import by_default, compute, last_call, with_pose
 from .field_recipes import CALL_KINDS
-from .run import Run
+from .run import Bound, Run
 
 REFUSED = AttributeError, IndexError, KeyError, TypeError, ValueError  # the fast path does not apply
 REQUIRED: Any = object()  # the default of an argument that has to be given
@@ -32,7 +33,8 @@ ERRORS = "Raises ArgumentError, a TypeError, for a wrong type, ShapeError, a Val
 class Input(NamedTuple):
     """An argument: its name, role, type and meaning, and what it is if it is left out.
 
-    Roles: x, a vector that is recorded; f, external forces; o, an option; i, an index; r, a reference frame; p, a pose.
+    Roles: x, a vector that is recorded; f, external forces; o, an option; i, an index; r, a reference frame; p, a pose;
+    n, another that the plan of a Model takes.
     """
 
     name: str
@@ -65,8 +67,9 @@ class Face:
     read       kind, inputs and external forces of the arguments, if these are not as the kind takes them
     made       what is returned, from the Run and the new array
     answer     what answers where no builtin does
-    bound      whether one is bound to frames
+    bound      whether there is one
     overloads  lists of arguments, for type checkers, if ``inputs`` stands for several
+    of_data    whether it takes a Data: ``name(model, *inputs)`` without; the plan is then one of the Model
     """
 
     name: str
@@ -80,11 +83,12 @@ class Face:
     answer: Callable[..., Any] | None = None
     bound: bool = True
     overloads: tuple[tuple[Input, ...], ...] = ()
+    of_data: bool = True
 
     @property
     def fields(self) -> tuple[str, ...]:
         """The fields of Data that it fills."""
-        return tuple(CALL_KINDS[self.call[-1]].fills) if self.call[-1] in CALL_KINDS else ()
+        return tuple(CALL_KINDS[self.call[-1]].fills) if self.of_data and self.call[-1] in CALL_KINDS else ()
 
     @cached_property
     def vectors(self) -> tuple[str, ...]:
@@ -102,9 +106,19 @@ class Face:
         return "Frame" not in self.name
 
     @property
+    def about_frame(self) -> bool:
+        """Whether it is a call about a joint's frame or a frame."""
+        return self.inputs[:1] != () and self.inputs[0].role == "i"
+
+    @property
+    def first(self) -> list[str]:
+        """The parameters before the inputs."""
+        return ["model", "data"] if self.of_data else ["model"]
+
+    @property
     def signature(self) -> str:
         """Parameters and defaults, as a builtin's docstring has them."""
-        return f"({', '.join(['model', 'data', *(x.text for x in self.inputs)])})"
+        return f"({', '.join([*self.first, *(x.text for x in self.inputs)])})"
 
     @property
     def docstring(self) -> str:
@@ -139,11 +153,13 @@ def _as_given(face: Face, model: Any, data: Any, *given: Any) -> tuple[str, tupl
     return face.call[len(inputs) - least], inputs, fext
 
 
-# --- calls that a Run records -------------------------------------------------------------------------------
+# --- the functions --------------------------------------------------------------------------------------------
 
 
-def _recorded(face: Face, answer: Any) -> Any:
-    """A function of the number of inputs of a row, which tries the builtin of a Run if there are external forces."""
+def _form(face: Face, answer: Any) -> Any:
+    """A function of the number of inputs of a row, which tries the builtin of a Run if there are external forces, and
+    that of a frame at a pose if its reference is left out.
+    """
     kind, roles = face.call[0], "".join(x.role for x in face.inputs)
 
     def pushed(model: Any, data: Any, f: Any, *x: Any) -> Any:
@@ -171,15 +187,29 @@ def _recorded(face: Face, answer: Any) -> Any:
         found = pushed(model, data, f, a)
         return answer(face, model, data, a, f) if found is None else found
 
+    def at_pose(model: Any, data: Any, x: Any, reference: Any, after: Any, other: Any, pose: Any) -> Any:
+        if type(reference) is SE3 and after is None:
+            try:
+                bound = data._bound[with_pose(face.name)]
+                if bound.owner is model._frame_placements and (found := bound.call(x, reference, LOCAL)) is not None:
+                    return found
+            except REFUSED:
+                pass
+        return answer(face, model, data, x, reference, after, other, pose)
+
+    if roles == "irrip" and any(x.default is LOCAL for x in face.inputs):
+        return at_pose
     if "f" in roles:
         return {"xf": one, "xxxf": three, "xxxfo": with_option}[roles]
     forms: tuple[Any, ...] = (
+        lambda model: answer(face, model),
+        lambda model, data: answer(face, model, data),
         lambda model, data, a: answer(face, model, data, a),
         lambda model, data, a, b: answer(face, model, data, a, b),
         lambda model, data, a, b, c: answer(face, model, data, a, b, c),
         lambda model, data, a, b, c, d, e: answer(face, model, data, a, b, c, d, e),
     )
-    return forms[min(len(roles), 4) - 1]
+    return forms[min(len(face.first) + len(roles), 6) - 1]
 
 
 def _key(face: Face, chosen: Sequence[Input]) -> str:
@@ -189,6 +219,19 @@ def _key(face: Face, chosen: Sequence[Input]) -> str:
     if at < 0 or given != [*face.vectors[: len(given)]] or any(x.role == "f" for x in chosen):
         return ""
     return face.call[at] + "_world" * any(x.role == "o" for x in chosen)
+
+
+def _frame_key(face: Face, chosen: Sequence[Input]) -> str:
+    """The key of a call about a frame with these of the optional inputs; "" if no builtin takes them."""
+    given = [k for k, x in enumerate(face.inputs) if x.default is REQUIRED or x in chosen]
+    keys = by_default(face.name) if face.inputs[1].default is LOCAL else "", face.name, with_pose(face.name)
+    return keys[len(given) - 1] if given in ([0], [0, 1], [0, 1, 2]) else ""
+
+
+def key_of_model(face: Face, *chosen: str) -> str:
+    """The key of a row without a Data, with all or none of the optional inputs; "" for others, and with a Data."""
+    optional = [x.name for x in face.inputs if x.default is not REQUIRED]
+    return " ".join([face.name, *chosen]) if [*chosen] in ([], optional) and "data" not in chosen else ""
 
 
 def _builtin(face: Face, python: Callable[..., Any], k: int, count: int) -> Callable[..., Any]:
@@ -202,62 +245,28 @@ def _builtin(face: Face, python: Callable[..., Any], k: int, count: int) -> Call
     choices = ([x for n, x in enumerate(optional) if bits >> n & 1] for bits in range(1 << len(optional)))
     made = None if face.returns == "None" else face.made or unavailable
     switch = switches.index(True) if any(switches) else -1
-    names = ("_runs", "_noted", "_library", Run, "library", "plan", "after", "recompute")
-    following = Following(Data, *names, Data.recompute_held, Run.follow, made, switch, LOCALLY, WORLD)
-    keys = [intern(_key(face, x)) for x in choices]
+    if not face.of_data:
+        listed = [intern(key_of_model(face, *(x.name for x in chosen))) for chosen in choices]
+        return builtin(k, count, python, parameters, listed, Model, None, face.signature)
+    framed = face.about_frame
+    key_of, runs, owner = (_frame_key, "_bound", "owner") if framed else (_key, "_runs", "library")
+    attribute, run = "_frame_placements" if framed and not face.of_joints else "_library", Bound if framed else Run
+    slots = owner, "plan", "after", "recompute"
+    functions = Data.recompute_held, Run.follow, made
+    following = Following(Data, runs, "_noted", attribute, run, *slots, *functions, switch, LOCALLY, WORLD)
+    keys = [intern(key_of(face, x)) for x in choices]
     return builtin(k, count, python, parameters, keys, None, following, face.signature)
-
-
-# --- calls about frames -------------------------------------------------------------------------------------
-
-
-def _frames(face: Face, answer: Any) -> Any:
-    """Calls about a joint's frame or a frame: by a builtin of the Data, or of the last Run that filled a Jacobian."""
-    name, placed, last, bound = face.name, placed_name(face.name), face.last, face.bound
-
-    def joint(model: Any, data: Any, x: Any, reference: Any) -> Any:
-        if not bound:
-            return answer(face, model, data, x, reference)
-        try:
-            frames, call = (data._latest[last].bound if last else data._bound)[name]
-            if frames is model._library.frames and (found := call(x, reference)) is not None:
-                return found
-        except REFUSED:
-            pass
-        return answer(face, model, data, x, reference)
-
-    def frame(model: Any, data: Any, x: Any, reference: Any, after: Any, other: Any, pose: Any) -> Any:
-        if not bound:
-            return answer(face, model, data, x, reference, after, other, pose)
-        try:
-            of_calls = data._latest[last].bound if last else data._bound
-            if type(reference) is not SE3:
-                frames, call = of_calls[name]
-                if frames is model._frame_placements and (found := call(x, reference)) is not None:
-                    return found
-            else:
-                frames, call = of_calls[placed]
-                if frames.joints is model._library.frames.joints:
-                    frames.places[x][...] = reference._x
-                    if (found := call(x, LOCAL if after is None else after)) is not None:
-                        return found
-        except REFUSED:
-            pass
-        return answer(face, model, data, x, reference, after, other, pose)
-
-    return joint if len(face.inputs) == 2 else frame
 
 
 def function(face: Face, module: str, k: int, count: int) -> Callable[..., Any]:
     """The function of row ``k`` of ``count``: a builtin, or a copy of a form with names and defaults of its inputs."""
-    frames = face.inputs[0].role == "i"
-    form = (_frames if frames else _recorded)(face, face.answer or by_run)
-    code, names = form.__code__, ("model", "data", *(x.name for x in face.inputs))
+    form = _form(face, face.answer or by_run)
+    code, names = form.__code__, (*face.first, *(x.name for x in face.inputs))
     code = code.replace(co_name=face.name, co_varnames=(*names, *code.co_varnames[len(names) :]))
     defaults = tuple(x.default for x in face.inputs if x.default is not REQUIRED)
     made = FunctionType(code, form.__globals__, face.name, defaults, form.__closure__)
     made.__doc__, made.__module__, made.__qualname__ = face.docstring, module, face.name
     made.__annotations__ = {x.name: x.type for x in face.inputs} | {"return": face.returns}
-    if frames or not READY or any(x.role == "f" and x.default is REQUIRED for x in face.inputs):
+    if not (READY and face.bound) or any(x.role == "f" and x.default is REQUIRED for x in face.inputs):
         return made
     return _builtin(face, made, k, count)

@@ -30,6 +30,22 @@ from .field_recipes import result as RESULT
 FORCES, LISTS, _NUMBERS = {Force}, (list, Rows), attrgetter("_x")
 
 
+class Bound:
+    """A builtin that a row of the table of names finds in a Data: what a Run is to other rows.
+
+    owner      what the attribute of the Model is that the builtin holds for: its FramePlacements or its LibraryModel
+    call       the builtin
+    plan       that of ``call``
+    after, recompute  None
+    """
+
+    __slots__ = ("after", "call", "owner", "plan", "recompute")
+
+    def __init__(self, owner: Any, call: Callable[..., Any]) -> None:
+        self.owner, self.call, self.plan = owner, call, plan_of(call)
+        self.after = self.recompute = None
+
+
 class Run:
     """The last call of one kind.
 
@@ -43,7 +59,7 @@ class Run:
     after           what such a function calls with the Data and the Run: of a kind that getters of Jacobians read; None
     recompute       recomputes the other held fields from the recorded inputs; None if there are none
     fext            forces on the library's joints (njoints, 6); None without
-    bound           builtins about the inputs, by name and kind of frame
+    bound           builtins about the inputs by key, by the getter for which this Run has to be the latest
     contact         factors of the constrained system, of a kind that solves one
     cache           field -> (stamp, array), of fields that were read
     placed_rows     of a call of ``joint_jacobians``, its scratch, from which Jacobians of frames follow
@@ -93,7 +109,7 @@ class Run:
         self.plan: Words | None = None
         self.forces_builtin: Callable[..., Any] | None = None
         self.recompute: Callable[[], Any] | None = None
-        self.bound: dict[Any, Any] = {}
+        self.bound: dict[str, Any] = {}
 
     @property
     def stamp(self) -> int:

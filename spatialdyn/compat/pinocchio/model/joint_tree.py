@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from typing import Any
+from weakref import ref
 
 import numpy as np
 from numpy.typing import NDArray
@@ -133,6 +134,8 @@ class Tree:
     _library: Any  # LibraryModel, None after an edit of the tree and where norms are checked anew
     _library_before: Any  # the last LibraryModel, None after an edit of the tree
     _frame_placements: Any  # FramePlacements, None after an edit of a frame
+    _builtins: Any  # builtins by key, of rows of the table without a Data
+    _plans: dict[str, Any]  # their plans
     _edited: Any  # whether it is the copy of one that was edited; None after an edit of the tree
 
     lowerPositionLimit = Entries(-NO_LIMIT, "(nq,) least coordinates.", "min_config")
@@ -168,9 +171,16 @@ class Tree:
     def _begin(self) -> Owner:
         """Note the model, without anything yet; returns the owner of the values of its tree."""
         MODELS.add(self)
-        caches = ("_library", "_library_before", "_frame_placements", "_edited")
+        self._plans = {}
+        caches = ("_library", "_library_before", "_edited")
         vars(self).update(dict.fromkeys(caches))
+        self._forget()
         return self._owner_of(*caches)
+
+    def _forget(self) -> None:
+        """Drop what follows from the LibraryModel."""
+        vars(self).update(_frame_placements=None, _builtins=None)
+        self._plans.clear()
 
     def _hold(self, numbers: Numbers) -> None:
         """Have the numbers be those of the model, and its values views of them."""
@@ -186,8 +196,15 @@ class Tree:
 
     def _owner_of(self, *caches: str) -> Owner:
         """The owner of values of which these cached attributes are made; a write sets them to None."""
-        model, nothing = vars(self), dict.fromkeys(caches)
-        return Owner(lambda: model.update(nothing))
+        here, nothing = ref(self), dict.fromkeys(caches)  # its lists would be a cycle: a copy is freed at once
+
+        def changed() -> None:
+            model = here()
+            if model is not None:
+                vars(model).update(nothing)
+                model._forget()
+
+        return Owner(changed)
 
     njoints: Any = property(lambda self: len(self.joints), doc="Number of joints, with the universe.")
 

@@ -224,16 +224,20 @@ class LibraryModel:
         return edited(model, {k: _link(links[k].name, now.inertias[k]) for k in changed}, joints, _gravity(now))
 
     def __getattr__(self, name: str) -> Callable[..., Any]:
-        if name not in SPECS and name not in ROUTINES:
+        if name not in SPECS:
             raise AttributeError(f"no call {name!r}")
-        call = self.__dict__[name] = self._bound_routine(name) if name in ROUTINES else self._bound(name)
+        call = self.__dict__[name] = self._bound(name)
         return call
 
-    def _bound_routine(self, name: str) -> Callable[..., Any]:
+    def routine(self, name: str, **fixed: Array) -> Callable[..., Any]:
+        """A routine on configurations as a builtin, which returns None if not applicable.
+
+        fixed  inputs that no caller passes
+        """
         if not self.has_builtins:
             return unavailable
         units, scratch = np.array(self.units, np.int64), np.empty(self.words["nv"])
-        words = {"units": units, "count": len(units), "scratch": scratch, **self.words}
+        words = {"units": units, "count": len(units), "scratch": scratch, **self.words, **fixed}
         return ROUTINES[name].bind(words, self.table)
 
     def code(self, name: str, forces: bool = False) -> CallCode:
@@ -335,7 +339,7 @@ def library_model(model: Model) -> LibraryModel:
         found.edited = model._edited if before is None else before.edited or before.state != found.state
         own = vars(model)
         own["_library"] = own["_library_before"] = found
-        model._frame_placements = None
+        model._forget()
     return found
 
 

@@ -62,6 +62,7 @@ class Model(Tree, Stored, Copied):
     and frames or joints that were replaced, no longer belong to the model: read them again.
     """
 
+    __slots__ = ("_plans",)  # where builtins read it
     _format = FORMAT
     frames: list[Frame] = attribute("Frames on the joints, a list to write into.")
     referenceConfigurations: dict[str, Array] = attribute("Configurations by name.")

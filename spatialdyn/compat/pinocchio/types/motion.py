@@ -59,11 +59,11 @@ class Spatial(Summable, InFrames):
         return x
 
     def __mul__(self: Vector, scale: Any) -> Vector:
-        return self._scaled(float(scale), self) if isinstance(scale, (float, int)) else NotImplemented
+        return self._scaled(float(scale)) if isinstance(scale, (float, int)) else NotImplemented
 
     def __rmul__(self: Vector, scale: Any) -> Vector:
         if isinstance(scale, (float, int)):
-            return self * scale
+            return self._scaled(float(scale))  # type: ignore[no-any-return]
         return cast(Vector, self._reflected(scale, "__mul__"))
 
     def __truediv__(self: Vector, scale: Any) -> Vector:
@@ -83,7 +83,7 @@ class Force(Spatial, kind="Force"):
     __add__ = on_values("__add__", spatial.add_force, "Force", self="Force", other="Force")
     __sub__ = on_values("__sub__", spatial.sub_force, "Force", self="Force", other="Force")
     __neg__ = on_values("__neg__", operators.minus_force, "Force", self="Force")
-    _scaled = staticmethod(on_values("scaled", spatial.scale_force, "Force", s="number", self="Force"))
+    _scaled = on_values("scaled", operators.scaled_force, "Force", self="Force", s="number")
     _divided = on_values("divided", operators.divided_force, "Force", self="Force", s="number")
     _to_parent = on_values("act", spatial.force_to_parent, "Force", self="Pose", x="Force")
     _to_child = on_values("actInv", spatial.force_to_child, "Force", self="Pose", x="Force")
@@ -102,7 +102,7 @@ class Motion(Spatial, kind="Motion"):
     __add__ = on_values("__add__", spatial.add_motion, "Motion", self="Motion", other="Motion")
     __sub__ = on_values("__sub__", spatial.sub_motion, "Motion", self="Motion", other="Motion")
     __neg__ = on_values("__neg__", operators.minus_motion, "Motion", self="Motion")
-    _scaled = staticmethod(on_values("scaled", spatial.scale_motion, "Motion", s="number", self="Motion"))
+    _scaled = on_values("scaled", operators.scaled_motion, "Motion", self="Motion", s="number")
     _divided = on_values("divided", operators.divided_motion, "Motion", self="Motion", s="number")
     _to_parent = on_values("act", spatial.motion_to_parent, "Motion", self="Pose", x="Motion")
     _to_child = on_values("actInv", spatial.motion_to_child, "Motion", self="Pose", x="Motion")
@@ -113,8 +113,9 @@ class Motion(Spatial, kind="Motion"):
     dualAction = property(lambda self: -self.action.T, doc="The matrix (6, 6) of self ×* on Force vectors.")
 
     def __xor__(self, other: Any) -> Any:
-        motion = isinstance(other, Motion) or of_pinocchio(other, "Motion")
-        return _cross_motion(self, other) if motion else _cross_force(self, other)
+        if isinstance(other, Motion) or (not isinstance(other, Force) and of_pinocchio(other, "Motion")):
+            return _cross_motion(self, other)
+        return _cross_force(self, other)
 
     def cross(self, other: Any) -> Any:
         """self × other for a Motion, self ×* other for a Force."""

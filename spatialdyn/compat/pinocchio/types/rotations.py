@@ -238,8 +238,10 @@ class AngleAxis(Rotation):
 
 def _coefficients(x: Any, *shapes: tuple[int, ...]) -> Any:
     """New coefficients x y z w of a rotation in any form; arrays may have these shapes, by default (3, 3) and (4,)."""
-    if isinstance(x, np.ndarray) and x.ndim != 2:
-        if x.shape != (4,) or shapes:
+    if isinstance(x, np.ndarray):
+        if x.ndim == 2 and (shapes or x.shape != (4, 1)):
+            return _of_matrix(x)
+        if shapes or x.shape not in ((4,), (4, 1)):
             raise ValueRuntimeError(f"rotation is {described(x)}, expected shape {'(3, 3)' if shapes else '(4,)'}")
         return array(x, (4,), "coefficients")
     if isinstance(x, Quaternion):
@@ -250,8 +252,6 @@ def _coefficients(x: Any, *shapes: tuple[int, ...]) -> Any:
         x = AngleAxis(x)
     if isinstance(x, AngleAxis):
         return np.array([*(math.sin(0.5 * x.angle) * x._x[1:]), math.cos(0.5 * x.angle)])
-    if isinstance(x, np.ndarray) and x.shape == (4, 1) and not shapes:
-        return array(x, (4,), "coefficients")
     return _of_matrix(x)
 
 

@@ -40,12 +40,13 @@ class SE3(Value, kind="Pose", near=operators.near_poses, same=operators.same_pos
     ) -> None:
         if translation is None or rotation is None:
             rotation = next((x for x in (rotation, quat, array, clone) if x is not None), None)
-        if of_pinocchio(rotation, "Quaternion"):
-            rotation = Quaternion(rotation)
         if translation is None:
             self._x = _homogeneous(rotation)
+        elif type(rotation) is np.ndarray:  # the usual case first
+            self._x = _pose_of(rotation, translation)
         else:
-            self._x = (_pose_of_quaternion if isinstance(rotation, Quaternion) else _pose_of)(rotation, translation)
+            turned = isinstance(rotation, Quaternion) or of_pinocchio(rotation, "Quaternion")
+            self._x = (_pose_of_quaternion if turned else _pose_of)(rotation, translation)
 
     rotation = part("rotation", np.s_[:3, :3], "The rotation matrix (3, 3), a view.")
     translation = part("translation", np.s_[:3, 3], "The translation (3,) [m], a view.")
@@ -97,14 +98,14 @@ class SE3(Value, kind="Pose", near=operators.near_poses, same=operators.same_pos
 
     def act(self, other: Any) -> Any:
         """A point (3,), SE3, Motion, Force or Inertia from the frame to the reference frame."""
-        move = getattr(type(other), "_to_parent", None)
+        move = _point_to_parent if type(other) is np.ndarray else getattr(type(other), "_to_parent", None)
         if move is None and (mine := own_value(other)) is not None:
             return self.act(mine)
         return (move or _point_to_parent)(self, other)
 
     def actInv(self, other: Any) -> Any:
         """A point (3,), SE3, Motion, Force or Inertia from the reference frame to the frame."""
-        move = getattr(type(other), "_to_child", None)
+        move = _point_to_child if type(other) is np.ndarray else getattr(type(other), "_to_child", None)
         if move is None and (mine := own_value(other)) is not None:
             return self.actInv(mine)
         return (move or _point_to_child)(self, other)

@@ -25,6 +25,7 @@ from .arguments import (
 from .bases import Copied
 
 Self = TypeVar("Self", bound="Value")
+FLOAT64 = np.dtype(np.float64)
 
 
 class Value(Copied):
@@ -163,7 +164,10 @@ def part(name: str, at: Any, doc: str, kind: Any = None) -> Any:
 
     def write(self: Value, given: Any) -> None:
         there = self._x[at]
-        self._x[at] = array(given, there.shape, name) if there.shape else number(given, name)
+        if type(given) is np.ndarray and given.dtype == FLOAT64 and given.shape == there.shape:  # the usual case first
+            there[...] = given
+        else:
+            self._x[at] = array(given, there.shape, name) if there.shape else number(given, name)
 
     return property(read if kind is None else read_made, write, doc=doc)
 

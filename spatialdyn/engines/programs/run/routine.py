@@ -130,7 +130,7 @@ class Routine:
         """The builtin of these words, which keeps references to the objects at their addresses.
 
         words      ints, arrays, which stand for their addresses, or None, which is 0; an input that is among them is
-                   an array that no caller passes
+                   an array that no caller passes, of an Index or a Choice an array of that int
         record     see ``single_call.record``
         otherwise  called with the arguments where the routine does not apply
         """
@@ -142,6 +142,8 @@ class Routine:
         def item(kind: Kind | Truth, place: Any) -> Item:
             if isinstance(kind, Truth):
                 return Item(TRUTH)
+            if place is not None and isinstance(kind, (Index, Choice)):
+                return single_call.placed((), _word(place))
             if isinstance(kind, Index):
                 return Item(INDEX, 8, (words[kind.below],))
             if isinstance(kind, Choice):
