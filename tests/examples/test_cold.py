@@ -1,7 +1,6 @@
 """What an example takes as a newcomer runs it: in a new process, with an empty cache.
 
-Four or so share a process, whose import of the package they share: what all of them take together is no less than
-what each would take alone.
+Two share a process and its import of the package: what both take together is no less than what each would take alone.
 """
 
 from __future__ import annotations
@@ -20,7 +19,7 @@ import spatialdyn
 from spatialdyn.examples import gallery
 
 MOST_SECONDS = 20.0  # of CPU, most of it LLVM's
-PROCESSES = 16
+PROCESSES = 32  # for some 60 examples
 SCRIPT = """
 import json, resource, runpy, sys
 names, sys.argv[1:] = sys.argv[1:], []
