@@ -26,6 +26,7 @@ turned: its pose in the joint frame is Q P(x, y, θ) Qᵀ.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -69,32 +70,32 @@ class Tree:
     bodies: tuple[Body, ...]
     gravity: ArrayLike = (0.0, 0.0, -9.81)
 
-    @property
+    @cached_property
     def nq(self) -> int:
         """Number of coordinates."""
         return sum(NQ[b.kind] for b in self.bodies)
 
-    @property
+    @cached_property
     def nv(self) -> int:
         """Number of freedoms."""
         return sum(NV[b.kind] for b in self.bodies)
 
-    @property
+    @cached_property
     def njoints(self) -> int:
         """Number of joints, the world counted."""
         return len(self.bodies) + 1
 
-    @property
+    @cached_property
     def parents(self) -> list[int]:
         """Parent of each body; entry 0 stands for the world."""
         return [0, *(max(b.parent, 0) for b in self.bodies)]
 
-    @property
+    @cached_property
     def q_slices(self) -> list[slice]:
         """Where each body's coordinates lie in q; empty for the world."""
         return _slices([NQ[b.kind] for b in self.bodies])
 
-    @property
+    @cached_property
     def v_slices(self) -> list[slice]:
         """Where each body's freedoms lie in v; empty for the world."""
         return _slices([NV[b.kind] for b in self.bodies])
@@ -114,10 +115,17 @@ def skew(a: ArrayLike) -> Array:
     return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
+def quarters(a: Array, b: Array | float, c: Array, d: Array | float) -> Array:
+    """The map (6, 6) of those four, row by row: ``np.block`` of them takes ten times as long."""
+    m = np.empty((6, 6))
+    m[:3, :3], m[:3, 3:], m[3:, :3], m[3:, 3:] = a, b, c, d
+    return m
+
+
 def crm(v: Array) -> Array:
     """v×, (6, 6): eq. 2.31."""
-    w, o = skew(v[:3]), np.zeros((3, 3))
-    return np.block([[w, o], [skew(v[3:]), w]])
+    w = skew(v[:3])
+    return quarters(w, 0.0, skew(v[3:]), w)
 
 
 def crf(v: Array) -> Array:
@@ -128,13 +136,13 @@ def crf(v: Array) -> Array:
 def plucker(T: Array) -> Array:
     """Motion transform (6, 6) from the parent to the frame whose pose in the parent is T (4, 4): section 2.8."""
     E, r = T[:3, :3].T, T[:3, 3]
-    return np.block([[E, np.zeros((3, 3))], [-E @ skew(r), E]])
+    return quarters(E, 0.0, -E @ skew(r), E)
 
 
 def spatial_inertia(mass: float, com: ArrayLike, inertia: ArrayLike) -> Array:
     """Inertia (6, 6) about the frame's origin of a body known by its com and its inertia about it: eq. 2.63."""
     c = skew(com)
-    return np.block([[np.asarray(inertia) + mass * c @ c.T, mass * c], [mass * c.T, mass * np.eye(3)]])
+    return quarters(np.asarray(inertia) + mass * c @ c.T, mass * c, mass * c.T, mass * np.eye(3))
 
 
 def flip(m: ArrayLike) -> Array:
@@ -248,6 +256,7 @@ class _Parts:
     S: list[Array]  # (6, n)
     I: list[Array]  # (6, 6)
     T: list[Array]  # pose (4, 4) in the world
+    W: list[Array]  # S in world coordinates
 
 
 def _parts(tree: Tree, q: ArrayLike) -> _Parts:
@@ -261,7 +270,7 @@ def _parts(tree: Tree, q: ArrayLike) -> _Parts:
         S.append(subspace(body))
         I.append(spatial_inertia(body.mass, body.com, body.inertia))
         T.append(T[tree.parents[i]] @ local)
-    return _Parts(X, S, I, T)
+    return _Parts(X, S, I, T, [plucker(invert(pose)) @ columns for pose, columns in zip(T, S, strict=True)])
 
 
 def _gravity(tree: Tree, gravity: ArrayLike | None) -> Array:
@@ -437,7 +446,7 @@ def _world_jacobian(tree: Tree, p: _Parts, i: int) -> Array:
     """Jacobian (6, nv) of body i in world coordinates, angular first: S of every joint that carries the body."""
     J = np.zeros((6, tree.nv))
     while i:
-        J[:, tree.v_slices[i]] = plucker(invert(p.T[i])) @ p.S[i]
+        J[:, tree.v_slices[i]] = p.W[i]
         i = tree.parents[i]
     return J
 
@@ -507,7 +516,7 @@ def coriolis_matrix(tree: Tree, q: ArrayLike, v: ArrayLike) -> Array:
         X, J, Jd = plucker(p.T[i]), _world_jacobian(tree, p, i), _world_jacobian_dot(tree, p, i, v)
         I, u = X.T @ p.I[i] @ X, J @ v
         n, f = (I @ u)[:3], (I @ u)[3:]
-        of_momentum = np.block([[-skew(n), -skew(f)], [-skew(f), np.zeros((3, 3))]])
+        of_momentum = quarters(-skew(n), -skew(f), -skew(f), 0.0)
         C = C + J.T @ (I @ Jd + 0.5 * (crf(u) @ I + of_momentum - I @ crm(u)) @ J)
     return C
 

@@ -23,3 +23,9 @@ def test_each_slow_test_names_a_quick_one_that_is_there() -> None:
             seen += 1
         assert text.count("pytest.mark.slow") == len(MARK.findall(text)) or path == Path(__file__), path.name
     assert seen
+
+
+def test_only_files_that_say_slow_have_slow_tests() -> None:
+    """``-m slow`` collects no others: a file of helpers that makes the mark has the word in its name."""
+    helpers = [path for path in TESTS.rglob("*.py") if not path.name.startswith("test_")]
+    assert [path.name for path in helpers if "mark.slow" in path.read_text(encoding="utf-8")] == ["slow.py"]

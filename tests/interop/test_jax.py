@@ -195,7 +195,7 @@ def test_a_process_ends_while_samples_are_recomputed(kept: str) -> None:
     text = f"""
 import jax, numpy as np, spatialdyn as sd
 f = jax.jit(sd.specialize(sd.load_urdf("ur5"), sd.aba).to_jax())
-q = np.full((30_000, 6), 2.0**24)
+q = np.full((8_000, 6), 2.0**24)
 f(q, q, q).block_until_ready()
 {kept}f(q, q, q)
 """

@@ -139,10 +139,11 @@ def test_call_equals_the_dense_oracle(case: Any, name: str) -> None:
 def test_frames_equal_the_dense_oracle(case: Any, reference: str) -> None:
     made, model, s = case
     tree = made.tree
+    placed = dense.placements(tree, s.q)
     for frame in model.frames:
         X, body = frame.placement, frame.joint
         name = f"{frame.kind}:{frame.name}"
-        close(sd.frame_placement(model, s.q, name), dense.placements(tree, s.q)[body] @ X)
+        close(sd.frame_placement(model, s.q, name), placed[body] @ X)
         J = dense.jacobian(tree, s.q, body, reference, X)
         drift = dense.jacobian_dot_times_v(tree, s.q, s.v, body, reference, X)
         close(sd.frame_jacobian(model, s.q, name, reference), J)

@@ -304,7 +304,7 @@ def test_spoilt_text_loads_and_answers_or_is_refused(
 
 
 @pytest.mark.slow(quick="test_a_mutated_robot_loads_and_answers_or_is_refused")
-@cases(600)
+@cases(320)
 @given(robots(), mutations, options, place)
 def test_four_times_as_many_mutated_robots_do(robot: Any, changes: Any, chosen: Any, seed: int) -> None:
     test_a_mutated_robot_loads_and_answers_or_is_refused.hypothesis.inner_test(robot, changes, chosen, seed)
@@ -313,7 +313,7 @@ def test_four_times_as_many_mutated_robots_do(robot: Any, changes: Any, chosen: 
 @pytest.mark.slow(quick="test_spoilt_text_loads_and_answers_or_is_refused")
 @cases(400)
 @given(robots(), mutations, spoils, options, st.sampled_from(CODECS), st.booleans(), place)
-def test_four_times_as_many_spoilt_texts_do(
+def test_twice_as_many_spoilt_texts_do(
     robot: Any, changes: Any, accidents: Any, chosen: Any, codec: str, binary: bool, seed: int
 ) -> None:
     held = test_spoilt_text_loads_and_answers_or_is_refused.hypothesis.inner_test

@@ -27,7 +27,7 @@ from inputs import (
     sorted_inputs,
 )
 from numpy.typing import NDArray
-from slow import slow_but, thinned
+from slow import slow_but
 from trees import random_tree
 
 import spatialdyn as sd
@@ -168,10 +168,12 @@ OF_PAIRS = {  # calls that have a case of their own for (cos, sin), and the thre
     "aba",
 }  # fmt: skip
 AT_ONCE = [(tree, name) for tree in TREES for name in CALLS if name in (MAIN_CALLS if tree == "fixed" else OF_PAIRS)]
-OTHERS = [*((TREES[0], name) for name in CALLS), *((TREES[1], name) for name in thinned(OF_PAIRS, CALLS, 0, every=2))]
+OTHERS = [name for name in CALLS if name not in MAIN_CALLS and name not in OF_PAIRS]
+IN_TURN = [*((TREES[0], name) for name in OF_PAIRS), *((TREES[k % 2], name) for k, name in enumerate(OTHERS))]
+EACH = [*AT_ONCE, *(x for x in IN_TURN if x not in AT_ONCE)]  # call, on one of the trees or on both
 
 
-@pytest.mark.parametrize(("model", "name"), slow_but(AT_ONCE, OTHERS), indirect=["model"])
+@pytest.mark.parametrize(("model", "name"), slow_but(AT_ONCE, EACH), indirect=["model"])
 def test_lanes_equal_the_untraced_call(model: sd.Model, name: str) -> None:
     spec = SPECS[name]
     static = kernel_inputs(model, spec, [None] * len(sorted_inputs(spec)))  # type: ignore[list-item]

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from inputs import EPS, options, random_inputs, sorted_inputs
 from numpy.typing import NDArray
-from slow import slow_but
+from slow import slow_but, thinned
 from trees import random_tree
 
 import spatialdyn as sd
@@ -182,6 +182,7 @@ def check(
 
 
 TRACED = [name for name, spec in SPECS.items() if spec.traceable]
+LARGE = ("rnea", "crba", "aba")
 ROBOTS = ("floating", "cos_sin", "planar", "screws")
 
 
@@ -206,13 +207,13 @@ def test_optional_forces_are_read_if_present(call: str) -> None:
 @pytest.mark.parametrize(
     ("name", "call"),
     [
-        *(("panda", call) for call in TRACED),
+        *(("panda", call) for call in thinned(LARGE, TRACED, 1)),
         *(
             (name, call)
             for name in [*ROBOTS, "ur5"]
             for call in ("crba", "aba", "coriolis_matrix", "frame_acceleration")
         ),
-        *(("talos_full", call) for call in ("rnea", "crba", "aba")),
+        *(("talos_full", call) for call in LARGE),
     ],
 )
 def test_calls_on_large_robots_has_the_bits_of_compiled_code(name: str, call: str) -> None:

@@ -117,8 +117,9 @@ QUICK = [
     ("floating", "integrate", np.float64), ("ur5", "rnea", np.float32), ("two_link", "coriolis_matrix", np.float64),
     ("panda", "minverse", np.float64),  # with pivots that are too small
 ]  # fmt: skip
-ALL = [  # each call on one of the robots in one of the precisions, in turn
-    (("floating", "panda")[k % 2], call, (np.float64, np.float32)[k // 2 % 2]) for k, call in enumerate(TRACED)
+TURNS = "floating", "two_link", "floating", "panda"
+ALL = [  # each call on one of the robots in one of the precisions, in turn: one in four on the large one
+    (TURNS[k % 4], call, (np.float64, np.float32)[(k // 4 + k // 2) % 2]) for k, call in enumerate(TRACED)
 ]
 
 
