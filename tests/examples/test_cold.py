@@ -1,6 +1,6 @@
 """What an example takes as a newcomer runs it: in a new process, with an empty cache.
 
-Two share a process and its import of the package: what both take together is no less than what each would take alone.
+Two share a process; the import of the package counts for both.
 """
 
 from __future__ import annotations
@@ -22,15 +22,22 @@ MOST_SECONDS = 20.0  # of CPU, most of it LLVM's
 PROCESSES = 32  # for some 60 examples
 SCRIPT = """
 import json, resource, runpy, sys
+import spatialdyn
+
+def spent():
+    used = [resource.getrusage(x) for x in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
+    return sum(x.ru_utime + x.ru_stime for x in used)
+
 names, sys.argv[1:] = sys.argv[1:], []
+imported = spent()
 for name in names:
+    before = spent()
     end = 0
     try:
         runpy.run_module(f"spatialdyn.examples.{name}", run_name="__main__", alter_sys=True)
     except SystemExit as left:
         end = left.code
-    spent = [resource.getrusage(x) for x in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
-    print(json.dumps([name, end, sum(x.ru_utime + x.ru_stime for x in spent)]), file=sys.stderr)
+    print(json.dumps([name, end, imported + spent() - before]), file=sys.stderr)
 """
 FIRST = ("first_steps",)
 NAMES = [name for name in gallery.names() if name not in FIRST]
@@ -52,4 +59,4 @@ def test_examples_take_seconds_in_a_cold_process(names: tuple[str, ...], tmp_pat
     done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True, cwd=tmp_path)
     ends = [json.loads(line) for line in done.stderr.splitlines() if line.startswith("[")]
     assert [(name, end) for name, end, _ in ends] == [(name, 0) for name in names], done.stderr
-    assert ends[-1][2] <= MOST_SECONDS, ends
+    assert all(seconds <= MOST_SECONDS for _, _, seconds in ends), ends
