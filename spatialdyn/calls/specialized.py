@@ -68,7 +68,8 @@ def recorded(request: SpecializeRequest, options: recording.ProgramOptions) -> r
     if request.numbers > MOST_DERIVATIVES:
         names = ", ".join(spec.name for spec in request.specs)
         found = f'{names} of "{request.model.name}" has {request.numbers} results'
-        raise SpatialDynError(f"{found}, expected at most {MOST_DERIVATIVES} in a program; outputs= leaves some of them")
+        expected = f"expected at most {MOST_DERIVATIVES} in a program; outputs= leaves some of them"
+        raise SpatialDynError(f"{found}, {expected}")
     try:
         return derived.record(request.specs, request.model.bodies, static, options, request.dtype)
     except ZeroDivisionError:
