@@ -208,12 +208,9 @@ def test_what_has_no_derivative_is_named() -> None:
         long.add_body(f"{k}", f"{k - 1}" if k else None, "revolute", (0, 1, 0), None, (1.0, (0, 0, 0.5), np.eye(3)))
     k = sd.specialize(long.build(), sd.crba)
     for bridge in (k.to_torch, k.to_jax):
-        with pytest.raises(
-            sd.SpatialDynError, match=r"131769 results, at most 16384, .*; outputs= leaves some":
+        with pytest.raises(sd.SpatialDynError, match=r"131769 results, at most 16384, .*; outputs= leaves some"):
             bridge()
-    with pytest.raises(
-        sd.SpatialDynError, match='crba of "long" has 131769 results, expected at most 131072 in'
-    ):
+    with pytest.raises(sd.SpatialDynError, match='crba of "long" has 131769 results, expected at most 131072 in'):
         k.c_code()
     k = sd.specialize(long.build(), sd.aba)
     with pytest.raises(sd.SpatialDynError, match=r"363 rows .*, at most 196, .* derivatives; sd\.aba_derivatives comp"):
