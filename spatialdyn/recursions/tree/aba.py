@@ -63,15 +63,15 @@ WORK = table_dtype(
     v=Motion,  # spatial velocity; outward
     c=Motion,  # velocity-product acceleration v × S q̇; outward
     a=Motion,  # spatial acceleration; third sweep
-    IA=Articulated,  # articulated inertia; of the body alone, outward; of its subtree, inward
-    pA=Force,  # bias force; of the body alone, outward; of its subtree, inward
+    IA=Articulated,  # articulated inertia where the tree branches; of the body alone, outward; with branches, inward
+    pA=Force,  # bias force; of the body alone, outward; with those of branches, inward
     U=Force,  # IA S, and n J e of a rotor; inward
     d=float,  # 1 / D = 1 / (S·IA S + armature); inward
     u=float,  # τ - S·pA, and n J e·c of a rotor; inward
 )
 WORK_INVERSE = table_dtype(
     X=Pose,  # pose of the row in its parent; outward
-    IA=Articulated,  # as in WORK
+    IA=Articulated,  # articulated inertia; of the body alone, outward; of its subtree, inward
     U=Force,  # as in WORK
     d=float,  # as in WORK
     F=Force,  # force that a unit torque of this row exerts on the row reached; inward, column by column
@@ -88,7 +88,11 @@ def aba(bodies: Bodies, work: Work, q: Config, v: Vector, tau: Vector, fext: Mat
 
 @inline
 def aba_inward(bodies: Bodies, work: Work, q: Config, v: Vector, tau: Vector, fext: Matrix, pivots: Vector) -> None:
-    """The first two passes of the table: poses, and U, D, u of each row; v, fext may be None, for zero."""
+    """The first two passes of the table: poses, and U, D, u of each row; v, fext may be None, for zero.
+
+    What passes between neighbouring rows stays in registers, as in ``rnea``: ``vi`` outward, inward the inertia and
+    the bias force that a row passes to the row before it. Further rows of a joint, at the identity pose, are not moved.
+    """
     n = len(bodies) - 1
     vi = zero_motion()
     if v is not None:
