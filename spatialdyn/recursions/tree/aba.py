@@ -162,7 +162,8 @@ def aba_inward(bodies: Bodies, work: Work, q: Config, v: Vector, tau: Vector, fe
 def branches(bodies: Bodies, i: int) -> bool:
     """Whether inertias are added up in row i: more than the next row hangs there, or that row has a rotor on it."""
     last = bodies[i].last_row
-    return last > i and (bodies[i + 1].last_row < last or bodies[i + 1].geared > 0)
+    several: bool = last > i and (bodies[i + 1].last_row < last or bodies[i + 1].geared > 0)
+    return several
 
 
 @inline
