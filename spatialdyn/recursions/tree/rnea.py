@@ -65,6 +65,7 @@ def rnea(bodies: Bodies, work: Work, q: Config, v: Vector, a: Vector, fext: Matr
     for i in range(len(bodies) - 1, 0, -1):
         b, here, parent = bodies[i], work[i], work[bodies[i].parent]
         f = add_force(force_of(here.f), passed)
+        put_force(here.f, f)
         # τ_i = S·f_i
         t = add_motor_inertia(bodies, i, a, power(motion_of(b.S), f))
         # f_λ += X* f_i
