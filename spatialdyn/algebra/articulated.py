@@ -17,6 +17,8 @@ from .euclidean import (
     rotate,
     transpose,
     unrotate,
+    zero_mat3,
+    zero_sym,
 )
 from .scalars import inline
 from .spatial import Force, Inertia, Motion, Pose
@@ -39,6 +41,12 @@ def articulated(I: Inertia) -> Articulated:
         Mat3(0.0, -h.z, h.y, h.z, 0.0, -h.x, -h.y, h.x, 0.0),
         Sym(I.m, 0.0, 0.0, I.m, 0.0, I.m),
     )
+
+
+@inline
+def no_articulated() -> Articulated:
+    """The articulated inertia of no body: zero."""
+    return Articulated(zero_sym(), zero_mat3(), zero_sym())
 
 
 @inline

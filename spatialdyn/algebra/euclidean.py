@@ -122,6 +122,18 @@ def matmul(A: Mat3, B: Mat3) -> Mat3:
 
 
 @inline
+def zero_mat3() -> Mat3:
+    """The null matrix."""
+    return Mat3(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+@inline
+def zero_sym() -> Sym:
+    """The null matrix, as a symmetric one."""
+    return Sym(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+@inline
 def transpose(A: Mat3) -> Mat3:
     """Aᵀ."""
     return Mat3(A.xx, A.yx, A.zx, A.xy, A.yy, A.zy, A.xz, A.yz, A.zz)

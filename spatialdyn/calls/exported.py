@@ -73,6 +73,7 @@ def jacobian_of(request: SpecializeRequest, given: Exported) -> Program:
     if entries > MOST_DERIVATIVES:
         raise SpatialDynError(
             f'derivatives of {given.name} of "{model.name}" are {entries} numbers, expected at most {MOST_DERIVATIVES}'
+            "; derivatives=False, or jacobian=False for CasADi, leaves them out"
         )
     derivatives = SPECS.get(first.name + "_derivatives")
     plain = not (others or request.constants or request.parameters or request.derivative or request.bounds)

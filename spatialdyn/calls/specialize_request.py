@@ -107,6 +107,11 @@ class SpecializeRequest(NamedTuple):
             return values + [x._replace(name="d" + x.name) for x in values]
         return values + [x._replace(name=x.name + "_bar") for x in self._tangents() if self.derivative]
 
+    @property
+    def numbers(self) -> int:
+        """How many numbers the results of one sample are, or what a derivative weights, if that is more."""
+        return max(sum(math.prod(x.shape) for x in found) for found in (self.results(), self._values()))
+
     def _tangents(self) -> list[Array]:
         """The remaining inputs, each configuration as a displacement."""
         moved = {x.name for x in self.arguments if x.moved_by and self.model.nq != self.model.nv}

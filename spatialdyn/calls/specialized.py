@@ -24,26 +24,52 @@ from ..engines.programs.transform.source_code import PRINTERS
 from ..errors import InertiaError, NonFiniteError, ShapeError, SpatialDynError, literal
 from ..model.model import Model
 from ..model.robot_checks import masked
+from ..recursions import SPECS
 from . import specialize_fallback
 from .arguments import as_array, as_flag, broadcast, empty, flatten_batch
 from .differentiable import Differentiable
-from .exported import derivatives_of, exported, jacobian_of
+from .exported import MOST_DERIVATIVES, derivatives_of, exported, jacobian_of
 from .specialize_request import Array, SpecializeRequest
 
 
 def check_program(made: Specialized, what: str) -> Specialized:
-    """Raise SpatialDynError if there is no program, naming ``what`` needs one."""
+    """Raise SpatialDynError if there is no program, naming ``what`` needs one, the cause, and what to do instead."""
     if made.engine == "untraced":
-        names, cause = ", ".join(made.calls), "has no program"
+        names, request = ", ".join(made.calls), made._request
+        cause, otherwise = f"has no program in {made.dtype}", ""
+        rows, most = len(request.model.bodies) - 1, min(map(recording.most_rows, request.specs))
         if numba_kernels.PLAIN:
-            cause += " under NUMBA_DISABLE_JIT"
-        raise SpatialDynError(f'{names} of "{made.model.name}" {cause} in {made.dtype}, expected one for {what}')
+            cause = f"has no program under NUMBA_DISABLE_JIT in {made.dtype}"
+        elif rows > most:
+            cause += f" with {rows} rows of the table of bodies, at most {most}"
+            otherwise = "".join(f"; {instead}, for any robot" for instead in _instead(made.calls, what))
+        elif request.numbers > recording.MOST_RESULTS:
+            cause += f" with {request.numbers} results, at most {recording.MOST_RESULTS}"
+            otherwise = "; outputs= leaves some of them"
+        raise SpatialDynError(f'{names} of "{made.model.name}" {cause}, expected one for {what}{otherwise}')
     return made
 
 
+def _instead(calls: Sequence[str], what: str) -> list[str]:
+    """What a user can call in place of programs that are too long."""
+    if what == "bounds":
+        return ["sd.exact computes any number of digits"]
+    found = [f"{name}_derivatives" for name in calls if f"{name}_derivatives" in SPECS]
+    return [f"sd.{name} computes them" for name in found] if what.startswith("deriv") else []
+
+
 def recorded(request: SpecializeRequest, options: recording.ProgramOptions) -> recording.Recording:
-    """The program of a request and its layout, not compiled. Raises InertiaError if there is none."""
+    """The program of a request and its layout, not compiled.
+
+    Raises InertiaError if there is none, SpatialDynError for more than MOST_DERIVATIVES results, as of the mass matrix
+    of 363 joints.
+    """
     static = tuple(request.static.values())
+    if request.numbers > MOST_DERIVATIVES:
+        names = ", ".join(spec.name for spec in request.specs)
+        found = f'{names} of "{request.model.name}" has {request.numbers} results'
+        expected = f"expected at most {MOST_DERIVATIVES} in a program; outputs= leaves some of them"
+        raise SpatialDynError(f"{found}, {expected}")
     try:
         return derived.record(request.specs, request.model.bodies, static, options, request.dtype)
     except ZeroDivisionError:
@@ -151,7 +177,7 @@ class Specialized:
     def _fits(self) -> bool:
         """Whether there is a program, if no joint has zero articulated inertia."""
         request = self._request
-        bodies, numbers = request.model.bodies, sum(map(math.prod, self._shapes))
+        bodies, numbers = request.model.bodies, request.numbers
         in_range = request.dtype == np.float64 or not float32_range.beyond(bodies)
         return in_range and not numba_kernels.PLAIN and recording.fits(request.specs, bodies, numbers, request.tables)
 
@@ -234,8 +260,8 @@ class Specialized:
                      second derivative
 
         Raises SpatialDynError if the name is no identifier, an input's, or reserved in C: keywords, names that begin
-            with "_", declarations of <math.h>, functions of the standard library; or for more than 131072 derivatives;
-            InertiaError if there is no program
+            with "_", declarations of <math.h>, functions of the standard library; or for more than 131072 results or
+            derivatives; InertiaError if there is no program
         """
         if not as_flag("derivatives", derivatives):
             return self._code("c", name)

@@ -277,10 +277,13 @@ def _few(spec: Spec, table: Table, static: tuple[Any, ...]) -> int:
 
 
 def _few_not_finite(spec: Spec, table: Table, inputs: Arrays, static: tuple[Any, ...], count: int) -> NDArray[np.intp]:
-    """The samples with an input that is not finite, if such samples are few."""
+    """The samples with an input that is not finite, if such samples are few.
+
+    An infinity or NaN makes the sum infinite or NaN, which takes half the time of looking at each number.
+    """
     found = np.zeros(count, np.bool_)
     for x in inputs:
-        if not np.isfinite(x).all():
+        if not np.isfinite(np.einsum("i->", x.ravel())):
             found |= ~np.isfinite(x).reshape(len(x), -1).all(axis=1)
     odd = np.flatnonzero(found)
     return odd if len(odd) <= _few(spec, table, static) else NONE

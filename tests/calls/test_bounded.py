@@ -305,4 +305,8 @@ def test_what_has_no_bounds_is_named() -> None:
         sd.bounded(model, sd.aba_square_root)
     with pytest.raises(sd.SpatialDynError, match="expected one public call"):
         sd.bounded(model, [sd.rnea])  # type: ignore[arg-type]
+    long = rods(0.01, 197)
+    with pytest.raises(sd.SpatialDynError, match=r"with 197 rows .*, at most 196, expected .* bounds; sd\.exact "):
+        sd.bounded(long, sd.aba)
+    assert isinstance(sd.exact(long, sd.aba), sd.Exact)
     assert copy.copy(sd.bounded(model, sd.rnea)).engine == "lanes"

@@ -203,6 +203,18 @@ def test_what_has_no_derivative_is_named() -> None:
         sd.SpatialDynError, match=r"aba_square_root .* has no program in float64, expected one for deriv"
     ):
         sd.specialize(model, sd.aba_square_root, derivative="jvp")
+    long = sd.ModelBuilder("long")
+    for k in range(363):
+        long.add_body(f"{k}", f"{k - 1}" if k else None, "revolute", (0, 1, 0), None, (1.0, (0, 0, 0.5), np.eye(3)))
+    k = sd.specialize(long.build(), sd.crba)
+    for bridge in (k.to_torch, k.to_jax):
+        with pytest.raises(sd.SpatialDynError, match=r"131769 results, at most 16384, .*; outputs= leaves some"):
+            bridge()
+    with pytest.raises(sd.SpatialDynError, match='crba of "long" has 131769 results, expected at most 131072 in'):
+        k.c_code()
+    k = sd.specialize(long.build(), sd.aba)
+    with pytest.raises(sd.SpatialDynError, match=r"363 rows .*, at most 196, .* derivatives; sd\.aba_derivatives comp"):
+        k.to_torch()
     with pytest.raises(sd.SpatialDynError, match="dtype is float32, expected float64 with a derivative"):
         sd.specialize(model, sd.rnea, derivative="jvp", dtype=np.float32)
     k = sd.specialize(model, sd.generalized_gravity, derivative="jvp")

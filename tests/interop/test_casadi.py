@@ -324,7 +324,8 @@ def test_derivatives_of_a_robot_too_long_for_them_are_refused() -> None:
         builder.add_body(f"l{i}", f"l{i - 1}" if i else None, "revolute", (0, 0, 1), (0.2, 0, 0), inertia)
     k = sd.specialize(builder.build(), sd.rnea)
     with pytest.raises(
-        sd.SpatialDynError, match=r'derivatives of rnea of "chain" are 270000 numbers, expected at most'
+        sd.SpatialDynError,
+        match=r'derivatives of rnea of "chain" are 270000 numbers, expected at most \d+; .*jaco',
     ):
         k.to_casadi()
 

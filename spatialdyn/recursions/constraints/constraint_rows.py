@@ -38,7 +38,7 @@ from ...bodies.constraint_table import ALIGN, CONSTRAINTS, DISTANCE, ORIENT, POI
 from ...bodies.joints import place_joint
 from ..signatures import Array, Bodies, Config, Matrix, Record, Vector, Work
 from ..spec import Argument, Q, Spec, V
-from ..tree.rnea import classical_motion
+from ..tree.rnea import classical_motion, put_world
 
 WORK = table_dtype(
     X=Pose,  # pose of the row in its parent; outward
@@ -96,11 +96,9 @@ def carry_axes(bodies: Bodies, work: Work) -> None:
 @inline_or_by_rows
 def place_bias(bodies: Bodies, work: Work, v: Vector) -> None:
     """Write w, dw and dv of every row at zero joint acceleration, as ``rnea`` does without gravity; X is written."""
-    put_vec(work[0].w, zero())
-    put_vec(work[0].dw, zero())
-    put_vec(work[0].dv, zero())
+    m = put_world(work, zero())
     for i in range(1, len(bodies)):
-        classical_motion(bodies, work, i, v, None)
+        m = classical_motion(bodies, work, i, v, None, m)
 
 
 @inline

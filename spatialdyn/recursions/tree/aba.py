@@ -8,6 +8,7 @@ from ...algebra.articulated import (
     articulated,
     articulated_force,
     articulated_to_parent,
+    no_articulated,
     subtract_outer,
 )
 from ...algebra.euclidean import Vec, neg, zero
@@ -44,9 +45,9 @@ from ...algebra.spatial import (
     zero_motion,
 )
 from ...bodies.joints import joint_motion, place_joint
+from ...bodies.kinds import CONTINUED
 from ..signatures import Array, Bodies, Config, Matrix, Vector, Work
 from ..spec import FEXT_OPTIONAL, TAU, TURNED_Q, A, Argument, MassMatrix, Spec, V
-from ..steps import moved_by_joint
 from .aba_motors import (
     add_rotor,
     add_spin_of_rotor,
@@ -62,15 +63,15 @@ WORK = table_dtype(
     v=Motion,  # spatial velocity; outward
     c=Motion,  # velocity-product acceleration v × S q̇; outward
     a=Motion,  # spatial acceleration; third sweep
-    IA=Articulated,  # articulated inertia; of the body alone, outward; of its subtree, inward
-    pA=Force,  # bias force; of the body alone, outward; of its subtree, inward
+    IA=Articulated,  # articulated inertia where the tree branches; of the body alone, outward; with branches, inward
+    pA=Force,  # bias force; of the body alone, outward; with those of branches, inward
     U=Force,  # IA S, and n J e of a rotor; inward
     d=float,  # 1 / D = 1 / (S·IA S + armature); inward
     u=float,  # τ - S·pA, and n J e·c of a rotor; inward
 )
 WORK_INVERSE = table_dtype(
     X=Pose,  # pose of the row in its parent; outward
-    IA=Articulated,  # as in WORK
+    IA=Articulated,  # articulated inertia; of the body alone, outward; of its subtree, inward
     U=Force,  # as in WORK
     d=float,  # as in WORK
     F=Force,  # force that a unit torque of this row exerts on the row reached; inward, column by column
@@ -87,32 +88,45 @@ def aba(bodies: Bodies, work: Work, q: Config, v: Vector, tau: Vector, fext: Mat
 
 @inline
 def aba_inward(bodies: Bodies, work: Work, q: Config, v: Vector, tau: Vector, fext: Matrix, pivots: Vector) -> None:
-    """The first two passes of the table: poses, and U, D, u of each row; v, fext may be None, for zero."""
+    """The first two passes of the table: poses, and U, D, u of each row; v, fext may be None, for zero.
+
+    What passes between neighbouring rows stays in registers, as in ``rnea``: ``vi`` outward, inward the inertia and
+    the bias force that a row passes to the row before it. Further rows of a joint, at the identity pose, are not moved.
+    """
     n = len(bodies) - 1
+    vi = zero_motion()
     if v is not None:
-        put_motion(work[0].v, zero_motion())
+        put_motion(work[0].v, vi)
 
     for i in range(1, n + 1):
-        b, here, parent = bodies[i], work[i], work[bodies[i].parent]
-        I = inertia_of(b.inertia)
+        b, here = bodies[i], work[i]
         place_joint(bodies, i, q, here.X)
         pA = zero_force()
         if v is not None:
             # v_i = X v_λ + S q̇,   c_i = v_i × S q̇,   pA_i = v_i ×* I v_i - f_ext
-            vJ = joint_motion(bodies, i, v)
-            vi = moved_by_joint(here, parent, vJ)
-            pA = cross_force(vi, momentum(I, vi))
+            if b.parent < i - 1:
+                vi = motion_of(work[b.parent].v)
+            c = zero_motion()
+            if b.kind != CONTINUED:
+                vJ = joint_motion(bodies, i, v)
+                vi = add_motion(motion_to_child(pose_of(here.X), vi), vJ)
+                c = cross_motion(vi, vJ)
+            if b.joint > 0:
+                pA = cross_force(vi, momentum(inertia_of(b.inertia), vi))
             put_motion(here.v, vi)
-            put_motion(here.c, cross_motion(vi, vJ))
+            put_motion(here.c, c)
         if fext is not None and b.joint > 0:
             pA = sub_force(pA, read_force(fext[b.joint]))
-        put_articulated(here.IA, articulated(I))
+        if branches(bodies, i):
+            put_articulated(here.IA, articulated(inertia_of(b.inertia)))
         put_force(here.pA, pA)
 
+    passed_I, passed_p = no_articulated(), zero_force()
     for i in range(n, 0, -1):
         b, here, parent = bodies[i], work[i], work[bodies[i].parent]
-        X, S = pose_of(here.X), motion_of(b.S)
-        IA, pA = articulated_of(here.IA), force_of(here.pA)
+        X, S, pA = pose_of(here.X), motion_of(b.S), add_force(force_of(here.pA), passed_p)
+        IA = articulated_of(here.IA) if branches(bodies, i) else articulated(inertia_of(b.inertia))
+        IA = add_articulated(IA, passed_I)
         # U_i = IA S,   D_i = S·U_i,   u_i = τ_i - S·pA
         U = articulated_force(IA, S)
         D = power(S, U) + b.armature
@@ -122,20 +136,34 @@ def aba_inward(bodies: Bodies, work: Work, q: Config, v: Vector, tau: Vector, fe
         d = 1.0 / D
         if b.geared:
             U, u = add_rotor(b, X, here, v, U, u)
-        # Ia = IA - U Uᵀ / D,   pa = pA + Ia c + U u / D
-        Ia = subtract_outer(IA, U, scale_force(d, U))
-        pa = pA if v is None else add_force(pA, articulated_force(Ia, motion_of(here.c)))
-        pa = add_force(pa, scale_force(d * u, U))
-        # IA_λ += X* Ia X,   pA_λ += X* pa
-        if b.parent > 0:
-            put_articulated(parent.IA, add_articulated(articulated_of(parent.IA), articulated_to_parent(X, Ia)))
-            put_force(parent.pA, add_force(force_of(parent.pA), force_to_parent(X, pa)))
-            if b.geared:
-                add_spin_of_rotor(b, parent, i, v)
         put_force(here.U, U)
         here.d = d
         here.u = u
         pivots[i - 1] = D
+        # Ia = IA - U Uᵀ / D,   pa = pA + Ia c + U u / D
+        Ia, pa = subtract_outer(IA, U, scale_force(d, U)), pA
+        if v is not None and b.kind != CONTINUED:
+            pa = add_force(pa, articulated_force(Ia, motion_of(here.c)))
+        pa = add_force(pa, scale_force(d * u, U))
+        # IA_λ += X* Ia X,   pA_λ += X* pa
+        if b.kind != CONTINUED:
+            Ia, pa = articulated_to_parent(X, Ia), force_to_parent(X, pa)
+        passed_I, passed_p = Ia, pa
+        if b.parent < i - 1 or b.geared:
+            if b.parent > 0:
+                put_articulated(parent.IA, add_articulated(articulated_of(parent.IA), Ia))
+                put_force(parent.pA, add_force(force_of(parent.pA), pa))
+                if b.geared:
+                    add_spin_of_rotor(b, parent, i, v)
+            passed_I, passed_p = no_articulated(), zero_force()
+
+
+@inline
+def branches(bodies: Bodies, i: int) -> bool:
+    """Whether inertias are added up in row i: more than the next row hangs there, or that row has a rotor on it."""
+    last = bodies[i].last_row
+    several: bool = last > i and (bodies[i + 1].last_row < last or bodies[i + 1].geared > 0)
+    return several
 
 
 @inline
@@ -157,17 +185,22 @@ def aba_resolve(bodies: Bodies, work: Work, tau: Vector) -> None:
 @inline
 def aba_outward(bodies: Bodies, work: Work, v: Vector, gravity: Vec, a: Vector) -> None:
     """The third pass, under a given gravity. With v None and gravity 0 it solves M(q) a = τ + Σ Jᵀ fext."""
-    put_motion(work[0].a, Motion(zero(), neg(gravity)))
+    ai = Motion(zero(), neg(gravity))
+    put_motion(work[0].a, ai)
     for i in range(1, len(bodies)):
-        b, here, parent = bodies[i], work[i], work[bodies[i].parent]
+        b, here = bodies[i], work[i]
         # a' = X a_λ + c,   q̈_i = (u - U·a') / D,   a_i = a' + S q̈_i
-        ai = motion_to_child(pose_of(here.X), motion_of(parent.a))
-        if v is not None:
-            ai = add_motion(ai, motion_of(here.c))
+        if b.parent < i - 1:
+            ai = motion_of(work[b.parent].a)
+        if b.kind != CONTINUED:
+            ai = motion_to_child(pose_of(here.X), ai)
+            if v is not None:
+                ai = add_motion(ai, motion_of(here.c))
         qdd = here.d * (here.u - power(ai, force_of(here.U)))
         if b.coupled:
             qdd = behind_differential(b, here, a, qdd)
-        put_motion(here.a, add_motion(ai, scale_motion(qdd, motion_of(b.S))))
+        ai = add_motion(ai, scale_motion(qdd, motion_of(b.S)))
+        put_motion(here.a, ai)
         a[i - 1] = qdd
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 from ...algebra.euclidean import (
     Vec,
     acceleration_matrix,
@@ -19,7 +21,8 @@ from ...algebra.records import force_of, inertia_of, motion_of, pose_of, put_for
 from ...algebra.scalars import inline, inline_or_by_rows
 from ...algebra.spatial import Force, Inertia, Pose, add_force, force_to_parent, power, sub_force, zero_force
 from ...bodies.joints import joint_motion, place_joint
-from ..signatures import Bodies, Config, Matrix, Record, Vector, Work
+from ...bodies.kinds import CONTINUED
+from ..signatures import Bodies, Config, Matrix, Vector, Work
 from ..spec import FEXT, FEXT_OPTIONAL, TAU, TURNED_Q, A, Spec, V
 from .rnea_off_norm import add_off_norm_forces
 from .rotors import add_motor_inertia, add_rotor_forces
@@ -38,82 +41,116 @@ def rnea(bodies: Bodies, work: Work, q: Config, v: Vector, a: Vector, fext: Matr
     """RBDA table 5.1 in body coordinates and classical accelerations; v, a, fext may be None, for zero.
 
     Each body has ω, ω̇ and the acceleration a of its origin, as in Luh, Walker and Paul: without linear velocities a
-    fifth of the work is saved. The comment above each block is its line of table 5.1.
+    fifth of the work is saved. The comment above each block is its line of table 5.1. What passes between a row and the
+    row behind it stays in registers: through memory the sweeps would wait for each row.
     """
-    put_vec(work[0].w, zero())
-    put_vec(work[0].dw, zero())
-    put_vec(work[0].dv, neg(vec_of(bodies[0].gravity)))
+    m = put_world(work, vec_of(bodies[0].gravity))
     put_force(work[0].f, zero_force())
 
     for i in range(1, len(bodies)):
         b, here = bodies[i], work[i]
         place_joint(bodies, i, q, here.X)
         # v_i = X v_λ + S q̇,   a_i = X a_λ + S q̈ + v_i × S q̇
-        classical_motion(bodies, work, i, v, a)
-        # f_i = I a_i + v_i ×* I v_i - f_ext
-        f = newton_euler(inertia_of(b.inertia), here, v, a)
-        if fext is not None and b.joint > 0:
-            f = sub_force(f, read_force(fext[b.joint]))
+        m = classical_motion(bodies, work, i, v, a, m)
+        # f_i = I a_i + v_i ×* I v_i - f_ext, zero on rows before the body's
+        f = zero_force()
+        if b.joint > 0:
+            f = newton_euler(inertia_of(b.inertia), m, v, a)
+            if fext is not None:
+                f = sub_force(f, read_force(fext[b.joint]))
         put_force(here.f, f)
     add_off_norm_forces(bodies, work, q, v)
 
+    passed = zero_force()
     for i in range(len(bodies) - 1, 0, -1):
         b, here, parent = bodies[i], work[i], work[bodies[i].parent]
-        f = force_of(here.f)
+        f = add_force(force_of(here.f), passed)
+        put_force(here.f, f)
         # τ_i = S·f_i
         t = add_motor_inertia(bodies, i, a, power(motion_of(b.S), f))
         # f_λ += X* f_i
-        put_force(parent.f, add_force(force_of(parent.f), force_to_parent(pose_of(here.X), f)))
+        if b.kind != CONTINUED:
+            f = force_to_parent(pose_of(here.X), f)
+        passed = f
+        if b.parent < i - 1 or b.geared:
+            put_force(parent.f, add_force(force_of(parent.f), f))
+            passed = zero_force()
         if b.geared:
             t = add_rotor_forces(b, parent, i, v, a, t)
         tau[i - 1] = t
 
 
+class Accelerated(NamedTuple):
+    """Motion of a body in its own frame: w its ω, dw ω̇, dv the classical acceleration of its origin, less gravity."""
+
+    w: Vec
+    dw: Vec
+    dv: Vec
+
+
 @inline
-def classical_motion(bodies: Bodies, work: Work, i: int, v: Vector, a: Vector) -> None:
-    """Write the motion of row i, whose joint moves by S q̇ = (w, l) and lies at p in its parent,
+def put_world(work: Work, gravity: Vec) -> Accelerated:
+    """Write the motion of the world, which accelerates upwards in place of gravity, and return it."""
+    m = Accelerated(zero(), zero(), neg(gravity))
+    put_vec(work[0].w, m.w)
+    put_vec(work[0].dw, m.dw)
+    put_vec(work[0].dv, m.dv)
+    return m
+
+
+@inline
+def classical_motion(bodies: Bodies, work: Work, i: int, v: Vector, a: Vector, before: Accelerated) -> Accelerated:
+    """Write and return the motion of row i, from that of the row before it or of its parent in the scratch.
+
+    Its joint moves by S q̇ = (w, l) and lies at p in its parent λ:
 
         ω = Rᵀ ω_λ + w
         ω̇ = Rᵀ ω̇_λ + S_w q̈ + ω × w
         a = Rᵀ (a_λ + U_λ p) + S_l q̈ + (2 ω - w) × l,    U = ω̇~ + ω̃².
 
+    A further row of a joint lies where its parent does, and q̇ is in the joint's first row: only q̈ is added there.
     Terms that are 0 because v or a is None are neither computed nor written.
     """
-    here, parent = work[i], work[bodies[i].parent]
-    X, S = pose_of(here.X), motion_of(bodies[i].S)
-    if v is None:
-        if a is None:
-            ai = unrotate(X.R, vec_of(parent.dv))
-        else:
-            dw = vec_of(parent.dw)
-            ai = unrotate(X.R, add(vec_of(parent.dv), cross(dw, X.p)))
-            dw = add(unrotate(X.R, dw), scale(a[i - 1], S.w))
-            ai = add(ai, scale(a[i - 1], S.v))
-            put_vec(here.dw, dw)
-    else:
-        w, dw = vec_of(parent.w), vec_of(parent.dw)
-        ai = unrotate(X.R, add(vec_of(parent.dv), rotate(acceleration_matrix(w, dw), X.p)))
-        vJ = joint_motion(bodies, i, v)
-        w = add(unrotate(X.R, w), vJ.w)
-        dw = add(unrotate(X.R, dw), cross(w, vJ.w))
-        ai = add(ai, cross(add(w, add(w, neg(vJ.w))), vJ.v))
-        if a is not None:
-            dw = add(dw, scale(a[i - 1], S.w))
-            ai = add(ai, scale(a[i - 1], S.v))
+    b, here = bodies[i], work[i]
+    X, S = pose_of(here.X), motion_of(b.S)
+    w, dw, ai = before
+    if b.parent < i - 1:
+        parent = work[b.parent]
+        w = w if v is None else vec_of(parent.w)
+        dw = dw if v is None and a is None else vec_of(parent.dw)
+        ai = vec_of(parent.dv)
+    if b.kind != CONTINUED:
+        if v is not None:
+            ai = add(ai, rotate(acceleration_matrix(w, dw), X.p))
+        elif a is not None:
+            ai = add(ai, cross(dw, X.p))
+        ai = unrotate(X.R, ai)
+        if v is not None:
+            vJ = joint_motion(bodies, i, v)
+            w = add(unrotate(X.R, w), vJ.w)
+            dw = add(unrotate(X.R, dw), cross(w, vJ.w))
+            ai = add(ai, cross(add(w, add(w, neg(vJ.w))), vJ.v))
+        elif a is not None:
+            dw = unrotate(X.R, dw)
+    if a is not None:
+        dw = add(dw, scale(a[i - 1], S.w))
+        ai = add(ai, scale(a[i - 1], S.v))
+    if v is not None:
         put_vec(here.w, w)
+    if v is not None or a is not None:
         put_vec(here.dw, dw)
     put_vec(here.dv, ai)
+    return Accelerated(w, dw, ai)
 
 
 @inline
-def newton_euler(I: Inertia, here: Record, v: Vector, a: Vector) -> Force:
+def newton_euler(I: Inertia, m: Accelerated, v: Vector, a: Vector) -> Force:
     """Force that moves a body: linear m a + U h, moment about its origin Ī ω̇ + ω × Ī ω + h × a."""
-    ai = vec_of(here.dv)
     if v is None and a is None:
-        return Force(cross(I.h, ai), scale(I.m, ai))
-    w, dw = zero() if v is None else vec_of(here.w), vec_of(here.dw)
-    U = acceleration_matrix(w, dw)
-    return Force(add(newton_euler_moment(I.I, w, dw, U), cross(I.h, ai)), add(scale(I.m, ai), rotate(U, I.h)))
+        return Force(cross(I.h, m.dv), scale(I.m, m.dv))
+    U = acceleration_matrix(m.w, m.dw)
+    moment = add(newton_euler_moment(I.I, m.w, m.dw, U), cross(I.h, m.dv))
+    return Force(moment, add(scale(I.m, m.dv), rotate(U, I.h)))
 
 
 _SOURCE = "Featherstone, RBDA (2008), table 5.1, in classical accelerations (Luh, Walker, Paul 1980)."

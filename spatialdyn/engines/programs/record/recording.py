@@ -295,10 +295,11 @@ def most_rows(spec: Spec) -> int:
 
     The lines of a call that walks the tree grow as the rows do, with the numbers in a row of its scratch: rnea has 97
     of a row, aba 280 to 325. The code of such programs for one sample and that for batches are compiled in up to 8 s of
-    CPU time each. On an AMD EPYC with AVX2 they take less time than lanes: for chains of mixed joints of up to 468 rows
-    rnea takes 9 to 25 ns a row where lanes take 18 to 30, for up to 192 rows aba takes 23 to 35 ns where lanes take 42
-    to 60; with 208 rows it takes 59 ns and 69, and 102 ns and 80 while other processes use the caches. At any length 1
-    to 4 million samples of batches save the time of compiling (``benchmarks/chains.py --crossover``).
+    CPU time each. On an AMD EPYC with AVX-512 they take less time than lanes: for chains of mixed joints of 156 to 468
+    rows rnea takes 5.8 to 6.6 ns a row where lanes take 8.2 to 9.2, for 94 to 181 rows aba takes 12 to 15 ns where
+    lanes take 22 to 24. On one with AVX2 aba took 59 ns with 208 rows, and 102 ns while other processes used the
+    caches. At any length 2 to 3 million samples of batches save the time of compiling
+    (``benchmarks/chains.py --crossover``).
 
     For single calls too a longer program does not pay: on a Zen 4 one aba of a chain of 300 rows takes 19 µs by its
     compiled program and 38 µs in the table kernel, so that 220 000 calls save the 4 s of compiling; interpreted until
