@@ -18,7 +18,7 @@ from .model.model import Model
 from .model.model_surgery import buildReducedModel
 from .types.arguments import ValueRuntimeError, of_pinocchio
 from .types.frame import LOCAL
-from .visualize.visualizers import MeshcatVisualizer
+from .visualize.meshcat_visualizer import MeshcatVisualizer
 
 __all__ = ["RobotWrapper"]
 

@@ -2,15 +2,8 @@
 
 from __future__ import annotations
 
-from . import meshcat_visualizer as meshcat_visualizer
-from .visualizers import (
-    BaseVisualizer,
-    GepettoVisualizer,
-    MeshcatVisualizer,
-    Panda3dVisualizer,
-    RVizVisualizer,
-    ViserVisualizer,
-)
+from .meshcat_visualizer import MeshcatVisualizer
+from .visualizers import BaseVisualizer, GepettoVisualizer, Panda3dVisualizer, RVizVisualizer, ViserVisualizer
 
 __all__ = [
     "BaseVisualizer", "GepettoVisualizer", "MeshcatVisualizer", "Panda3dVisualizer", "RVizVisualizer",
