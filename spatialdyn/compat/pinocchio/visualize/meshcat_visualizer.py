@@ -17,7 +17,7 @@ from ..model.geometry import VISUAL, GeometryObject
 from ..types.arguments import ValueRuntimeError
 from ..types.frame import LOCAL_WORLD_ALIGNED
 from .meshcat_tree import parts_of
-from .visualizers import ViserVisualizer, without
+from .viser_visualizer import ViserVisualizer, without
 from .window import MeshcatWindow
 
 __all__ = ["MeshcatVisualizer", "hasMeshFileInfo", "isMesh", "loadMesh", "loadPrimitive"]
