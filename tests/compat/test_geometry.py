@@ -452,3 +452,28 @@ def test_the_error_of_a_color_names_its_value_and_shape() -> None:
         ours.GeometryObject("g", 0, 0, ours.SE3.Identity(), None, "", np.ones(3), True, np.zeros(2))
     with pytest.raises(TypeError, match=r"meshEmissionColor is array\(\[1., 1., 1.\]\)"):
         ours.GeometryPhongMaterial(np.ones(3))
+
+
+def test_a_placement_for_coal_is_its_own_transform() -> None:
+    """coal converts the wheel's SE3 by a converter of C++; ours is refused by coal, not taken for another pose."""
+    ball, request = coal.Sphere(1.0), coal.CollisionRequest()
+    for pin in (ours, theirs):
+        M = pin.SE3(np.eye(3), np.array([1.5, 0.0, 0.0]))
+        own, origin = coal.Transform3s(M.rotation, M.translation), coal.Transform3s()
+        assert coal.collide(ball, own, ball, origin, request, coal.CollisionResult()) == 1
+        if pin is ours:
+            with pytest.raises(TypeError):
+                coal.collide(ball, M, ball, origin, request, coal.CollisionResult())
+    assert any("coal.Transform3s(M.rotation, M.translation)" in x.here for x in ours.differences())
+
+
+def test_geometry_data_prints_its_pairs() -> None:
+    texts = []
+    for pin in (ours, theirs):
+        geometry = pin.buildSampleGeometryModelManipulator(pin.buildSampleModelManipulator())
+        geometry.addAllCollisionPairs()
+        data = geometry.createData()
+        data.deactivateCollisionPair(1)
+        texts.append((str(data), repr(data)))
+    assert texts[0] == texts[1]
+    assert "Pairs 1 inactive\n" in texts[0][0]

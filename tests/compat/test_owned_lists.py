@@ -107,3 +107,11 @@ def test_adding_in_place_to_a_list_of_a_model_keeps_the_list() -> None:
     model.names += []
     with pytest.raises(AttributeError, match="names of a Model cannot be assigned"):
         model.names = ["universe"]
+
+
+def test_the_name_of_a_model_is_a_str() -> None:
+    model = pin.Model()
+    model.name = "arm"
+    with pytest.raises(TypeError, match="name of a Model is a int, expected str"):
+        model.name = 3
+    assert model.name == "arm"

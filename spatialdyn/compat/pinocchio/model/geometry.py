@@ -413,6 +413,12 @@ class GeometryData(_Bookkeeping):
             self._kept[name] = made
         return self._kept[name]
 
+    def __repr__(self) -> str:
+        """As Pinocchio prints it."""
+        lines = [f"Number of collision pairs = {len(self.activeCollisionPairs)}"]
+        lines += [f"Pairs {k} {'active' if on else 'inactive'}" for k, on in enumerate(self.activeCollisionPairs)]
+        return "\n".join([*lines, f"Number of geometry objects = {len(self.oMg)}", ""])
+
     def __deepcopy__(self, memo: dict[int, Any]) -> GeometryData:
         """Requests and results of coal are made anew."""
         made = GeometryData.__new__(GeometryData)

@@ -116,6 +116,8 @@ class Model(Tree, Stored, Copied):
             return
         if name in FIXED and self._sealed:
             raise AttributeError(f"{name} of a Model cannot be assigned, only written into or changed by building")
+        if name == "name":
+            expected(value, str, "name of a Model")
         if name == "jointPlacements" and self._sealed:
             self.jointPlacements.write(value)
             return
