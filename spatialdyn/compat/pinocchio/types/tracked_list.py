@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import wraps
-from typing import Any, Self, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -58,9 +58,8 @@ class OwnedList(list[Value], Listed):
     It calls ``changed()`` of the owner when an entry is replaced, added, removed, moved, or written in place.
     """
 
-    __delitem__, clear, pop, remove, reverse, sort = map(
-        notifying, (list.__delitem__, list.clear, list.pop, list.remove, list.reverse, list.sort)
-    )
+    __delitem__, clear, pop = notifying(list.__delitem__), notifying(list.clear), notifying(list.pop)
+    remove, reverse, sort = notifying(list.remove), notifying(list.reverse), notifying(list.sort)
 
     def __init__(self, owner: Any, kind: type | tuple[type, ...], values: Iterable[Value] = ()) -> None:
         self._owner, self._kind = owner, kind
@@ -109,11 +108,11 @@ class OwnedList(list[Value], Listed):
         super().extend([self._own(x) for x in values])
         self._owner.changed()
 
-    def __iadd__(self, values: Iterable[Value]) -> Self:
+    def __iadd__(self, values: Iterable[Value]) -> OwnedList[Value]:  # type: ignore[override, misc]
         self.extend(values)
         return self
 
-    def __imul__(self, times: Any) -> Self:
+    def __imul__(self, times: Any) -> OwnedList[Value]:  # type: ignore[misc]
         """Repeat the entries as copies of their own, in place."""
         if times > 0:
             self.extend([*self] * (times - 1))
