@@ -117,12 +117,12 @@ SHARED = {
     "coordinates.coordinate_rates", "contact.impulse_step",
 }  # fmt: skip
 TOUCH_FILES = {"urdf", "sources", "engines", "pictures", "docs", "studies", "embedded", "waiting"}  # and a fork
-# themselves, a script, and loops in TOML; one reads an environment variable
+# themselves, a script, and loops in TOML; two read an environment variable
 SAVE = {
     "simulation.trajectory", "identification.recording", "identification.tables",
     "compat.pinocchio.model.serialization_format", "commands.port", "commands.robots", "commands.excite",
     "commands.identify",
-    "compat.pinocchio.coverage.strictness", "examples.c_export",
+    "compat.pinocchio.coverage.strictness", "compat.pinocchio.visualize.visualizers", "examples.c_export",
 }  # fmt: skip
 NAME_FILES = {"validate", "commands", "examples"}  # pass a file name to Pinocchio; width of the terminal; pictures
 PRINT = {"commands", "examples"}

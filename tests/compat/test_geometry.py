@@ -391,3 +391,89 @@ def test_coal_is_there_under_both_names() -> None:
     assert not hasattr(ours.coal, "frobnicate")
     assert ours.WITH_COLLISION
     assert ours.GeometryObject.CreateCapsule(0.5, 1.0).geometry.radius == 0.5
+
+
+NEGATIVE = -1  # as an index; of another kind of error
+FAULTY: dict[str, tuple[Any, ...]] = {  # that both refuse; each kind of error is the wheel's
+    "meshColor": (np.ones(3), np.ones((1, 4)), np.ones(5), [1.0, 1.0, 1.0, 1.0], "red", None, np.array(list("abcd"))),
+    "meshScale": (np.ones(2), np.ones(4), [1.0, 1.0, 1.0], 2.0),
+    "name": (3, None),
+    "meshPath": (3,),
+    "meshTexturePath": (3,),
+    "parentJoint": (1.5, "a", NEGATIVE),
+    "parentFrame": (2.0, NEGATIVE),
+    "placement": (np.eye(4), None),
+    "overrideMaterial": ("a", 2.5),
+    "disableCollision": ("a",),
+    "meshMaterial": (3,),
+}
+
+
+@pytest.mark.parametrize("name", FAULTY)
+def test_an_attribute_refuses_what_the_wheel_refuses(name: str) -> None:
+    for pin in (ours, theirs):
+        made = pin.GeometryObject("g", 0, 0, pin.SE3.Identity(), coal.Sphere(1.0))
+        before = str(getattr(made, name))
+        for value in FAULTY[name]:
+            with pytest.raises(OverflowError if value is NEGATIVE else TypeError) as error:
+                setattr(made, name, value)
+            if pin is ours:
+                assert isinstance(error.value, sd.SpatialDynError)
+                assert str(error.value).startswith(f"{name} is ")
+        if name != "meshMaterial":  # whose wheel's text is an address
+            assert str(getattr(made, name)) == before
+
+
+def test_an_attribute_takes_what_the_wheel_takes_as_a_copy() -> None:
+    for pin in (ours, theirs):
+        made, color = pin.GeometryObject("g", 0, 0, pin.SE3.Identity(), coal.Sphere(1.0)), np.arange(4, dtype=np.int32)
+        for value in (color, color.astype(np.float32), color.reshape(4, 1)):
+            made.meshColor = value
+            assert made.meshColor.tolist() == [0.0, 1.0, 2.0, 3.0]
+            assert made.meshColor.dtype == np.float64
+        color[0] = 7
+        made.meshColor[3] = 0.5  # in place
+        assert made.meshColor.tolist() == [0.0, 1.0, 2.0, 0.5]
+        place = pin.SE3.Identity()
+        made.placement, made.overrideMaterial, made.meshMaterial = place, 1, pin.GeometryPhongMaterial()
+        place.translation = np.ones(3)
+        assert made.placement.isIdentity()
+        assert made.overrideMaterial is True
+        made.meshMaterial.meshEmissionColor = np.ones(4)
+
+
+def test_the_error_of_a_color_names_its_value_and_shape() -> None:
+    made = ours.GeometryObject("g", 0, 0, ours.SE3.Identity(), None)
+    with pytest.raises(
+        TypeError, match=r"meshColor is array\(\[1., 1., 1.\]\), an array of shape \(3,\).*shape \(4,\)"
+    ):
+        made.meshColor = np.ones(3)
+    with pytest.raises(TypeError, match=r"meshColor is array\(\[0., 0.\]\), an array of shape \(2,\)"):
+        ours.GeometryObject("g", 0, 0, ours.SE3.Identity(), None, "", np.ones(3), True, np.zeros(2))
+    with pytest.raises(TypeError, match=r"meshEmissionColor is array\(\[1., 1., 1.\]\)"):
+        ours.GeometryPhongMaterial(np.ones(3))
+
+
+def test_a_placement_for_coal_is_its_own_transform() -> None:
+    """coal converts the wheel's SE3 by a converter of C++; ours is refused by coal, not taken for another pose."""
+    ball, request = coal.Sphere(1.0), coal.CollisionRequest()
+    for pin in (ours, theirs):
+        M = pin.SE3(np.eye(3), np.array([1.5, 0.0, 0.0]))
+        own, origin = coal.Transform3s(M.rotation, M.translation), coal.Transform3s()
+        assert coal.collide(ball, own, ball, origin, request, coal.CollisionResult()) == 1
+        if pin is ours:
+            with pytest.raises(TypeError):
+                coal.collide(ball, M, ball, origin, request, coal.CollisionResult())
+    assert any("coal.Transform3s(M.rotation, M.translation)" in x.here for x in ours.differences())
+
+
+def test_geometry_data_prints_its_pairs() -> None:
+    texts = []
+    for pin in (ours, theirs):
+        geometry = pin.buildSampleGeometryModelManipulator(pin.buildSampleModelManipulator())
+        geometry.addAllCollisionPairs()
+        data = geometry.createData()
+        data.deactivateCollisionPair(1)
+        texts.append((str(data), repr(data)))
+    assert texts[0] == texts[1]
+    assert "Pairs 1 inactive\n" in texts[0][0]

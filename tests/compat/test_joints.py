@@ -183,7 +183,7 @@ def test_axes_can_be_changed_and_have_unit_length() -> None:
     assert model.joints[2].axis1.tolist() == [1.0, 0.0, 0.0]
     assert library_model(model).model.joints[3].axis.tolist() == [0.0, 0.0, 1.0]
     assert ours.JointModelRX().getMotionAxis().tolist() == theirs.JointModelRX().getMotionAxis().tolist()
-    for axis in (np.zeros(3), np.array([np.nan, 0.0, 1.0]), np.ones(2)):
+    for axis in (np.zeros(3), np.array([np.nan, 0.0, 1.0])):
         with pytest.raises(sd.ModelError, match="expected three finite numbers, not all 0"):
             ours.JointModelPrismaticUnaligned(axis)
     with pytest.raises(TypeError, match="expected an array or three numbers"):
@@ -192,6 +192,28 @@ def test_axes_can_be_changed_and_have_unit_length() -> None:
         ours.JointModelHelicalUnaligned(np.ones(3))
     with pytest.raises(TypeError, match="expected two axes or six numbers"):
         ours.JointModelUniversal(np.ones(3))
+
+
+WITH_AXES = {
+    "RevoluteUnaligned": lambda pin, axis: pin.JointModelRevoluteUnaligned(axis),
+    "PrismaticUnaligned": lambda pin, axis: pin.JointModelPrismaticUnaligned(axis),
+    "RevoluteUnboundedUnaligned": lambda pin, axis: pin.JointModelRevoluteUnboundedUnaligned(axis),
+    "HelicalUnaligned": lambda pin, axis: pin.JointModelHelicalUnaligned(axis, 0.1),
+    "Universal": lambda pin, axis: pin.JointModelUniversal(axis, np.array([0.0, 1.0, 0.0])),
+    "the attribute": lambda pin, axis: setattr(pin.JointModelRevoluteUnaligned(1.0, 0.0, 0.0), "axis", axis),
+}
+
+
+@pytest.mark.parametrize("kind", WITH_AXES)
+@pytest.mark.parametrize("axis", [np.ones(2), np.ones(4), np.ones((2, 3)), np.empty(0)], ids=lambda x: str(x.shape))
+def test_an_axis_of_another_size_is_a_type_error_in_both(kind: str, axis: Any) -> None:
+    with pytest.raises(TypeError):
+        WITH_AXES[kind](theirs, axis)
+    with pytest.raises(
+        TypeError, match=rf"axis of JointModel\w+ is \[.*\], of {axis.size} numbers, expected three"
+    ) as e:
+        WITH_AXES[kind](ours, axis)
+    assert isinstance(e.value, sd.SpatialDynError)
 
 
 def test_pitches_can_be_given_and_changed() -> None:

@@ -239,7 +239,9 @@ def test_meshes_are_known_and_without_meshcat_it_is_named(monkeypatch: pytest.Mo
         assert meshcat_visualizer.isMesh(given) == meshcat_visualizer.hasMeshFileInfo(given) == is_mesh
     monkeypatch.setitem(sys.modules, "meshcat", None)
     monkeypatch.setitem(sys.modules, "meshcat.geometry", None)
-    with pytest.raises(NotImplementedError, match="loadPrimitive takes the package meshcat; pip install meshcat"):
+    with pytest.raises(
+        NotImplementedError, match="loadPrimitive takes the package meshcat, which is not installed; pip"
+    ):
         meshcat_visualizer.loadPrimitive(pin.GeometryObject("g", 0, pin.SE3.Identity(), SimpleNamespace(radius=1.0)))
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import pickle
 import warnings
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ import pytest
 import spatialdyn as sd
 import spatialdyn.compat.pinocchio as ours
 from spatialdyn.compat.pinocchio import visualize
-from spatialdyn.compat.pinocchio.visualize import visualizers, window
+from spatialdyn.compat.pinocchio.visualize import base_visualizer, viser_visualizer, window
 
 theirs = pytest.importorskip("pinocchio")
 
@@ -195,8 +196,8 @@ def test_wrong_contacts_are_refused() -> None:
 
 @pytest.mark.parametrize("name", VISUALIZERS.split())
 def test_visualizers_are_made_and_show_nothing(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    visualizers._warn.cache_clear()
-    monkeypatch.setattr(visualizers, "installed", lambda package: False)
+    base_visualizer._warn.cache_clear()
+    monkeypatch.setattr(viser_visualizer, "installed", lambda package: False)
     model, kind = arm(ours), getattr(visualize, f"{name}Visualizer")
     with pytest.warns(UserWarning, match="shows nothing: .*pip install viser pycollada"):
         shown = kind(model, ours.GeometryModel(), ours.GeometryModel())
@@ -228,9 +229,35 @@ def test_visualizers_are_made_and_show_nothing(name: str, monkeypatch: pytest.Mo
         shown.frobnicate()
 
 
+def test_visualizers_are_found_by_name_and_in_the_modules_of_pinocchio(monkeypatch: pytest.MonkeyPatch) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of what the package meshcat imports, where it is installed
+        peer = __import__("pinocchio.visualize", fromlist=["x"])
+    assert {*visualize.Visualizer.__members__} == {*peer.Visualizer.__members__}
+    for kind in ("base", "meshcat", "viser"):
+        name = f"{kind.title()}Visualizer"
+        for package in (peer, visualize):
+            module = import_module(f"{package.__name__}.{kind}_visualizer")
+            assert getattr(module, name) is getattr(package, name) is package.Visualizer[kind.upper()].value
+    for package in (peer, visualize):
+        monkeypatch.setenv("PINOCCHIO_VIEWER", "Viser")
+        assert package.Visualizer.default() is package.ViserVisualizer
+        monkeypatch.setenv("PINOCCHIO_VIEWER", "abacus")
+        with pytest.raises(ImportError, match="abacus" if package is visualize else "ABACUS"):
+            package.Visualizer.default()
+    monkeypatch.delenv("PINOCCHIO_VIEWER")
+    assert visualize.Visualizer.default() is visualize.MeshcatVisualizer
+    monkeypatch.setenv("PINOCCHIO_VIEWER", "base")
+    robot = ours.RobotWrapper(arm(ours))
+    base_visualizer._warn.cache_clear()
+    with pytest.warns(UserWarning, match="shows nothing"):
+        robot.initViewer()
+    assert type(robot.viz) is visualize.BaseVisualizer
+
+
 def test_a_robot_is_shown_by_nothing_too(monkeypatch: pytest.MonkeyPatch) -> None:
-    visualizers._warn.cache_clear()
-    monkeypatch.setattr(visualizers, "installed", lambda package: False)
+    base_visualizer._warn.cache_clear()
+    monkeypatch.setattr(viser_visualizer, "installed", lambda package: False)
     robot = ours.RobotWrapper(arm(ours))
     assert robot.viewer is None
     with pytest.raises(RuntimeError, match="expected initViewer or setVisualizer before"):

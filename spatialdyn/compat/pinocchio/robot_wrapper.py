@@ -18,7 +18,7 @@ from .model.model import Model
 from .model.model_surgery import buildReducedModel
 from .types.arguments import ValueRuntimeError, of_pinocchio
 from .types.frame import LOCAL
-from .visualize.visualizers import MeshcatVisualizer
+from .visualize.visualizers import Visualizer
 
 __all__ = ["RobotWrapper"]
 
@@ -150,11 +150,11 @@ class RobotWrapper:
         self.viz = visualizer
 
     def initViewer(self, share_data: bool = True, *arguments: Any, **named: Any) -> None:
-        """Call the visualizer's ``initViewer``; without a visualizer a MeshcatVisualizer is made."""
+        """Call the visualizer's ``initViewer``; without a visualizer one of ``Visualizer.default()`` is made."""
         if self.viz is None:
             data = (self.data, self.collision_data, self.visual_data) if share_data else (None, None, None)
             models = self.model, self.collision_model, self.visual_model
-            self.viz = MeshcatVisualizer(*models, not share_data, *data)
+            self.viz = Visualizer.default()(*models, not share_data, *data)
         self.viz.initViewer(*arguments, **named)
 
     def _visualizer(self) -> Any:

@@ -47,8 +47,8 @@ RigidConstraintData: contact_acceleration and its kin, contact1_acceleration_dri
 constraintDynamics, impulseDynamics of contacts that depend on each other with mu = 0, the default | nan |
     ConstraintError naming the rank
 constraintDynamics before initConstraintDynamics | an error or nan | its answer: nothing has to be prepared
-getConstraintsJacobian, getConstraintJacobian before the contacts' data were computed | their last placements, or
-    zeros | J at the q of data.oMi
+getConstraintsJacobian, getConstraintJacobian, and compute of data.constraint_chol, before the contacts' data were
+    computed | their last placements, or zeros | J at the q of data.oMi
 computeDelassusMatrix in LOCAL_WORLD_ALIGNED, or between two joints | in the axes of frame 1, the second joint left
     out | J M⁻¹ Jᵀ with the J of getConstraintsJacobian
 impulseDynamics of contacts between two joints | J v after the impact is another | J v after the impact is -r_coeff J
@@ -157,6 +157,8 @@ items of a slice of a list of a Model or Data, as model.inertias[1:3] | copies |
 computeSupportedForceByFrame of a frame on the universe, as frame 0 | of bodies on the universe alone | with
     what the joints on the universe transmit, as of any other frame
 isinstance(JointModelFreeFlyer(), JointModel) | False | True
+an SE3 where the package coal expects its Transform3s, as in coal.collide | converted | a TypeError of coal's: give
+    coal.Transform3s(M.rotation, M.translation)
 SE3(), Inertia(), Symmetric3(), Quaternion(), AngleAxis() | uninitialized memory | identity or zero
 an Inertia less a heavier one | a centre of mass divided by 2e-16 | the body that, added again, gives the first
 Inertia.FromDynamicParameters, Inertia.inverse without mass | NaN or infinite | InertiaError

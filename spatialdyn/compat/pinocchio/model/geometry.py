@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from copy import deepcopy
 from typing import Any
 
 import numpy as np
 
-from ....errors import ModelError, ShapeError
+from ....errors import ModelError, ShapeError, literal
 from ..coverage.coal_package import coal_for
 from ..coverage.coverage import COLLISIONS, Partial
-from ..types.arguments import by_name, expected, row
+from ..types.arguments import ArgumentError, RangeError, array, by_name, described, expected, number, row
 from ..types.containers import StdVec_Bool, StdVec_SE3, list_class
 from ..types.frame import Enum
 from ..types.se3 import SE3
@@ -23,7 +24,7 @@ __all__ = [
 _FILES = "saveToText saveToXML saveToBinary saveToString loadFromText loadFromXML loadFromBinary loadFromString"
 
 
-BLACK, GREY = (0.0, 0.0, 0.0, 1.0), (0.9, 0.9, 0.9, 1.0)
+BLACK, GREY = np.array([0.0, 0.0, 0.0, 1.0]), np.array([0.9, 0.9, 0.9, 1.0])
 
 
 class GeometryType(Enum):
@@ -37,6 +38,57 @@ VISUAL, COLLISION = GeometryType
 
 def _beyond(names: str) -> dict[str, str]:
     return dict.fromkeys([*names.split(), *_FILES.split()], f"is not offered: {COLLISIONS}")
+
+
+def _checked(name: str, check: Callable[[Any, str], Any], doc: str) -> Any:
+    """An attribute that keeps ``check(value, name)`` of what is assigned."""
+
+    def write(self: Any, value: Any) -> None:
+        vars(self)[name] = check(value, name)
+
+    return property(lambda self: vars(self)[name], write, doc=doc)
+
+
+def _few(size: int) -> Callable[[Any, str], Any]:
+    """A check for so many numbers: an array of them, or a column, is copied."""
+
+    def check(value: Any, what: str) -> Any:
+        try:
+            return array(value, (size,), what)
+        except ArgumentError as error:
+            raise ArgumentError(
+                f"{what} is {literal(value)}, {described(value)}, expected an array of shape ({size},)"
+            ) from error
+
+    return check
+
+
+def _of(*kinds: type) -> Callable[[Any, str], Any]:
+    """A check for one of some types."""
+
+    def check(value: Any, what: str) -> Any:
+        if not isinstance(value, kinds):
+            names = " or ".join(kind.__name__ for kind in kinds)
+            raise ArgumentError(f"{what} is {literal(value)}, {described(value)}, expected {names}")
+        return value
+
+    return check
+
+
+def _flag(value: Any, what: str) -> bool:
+    """A check for True and False, which may be 1 and 0."""
+    if not isinstance(value, (int, np.bool_)):
+        raise ArgumentError(f"{what} is {literal(value)}, expected True or False")
+    return bool(value)
+
+
+def _index(value: Any, what: str) -> int:
+    """A check for indices. Raises ArgumentError, RangeError for a negative one."""
+    if not isinstance(value, (int, np.integer)):
+        raise ArgumentError(f"{what} is {literal(value)}, expected an index")
+    if value < 0:
+        raise RangeError(f"{what} is {value}, expected an index from 0")
+    return int(value)
 
 
 class _Bookkeeping(Partial):
@@ -54,26 +106,39 @@ class GeometryNoMaterial:
 
 
 class GeometryPhongMaterial:
-    """A material: meshEmissionColor, meshSpecularColor (4,), meshShininess."""
+    """A material."""
+
+    meshEmissionColor: Any = _checked("meshEmissionColor", _few(4), "Red, green, blue, opacity (4,), from 0 to 1.")
+    meshSpecularColor: Any = _checked("meshSpecularColor", _few(4), "Red, green, blue, opacity (4,), from 0 to 1.")
+    meshShininess: Any = _checked("meshShininess", number, "A number.")
 
     def __init__(
         self, meshEmissionColor: Any = BLACK, meshSpecularColor: Any = BLACK, meshShininess: Any = 0.0
     ) -> None:
-        self.meshEmissionColor, self.meshSpecularColor = np.array(meshEmissionColor), np.array(meshSpecularColor)
-        self.meshShininess = float(meshShininess)
+        self.meshEmissionColor, self.meshSpecularColor = meshEmissionColor, meshSpecularColor
+        self.meshShininess = meshShininess
 
 
 class GeometryObject(_Bookkeeping):
     """A shape on a joint: ``(name, parent_joint, [parent_frame,] placement, collision_geometry, ...)``, or a copy.
 
-    name                     str
-    parentJoint, parentFrame indices; parentFrame is the largest number if not given
-    placement                SE3 in the joint's frame
-    geometry                 the shape: coal's, or what was given. Of a URDF it is made, and a mesh read, when it is
-                             first read, which raises MissingMeshError, or OutOfScopeError for a mesh without coal
-    meshPath, meshScale (3,), overrideMaterial, meshColor (4,), meshTexturePath, meshMaterial, disableCollision
+    Assigning an attribute a value of another type or size raises ArgumentError, a negative index RangeError.
+
+    geometry  the shape: coal's, or what was given. Of a URDF it is made, and a mesh read, when it is first read, which
+              raises MissingMeshError, or OutOfScopeError for a mesh without coal
     """
 
+    name: Any = _checked("name", _of(str), "Its name.")
+    parentJoint: Any = _checked("parentJoint", _index, "Index of the joint that carries it.")
+    parentFrame: Any = _checked("parentFrame", _index, "Index of its frame; the largest number if it has none.")
+    placement: Any = _checked("placement", lambda x, what: expected(x, SE3, what).copy(), "SE3 in the joint's frame.")
+    meshPath: Any = _checked("meshPath", _of(str), "Path of its mesh file, or the word of its shape.")
+    meshTexturePath: Any = _checked("meshTexturePath", _of(str), "Path of its texture.")
+    meshScale: Any = _checked("meshScale", _few(3), "Scale (3,) of its mesh.")
+    meshColor: Any = _checked("meshColor", _few(4), "Red, green, blue, opacity (4,), from 0 to 1.")
+    meshMaterial: Any = _checked("meshMaterial", _of(GeometryNoMaterial, GeometryPhongMaterial), "Its material.")
+    overrideMaterial: Any = _checked("overrideMaterial", _flag, "Whether meshColor holds in place of the file's.")
+    disableCollision: Any = _checked("disableCollision", _flag, "Whether it is left out of collisions.")
     _instead = _beyond("physicsMaterial")
     _described: Any = None  # what builds it: Described, or another with its ``build``
     _geometry: Any = None
@@ -86,15 +151,13 @@ class GeometryObject(_Bookkeeping):
         first = "name parent_joint parent_frame placement" if framed else "name parent_joint placement"
         order = f"{first} collision_geometry mesh_path mesh_scale override_material mesh_color mesh_texture_path"
         given = by_name("GeometryObject", f"{order} mesh_material", (name, parent_joint, *arguments), named, 3 + framed)
-        self.name, self.parentJoint = expected(name, str, "name"), int(parent_joint)
-        self.parentFrame = int(given.get("parent_frame", 2**64 - 1))
-        self.placement = SE3(expected(given["placement"], SE3, "placement"))
+        self.name, self.parentJoint, self.placement = name, parent_joint, given["placement"]
+        self.parentFrame = given.get("parent_frame", 2**64 - 1)
         self._geometry, self.disableCollision = given.get("collision_geometry"), False
         self.meshPath, self.meshTexturePath = given.get("mesh_path", ""), given.get("mesh_texture_path", "")
-        self.meshScale = np.array(given.get("mesh_scale", np.ones(3)), float)
-        self.meshColor = np.array(given.get("mesh_color", BLACK), float)
+        self.meshScale, self.meshColor = given.get("mesh_scale", np.ones(3)), given.get("mesh_color", BLACK)
         self.meshMaterial = given.get("mesh_material", GeometryNoMaterial())
-        self.overrideMaterial = bool(given.get("override_material", False))
+        self.overrideMaterial = given.get("override_material", False)
 
     @property
     def geometry(self) -> Any:
@@ -349,6 +412,12 @@ class GeometryData(_Bookkeeping):
                 made.append(one)
             self._kept[name] = made
         return self._kept[name]
+
+    def __repr__(self) -> str:
+        """As Pinocchio prints it."""
+        lines = [f"Number of collision pairs = {len(self.activeCollisionPairs)}"]
+        lines += [f"Pairs {k} {'active' if on else 'inactive'}" for k, on in enumerate(self.activeCollisionPairs)]
+        return "\n".join([*lines, f"Number of geometry objects = {len(self.oMg)}", ""])
 
     def __deepcopy__(self, memo: dict[int, Any]) -> GeometryData:
         """Requests and results of coal are made anew."""

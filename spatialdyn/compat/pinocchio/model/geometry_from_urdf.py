@@ -113,7 +113,8 @@ def _objects(model: Model, source: Any, kind: Any, folders: Sequence[str]) -> It
             color, texture, given = _material(element if kind == VISUAL else None, palette, home, folders)
             made = GeometryObject(
                 f"{link.name}_{k}", frame.parentJoint, at, frame.placement * SE3(origin), None,
-                shape.path or shape.kind.upper(), shape.sizes if shape.path else np.ones(3), given, color, texture,
+                shape.path or shape.kind.upper(), np.array(shape.sizes) if shape.path else np.ones(3), given, color,
+                texture,
             )  # fmt: skip
             made._described = shape
             yield made

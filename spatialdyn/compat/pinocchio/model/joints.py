@@ -27,12 +27,17 @@ __all__ = [
 
 
 def unit(what: str, axis: Any) -> Vector:
-    """An axis, an array or three numbers, as a unit vector. Raises ModelError, a ValueError, for the null vector."""
+    """An axis, an array or three numbers, as a unit vector.
+
+    Raises ArgumentError, a TypeError, for another size, ModelError for the null vector.
+    """
     given = axis[0] if len(axis) == 1 else axis
     if len(axis) == 1 and not isinstance(given, np.ndarray):
         raise ArgumentError(f"axis of {what} is a {type(given).__name__}, expected an array or three numbers")
     u = np.asarray(given, dtype=float).ravel()
-    if u.shape != (3,) or not np.isfinite(u).all() or not u.any():
+    if u.shape != (3,):
+        raise ArgumentError(f"axis of {what} is {u.tolist()}, of {u.size} numbers, expected three")
+    if not np.isfinite(u).all() or not u.any():
         raise ModelError(f"axis of {what} is {u.tolist()}, expected three finite numbers, not all 0")
     norm = math.hypot(*u)
     if abs(norm - 1.0) > UNIT_AXIS:

@@ -5,7 +5,8 @@ Frames and joint models have a slot ``_owner``, None without an owner, which the
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import wraps
 from typing import Any, TypeVar
 
 import numpy as np
@@ -38,11 +39,27 @@ class Listed:
         return id(self)
 
 
+def notifying(method: Callable[..., Any]) -> Any:
+    """A method of ``list`` that notifies the list's owner, also where it raises on its way."""
+
+    @wraps(method)
+    def call(self: Any, *arguments: Any, **named: Any) -> Any:
+        try:
+            return method(self, *arguments, **named)
+        finally:
+            self._owner.changed()
+
+    return call
+
+
 class OwnedList(list[Value], Listed):
     """A list of values of one type that belong to an owner; values put in are copied.
 
-    It calls ``changed()`` of the owner when an entry is replaced, added, or written in place.
+    It calls ``changed()`` of the owner when an entry is replaced, added, removed, moved, or written in place.
     """
+
+    __delitem__, clear, pop = notifying(list.__delitem__), notifying(list.clear), notifying(list.pop)
+    remove, reverse, sort = notifying(list.remove), notifying(list.reverse), notifying(list.sort)
 
     def __init__(self, owner: Any, kind: type | tuple[type, ...], values: Iterable[Value] = ()) -> None:
         self._owner, self._kind = owner, kind
@@ -79,10 +96,6 @@ class OwnedList(list[Value], Listed):
             super().__setitem__(at, [*map(self._own, value)] if isinstance(at, slice) else self._own(value))
             self._owner.changed()
 
-    def __delitem__(self, at: Any) -> None:
-        super().__delitem__(at)
-        self._owner.changed()
-
     def append(self, value: Value) -> None:
         super().append(self._own(value))
         self._owner.changed()
@@ -94,6 +107,18 @@ class OwnedList(list[Value], Listed):
     def extend(self, values: Iterable[Value]) -> None:
         super().extend([self._own(x) for x in values])
         self._owner.changed()
+
+    def __iadd__(self, values: Iterable[Value]) -> OwnedList[Value]:  # type: ignore[override, misc]
+        self.extend(values)
+        return self
+
+    def __imul__(self, times: Any) -> OwnedList[Value]:  # type: ignore[misc]
+        """Repeat the entries as copies of their own, in place."""
+        if times > 0:
+            self.extend([*self] * (times - 1))
+        else:
+            self.clear()
+        return self
 
     def reserve(self, size: int) -> None:
         """Do nothing: a list grows by itself."""

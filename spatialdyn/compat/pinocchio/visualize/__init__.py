@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-from . import meshcat_visualizer as meshcat_visualizer
-from .visualizers import (
-    BaseVisualizer,
-    GepettoVisualizer,
-    MeshcatVisualizer,
-    Panda3dVisualizer,
-    RVizVisualizer,
-    ViserVisualizer,
-)
+from .base_visualizer import BaseVisualizer, GepettoVisualizer, Panda3dVisualizer, RVizVisualizer
+from .meshcat_visualizer import MeshcatVisualizer
+from .viser_visualizer import ViserVisualizer
+from .visualizers import Visualizer
 
 __all__ = [
     "BaseVisualizer", "GepettoVisualizer", "MeshcatVisualizer", "Panda3dVisualizer", "RVizVisualizer",
-    "ViserVisualizer",
+    "ViserVisualizer", "Visualizer",
 ]  # fmt: skip
