@@ -70,7 +70,6 @@ class Vectors(Body):
         self.bits = f"<{lanes} x i{8 * self.size}>"
         self.truth = f"<{lanes} x i1>"
         self._turns: dict[str, tuple[str, str]] = {}
-        self._masks: dict[int, str] = {}
 
     def kind(self, count: int) -> str:
         """The type of a vector of ``count`` numbers."""
@@ -302,11 +301,11 @@ class Vectors(Body):
             mask_low = [(lane if not lane & d else W + lane - d) for lane in range(W)]
             mask_high = [(lane + d if not lane & d else W + lane) for lane in range(W)]
             new = list(vectors)
+            upper = self._lanes_with(d) if self._merges(d) else ""
             for i in range(size):
                 if not i & d:
                     a, b = vectors[i], vectors[i | d]
-                    if self._merges(d):
-                        upper = self._lanes_with(d)
+                    if upper:
                         new[i] = self.select(upper, self.shuffle(self.vector, b, b, swapped), a)
                         new[i | d] = self.select(upper, b, self.shuffle(self.vector, a, a, swapped))
                     else:
@@ -325,8 +324,6 @@ class Vectors(Body):
 
     def _lanes_with(self, d: int) -> str:
         """The mask of lanes whose index has bit d. LLVM does not see its value, else it would choose indices again."""
-        if d not in self._masks:
-            bits, kind = sum(1 << lane for lane in range(self.lanes) if lane & d), f"i{self.lanes}"
-            hidden = self.put(f'call {kind} asm "", "=r,0"({kind} {bits})')
-            self._masks[d] = self.put(f"bitcast {kind} {hidden} to {self.truth}")
-        return self._masks[d]
+        bits, kind = sum(1 << lane for lane in range(self.lanes) if lane & d), f"i{self.lanes}"
+        hidden = self.put(f'call {kind} asm "", "=r,0"({kind} {bits})')
+        return self.put(f"bitcast {kind} {hidden} to {self.truth}")
