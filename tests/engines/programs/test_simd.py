@@ -533,6 +533,21 @@ def test_any_number_of_columns_is_transposed_there_and_back(shape: Shape, dtype:
         assert valid.all()
 
 
+@pytest.mark.skipif(not X86, reason="AVX-512 is of x86")
+@pytest.mark.parametrize("dtype", [np.float64, np.float32])
+def test_avx512_transposes_without_indices_in_a_register(dtype: Any) -> None:
+    """Those shuffles keep multiply-adds waiting."""
+    lanes = 64 // np.dtype(dtype).itemsize
+    host_cpu.host()  # initializes LLVM's targets
+    machine = llvm.Target.from_triple(llvm.get_process_triple()).create_target_machine(cpu="skylake-avx512", opt=1)
+    for count in (4, 6, 8, 16):
+        writer = simd.Writer(*program_of(lambda *x: [-e for e in x], count), dtype, lanes, True)
+        made = machine.emit_assembly(llvm.parse_assembly(writer.text()))
+        assert "zmm" in made
+        assert "vpermt2" not in made
+        assert "vpermi2" not in made
+
+
 @pytest.mark.parametrize("shape", [s for s in NARROW if s.lanes > 1], ids=name_of)
 @pytest.mark.parametrize("dtype", slow_but([np.float64], [np.float64, np.float32]))
 def test_rows_are_written_in_place_in_halves_staged_or_streamed(

@@ -297,12 +297,33 @@ class Vectors(Body):
         size, W = len(vectors), self.lanes
         d = 1
         while d < size:
+            swapped = [lane ^ d for lane in range(W)]
             mask_low = [(lane if not lane & d else W + lane - d) for lane in range(W)]
             mask_high = [(lane + d if not lane & d else W + lane) for lane in range(W)]
             new = list(vectors)
+            upper = self._lanes_with(d) if self._merges(d) else ""
             for i in range(size):
                 if not i & d:
                     a, b = vectors[i], vectors[i | d]
-                    new[i], new[i | d] = (self.shuffle(self.vector, a, b, mask) for mask in (mask_low, mask_high))
+                    if upper:
+                        new[i] = self.select(upper, self.shuffle(self.vector, b, b, swapped), a)
+                        new[i | d] = self.select(upper, b, self.shuffle(self.vector, a, a, swapped))
+                    else:
+                        new[i], new[i | d] = (self.shuffle(self.vector, a, b, mask) for mask in (mask_low, mask_high))
             vectors, d = new, 2 * d
         return vectors
+
+    def _merges(self, d: int) -> bool:
+        """Whether blocks of d lanes are exchanged by a shuffle of one vector into some lanes of the other.
+
+        AVX-512 exchanges neighbouring 128-bit blocks, or neighbouring numbers of float32, of two vectors in one
+        instruction only by indices in a third register. Among multiply-adds such a shuffle takes as long as 1.7 of them
+        on Zen 4; a shuffle into the lanes of a mask takes no time there. It saves 2 % of rnea of a UR5.
+        """
+        return self.lanes * self.size == 64 and d * self.size in (4, 16)
+
+    def _lanes_with(self, d: int) -> str:
+        """The mask of lanes whose index has bit d. LLVM does not see its value, else it would choose indices again."""
+        bits, kind = sum(1 << lane for lane in range(self.lanes) if lane & d), f"i{self.lanes}"
+        hidden = self.put(f'call {kind} asm "", "=r,0"({kind} {bits})')
+        return self.put(f"bitcast {kind} {hidden} to {self.truth}")
