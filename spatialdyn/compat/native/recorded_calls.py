@@ -163,12 +163,8 @@ class Follower:
     """
 
     def __init__(self, numbers: Array) -> None:
-        self._value, self._numbers, self._then, stamps = (
-            np.empty(1),
-            numbers,
-            np.empty_like(numbers),
-            array("q", [0, 0]),
-        )
+        self._numbers = numbers
+        self._value, self._then, stamps = np.empty(1), np.empty_like(numbers), array("q", [0, 0])
         places = {"now": numbers.ctypes.data, "then": self._then.ctypes.data, "memory": self._value.ctypes.data}
         noted = single_call.record(**places, clock=address(stamps), time=address(stamps) + 8, bytes=numbers.nbytes)
         program, given = (single_call.copy_entry(), 8, entries.NO_LIMIT.ctypes.data), self._value.ctypes.data
