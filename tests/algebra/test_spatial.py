@@ -145,6 +145,8 @@ THREE: dict[str, tuple[Callable[[Sample], Any], Callable[[Sample], Any]]] = {
     ),
     "identity": (lambda x: square(eu.identity()), lambda x: np.eye(3)),
     "zero": (lambda x: eu.zero(), lambda x: np.zeros(3)),
+    "zero_mat3": (lambda x: square(eu.zero_mat3()), lambda x: np.zeros((3, 3))),
+    "zero_sym": (lambda x: full(eu.zero_sym()), lambda x: np.zeros((3, 3))),
 }
 
 # --- motions, forces and poses --------------------------------------------------------------------------
@@ -195,6 +197,7 @@ BODIES: dict[str, tuple[Callable[[Sample], Any], Callable[[Sample], Any]]] = {
         lambda x: of_body(sp.inertia_rate(body(*x.inertia), motion(x.v))),
         lambda x: crf(x.v) @ spatial_inertia(*x.inertia) - spatial_inertia(*x.inertia) @ crm(x.v),
     ),
+    "no_articulated": (lambda x: of_articulated(ar.no_articulated()), lambda x: np.zeros((6, 6))),
     "articulated": (
         lambda x: of_articulated(ar.articulated(body(*x.inertia))),
         lambda x: spatial_inertia(*x.inertia),

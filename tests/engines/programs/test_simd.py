@@ -587,8 +587,9 @@ def test_long_rows_are_staged_unless_a_vector_or_half_of_one_divides_them(
 
 
 @pytest.mark.parametrize("stream", [False, True])
-def test_the_rows_of_a_single_call_are_written_in_place(stream: bool) -> None:
+def test_the_rows_of_a_single_call_are_written_in_place(stream: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     """No copy in the text, and no slots for rows: of long rows, which batches stage."""
+    monkeypatch.setattr(columns, "IN_PLACE", ())
     program, layout = program_of(lambda x: [x * float(k + 2) for k in range(49)], 1)
     one, many = (simd.Writer(program, layout, np.float64, lanes, True, stream) for lanes in (1, 8))
     assert "call void @copy" in many.text()
