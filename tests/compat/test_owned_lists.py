@@ -104,9 +104,9 @@ def test_adding_in_place_to_a_list_of_a_model_keeps_the_list() -> None:
     model.frames += [pin.Frame("new", 2, 0, pin.SE3.Random(), pin.OP_FRAME)]
     assert model.frames is frames
     assert model.getFrameId("new") == count
-    model.names += []
-    with pytest.raises(AttributeError, match="names of a Model cannot be assigned"):
-        model.names = ["universe"]
+    for names in (["universe"], model.names):
+        with pytest.raises(AttributeError, match="names of a Model cannot be assigned"):
+            model.names = names
 
 
 def test_the_name_of_a_model_is_a_str() -> None:

@@ -113,10 +113,10 @@ class Model(Tree, Stored, Copied):
         own["_sealed"] = True
 
     def __setattr__(self, name: str, value: Any) -> None:
-        if isinstance(value, OwnedList) and value is vars(self).get(name):  # of +=, which wrote in place
-            return
         if name in FIXED and self._sealed:
             raise AttributeError(f"{name} of a Model cannot be assigned, only written into or changed by building")
+        if isinstance(value, OwnedList) and value is vars(self).get(name):  # of +=, which wrote in place
+            return
         if name == "name":
             expected(value, str, "name of a Model")
         if name == "jointPlacements" and self._sealed:
