@@ -31,7 +31,8 @@ centerOfMass(m, d, q, None, None)  jacobianCenterOfMass(m, d, "q")  computeCentr
 computeCentroidalMomentum(m, d, None, None)  computeCentroidalMomentumTimeVariation(m, d, None, None, None)
 computeABADerivatives(m, d, None)  computeABADerivatives(m, d, q, v, None)
 computeABADerivatives(m, d, None, None, None)  computeForwardKinematicsDerivatives(m, d, q, v, None)
-rnea(m, d, q, v, None)  crba(m, d, q, None)  getFrameVelocity(m, d, 1, None)  getVelocity(m, d, 1, None)  getFrameJacobian(m, d, 1, None)
+rnea(m, d, q, v, None)  crba(m, d, q, None)
+getFrameVelocity(m, d, 1, None)  getVelocity(m, d, 1, None)  getFrameJacobian(m, d, 1, None)
 Model(None)  Data(None)
 m.copy().appendBodyToJoint(1, pin.Inertia.Zero(), None)  classicAcceleration(pin.Motion.Zero(), None)
 """
