@@ -52,13 +52,26 @@ class Stage:
             atexit.register(self._at_exit)  # before viser's own, which prints
         self.holds: Any = None  # an object to keep alive as long as the server
         self.shown = np.tile(np.eye(4), (len(bodies), 1, 1))
-        self._nodes: list[str] = []
         self._handles: list[Any] = []
-        self._vertices: dict[int, list[Array]] = {}
+        self._nodes: list[str]
+        self._vertices: dict[int, list[Array]]
         self._ghosts: list[tuple[int, Any]] = []
-        for k, name in enumerate(bodies):
-            self._nodes.append(f"/robot/{k}_{plain(name)}")
-            self._handles.append(self.server.scene.add_frame(self._nodes[-1], show_axes=False))
+        self._bodies = [f"{k}_{plain(name)}" for k, name in enumerate(bodies)]
+        root, k = "robot", 1
+        while self.server.scene.get_handle_by_name(f"/{root}/{self._bodies[0]}") is not None:  # another stage's
+            k += 1
+            root = f"robot_{k}"
+        self.root_at(root)
+
+    def root_at(self, root: str) -> None:
+        """Begin anew, without shapes, under that name of viser's scene tree, in place of what is there."""
+        find = self.server.scene.get_handle_by_name
+        self._nodes = [f"/{plain(root)}/{body}" for body in self._bodies]
+        for handle in [*self._handles, *filter(None, map(find, self._nodes))]:
+            if find(handle.name) is handle:  # not yet removed, and no other stage took its name
+                handle.remove()
+        self._handles = [self.server.scene.add_frame(node, show_axes=False) for node in self._nodes]
+        self._vertices = {}
 
     # --- what is on bodies ---------------------------------------------------------------------------------
 

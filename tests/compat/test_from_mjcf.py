@@ -60,6 +60,21 @@ def test_joints_and_frames_are_named_and_ordered_as_the_wheels(file: Any, text: 
         assert mine.referenceConfigurations[entry.key()] == pytest.approx(entry.data()), entry.key()
 
 
+def test_damping_and_friction_of_a_ball_are_mujocos_where_the_wheel_leaves_them_out(file: Any) -> None:
+    theirs = pytest.importorskip("pinocchio")
+    text = CENTRED.replace('type="ball"', 'type="ball" damping=".5" frictionloss=".1"')
+    mine, other = ours.buildModelFromMJCF(file(text)), theirs.buildModelFromMJCF(file(text))
+    compiled = mujoco.MjModel.from_xml_string(text)
+    ball = mine.joints[mine.getJointId("ball")]
+    at = slice(ball.idx_v, ball.idx_v + 3)
+    assert (compiled.joint("ball").damping == 0.5).all()
+    assert (mine.damping[at] == 0.5).all()
+    assert (mine.upperDryFrictionLimit[at] == 0.1).all()
+    assert not other.damping[at].any()
+    assert not other.upperDryFrictionLimit[at].any()
+    assert any("frictionloss of a ball" in x.what for x in ours.differences())
+
+
 @pytest.mark.parametrize("text", [CENTRED, FREE, PLACED])
 def test_numbers_are_mujocos(file: Any, text: str) -> None:
     """Of joints that stand apart from their body's frame too, whose places the wheel leaves out."""

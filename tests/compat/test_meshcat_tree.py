@@ -173,15 +173,15 @@ def test_the_robots_shapes_have_their_paths(shown: Any) -> None:
     assert path == "pinocchio/visuals/a_0" == f"{shown.viewerVisualGroupName}/a_0"
     assert shown.viewerCollisionGroupName == "pinocchio/collisions"
     shown.viewer[path].set_property("color", [1.0, 0.0, 0.0, 1.0])
-    assert tuple(np.asarray(nodes(shown)["/robot/0_universe/a_0"].color).tolist()) == (255, 0, 0)
+    assert tuple(np.asarray(nodes(shown)["/pinocchio/0_universe/a_0"].color).tolist()) == (255, 0, 0)
     shown.viewer["pinocchio"].set_property("visible", False)
-    assert not nodes(shown)["/robot/1_j/b_0"].visible
+    assert not nodes(shown)["/pinocchio/1_j/b_0"].visible
     with pytest.raises(NotImplementedError, match=r"is of the robot, expected display\(q\) to move it"):
         shown.viewer["pinocchio/visuals"].set_transform(np.eye(4))
     shown.viewer[path].delete()
-    assert "/robot/0_universe/a_0" not in nodes(shown)
+    assert "/pinocchio/0_universe/a_0" not in nodes(shown)
     shown.clean()
-    assert "/robot/1_j/b_0" not in nodes(shown)
+    assert "/pinocchio/1_j/b_0" not in nodes(shown)
 
 
 def test_objects_are_added_reloaded_and_deleted(shown: Any) -> None:
@@ -190,14 +190,14 @@ def test_objects_are_added_reloaded_and_deleted(shown: Any) -> None:
     added = pin.GeometryObject("ball", 1, placement, ball)
     shown.addGeometryObject(added, [0.0, 1.0, 0.0, 1.0])
     assert shown.visual_model.existGeometryName("ball")
-    drawn = nodes(shown)["/robot/1_j/ball"]
+    drawn = nodes(shown)["/pinocchio/1_j/ball"]
     assert drawn.vertices.mean(axis=0) == pytest.approx([0.0, 0.0, 1.0], abs=SINGLE)
     assert tuple(np.asarray(drawn.color).tolist()) == (0, 255, 0)
     ball.radius = 2.0
     shown.reload(added)
-    assert np.ptp(nodes(shown)["/robot/1_j/ball"].vertices[:, 0]) == pytest.approx(4.0, abs=0.1)
+    assert np.ptp(nodes(shown)["/pinocchio/1_j/ball"].vertices[:, 0]) == pytest.approx(4.0, abs=0.1)
     shown.delete(added, pin.VISUAL)
-    assert "/robot/1_j/ball" not in nodes(shown)
+    assert "/pinocchio/1_j/ball" not in nodes(shown)
 
 
 # --- the module ------------------------------------------------------------------------------------------
@@ -253,9 +253,9 @@ def test_a_robot_wrapper_is_drawn_and_played(tmp_path: Path) -> None:
     try:
         drawn = dict(robot.viewer.server.scene._handle_from_node_name)
         robot.display(np.array([np.pi / 2.0]))
-        assert drawn["/robot/1_j"].wxyz == pytest.approx([np.sqrt(0.5), 0.0, np.sqrt(0.5), 0.0], abs=SINGLE)
+        assert drawn["/pinocchio/1_j"].wxyz == pytest.approx([np.sqrt(0.5), 0.0, np.sqrt(0.5), 0.0], abs=SINGLE)
         robot.play(np.zeros((2, 1)), 1e-3)
-        assert drawn["/robot/1_j"].wxyz == pytest.approx([1.0, 0.0, 0.0, 0.0], abs=SINGLE)
+        assert drawn["/pinocchio/1_j"].wxyz == pytest.approx([1.0, 0.0, 0.0, 0.0], abs=SINGLE)
         robot.viewer["target"].set_object(like("Sphere", radius=0.1))
         assert "/tree/target/object" in robot.viewer.server.scene._handle_from_node_name
     finally:
@@ -326,3 +326,30 @@ def test_without_meshcat_its_objects_are_refused(shown: Any, monkeypatch: pytest
     monkeypatch.setitem(sys.modules, "meshcat.geometry", None)
     with pytest.raises(NotImplementedError, match="loadPrimitive takes the package meshcat, which is not installed"):
         shown.loadPrimitive(pin.GeometryObject("x", 0, pin.SE3.Identity(), coal.Sphere(1.0)))
+
+
+def test_two_robots_of_one_viewer_move_apart_and_one_of_a_name_replaces_the_other(tmp_path: Path) -> None:
+    path = tmp_path / "r.urdf"
+    path.write_text(ROBOT)
+    one, two, three = (MeshcatVisualizer(*pin.buildModelsFromUrdf(str(path))) for _ in range(3))
+    one.initViewer(loadModel=True)
+    try:
+        nodes = one.viewer.server.scene._handle_from_node_name
+        two.initViewer(one.viewer)
+        one.display(np.array([np.pi / 2.0]))
+        two.loadViewerModel(rootNodeName="second")
+        two.display(np.array([0.0]))
+        one.display()
+        assert nodes["/pinocchio/1_j"].wxyz == pytest.approx([np.sqrt(0.5), 0.0, np.sqrt(0.5), 0.0], abs=SINGLE)
+        assert nodes["/second/1_j"].wxyz == pytest.approx([1.0, 0.0, 0.0, 0.0], abs=SINGLE)
+        shapes = {name for name in nodes if name.startswith("/second/")}
+        two.loadViewerModel(rootNodeName="second")
+        assert {name for name in nodes if name.startswith("/second/")} == shapes
+        three.initViewer(one.viewer)
+        three.loadViewerModel(rootNodeName="second")
+        assert {name for name in nodes if name.startswith("/second/")} == shapes
+        two.loadViewerModel(rootNodeName="third")  # its old name is the other's
+        assert {name for name in nodes if name.startswith("/second/")} == shapes
+        assert not any(name.startswith("/robot/") for name in nodes)
+    finally:
+        one._stage.stop()

@@ -310,19 +310,19 @@ def test_visualizers_draw_where_viser_is(name: str, tmp_path: Path, monkeypatch:
     try:
         assert isinstance(server, viser.ViserServer)
         nodes = server.scene._handle_from_node_name
-        assert "/robot/0_universe/a_0" in nodes
+        assert "/pinocchio/0_universe/a_0" in nodes
         q = np.array([0.3])
         shown.display(q)
-        assert nodes["/robot/1_j"].position == pytest.approx([0.0, 0.0, 2.0])
-        assert nodes["/robot/1_j"].wxyz == pytest.approx([np.cos(0.15), 0.0, np.sin(0.15), 0.0])
+        assert nodes["/pinocchio/1_j"].position == pytest.approx([0.0, 0.0, 2.0])
+        assert nodes["/pinocchio/1_j"].wxyz == pytest.approx([np.cos(0.15), 0.0, np.sin(0.15), 0.0])
         ours.forwardKinematics(shown.model, shown.data, np.zeros(1))
         shown.display()
-        assert nodes["/robot/1_j"].wxyz == pytest.approx([1.0, 0.0, 0.0, 0.0])
+        assert nodes["/pinocchio/1_j"].wxyz == pytest.approx([1.0, 0.0, 0.0, 0.0])
         shown.displayVisuals(False)
-        assert not nodes["/robot/1_j/b_0"].visible
+        assert not nodes["/pinocchio/1_j/b_0"].visible
         shown.displayCollisions(True)
         shown.displayFrames(True)
-        assert nodes["/robot/0_universe/a_0_2"].visible
+        assert nodes["/pinocchio/0_universe/a_0_2"].visible
         shown.setCameraTarget([1.0, 2.0, 3.0])
         shown.setCameraPosition([4.0, 2.0, 3.0])
         assert server.initial_camera.look_at == pytest.approx([1.0, 2.0, 3.0])

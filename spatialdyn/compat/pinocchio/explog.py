@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 
 from ...algebra import lie
-from ...errors import ShapeError, SpatialDynError
 from ..native import operators
-from .types.arguments import ArgumentError, Array, described, expected, of_pinocchio
+from .types.arguments import OMITTED, ArgumentError, Array, SizeError, array, described, expected, number, of_pinocchio
 from .types.motion import Motion
 from .types.rotations import Quaternion
 from .types.se3 import SE3
@@ -21,6 +20,7 @@ __all__ = [
     "classicAcceleration", "exp", "exp3", "exp3_quat", "exp6", "exp6_quat", "log", "log3", "log6", "log6_quat",
 ]  # fmt: skip
 
+NUMBER = int, float, complex, np.number, np.bool_
 
 exp3 = on_values("exp3", operators.exp_matrix, "rot", "The rotation (3, 3) by |w| about w (3,) [rad].", w="vec")
 exp3_quat = on_values("exp3_quat", lie.exp_rotation, "quat",
@@ -75,13 +75,13 @@ def log(x: Any) -> Any:
 
 
 def _by_kind(x: Any, kinds: dict[Any, Any], value: type, arrays: str) -> Any:
-    kind = value if isinstance(x, value) else float if np.isscalar(x) else getattr(x, "shape", None)
+    kind = value if isinstance(x, value) else float if isinstance(x, NUMBER) else getattr(x, "shape", None)
     if kind not in kinds:
-        raise SpatialDynError(f"x is {described(x)}, expected a number, an array of {arrays}")
+        raise ArgumentError(f"x is {described(x)}, expected a number, an array of {arrays}")
     return kinds[kind](x)
 
 
-def log3(R: Any, theta: Array | None = None) -> Array:
+def log3(R: Any, theta: Array = OMITTED) -> Array:
     """The rotation vector (3,) [rad], of length up to π, of a rotation (3, 3), a Quaternion, or x y z w (4,).
 
     theta  (1,)  written in place if given: its length
@@ -90,9 +90,9 @@ def log3(R: Any, theta: Array | None = None) -> Array:
         four = R.shape in ((4,), (4, 1))
     else:
         R = Quaternion(R) if of_pinocchio(R, "Quaternion") else R
-        four = isinstance(R, Quaternion) and theta is None
+        four = isinstance(R, Quaternion) and theta is OMITTED
     out: Array = (_log_of_quaternion if four else _log_of_matrix)(R)
-    if theta is not None:
+    if theta is not OMITTED:
         if not isinstance(theta, np.ndarray) or theta.size != 1:
             raise ArgumentError(f"theta is {described(theta)}, expected an array of shape (1,)")
         theta[...] = math.hypot(*out)
@@ -106,22 +106,22 @@ def SE3ToXYZQUATtuple(M: SE3) -> tuple[float, ...]:
 
 def XYZQUATToSE3(x: Any) -> SE3:
     """The SE3 of translation x y z and quaternion x y z w: an array (7,), a list or a tuple."""
-    if not isinstance(x, (np.ndarray, list, tuple)):
-        raise ArgumentError(f"x is {described(x)}, expected seven numbers")
-    seven = np.asarray(x, float).ravel()
-    if seven.size != 7:
-        raise ShapeError(f"x has {seven.size} numbers, expected 7")
-    return _pose_of_seven(seven)  # type: ignore[no-any-return]
+    if isinstance(x, (list, tuple)):
+        if len(x) != 7:
+            raise SizeError(f"x has {len(x)} numbers, expected 7")
+        x = np.array([number(each, f"x[{k}]") for k, each in enumerate(x)])
+    return _pose_of_seven(array(x, (7,), "x"))  # type: ignore[no-any-return]
 
 
-def classicAcceleration(spatial_velocity: Motion, spatial_acceleration: Motion, placement: SE3 | None = None) -> Array:
+def classicAcceleration(spatial_velocity: Motion, spatial_acceleration: Motion, placement: SE3 = OMITTED) -> Array:
     """Classical acceleration (3,) of the frame's origin [m/s²], in its axes: the linear part plus ω × v.
 
     placement   pose of the frame in that of the two Motions, the same frame by default
     """
     v = expected(spatial_velocity, Motion, "spatial_velocity")
     a = expected(spatial_acceleration, Motion, "spatial_acceleration")
-    if placement is not None:
+    if placement is not OMITTED:
+        expected(placement, SE3, "placement")
         v, a = placement.actInv(v), placement.actInv(a)
     made: Array = a._x[:3] + np.cross(v._x[3:], v._x[:3])
     return made

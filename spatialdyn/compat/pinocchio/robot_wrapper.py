@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from inspect import Parameter, Signature
+from itertools import takewhile
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -109,7 +110,7 @@ class RobotWrapper:
         if q is None:
             calls.centerOfMass(self.model, self.data)
             return self.data.com[0]
-        found = calls.centerOfMass(self.model, self.data, q, v, a)
+        found = calls.centerOfMass(self.model, self.data, *_given(q, v, a))
         more = [] if v is None else [self.data.vcom[0]] if a is None else [self.data.vcom[0], self.data.acom[0]]
         return (self.data.com[0], *more) if more else found
 
@@ -130,7 +131,7 @@ class RobotWrapper:
 
     def forwardKinematics(self, q: Any, v: Any = None, a: Any = None) -> None:
         """``forwardKinematics``."""
-        calls.forwardKinematics(self.model, self.data, q, v, a)
+        calls.forwardKinematics(self.model, self.data, *_given(q, v, a))
 
     def placement(self, q: Any, index: int, update_kinematics: bool = True) -> Any:
         """``data.oMi[index]``, after forwardKinematics if ``update_kinematics``."""
@@ -161,6 +162,11 @@ class RobotWrapper:
         if self.viz is None:
             raise ValueRuntimeError("the robot has no visualizer, expected initViewer or setVisualizer before")
         return self.viz
+
+
+def _given(*state: Any) -> tuple[Any, ...]:
+    """The arrays before the first None."""
+    return tuple(takewhile(lambda x: x is not None, state))
 
 
 # --- methods that call a function, or the visualizer's method of their name ----------------------------------

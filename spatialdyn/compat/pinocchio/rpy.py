@@ -9,7 +9,7 @@ import numpy as np
 
 from ...errors import SpatialDynError
 from ..native import operators
-from .types.arguments import Array, array
+from .types.arguments import OMITTED, Array, array
 from .types.frame import LOCAL, ReferenceFrame
 from .types.value import on_values
 
@@ -24,9 +24,9 @@ _of_array = on_values("rpyToMatrix", operators.rotation_of_rpy, "rot", rpy="vec"
 _of_angles = on_values("rpyToMatrix", operators.rotation_of_angles, "rot", roll="number", pitch="number", yaw="number")
 
 
-def rpyToMatrix(roll: Any, pitch: Any = None, yaw: Any = None) -> Array:
+def rpyToMatrix(roll: Any, pitch: Any = OMITTED, yaw: Any = OMITTED) -> Array:
     """The rotation matrix (3, 3) of three angles, or of one array (3,) of them [rad]."""
-    if pitch is None and yaw is None:
+    if pitch is OMITTED and yaw is OMITTED:
         return _of_array(roll)  # type: ignore[no-any-return]
     return _of_angles(roll, pitch, yaw)  # type: ignore[no-any-return]
 

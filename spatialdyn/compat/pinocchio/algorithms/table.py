@@ -17,7 +17,7 @@ from ..data.dispatch import last_call
 from ..data.face import Face, Input
 from ..data.field_recipes import DERIVATIVES, columns, mechanical_energy
 from ..model.model import Model
-from ..types.arguments import ArgumentError, described
+from ..types.arguments import OMITTED, ArgumentError, described
 from ..types.frame import ACCELERATION, LOCAL, Convention, KinematicLevel
 from ..types.motion import Force
 from .derivatives import derivatives_of_frame, last_of
@@ -32,6 +32,7 @@ from .of_models import (
     total_mass,
 )
 
+FLAG = bool, np.bool_, type(None)  # what Pinocchio takes for a bool
 Read = tuple[str, tuple[Any, ...], Any]  # kind, inputs and external forces of a call
 
 # --- arguments ----------------------------------------------------------------------------------------------
@@ -44,13 +45,13 @@ FEXT = Input("fext", "f", "Forces", "a list of njoints Force: on each joint's bo
 PUSHED = FEXT.otherwise(None)
 CONVENTION = Input("convention", "o", "Convention", "only selects the fields of data that are filled", Convention.LOCAL)
 SUBTREES = Input("compute_subtree_coms", "o", "bool", "has no effect: centres of subtrees are lazy", True)
-LEVEL = Input("kinematic_level", "o", "KinematicLevel | int", "", None)
+LEVEL = Input("kinematic_level", "o", "KinematicLevel | int", "", OMITTED)
 JOINT, FRAME = (Input(f"{x}_id", "i", "int", f"index of a {x}") for x in ("joint", "frame"))
 REFERENCE = Input("reference_frame", "r", "ReferenceFrame", "axes, and point the spatial vector is about")
 LOCALLY = REFERENCE.otherwise(LOCAL)
 PLACEMENT = Input("placement", "p", "SE3", "pose of a frame in the joint's frame")
 AFTER = Input("last", "r", "ReferenceFrame", "", None)  # a reference frame that follows a placement
-Q_, V_, A_, TAU_ = (x.otherwise(None) for x in (Q, V, A, TAU))
+Q_, V_, A_, TAU_ = (x.otherwise(OMITTED) for x in (Q, V, A, TAU))
 LISTED, LISTED_LOCALLY = (((FRAME, x), (JOINT, PLACEMENT, x)) for x in (REFERENCE, LOCALLY))
 Q1, Q2 = (Input(x, "n", "Numbers", "(nq,) joint positions [rad | m]") for x in ("q1", "q2"))
 ALPHA = Input("alpha", "n", "float", "from 0 at q1 to 1 at q2")
@@ -85,7 +86,10 @@ def _with_forces(face: Face, model: Model, data: Data, q: Any, fext: Any) -> Rea
 
 def _of_com(face: Face, model: Model, data: Data, q: Any, v: Any, a: Any, subtrees: Any, level: Any) -> Read:
     """A level and the flag may stand in place of q, v and a."""
-    values = [x for x in (q, v, a, subtrees, level) if x is not None and not isinstance(x, (bool, np.bool_))]
+    values = [x for x in (q, v, a) if x is not OMITTED]
+    if values and isinstance(values[-1], FLAG):
+        values.pop()
+    values += [x for x in (level,) if x is not OMITTED]
     if values and isinstance(values[0], np.ndarray) and len(values) <= 3:
         return face.call[len(values) - 1], tuple(values), None
     level = values[0] if values else ACCELERATION
@@ -98,21 +102,21 @@ def _of_com(face: Face, model: Model, data: Data, q: Any, v: Any, a: Any, subtre
 
 def _of_com_jacobian(face: Face, model: Model, data: Data, q: Any, subtrees: Any) -> Read:
     """The flag may stand in place of q."""
-    given = q is not None and not isinstance(q, (bool, np.bool_))
+    given = q is not OMITTED and not isinstance(q, FLAG)
     return face.call[0], (q if given else last_call(model, data, "oMi").q.copy(),), None
 
 
 def _of_aba_derivatives(face: Face, model: Model, data: Data, q: Any, v: Any, tau: Any, fext: Any) -> Read:
     """q, v and tau of the last aba if they are left out; the forces may then stand in place of q."""
-    if tau is not None:
+    if tau is not OMITTED:
         return face.call[0], (q, v, tau), fext
-    if v is not None or (q is not None and fext is not None):
+    if v is not OMITTED or q is None or (q is not OMITTED and fext is not None):
         raise ArgumentError("computeABADerivatives got some of q, v and tau, expected all or none")
     library_of(model, data)
     run: Any = last_of(data, "aba", "aba_world")
     if run is None:
         raise ArgumentError("q is not given and aba was not called with this data, expected either")
-    fext = q if fext is None else fext
+    fext = q if q is not OMITTED else fext
     if run.fext is not None and fext is None:
         raise ArgumentError("fext is not given and the last aba had some, expected them here too")
     return face.call[0], (run.q.copy(), run.v.copy(), run.tau.copy()), fext

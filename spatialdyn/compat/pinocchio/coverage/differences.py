@@ -191,8 +191,8 @@ the first call after an edit of a model's joints | costs as any call | assembles
 references to Model.armature after addJoint, or to a frame or joint after its replacement | freed memory, or the new
     object | the old object, no longer the model's; read it from the model again
 buildModelFromMJCF: gravity, the place of a joint in its body (pos), bodies beside the first of the world, those
-    without a name, the place and sites of a fixed first body, limits of a free joint's position | left out, or 1.01 |
-    MuJoCo's own, of the model that it compiles
+    without a name, the place and sites of a fixed first body, limits of a free joint's position, damping and
+    frictionloss of a ball | left out, or 1.01 | MuJoCo's own, of the model that it compiles
 buildGeomFromMJCF, buildModelsFromMJCF: meshes, colours without rgba, the turn of round geoms about their axis | the
     mesh file, white, its own | MuJoCo's triangles, its grey, its own
 buildModelFromMJCF, buildModelsFromMJCF of what MuJoCo refuses, as a connect without an anchor | read in part |

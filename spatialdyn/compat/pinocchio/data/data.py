@@ -17,7 +17,7 @@ from ...native.recorded_calls import clock
 from ..model.library_model import LibraryModel, library_model
 from ..model.model import Model
 from ..model.serialization_format import Stored, fill, state
-from ..types.arguments import ArgumentError, Array, described
+from ..types.arguments import OMITTED, ArgumentError, Array, described, expected
 from ..types.bases import Copied, Registered
 from ..types.inertia import Inertia
 from ..types.motion import Force, Motion
@@ -100,8 +100,8 @@ class Data(Stored, Registered, Copied):
     __slots__ = ("_bound", "_held", "_latest", "_nframes", "_noted", "_runs", "_sizes", "_sources", "model")
     _format = "spatialdyn.compat.pinocchio data 1"
 
-    def __init__(self, model: Model | None = None) -> None:
-        self.model = model = Model() if model is None else model
+    def __init__(self, model: Model = OMITTED) -> None:
+        self.model = model = Model() if model is OMITTED else expected(model, Model, "model")
         self._sizes, self._nframes = (model.nq, model.nv, model.njoints), model.nframes
         self._runs: dict[str, Run] = {}  # by kind, or by the field that was assigned
         self._sources: dict[str, list[Run]] = {}

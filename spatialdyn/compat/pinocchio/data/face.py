@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 from ....engines.programs.llvm.call_words import ARRAY, NUMBER
 from ....engines.programs.run.single_call import READY, Following, Parameter, builtin, unavailable
 from ..model.model import Model
+from ..types.arguments import OMITTED
 from ..types.frame import LOCAL, Convention
 from ..types.se3 import SE3
 from .data import Data
@@ -142,13 +143,13 @@ def by_run(face: Face, model: Any, data: Any, *given: Any) -> Any:
 
 
 def _as_given(face: Face, model: Any, data: Any, *given: Any) -> tuple[str, tuple[Any, ...], Any]:
-    """Kind, inputs and forces: the inputs that are not None choose one of several kinds."""
+    """Kind, inputs and forces: the inputs that are given choose one of several kinds."""
     names, least = face.vectors, face.least
     inputs, fext = given[: len(names)], given[len(names)] if len(given) > len(names) else None
-    if face.last and inputs[0] is None:
+    if face.last and inputs[0] is OMITTED:
         run = last_call(model, data, face.last)
         inputs = tuple(getattr(run, name).copy() for name in names)
-    while len(inputs) > least and inputs[-1] is None:
+    while len(inputs) > least and inputs[-1] is OMITTED:
         inputs = inputs[:-1]
     return face.call[len(inputs) - least], inputs, fext
 

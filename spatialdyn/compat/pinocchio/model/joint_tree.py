@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ....errors import ModelError, ShapeError
 from ....model.robot_checks import missing
 from ..coverage.strictness import MODELS, strict
-from ..types.arguments import NUMBERS, ArgumentError, Array, described, expected
+from ..types.arguments import NUMBERS, OMITTED, ArgumentError, Array, described, expected
 from ..types.bases import Owner
 from ..types.inertia import Inertia
 from ..types.motion import Motion
@@ -257,20 +257,20 @@ class Tree:
             own[f"n{x}s"].append(getattr(joint, f"n{x}"))
             own[f"n{x}"] += getattr(joint, f"n{x}")
 
-    def appendBodyToJoint(self, joint_id: int, body_inertia: Inertia, body_placement: SE3 | None = None) -> None:
+    def appendBodyToJoint(self, joint_id: int, body_inertia: Inertia, body_placement: SE3 = OMITTED) -> None:
         """Add a body, at a placement in the joint's frame, to the inertia of a joint.
 
         Raises ModelError for an index that is not a joint's.
         """
         at = self._check_joint(joint_id)
         expected(body_inertia, Inertia, "body_inertia")
-        if body_placement is not None:
+        if body_placement is not OMITTED:
             expected(body_placement, SE3, "body_placement")
         self._add_inertia(at, body_inertia, body_placement)
         vars(self)["nbodies"] += 1
 
-    def _add_inertia(self, joint: int, inertia: Inertia, placement: SE3 | None) -> None:
-        self.inertias[joint] = self.inertias[joint] + (inertia if placement is None else placement.act(inertia))
+    def _add_inertia(self, joint: int, inertia: Inertia, placement: SE3) -> None:
+        self.inertias[joint] = self.inertias[joint] + (inertia if placement is OMITTED else placement.act(inertia))
 
     def getJointId(self, name: str) -> int:
         """Index of the joint of that name. njoints if there is none, ModelError in strict mode."""

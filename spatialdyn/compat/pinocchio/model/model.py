@@ -10,7 +10,7 @@ import numpy as np
 from ....errors import ModelError
 from ....model.robot_checks import missing
 from ..coverage.strictness import strict
-from ..types.arguments import ArgumentError, Array, expected, of_pinocchio
+from ..types.arguments import OMITTED, ArgumentError, Array, expected, of_pinocchio
 from ..types.bases import Copied, Registered
 from ..types.containers import StdMap_String_VectorXd
 from ..types.frame import ANY_FRAME, BODY, FIXED_JOINT, JOINT, Frame, FrameType
@@ -67,7 +67,7 @@ class Model(Tree, Stored, Copied):
     frames: list[Frame] = attribute("Frames on the joints, a list to write into.")
     referenceConfigurations: dict[str, Array] = attribute("Configurations by name.")
 
-    def __init__(self, clone: Any = None) -> None:
+    def __init__(self, clone: Any = OMITTED) -> None:
         """A model with the universe alone, or a copy of another, also of one of Pinocchio's own class.
 
         Raises ModelError for a joint of Pinocchio's whose kind is not here.
@@ -84,7 +84,7 @@ class Model(Tree, Stored, Copied):
         self._sealed = True
         if of_pinocchio(clone, "Model"):
             fill(self, pinocchio_state(clone))
-        elif clone is not None:
+        elif clone is not OMITTED:
             expected(clone, Model, "clone")
 
     def _copy(self, other: Model) -> None:

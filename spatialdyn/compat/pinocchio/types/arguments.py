@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ....errors import ModelError, SpatialDynError
+from ....errors import ModelError, ShapeError, SpatialDynError
 from ....model.robot_checks import masked
 
 Array = NDArray[np.float64]
@@ -20,12 +20,26 @@ CONVERTED = ("AngleAxis", "Force", "Frame", "Inertia", "Model", "Motion", "Quate
 OF_PINOCCHIO = ("pinocchio.", "coal.", "eigenpy.")  # modules of Pinocchio's own classes and of rotations
 
 
+class _Omitted:
+    """What stands for an argument that is not given, where None is one that is refused."""
+
+    def __repr__(self) -> str:
+        return "..."
+
+
+OMITTED: Any = _Omitted()
+
+
 class ArgumentError(SpatialDynError, TypeError):
     """An argument of a wrong type or size; a TypeError, as from Boost.Python."""
 
 
 class ValueRuntimeError(SpatialDynError, RuntimeError):
     """An argument of the right type that cannot be used, where Pinocchio raises a RuntimeError."""
+
+
+class SizeError(ShapeError, ArgumentError, ValueRuntimeError):
+    """An array of numbers of a wrong size; from Pinocchio a TypeError, ValueError or RuntimeError, by the call."""
 
 
 class RangeError(SpatialDynError, IndexError, OverflowError):
@@ -43,11 +57,14 @@ def array(value: Any, shape: tuple[int, ...], what: str) -> Array:
         if value.shape == (*shape, 1):
             made[...] = value[..., 0]
             return made
+        raise SizeError(f"{what} is {described(value)}, expected an array of shape {shape}")
     raise ArgumentError(f"{what} is {described(value)}, expected an array of shape {shape}")
 
 
 def described(value: Any) -> str:
     """A value by type, shape and dtype, for error messages; a class of another package with its module."""
+    if value is OMITTED:
+        return "left out"
     if isinstance(value, np.ndarray):
         if masked(value):
             return "a masked array, whose mask would be lost"
@@ -74,6 +91,14 @@ def _is_pinocchios(given: Any, kind: str) -> bool:
         x.__name__ == kind and f"{x.__module__}.".startswith(OF_PINOCCHIO) and "casadi" not in x.__module__
         for x in given.__mro__
     )
+
+
+def only(given: tuple[Any, ...], what: str, wanted: str) -> Any:
+    """The one argument that is given, OMITTED without any. Raises ArgumentError if there are more."""
+    found = [x for x in given if x is not OMITTED]
+    if len(found) > 1:
+        raise ArgumentError(f"{what} got {', '.join(map(described, found))}, expected {wanted}")
+    return found[0] if found else OMITTED
 
 
 def expected(value: Any, kind: type, what: str) -> Any:

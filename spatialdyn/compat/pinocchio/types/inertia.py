@@ -10,6 +10,7 @@ from ....errors import InertiaError
 from ...native import operators
 from ..coverage.strictness import strict
 from .arguments import (
+    OMITTED,
     ArgumentError,
     Array,
     ValueRuntimeError,
@@ -17,6 +18,7 @@ from .arguments import (
     described,
     expected,
     of_pinocchio,
+    only,
     row,
     rows,
 )
@@ -30,6 +32,7 @@ from .value import InFrames, Summable, as_array, on_values, part, preset
 
 __all__ = ["Inertia"]
 
+WANTED = "mass, lever and inertia, or an Inertia"
 UNIT = np.array([1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 1.0])
 
 _rotational = on_values("rotational", operators.rotational_inertia, "rot", I="Body")
@@ -48,21 +51,23 @@ class Inertia(Summable, InFrames, kind="Body", near=operators.near_bodies):
 
     _arguments = ("mass", "lever", "inertia")
 
-    def __init__(self, mass: Any = None, lever: Any = None, inertia: Any = None, *, clone: Any = None) -> None:
-        if lever is not None and inertia is not None:
+    def __init__(
+        self, mass: Any = OMITTED, lever: Any = OMITTED, inertia: Any = OMITTED, *, clone: Any = OMITTED
+    ) -> None:
+        if mass is not OMITTED and lever is not OMITTED and inertia is not OMITTED:
             self._x = _body_of(mass, lever, inertia)
             if _fault(inertia):
                 _refuse(inertia)
             return
-        mass = clone if mass is None else mass
-        if mass is None:
+        other = only((mass, lever, inertia, clone), "Inertia", WANTED)
+        if other is OMITTED:
             self._x = np.zeros(10)
-        elif isinstance(mass, Inertia) and lever is None:
-            self._x = mass._x.copy()
-        elif of_pinocchio(mass, "Inertia") and lever is None:
-            self._x = np.array([mass.mass, *mass.lever, *six(mass.inertia)])  # as it is, as from an Inertia
+        elif isinstance(other, Inertia):
+            self._x = other._x.copy()
+        elif of_pinocchio(other, "Inertia"):
+            self._x = np.array([other.mass, *other.lever, *six(other.inertia)])  # as it is, as from an Inertia
         else:
-            raise ArgumentError(f"Inertia got {described(mass)}, expected mass, lever and inertia, or an Inertia")
+            raise ArgumentError(f"Inertia got {described(other)}, expected {WANTED}")
 
     Zero, setZero = preset(lambda: np.zeros(10), "zero: mass, lever and inertia")
     Identity, setIdentity = preset(lambda: UNIT, "mass 1 at the origin, with rotational inertia 1")

@@ -9,7 +9,7 @@ import numpy as np
 
 from ....algebra import spatial
 from ...native import operators
-from .arguments import ArgumentError, Array, array, described, of_pinocchio, row
+from .arguments import OMITTED, ArgumentError, Array, array, described, of_pinocchio, only, row
 from .random import uniform
 from .value import InFrames, Summable, on_values, own_value, part, preset
 
@@ -29,17 +29,22 @@ class Spatial(Summable, InFrames):
     _scaled: ClassVar[Callable[..., Any]]
     _divided: ClassVar[Callable[..., Any]]
 
-    def __init__(self, linear: Any = None, angular: Any = None, *, array: Any = None, clone: Any = None) -> None:
-        if angular is not None:
+    def __init__(
+        self, linear: Any = OMITTED, angular: Any = OMITTED, *, array: Any = OMITTED, clone: Any = OMITTED
+    ) -> None:
+        if angular is not OMITTED and linear is not OMITTED:
             self._x = _joined(angular, linear)
         elif type(linear) is np.ndarray and linear.shape == (6,) and linear.dtype == FLOAT:
             self._x = linear.copy()
         else:
-            self._x = self._six(next((x for x in (linear, array, clone) if x is not None), None))
+            name = type(self).__name__
+            if angular is not OMITTED:
+                raise ArgumentError(f"{name} got angular alone, expected linear too")
+            self._x = self._six(only((linear, array, clone), name, f"an array of shape (6,) or a {name}"))
 
     @classmethod
     def _six(cls, given: Any) -> Array:
-        if given is None:
+        if given is OMITTED:
             return np.zeros(6)
         if of_pinocchio(given, cls.__name__):
             return np.array(given.vector, float)

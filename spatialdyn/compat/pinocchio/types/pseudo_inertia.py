@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from ....errors import InertiaError
 from ....identification.pseudo_inertia import parameters_of, pseudo_inertia
 from .arguments import ArgumentError, Array, array, described, row, rows
 from .value import Value, as_array, part
@@ -16,8 +15,6 @@ __all__ = ["LogCholeskyParameters", "PseudoInertia"]
 
 def ten(parameters: Any) -> Array:
     """A new array (10,) of dynamic or log-Cholesky parameters."""
-    if isinstance(parameters, np.ndarray) and parameters.size != 10:
-        raise InertiaError(f"parameters are {described(parameters)}, expected shape (10,)")
     return array(parameters, (10,), "parameters")
 
 

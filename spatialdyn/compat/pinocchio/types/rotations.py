@@ -92,6 +92,7 @@ class Quaternion(Rotation, kind="Quat"):
 
     def setFromTwoVectors(self, a: Any, b: Any) -> Quaternion:
         """Set it to the shortest rotation from direction a (3,) to b (3,); returns self."""
+        a, b = array(a, (3,), "a"), array(b, (3,), "b")
         a, b = _direction(a, "a"), _direction(b, "b")
         c = float(a @ b)
         if c < OPPOSITE - 1.0:  # half a turn about any normal
@@ -241,9 +242,7 @@ def _coefficients(x: Any, *shapes: tuple[int, ...]) -> Any:
     if isinstance(x, np.ndarray):
         if x.ndim == 2 and (shapes or x.shape != (4, 1)):
             return _of_matrix(x)
-        if shapes or x.shape not in ((4,), (4, 1)):
-            raise ValueRuntimeError(f"rotation is {described(x)}, expected shape {'(3, 3)' if shapes else '(4,)'}")
-        return array(x, (4,), "coefficients")
+        return array(x, (3, 3) if shapes else (4,), "rotation")
     if isinstance(x, Quaternion):
         return x._x.copy()
     if of_pinocchio(x, "Quaternion"):
@@ -255,8 +254,7 @@ def _coefficients(x: Any, *shapes: tuple[int, ...]) -> Any:
     return _of_matrix(x)
 
 
-def _direction(value: Any, what: str) -> Array:
-    x = array(value, (3,), what)
+def _direction(x: Array, what: str) -> Array:
     size = math.hypot(*x)
     if not 0.0 < size < math.inf:
         raise SpatialDynError(f"{what} is {x.tolist()}, expected a finite vector that is not null")

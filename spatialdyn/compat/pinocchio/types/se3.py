@@ -8,7 +8,7 @@ import numpy as np
 
 from ....algebra import spatial
 from ...native import operators
-from .arguments import ArgumentError, Array, array, described, of_pinocchio, row, rows
+from .arguments import OMITTED, ArgumentError, Array, array, described, of_pinocchio, only, row, rows
 from .random import GENERATOR
 from .rotations import Quaternion
 from .value import Value, as_array, on_values, own_value, part, preset
@@ -16,6 +16,7 @@ from .value import Value, as_array, on_values, own_value, part, preset
 __all__ = ["SE3"]
 
 IDENTITY = np.eye(4)
+WANTED = "a rotation and a translation, a matrix or an SE3"
 
 _point_to_parent = on_values("act", operators.point_to_parent, "vec", self="Pose", point="vec")
 _point_to_child = on_values("actInv", operators.point_to_child, "vec", self="Pose", point="vec")
@@ -36,11 +37,17 @@ class SE3(Value, kind="Pose", near=operators.near_poses, same=operators.same_pos
     _arguments = ("rotation", "translation")
 
     def __init__(
-        self, rotation: Any = None, translation: Any = None, *, quat: Any = None, array: Any = None, clone: Any = None
+        self,
+        rotation: Any = OMITTED,
+        translation: Any = OMITTED,
+        *,
+        quat: Any = OMITTED,
+        array: Any = OMITTED,
+        clone: Any = OMITTED,
     ) -> None:
-        if translation is None or rotation is None:
-            rotation = next((x for x in (rotation, quat, array, clone) if x is not None), None)
-        if translation is None:
+        if rotation is OMITTED or quat is not OMITTED or array is not OMITTED or clone is not OMITTED:
+            rotation = only((rotation, quat, array, clone), "SE3", WANTED)
+        if translation is OMITTED:
             self._x = _homogeneous(rotation)
         elif type(rotation) is np.ndarray:  # the usual case first
             self._x = _pose_of(rotation, translation)
@@ -133,6 +140,6 @@ def _homogeneous(given: Any) -> Array:
         x[:3, :3], x[:3, 3] = given.getRotation(), given.getTranslation()
     elif isinstance(given, np.ndarray):
         x[:3] = array(given, (4, 4), "homogeneous matrix")[:3]
-    elif given is not None and not isinstance(given, int):
-        raise ArgumentError(f"SE3 got {described(given)}, expected a rotation and a translation, a matrix or an SE3")
+    elif given is not OMITTED and not isinstance(given, int):
+        raise ArgumentError(f"SE3 got {described(given)}, expected {WANTED}")
     return x

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..coverage.coverage import refused
-from .arguments import ArgumentError, Array, ValueRuntimeError, array, described, expected, number, row
+from .arguments import ArgumentError, Array, array, expected, number, row
 from .random import uniform
 from .rotations import skew
 from .value import Summable, part, preset
@@ -43,9 +43,7 @@ class Symmetric3(Summable):
     def _read(x: Any) -> Array:
         if isinstance(x, Symmetric3):
             return x._x.copy()
-        if isinstance(x, np.ndarray) and x.ndim == 1 and x.size != 6:
-            raise ValueRuntimeError(f"data is {described(x)}, expected shape (6,)")
-        if isinstance(x, np.ndarray) and x.shape in ((6,), (6, 1)):
+        if isinstance(x, np.ndarray) and (x.ndim == 1 or x.shape == (6, 1)):
             return array(x, (6,), "data")
         return six(array(x, (3, 3), "matrix"))
 

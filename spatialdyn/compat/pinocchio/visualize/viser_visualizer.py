@@ -81,7 +81,8 @@ class ViserVisualizer(BaseVisualizer):
         return self._stage
 
     def loadViewerModel(self, rootNodeName: str = "pinocchio", *arguments: Any, **named: Any) -> None:
-        """Draw the robot at the poses ``data.oMi``, at first the neutral ones; arguments beside the first are ignored.
+        """Draw the robot at the poses ``data.oMi``, at first the neutral ones, in place of another of that name in
+        the viewer. Arguments beside the first are ignored.
 
         A mesh that is not found is named in a warning.
         """
@@ -91,6 +92,7 @@ class ViserVisualizer(BaseVisualizer):
         self.viewerRootNodeName = rootNodeName
         calls.forwardKinematics(self.model, self.data, configuration.neutral(self.model))
         with stage.at_once():
+            stage.root_at(rootNodeName)
             self._shown = {"visuals": self._geometry(self.visual_model, "visuals") or self._inertias()}
             self.display()
             stage.look_at(stage.bounds(stage.shown), 0.0)

@@ -61,8 +61,8 @@ class ArgumentText(CallWriter):
         self.do(f"%given = phi i64 [ %every, {before} ], [ %every, %switch ], [ {cleared}, {last} ]")
 
     def _given_bit(self, value: str, k: str) -> str:
-        """Bit k if a value is not None; a switch that is None is given too."""
-        there = self.either(self.put(f"icmp ne ptr {value}, {self.none}"), self.equal(k, self.switch))
+        """Bit k if a value is not None; a None is given too in calls on a data object."""
+        there = self.either(self.put(f"icmp ne ptr {value}, {self.none}"), self.with_data)
         return self.put(f"shl i64 {self.put(f'zext i1 {there} to i64')}, {k}")
 
     def _by_position(self, first: str, positional: str, before: str) -> None:
