@@ -143,7 +143,7 @@ class Data(Stored, Registered, Copied):
 
     def note_builtin_call(self, run: Run) -> None:
         """Note a Run whose builtin was called just now, and recompute the held fields by their builtins."""
-        if run.after is not None:
+        if run.after is not None and self._noted is not run:
             self.note_latest(run)
         if run.recompute is not None and run.recompute() is None:
             self.recompute_held(run)

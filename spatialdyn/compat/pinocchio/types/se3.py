@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 import numpy as np
 
 from ....algebra import spatial
-from ...native import operators
+from ....engines.object_layout import slot_offset
+from ....engines.programs.run.single_call import READY
+from ...native import operator_kernels, operators
 from .arguments import ArgumentError, Array, array, described, of_pinocchio, row, rows
 from .random import GENERATOR
 from .rotations import Quaternion
@@ -69,7 +73,7 @@ class SE3(Value, kind="Pose", near=operators.near_poses, same=operators.same_pos
     @staticmethod
     def Random() -> SE3:
         """A uniform random rotation and a random translation within ±1 m."""
-        return _random(GENERATOR.random(6))  # type: ignore[no-any-return]
+        return _draw()()  # type: ignore[no-any-return]
 
     Interpolate = staticmethod(
         on_values(
@@ -120,6 +124,16 @@ class SE3(Value, kind="Pose", near=operators.near_poses, same=operators.same_pos
     def __repr__(self) -> str:
         text = np.array2string(self._x, separator=", ").replace("\n", "").replace("], [", "],[").replace(",  [", ",[")
         return f"SE3(array({text}))"
+
+
+@cache
+def _draw() -> Callable[..., Any]:
+    def in_python() -> Any:
+        return _random(GENERATOR.random(6))
+
+    if not READY:
+        return in_python
+    return operator_kernels.draw_pose(GENERATOR, slot_offset(Value, "_x"), SE3, in_python)
 
 
 def _homogeneous(given: Any) -> Array:
