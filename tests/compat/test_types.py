@@ -621,7 +621,7 @@ def test_sums_in_place_have_the_bits_of_sums_in_the_same_array(name: str) -> Non
         assert getattr(held, way)(b) is held
         assert held._x is numbers
         assert held._x.tobytes() == wanted._x.tobytes()
-        with pytest.raises(TypeError, match="^other is "):
+        with pytest.raises(TypeError, match=r"^other is "):
             getattr(held, way)(3.0)
         assert held == wanted
 

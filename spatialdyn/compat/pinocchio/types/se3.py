@@ -102,17 +102,25 @@ class SE3(Value, kind="Pose", near=operators.near_poses, same=operators.same_pos
 
     def act(self, other: Any) -> Any:
         """A point (3,), SE3, Motion, Force or Inertia from the frame to the reference frame."""
-        move = _point_to_parent if type(other) is np.ndarray else getattr(type(other), "_to_parent", None)
-        if move is None and (mine := own_value(other)) is not None:
-            return self.act(mine)
-        return (move or _point_to_parent)(self, other)
+        if type(other) is np.ndarray:
+            return _point_to_parent(self, other)
+        try:
+            move = type(other)._to_parent
+        except AttributeError:
+            mine = own_value(other)
+            return _point_to_parent(self, other) if mine is None else self.act(mine)
+        return move(self, other)
 
     def actInv(self, other: Any) -> Any:
         """A point (3,), SE3, Motion, Force or Inertia from the reference frame to the frame."""
-        move = _point_to_child if type(other) is np.ndarray else getattr(type(other), "_to_child", None)
-        if move is None and (mine := own_value(other)) is not None:
-            return self.actInv(mine)
-        return (move or _point_to_child)(self, other)
+        if type(other) is np.ndarray:
+            return _point_to_child(self, other)
+        try:
+            move = type(other)._to_child
+        except AttributeError:
+            mine = own_value(other)
+            return _point_to_child(self, other) if mine is None else self.actInv(mine)
+        return move(self, other)
 
     def isIdentity(self, prec: float = 1e-12) -> bool:
         """Whether no entry differs from the identity's by more than prec."""
