@@ -150,13 +150,16 @@ class Data(Stored, Registered, Copied):
 
     def note_latest(self, run: Run) -> None:
         """Note a Run as the one that getters of Jacobians read."""
-        for name in run.kind.getters:
-            before = self._latest.get(name)
-            self._latest[name] = self._noted = run
+        getters, latest = run.kind.getters, self._latest
+        for name in getters:
+            before = latest.get(name)
             if before is not run:
+                latest[name] = run
                 for key in () if before is None else before.bound.get(name, ()):
                     self._bound.pop(key, None)
                 self._bound.update(run.bound.get(name, ()))
+        if getters and self._noted is not run:  # an attribute of Data takes long to write
+            self._noted = run
 
     def bind_latest(self, name: str, run: Run, made: Mapping[str, Any]) -> None:
         """Have builtins about the inputs of a Run for as long as it is the one that a getter reads."""
