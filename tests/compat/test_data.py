@@ -733,3 +733,18 @@ def test_jacobians_of_subtrees_fill_the_fields_of_that_of_the_robot() -> None:
         assert np.isnan(ours.jacobianSubtreeCenterOfMass(model, data, np.full(model.nq, np.nan), k)).any()
         with pytest.raises(ShapeError, match="q has shape"):
             ours.jacobianSubtreeCenterOfMass(model, data, q[1:], k)
+
+
+def test_reading_a_field_keeps_the_builtins_of_frames_and_so_the_bits() -> None:
+    model = ours.buildSampleModelHumanoidRandom()
+    data, tip = model.createData(), model.nframes - 1
+    q = ours.integrate(model, ours.neutral(model), np.random.default_rng(1).standard_normal(model.nv))
+    for _ in range(3):
+        ours.computeJointJacobians(model, data, q)
+        before = ours.getFrameJacobian(model, data, tip, ours.WORLD)
+    bound = data._bound["getFrameJacobian"]
+    assert data.oMi is not None
+    assert data._bound["getFrameJacobian"] is bound
+    assert (ours.getFrameJacobian(model, data, tip, ours.WORLD) == before).all()
+    ours.crba(model, data, q)  # a new kind of call
+    assert data._bound["getFrameJacobian"] is bound

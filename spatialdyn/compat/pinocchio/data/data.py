@@ -117,7 +117,7 @@ class Data(Stored, Registered, Copied):
             stamp = 0 if run is None else run.stamp
             run = self._runs[name] = Run(name, library, shape, Data.note_latest)
             run.stamp = stamp
-            self._bound.clear()
+            self._unbind()
             self._sources.clear()
             run.hold(self._held, self._recompute)
         return run
@@ -201,9 +201,15 @@ class Data(Stored, Registered, Copied):
 
     def _bind_held(self) -> None:
         """Have every Run write the held fields; builtins on other arrays are dropped."""
-        self._bound.clear()
+        self._unbind()
         for run in self._runs.values():
             run.hold(self._held, self._recompute)
+
+    def _unbind(self) -> None:
+        """Drop the builtins but those about the inputs of the latest Runs, which are on no held array."""
+        self._bound.clear()
+        for name, run in self._latest.items():
+            self._bound.update(run.bound.get(name, ()))
 
     def put(self, name: str, value: Any) -> None:
         """Assign a field whole: in place if its array is held and of that shape, else as a new array."""
