@@ -55,6 +55,7 @@ def typed(pin: Any) -> dict[str, Any]:
     return {
         "pin": pin, "t": t, "s": s, "R": R, "J": J, "M": pin.SE3(R, t), "v": pin.Motion(s), "f": pin.Force(t, s[:3]),
         "I": pin.Inertia(1.0, t, J), "K": pin.Inertia(2.0, t + 1.0, J), "q": pin.Quaternion(R),
+        "parameters": pin.Inertia(1.0, t, J).toDynamicParameters(),
     }  # fmt: skip
 
 
@@ -67,10 +68,12 @@ pin.exp3(t)  pin.log3(R)  pin.exp6(v)  pin.log6(M)  pin.Jexp6(v)  pin.Jlog6(M)  
 pin.SE3ToXYZQUAT(M)  pin.XYZQUATToSE3(np.arange(7.0))  pin.Quaternion(R)  q*q  q.matrix()  pin.rpy.matrixToRpy(R)
 pin.utils.rotate("x", 0.1)  pin.rpy.rpyToMatrix(0.1, 0.2, 0.3)  pin.rpy.rpyToMatrix(t)  pin.exp6(s)  pin.SE3(q, t)
 pin.SE3.Interpolate(M, M, 0.3)  pin.SE3.Random()  2*v  v.__iadd__(v)  M.isApprox(M)  M == M  pin.Quaternion(q)
+pin.Inertia.FromDynamicParameters(parameters)
 """
 
 DYNAMICS = """
 pin.rnea(model, data, q, v, a)
+pin.rnea(model, data, q, v, a, fext)
 pin.crba(model, data, q)
 pin.aba(model, data, q, v, a)
 pin.nonLinearEffects(model, data, q, v)
@@ -106,6 +109,7 @@ pin.computeABADerivatives(model, data, q, v, a)
 pin.computeGeneralizedGravityDerivatives(model, data, q)
 pin.computeJointTorqueRegressor(model, data, q, v, a)
 pin.forwardDynamics(model, data, q, v, a, J, drift)
+pin.impulseDynamics(model, data, q, v, J, 0.5)
 pin.computeTotalMass(model)
 pin.computeMechanicalEnergy(model, data, q, v)
 pin.jacobianSubtreeCenterOfMass(model, data, q, 3)
@@ -147,6 +151,7 @@ def robot(name: str, feet: Sequence[str], floating: bool = False) -> Callable[[A
         q = pin.integrate(model, pin.neutral(model), rng.standard_normal(model.nv))
         data = model.createData()
         J = rng.standard_normal((3, model.nv))
+        fext = [pin.Force(x) for x in rng.standard_normal((model.njoints, 6))]
         contacts = [
             pin.RigidConstraintModel(
                 pin.ContactType.CONTACT_3D, model, model.frames[k].parentJoint, model.frames[k].placement,
@@ -164,6 +169,7 @@ def robot(name: str, feet: Sequence[str], floating: bool = False) -> Callable[[A
             "bodies": cycle([model.inertias[2].copy(), model.inertias[2] + model.inertias[2]]),
             "data2": data2, "contacts": contacts, "contact_datas": contact_datas,
             "settings": pin.ProximalSettings(1e-12, 1e-9, 10), "place": model.frames[-1].placement.copy(),
+            "fext": fext,
         }  # fmt: skip
 
     return values

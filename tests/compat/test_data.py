@@ -712,3 +712,39 @@ def test_a_field_assigned_before_it_is_read_stays_until_a_call_fills_it() -> Non
     np.testing.assert_array_equal(ours.getCoriolisMatrix(model, data), C)
     ours.computeCoriolisMatrix(model, data, q, v)
     np.testing.assert_array_equal(data.dJ, fresh.dJ)
+
+
+def test_jacobians_of_subtrees_fill_the_fields_of_that_of_the_robot() -> None:
+    model = ours.buildSampleModelHumanoidRandom()
+    data, other, rng = model.createData(), model.createData(), np.random.default_rng(4)
+    for k in (1, 2, 2, 3, 4, 5):
+        q = ours.integrate(model, ours.neutral(model), rng.standard_normal(model.nv))
+        if k == 4:  # an edit between calls
+            model.inertias[k].mass *= 1.5
+        J = ours.jacobianSubtreeCenterOfMass(model, data, q, k)
+        wanted = ours.jacobianCenterOfMass(model, other, q)
+        assert (ours.getJacobianSubtreeCenterOfMass(model, other, k) == J).all()
+        assert (ours.getJacobianSubtreeCenterOfMass(model, data, k) == J).all()
+        assert (
+            ours.getJointJacobian(model, data, k, ours.WORLD) == ours.getJointJacobian(model, other, k, ours.WORLD)
+        ).all()
+        for x, y in ((data.Jcom, wanted), (data.J, other.J), (data.com[0], other.com[0]), (data.oMi[k], other.oMi[k])):
+            assert np.array_equal(np.asarray(x), np.asarray(y))
+        assert np.isnan(ours.jacobianSubtreeCenterOfMass(model, data, np.full(model.nq, np.nan), k)).any()
+        with pytest.raises(ShapeError, match="q has shape"):
+            ours.jacobianSubtreeCenterOfMass(model, data, q[1:], k)
+
+
+def test_reading_a_field_keeps_the_builtins_of_frames_and_so_the_bits() -> None:
+    model = ours.buildSampleModelHumanoidRandom()
+    data, tip = model.createData(), model.nframes - 1
+    q = ours.integrate(model, ours.neutral(model), np.random.default_rng(1).standard_normal(model.nv))
+    for _ in range(3):
+        ours.computeJointJacobians(model, data, q)
+        before = ours.getFrameJacobian(model, data, tip, ours.WORLD)
+    bound = data._bound["getFrameJacobian"]
+    assert data.oMi is not None
+    assert data._bound["getFrameJacobian"] is bound
+    assert (ours.getFrameJacobian(model, data, tip, ours.WORLD) == before).all()
+    ours.crba(model, data, q)  # a new kind of call
+    assert data._bound["getFrameJacobian"] is bound

@@ -610,3 +610,32 @@ def test_copies_of_a_value_have_numbers_of_their_own(name: str) -> None:
         made = make(value)
         made._write(0.0)
     assert value._x.any()
+
+
+@pytest.mark.parametrize("name", ["Motion", "Force", "Inertia"])
+def test_sums_in_place_have_the_bits_of_sums_in_the_same_array(name: str) -> None:
+    a, b = (getattr(ours, name).Random() for _ in range(2))
+    for wanted, way in ((a + b, "__iadd__"), (a - b, "__isub__")):
+        held = a.copy()
+        numbers = held._x
+        assert getattr(held, way)(b) is held
+        assert held._x is numbers
+        assert held._x.tobytes() == wanted._x.tobytes()
+        with pytest.raises(TypeError, match=r"^other is "):
+            getattr(held, way)(3.0)
+        assert held == wanted
+
+
+def test_an_overflow_of_a_sum_in_place_warns_no_more_than_the_wheels() -> None:
+    v = ours.Motion(np.full(6, 1.7e308))
+    v += v
+    assert (v.vector == np.inf).all()
+
+
+def test_random_poses_take_the_numbers_of_the_generator_in_order() -> None:
+    from spatialdyn.compat.pinocchio.types import random, se3
+
+    ours.seed(3)
+    drawn = [ours.SE3.Random() for _ in range(50)]
+    ours.seed(3)
+    assert drawn == [se3._random(random.GENERATOR.random(6)) for _ in range(50)]

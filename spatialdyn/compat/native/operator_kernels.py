@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...algebra import public_arrays, spatial
+from ...algebra.euclidean import Vec
 from ...algebra.public_arrays import read_body, read_force, read_motion, read_pose, write_body, write_force, write_pose
 from ...algebra.scalars import inline
 from ...engines.compiled.memory import real_of, word
@@ -127,13 +128,15 @@ def on_motions(function: Operation) -> Operation:
 class Operator(NamedTuple):
     """A function of values: its arguments and its result, as names of ``KINDS``.
 
-    raw  the function takes the arrays themselves
+    raw      the function takes the arrays themselves
+    in_place  the result is written to the first argument, and the output is a truth, True
     """
 
     function: Operation
     inputs: dict[str, str]
     output: str
     raw: bool = False
+    in_place: bool = False
 
     @property
     def kinds(self) -> list[Kind]:
@@ -162,6 +165,14 @@ class Operator(NamedTuple):
             write(out, function(read0(x0), read1(x1), read2(x2)))
             return True
 
+        def to_first(x0: Any, x1: Any, out: Any) -> bool:
+            write_first(x0, function(read0(x0), read1(x1)))
+            write(out, 1.0)
+            return True
+
+        if self.in_place:
+            write_first = self.kinds[0].write
+            return to_first
         return (of_none, of_one, of_two, of_three)[len(reads)]
 
     def in_plain_python(self, *arrays: Any) -> Any:
@@ -183,7 +194,9 @@ class Operator(NamedTuple):
 
         inputs = {f"x{k}": described(kind, f"class{k}") for k, kind in enumerate(self.kinds)}
         output: Result = Truth() if self.output == "truth" else described(KINDS[self.output], "made")
-        name = "_".join([label(self.function), *self.inputs.values(), self.output, "raw" * self.raw])
+        name = "_".join(
+            [label(self.function), *self.inputs.values(), self.output, "raw" * self.raw, "in_place" * self.in_place]
+        )
         return Routine(inline(self.on_arrays()), inputs, output, name)
 
     def bind(self, slot: int, classes: Mapping[str, type], otherwise: Operation = unavailable) -> Operation:
@@ -191,6 +204,31 @@ class Operator(NamedTuple):
         owners = {f"class{k}": kind.owner for k, kind in enumerate(self.kinds)} | {"made": KINDS[self.output].owner}
         words = {x: id(classes[owner]) if owner else 0 for x, owner in owners.items()}
         return self.routine().bind({"slot": slot, **words}, *classes.values(), otherwise=otherwise)
+
+
+def draw_pose(generator: Any, slot: int, made: type, otherwise: Operation) -> Operation:
+    """A builtin ``() -> pose`` of ``operators.random_pose`` with draws of a generator of NumPy, in their order.
+
+    made  class of the pose, which has its array in the slot at an offset
+    """
+    words = {"slot": slot, "made": id(made), **_draws_of(generator)}
+    return _draw_pose.bind(words, generator, made, otherwise=otherwise)
+
+
+@routine(Owner((4, 4), "made", "slot"))
+def _draw_pose(next_double: int, state: int, out: Any) -> bool:
+    x, y, z = real_of(next_double, state), real_of(next_double, state), real_of(next_double, state)
+    turn = Vec(x, y, z)
+    x, y, z = real_of(next_double, state), real_of(next_double, state), real_of(next_double, state)
+    write_pose(out, operators.random_pose(spatial.Motion(Vec(x, y, z), turn)))
+    return True
+
+
+def _draws_of(generator: Any) -> dict[str, int]:
+    """Words: the address of the function that draws a number in [0, 1), which NumPy offers, and of its state."""
+    interface = generator.bit_generator.ctypes
+    address = ctypes.cast(interface.next_double, ctypes.c_void_p).value or 0
+    return {"next_double": address, "state": interface.state_address}
 
 
 def draw_between(
@@ -203,10 +241,8 @@ def draw_between(
 
     Returns None if not applicable. A call of the generator from Python takes far longer than a draw.
     """
-    interface = generator.bit_generator.ctypes  # NumPy offers it for compiled code
-    address = ctypes.cast(interface.next_double, ctypes.c_void_p).value or 0
     parts = np.array(units, np.int64).ravel()
-    words = {"units": parts, "count": len(units), "n": size, "next_double": address, "state": interface.state_address}
+    words = {"units": parts, "count": len(units), "n": size, **_draws_of(generator)}
     return _draw_between.bind({**words, **limits}, generator)
 
 

@@ -10,6 +10,7 @@ from ...algebra.public_arrays import read_body, read_pose, write_body, write_tan
 from ...algebra.records import inertia_of, motion_of, pose_of
 from ...algebra.scalars import inline
 from ...algebra.spatial import Pose, compose, momentum, motion_to_parent, zero_motion
+from ...engines.compiled.checks import all_finite, unit_norm
 from ...engines.compiled.memory import array_at, at, memory, places, release, table_at, word
 from ...engines.compiled.numba_kernels import OK
 from ...engines.compiled.table_kernels import kernel
@@ -92,16 +93,29 @@ def solve(v: Any, table: int, nv: int, U: int, D: int, scratch: int, out: Any) -
     return bool(_solve_upper(table_at(table), factors[0], factors[1], at(scratch, (nv, nv)), out.reshape(1, nv)) == 0)
 
 
-@routine((3, "nv"), k=Index("njoints"))
-def subtree_com_jacobian_at_recorded(k: int, table: int, nq: int, q: int, rows: int, njoints: int, out: Any) -> bool:
-    """The Jacobian of joint k's subtree at the recorded q; ``rows`` are those of the joints, as floats."""
+@inline
+def _subtree_com_jacobian_of(table: int, q: Any, root: Any, out: Any) -> None:
     bodies = table_at(table)
     space = len(bodies) * WORK_SIZE
     scratch = memory(space)
-    work = array_at(scratch, (len(bodies),), centroidal.WORK)
-    _subtree_com_jacobian(bodies, work, at(q, (nq,)), at(rows, (njoints,))[k : k + 1], out)
+    _subtree_com_jacobian(bodies, array_at(scratch, (len(bodies),), centroidal.WORK), q, root, out)
     release(scratch, space)
+
+
+@routine((3, "nv"), k=Index("njoints"))
+def subtree_com_jacobian_at_recorded(k: int, table: int, nq: int, q: int, rows: int, njoints: int, out: Any) -> bool:
+    """The Jacobian of joint k's subtree at the recorded q; ``rows`` are those of the joints, as floats."""
+    _subtree_com_jacobian_of(table, at(q, (nq,)), at(rows, (njoints,))[k : k + 1], out)
     return True
+
+
+@routine((3, "nv"), q=("nq",), k=Index("njoints"))
+def subtree_com_jacobian_at(q: Any, k: int, table: int, rows: int, njoints: int, out: Any) -> bool:
+    """The Jacobian of joint k's subtree at q, which is to be recorded."""
+    if not unit_norm(table_at(table), q):
+        return False
+    _subtree_com_jacobian_of(table, q, at(rows, (njoints,))[k : k + 1], out)
+    return bool(all_finite(out))
 
 
 factor_upper = deferred(lambda: kernel(_factor_upper, 2, 2, 2, 1, contract=False))

@@ -9,6 +9,7 @@ import numpy as np
 from ...native import tree_kernels
 from ..data.data import Data, library_of
 from ..data.dispatch import frame_index, joint_index, last_call
+from ..data.face import REFUSED
 from ..model.library_model import subtree_masses
 from ..model.model import Model
 from ..types.arguments import ArgumentError, Array
@@ -33,12 +34,29 @@ def jacobianSubtreeCenterOfMass(model: Model, data: Data, *given: Any, **named: 
 
     ``(model, data, q, subtree_root_joint_id)``, or ``(model, data, subtree_root_joint_id)`` at the last call's q.
     """
+    try:
+        run, call = data._bound["subtree"]
+        if run.library is model._library and not named:
+            found: Array | None = call(*given)
+            if found is None and run.library.follow():  # numbers were edited
+                found = call(*given)
+            if found is not None:
+                data.note_builtin_call(run)
+                return found
+    except REFUSED:
+        pass
     values = [*given, *(named[name] for name in ("q", "subtree_root_joint_id") if name in named)]
     if len(values) not in (1, 2):
         raise ArgumentError(f"jacobianSubtreeCenterOfMass got {len(values)} arguments, expected q and a joint")
     q = values[0] if len(values) == 2 else last_call(model, data, "oMi").q.copy()
     jacobianCenterOfMass(model, data, q)
-    return getJacobianSubtreeCenterOfMass(model, data, values[-1])
+    made, library = getJacobianSubtreeCenterOfMass(model, data, values[-1]), library_of(model, data)
+    if library.has_builtins:
+        run = data.run_of("subtree_com_jacobian", library)
+        words = {"rows": library.row_numbers, **library.words, "njoints": model.njoints}
+        call = tree_kernels.subtree_com_jacobian_at.bind(words, library, run, record=run.recording(1))
+        data._bound["subtree"] = run, call
+    return made
 
 
 def getJacobianSubtreeCenterOfMass(model: Model, data: Data, subtree_root_joint_id: int) -> Array:

@@ -163,7 +163,9 @@ def constraintDynamics(
             if found is None and library.follow():  # numbers were edited
                 found = call(q, v, tau, settings._x)
             if found is not None:
-                run.contact, data.contacts = solved, (data.contacts[0], settings)
+                run.contact = solved
+                if data.contacts[1] is not settings:  # an attribute of Data takes long to write
+                    data.contacts = data.contacts[0], settings
                 data.note_builtin_call(before)
                 data.note_builtin_call(run)
                 return found

@@ -117,7 +117,7 @@ class Data(Stored, Registered, Copied):
             stamp = 0 if run is None else run.stamp
             run = self._runs[name] = Run(name, library, shape, Data.note_latest)
             run.stamp = stamp
-            self._bound.clear()
+            self._unbind()
             self._sources.clear()
             run.hold(self._held, self._recompute)
         return run
@@ -143,20 +143,23 @@ class Data(Stored, Registered, Copied):
 
     def note_builtin_call(self, run: Run) -> None:
         """Note a Run whose builtin was called just now, and recompute the held fields by their builtins."""
-        if run.after is not None:
+        if run.after is not None and self._noted is not run:
             self.note_latest(run)
         if run.recompute is not None and run.recompute() is None:
             self.recompute_held(run)
 
     def note_latest(self, run: Run) -> None:
         """Note a Run as the one that getters of Jacobians read."""
-        for name in run.kind.getters:
-            before = self._latest.get(name)
-            self._latest[name] = self._noted = run
+        getters, latest = run.kind.getters, self._latest
+        for name in getters:
+            before = latest.get(name)
             if before is not run:
+                latest[name] = run
                 for key in () if before is None else before.bound.get(name, ()):
                     self._bound.pop(key, None)
                 self._bound.update(run.bound.get(name, ()))
+        if getters and self._noted is not run:  # an attribute of Data takes long to write
+            self._noted = run
 
     def bind_latest(self, name: str, run: Run, made: Mapping[str, Any]) -> None:
         """Have builtins about the inputs of a Run for as long as it is the one that a getter reads."""
@@ -198,9 +201,15 @@ class Data(Stored, Registered, Copied):
 
     def _bind_held(self) -> None:
         """Have every Run write the held fields; builtins on other arrays are dropped."""
-        self._bound.clear()
+        self._unbind()
         for run in self._runs.values():
             run.hold(self._held, self._recompute)
+
+    def _unbind(self) -> None:
+        """Drop the builtins but those about the inputs of the latest Runs, which are on no held array."""
+        self._bound.clear()
+        for name, run in self._latest.items():
+            self._bound.update(run.bound.get(name, ()))
 
     def put(self, name: str, value: Any) -> None:
         """Assign a field whole: in place if its array is held and of that shape, else as a new array."""

@@ -381,6 +381,9 @@ CALL_KINDS: dict[str, Kind] = {
     "com1": _kind("center_of_mass", "q v", f"{MASSES} v vcom", 1),
     "com2": _kind("center_of_mass", "q v a", f"{MASSES} v vcom a acom", 2),
     "com_jacobian": _kind("com_jacobian", "q", f"{MASSES} J", Jcom=result, com=world_com),
+    "subtree_com_jacobian": _kind(
+        "", "q", f"{MASSES} J", Jcom=CallRecipe("com_jacobian", "q"), com=world_com
+    ),
     "ccrba": _kind("centroidal_map", "q v", f"{MAP} Ig hg", 1, Ag=result),
     "dccrba": _kind("centroidal_map_dot", "q v", f"{MAP_DOT} Ag Ig hg v vcom", dAg=result),
     "map": _kind("centroidal_map", "q", MAP, Ag=result),

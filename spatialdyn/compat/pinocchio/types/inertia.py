@@ -28,7 +28,7 @@ from .random import GENERATOR
 from .rotations import skew, skewSquare
 from .se3 import SE3
 from .symmetric import six
-from .value import InFrames, Summable, as_array, on_values, part, preset
+from .value import IN_PLACE, InFrames, Summable, as_array, on_values, part, preset
 
 __all__ = ["Inertia"]
 
@@ -139,6 +139,8 @@ class Inertia(Summable, InFrames, kind="Body", near=operators.near_bodies):
 
     __add__ = on_values("__add__", operators.add_bodies, "Body", self="Body", other="Body")
     __sub__ = on_values("__sub__", operators.without, "Body", self="Body", other="Body")
+    __iadd__ = on_values("add", operators.add_bodies, "truth", form=IN_PLACE, self="Body", other="Body")
+    __isub__ = on_values("sub", operators.without, "truth", form=IN_PLACE, self="Body", other="Body")
     __mul__ = on_values("__mul__", operators.body_momentum, "Force", self="Body", v="Motion")
     _to_parent = on_values("act", operators.body_to_parent, "Body", self="Pose", I="Body")
     _to_child = on_values("actInv", operators.body_to_child, "Body", self="Pose", I="Body")

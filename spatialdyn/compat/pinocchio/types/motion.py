@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any, ClassVar, TypeVar, cast
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -11,11 +10,9 @@ from ....algebra import spatial
 from ...native import operators
 from .arguments import OMITTED, ArgumentError, Array, array, described, of_pinocchio, only, row
 from .random import uniform
-from .value import InFrames, Summable, on_values, own_value, part, preset
+from .value import IN_PLACE, TIMES, TIMES_LEFT, InFrames, Summable, on_values, own_value, part, preset
 
 __all__ = ["Force", "Motion"]
-
-Vector = TypeVar("Vector", bound="Spatial")
 
 FLOAT = np.dtype(np.float64)
 _joined = on_values("joined", spatial.Motion, "motion", angular="vec", linear="vec")
@@ -26,8 +23,6 @@ class Spatial(Summable, InFrames):
 
     _arguments = ("linear", "angular")
     _letters: ClassVar[tuple[str, str]]
-    _scaled: ClassVar[Callable[..., Any]]
-    _divided: ClassVar[Callable[..., Any]]
 
     def __init__(
         self, linear: Any = OMITTED, angular: Any = OMITTED, *, array: Any = OMITTED, clone: Any = OMITTED
@@ -63,17 +58,6 @@ class Spatial(Summable, InFrames):
         x.flags.writeable = bool(copy)  # a write to it would be lost
         return x
 
-    def __mul__(self: Vector, scale: Any) -> Vector:
-        return self._scaled(float(scale)) if isinstance(scale, (float, int)) else NotImplemented
-
-    def __rmul__(self: Vector, scale: Any) -> Vector:
-        if isinstance(scale, (float, int)):
-            return self._scaled(float(scale))  # type: ignore[no-any-return]
-        return cast(Vector, self._reflected(scale, "__mul__"))
-
-    def __truediv__(self: Vector, scale: Any) -> Vector:
-        return self._divided(float(scale)) if isinstance(scale, (float, int)) else NotImplemented
-
     def __repr__(self) -> str:
         linear, angular = self._letters
         return f"{linear} = {row(self._x[:3])}\n{angular} = {row(self._x[3:])}\n"
@@ -87,9 +71,12 @@ class Force(Spatial, kind="Force"):
     _letters = ("  f", "tau")
     __add__ = on_values("__add__", spatial.add_force, "Force", self="Force", other="Force")
     __sub__ = on_values("__sub__", spatial.sub_force, "Force", self="Force", other="Force")
+    __iadd__ = on_values("add", spatial.add_force, "truth", form=IN_PLACE, self="Force", other="Force")
+    __isub__ = on_values("sub", spatial.sub_force, "truth", form=IN_PLACE, self="Force", other="Force")
     __neg__ = on_values("__neg__", operators.minus_force, "Force", self="Force")
-    _scaled = on_values("scaled", operators.scaled_force, "Force", self="Force", s="number")
-    _divided = on_values("divided", operators.divided_force, "Force", self="Force", s="number")
+    __mul__ = on_values("__mul__", operators.scaled_force, "Force", form=TIMES, self="Force", s="number")
+    __rmul__ = on_values("__rmul__", operators.scaled_force, "Force", form=TIMES_LEFT, self="Force", s="number")
+    __truediv__ = on_values("__truediv__", operators.divided_force, "Force", form=TIMES, self="Force", s="number")
     _to_parent = on_values("act", spatial.force_to_parent, "Force", self="Pose", x="Force")
     _to_child = on_values("actInv", spatial.force_to_child, "Force", self="Pose", x="Force")
     Zero = staticmethod(on_values("Zero", spatial.zero_force, "Force", "Zero."))
@@ -106,9 +93,14 @@ class Motion(Spatial, kind="Motion"):
     _letters = ("  v", "  w")
     __add__ = on_values("__add__", spatial.add_motion, "Motion", self="Motion", other="Motion")
     __sub__ = on_values("__sub__", spatial.sub_motion, "Motion", self="Motion", other="Motion")
+    __iadd__ = on_values("add", spatial.add_motion, "truth", form=IN_PLACE, self="Motion", other="Motion")
+    __isub__ = on_values("sub", spatial.sub_motion, "truth", form=IN_PLACE, self="Motion", other="Motion")
     __neg__ = on_values("__neg__", operators.minus_motion, "Motion", self="Motion")
-    _scaled = on_values("scaled", operators.scaled_motion, "Motion", self="Motion", s="number")
-    _divided = on_values("divided", operators.divided_motion, "Motion", self="Motion", s="number")
+    __mul__ = on_values("__mul__", operators.scaled_motion, "Motion", form=TIMES, self="Motion", s="number")
+    __rmul__ = on_values("__rmul__", operators.scaled_motion, "Motion", form=TIMES_LEFT, self="Motion", s="number")
+    __truediv__ = on_values(
+        "__truediv__", operators.divided_motion, "Motion", form=TIMES, self="Motion", scale="number"
+    )
     _to_parent = on_values("act", spatial.motion_to_parent, "Motion", self="Pose", x="Motion")
     _to_child = on_values("actInv", spatial.motion_to_child, "Motion", self="Pose", x="Motion")
     Zero = staticmethod(on_values("Zero", spatial.zero_motion, "Motion", "Zero."))

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 import numpy as np
 
 from ....algebra import spatial
-from ...native import operators
+from ....engines.object_layout import slot_offset
+from ....engines.programs.run.single_call import READY
+from ...native import operator_kernels, operators
 from .arguments import OMITTED, ArgumentError, Array, array, described, of_pinocchio, only, row, rows
 from .random import GENERATOR
 from .rotations import Quaternion
@@ -76,7 +80,7 @@ class SE3(Value, kind="Pose", near=operators.near_poses, same=operators.same_pos
     @staticmethod
     def Random() -> SE3:
         """A uniform random rotation and a random translation within ±1 m."""
-        return _random(GENERATOR.random(6))  # type: ignore[no-any-return]
+        return _draw()()  # type: ignore[no-any-return]
 
     Interpolate = staticmethod(
         on_values(
@@ -105,17 +109,25 @@ class SE3(Value, kind="Pose", near=operators.near_poses, same=operators.same_pos
 
     def act(self, other: Any) -> Any:
         """A point (3,), SE3, Motion, Force or Inertia from the frame to the reference frame."""
-        move = _point_to_parent if type(other) is np.ndarray else getattr(type(other), "_to_parent", None)
-        if move is None and (mine := own_value(other)) is not None:
-            return self.act(mine)
-        return (move or _point_to_parent)(self, other)
+        if type(other) is np.ndarray:
+            return _point_to_parent(self, other)
+        try:
+            move = type(other)._to_parent
+        except AttributeError:
+            mine = own_value(other)
+            return _point_to_parent(self, other) if mine is None else self.act(mine)
+        return move(self, other)
 
     def actInv(self, other: Any) -> Any:
         """A point (3,), SE3, Motion, Force or Inertia from the reference frame to the frame."""
-        move = _point_to_child if type(other) is np.ndarray else getattr(type(other), "_to_child", None)
-        if move is None and (mine := own_value(other)) is not None:
-            return self.actInv(mine)
-        return (move or _point_to_child)(self, other)
+        if type(other) is np.ndarray:
+            return _point_to_child(self, other)
+        try:
+            move = type(other)._to_child
+        except AttributeError:
+            mine = own_value(other)
+            return _point_to_child(self, other) if mine is None else self.actInv(mine)
+        return move(self, other)
 
     def isIdentity(self, prec: float = 1e-12) -> bool:
         """Whether no entry differs from the identity's by more than prec."""
@@ -127,6 +139,16 @@ class SE3(Value, kind="Pose", near=operators.near_poses, same=operators.same_pos
     def __repr__(self) -> str:
         text = np.array2string(self._x, separator=", ").replace("\n", "").replace("], [", "],[").replace(",  [", ",[")
         return f"SE3(array({text}))"
+
+
+@cache
+def _draw() -> Callable[..., Any]:
+    def in_python() -> Any:
+        return _random(GENERATOR.random(6))
+
+    if not READY:
+        return in_python
+    return operator_kernels.draw_pose(GENERATOR, slot_offset(Value, "_x"), SE3, in_python)
 
 
 def _homogeneous(given: Any) -> Array:

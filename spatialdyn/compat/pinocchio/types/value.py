@@ -198,14 +198,23 @@ def as_array(read: Callable[[Any], Array]) -> Callable[..., Array]:
 
 
 def on_values(
-    name: str, function: Callable[..., Any], output: str, doc: str | None = "", /, raw: bool = False, **inputs: str
+    name: str,
+    function: Callable[..., Any],
+    output: str,
+    doc: str | None = "",
+    /,
+    raw: bool = False,
+    form: Callable[..., Any] | None = None,
+    **inputs: str,
 ) -> Callable[..., Any]:
     """The function ``name`` of arguments and a result of these kinds, computed by a function of compiled code.
 
     See ``operator_kernels.Operator``. Arguments of other types, as lists or arrays of integers, are converted, or raise
     ArgumentError; where the name is an operator of Python, it returns NotImplemented. Compiled at its first call.
+
+    form  what is made of the arguments and of ``call``, which computes the result; by default that is returned
     """
-    operator = operator_kernels.Operator(function, inputs, output, raw)
+    operator = operator_kernels.Operator(function, inputs, output, raw, form is IN_PLACE)
 
     def first(*given: Any) -> Any:
         scope["call"] = bound(convert)
@@ -232,7 +241,7 @@ def on_values(
         return Value._classes[output].over(found) if output in Value._classes else found
 
     scope: dict[str, Any] = {"call": first, "__name__": module_of_caller()}
-    code = _CALLS[len(inputs)].__code__.replace(co_name=name, co_varnames=tuple(inputs))
+    code = (form or _CALLS[len(inputs)]).__code__.replace(co_name=name, co_varnames=tuple(inputs))
     made = FunctionType(code, scope, name, tuple(x.default for x in operator.kinds if x.default is not None))
     made.__qualname__, made.__doc__ = name, doc
     return made
@@ -243,6 +252,12 @@ call: Callable[..., Any] = unavailable
 _CALLS: tuple[Any, ...] = (
     lambda: call(), lambda a: call(a), lambda a, b: call(a, b), lambda a, b, c: call(a, b, c)
 )  # fmt: skip
+# other forms: the result is written to the first argument; a factor, from the right and from the left
+IN_PLACE: Any = lambda a, b: call(a, b) and a  # noqa: E731
+TIMES: Any = lambda a, b: call(a, float(b)) if isinstance(b, (float, int)) else NotImplemented  # noqa: E731
+TIMES_LEFT: Any = lambda a, b: (  # noqa: E731
+    call(a, float(b)) if isinstance(b, (float, int)) else a._reflected(b, "__mul__")
+)
 
 
 def _converted(x: Any, kind: str, what: str) -> Any:
