@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import gc
 import inspect
 import pickle
@@ -21,6 +22,7 @@ from spatialdyn.compat.pinocchio.data.face import REQUIRED, Face, Input
 from spatialdyn.compat.pinocchio.data.field_recipes import CALL_KINDS
 from spatialdyn.compat.pinocchio.types.arguments import OMITTED
 from spatialdyn.compat.pinocchio.types.tracked_list import OwnedList
+from spatialdyn.engines.programs.run import single_call
 
 STUB = Path(calls.__file__).with_suffix(".pyi")
 HEAD = '''"""The functions of ``table.FACES``, for type checkers: made by tests/compat/test_face.py."""
@@ -266,3 +268,24 @@ def test_a_copy_of_a_model_is_freed_at_once() -> None:
 
 if __name__ == "__main__":
     STUB.write_text(stub(), encoding="utf-8")
+
+
+def test_a_plan_outlives_an_edit_of_its_model_during_the_call() -> None:
+    """As by another thread, which may run while an entry is in plain Python."""
+    model = pin.buildSampleModelManipulator()
+    q, seen = pin.neutral(model), []
+    pin.isNormalized(model, q)
+    plan = weakref.ref(model._plans["isNormalized"])
+
+    def edit(*addresses: int) -> int:
+        model.names[1] = "another"
+        seen.append((plan() is not None, "isNormalized" in model._plans))
+        return 0  # the call is Python's
+
+    entry = ctypes.PYFUNCTYPE(ctypes.c_int64, *[ctypes.c_int64] * 3)(edit)
+    words = ctypes.cast(entry, ctypes.c_void_p).value or 0, 0, single_call.NO_LIMIT.ctypes.data
+    single_call.change(model._plans["isNormalized"], words, entry)
+    assert pin.isNormalized(model, q)
+    assert seen == [(True, False)]
+    assert plan() is None
+    assert pin.isNormalized(model, q)

@@ -82,8 +82,8 @@ class CallWriter(Body):
     inputs   addresses of the numbers of the inputs, ``sizes`` of their ends; ``%m`` counts them
     cells    words of inputs that are an index or a choice
     outputs  addresses of the numbers of the results; ``results`` their objects: null for a number, in ``number``
-    kept     references to the run of the data and to its plan, which other threads may replace while a program in plain
-             Python runs; null without
+    kept     references to the plan of a model, or to the run of the data and to its plan, which other threads may
+             replace while a program in plain Python runs; null without
     code     three words of the plan's program; ``record`` that of the plan; ``shapes`` of its results and inputs
     amount   number of results; ``several`` how they are returned
     """
@@ -148,7 +148,7 @@ class CallWriter(Body):
         return self.put(f"shl i64 1, {k}")
 
     def release(self) -> None:
-        """Drop the references to the run and its plan, if any."""
+        """Drop the references to a plan and a run, if any."""
         for cell in self.kept:
             self.do(f"call void {self.process('down')}(ptr {self.load('ptr', cell)})")  # null is allowed
 
