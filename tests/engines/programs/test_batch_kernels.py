@@ -169,7 +169,7 @@ OF_PAIRS = {  # calls that have a case of their own for (cos, sin), and the thre
 }  # fmt: skip
 AT_ONCE = [(tree, name) for tree in TREES for name in CALLS if name in (MAIN_CALLS if tree == "fixed" else OF_PAIRS)]
 OTHERS = [name for name in CALLS if name not in MAIN_CALLS and name not in OF_PAIRS]
-IN_TURN = [*((TREES[0], name) for name in OF_PAIRS), *((TREES[k % 2], name) for k, name in enumerate(OTHERS))]
+IN_TURN = [*((TREES[0], name) for name in sorted(OF_PAIRS)), *((TREES[k % 2], name) for k, name in enumerate(OTHERS))]
 EACH = [*AT_ONCE, *(x for x in IN_TURN if x not in AT_ONCE)]  # call, on one of the trees or on both
 
 
