@@ -33,7 +33,7 @@ computeABADerivatives(m, d, None)  computeABADerivatives(m, d, q, v, None)
 computeABADerivatives(m, d, None, None, None)  computeForwardKinematicsDerivatives(m, d, q, v, None)
 rnea(m, d, q, v, None)  crba(m, d, q, None)
 getFrameVelocity(m, d, 1, None)  getVelocity(m, d, 1, None)  getFrameJacobian(m, d, 1, None)
-Model(None)  Data(None)
+Model(None)  Data(None)  isNormalized(m, q, None)  computeTotalMass(m, None)  randomConfiguration(m, None, None)
 m.copy().appendBodyToJoint(1, pin.Inertia.Zero(), None)  classicAcceleration(pin.Motion.Zero(), None)
 """
 REPEATED = 2  # rounds on one data: a builtin answers where a first call was recorded
@@ -105,6 +105,8 @@ def test_none_is_no_argument_that_was_left_out(round_: int) -> None:
             pin.forwardKinematics(model, data, q, v)
             pin.aba(model, data, q, v, v)
             pin.computeAllTerms(model, data, q, v)
+            for _ in range(2):
+                pin.isNormalized(model, q), pin.computeTotalMass(model), pin.randomConfiguration(model, q - 1.0, q)
     for call in (x for line in NO_ARGUMENT.strip().split("\n") for x in line.split("  ")):
         text = call if call.startswith("m.") else f"pin.{call}"
         x, y = (attempt(eval, text, scope) for scope in scopes)

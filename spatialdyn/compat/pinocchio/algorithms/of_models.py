@@ -19,7 +19,7 @@ from ..data.face import Face, key_of_model
 from ..model.joint_tree import NO_LIMIT
 from ..model.library_model import LibraryModel, library_model
 from ..model.model import Model
-from ..types.arguments import Array, expected, number
+from ..types.arguments import OMITTED, Array, expected, number
 from ..types.random import GENERATOR
 
 FAR = 1e30  # products of seven such numbers are finite
@@ -123,15 +123,15 @@ def is_same_configuration(face: Face, model: Model, q1: Any, q2: Any, prec: Any)
 
 def random_configuration(face: Face, model: Model, lower: Any, upper: Any) -> Array:
     """``randomConfiguration``."""
-    units, given = _library_of(model).units, [x for x in (lower, upper) if x is not None]
+    units, given = _library_of(model).units, [x for x in (lower, upper) if x is not OMITTED]
     limits = {"lower": model.lowerPositionLimit, "upper": model.upperPositionLimit} if not given else {}
     if READY:
         key = key_of_model(face, *["lower_bound", "upper_bound"] * bool(given))
         draw = kept(model, key, lambda: operator_kernels.draw_between(GENERATOR, model.nq, units, **limits))
         if len(given) != 1 and (found := draw(*given)) is not None:
             return found  # type: ignore[no-any-return]
-    lower = model.lowerPositionLimit if lower is None else vector("lower_bound", lower, model.nq)
-    upper = model.upperPositionLimit if upper is None else vector("upper_bound", upper, model.nq)
+    lower = model.lowerPositionLimit if lower is OMITTED else vector("lower_bound", lower, model.nq)
+    upper = model.upperPositionLimit if upper is OMITTED else vector("upper_bound", upper, model.nq)
     if READY and given:
         return draw(lower, upper)  # type: ignore[no-any-return]
     q = np.array([*map(operators.between, lower.tolist(), upper.tolist(), GENERATOR.random(model.nq))])
@@ -140,13 +140,13 @@ def random_configuration(face: Face, model: Model, lower: Any, upper: Any) -> Ar
     return q
 
 
-def total_mass(face: Face, model: Model, data: Data | None) -> float:
+def total_mass(face: Face, model: Model, data: Data) -> float:
     """``computeTotalMass``."""
-    if data is not None:
+    if data is not OMITTED:
         library_of(model, data)
     numbers = expected(model, Model, "model")._numbers
     mass: float = sum(numbers.masses.tolist(), 0.0)
-    if data is not None:
+    if data is not OMITTED:
         data.hold("mass")[0] = mass
     elif READY:
         kept(model, key_of_model(face), lambda: Follower(numbers.inertias)).keep(mass)

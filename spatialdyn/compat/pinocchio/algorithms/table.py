@@ -56,8 +56,8 @@ LISTED, LISTED_LOCALLY = (((FRAME, x), (JOINT, PLACEMENT, x)) for x in (REFERENC
 Q1, Q2 = (Input(x, "n", "Numbers", "(nq,) joint positions [rad | m]") for x in ("q1", "q2"))
 ALPHA = Input("alpha", "n", "float", "from 0 at q1 to 1 at q2")
 PREC = Input("prec", "n", "float", "a precision")
-LOWER, UPPER = (Input(f"{x}_bound", "n", "Numbers", f"(nq,) {x} bounds", None) for x in ("lower", "upper"))
-OWN_DATA = Input("data", "n", "Data", "whose ``mass[0]`` is written, if any", None)
+LOWER, UPPER = (Input(f"{x}_bound", "n", "Numbers", f"(nq,) {x} bounds", OMITTED) for x in ("lower", "upper"))
+OWN_DATA = Input("data", "n", "Data", "whose ``mass[0]`` is written, if any", OMITTED)
 OPTIONAL = FRAME.otherwise(None), REFERENCE.otherwise(None), AFTER, JOINT.otherwise(None), PLACEMENT.otherwise(None)
 
 

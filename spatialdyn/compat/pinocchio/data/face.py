@@ -248,7 +248,7 @@ def _builtin(face: Face, python: Callable[..., Any], k: int, count: int) -> Call
     switch = switches.index(True) if any(switches) else -1
     if not face.of_data:
         listed = [intern(key_of_model(face, *(x.name for x in chosen))) for chosen in choices]
-        return builtin(k, count, python, parameters, listed, Model, None, face.signature)
+        return builtin(k, count, python, parameters, listed, Model, None, face.signature, nones=True)
     framed = face.about_frame
     key_of, runs, owner = (_frame_key, "_bound", "owner") if framed else (_key, "_runs", "library")
     attribute, run = "_frame_placements" if framed and not face.of_joints else "_library", Bound if framed else Run
@@ -256,7 +256,7 @@ def _builtin(face: Face, python: Callable[..., Any], k: int, count: int) -> Call
     functions = Data.recompute_held, Run.follow, made
     following = Following(Data, runs, "_noted", attribute, run, *slots, *functions, switch, LOCALLY, WORLD)
     keys = [intern(key_of(face, x)) for x in choices]
-    return builtin(k, count, python, parameters, keys, None, following, face.signature)
+    return builtin(k, count, python, parameters, keys, None, following, face.signature, nones=True)
 
 
 def function(face: Face, module: str, k: int, count: int) -> Callable[..., Any]:

@@ -61,8 +61,9 @@ class ArgumentText(CallWriter):
         self.do(f"%given = phi i64 [ %every, {before} ], [ %every, %switch ], [ {cleared}, {last} ]")
 
     def _given_bit(self, value: str, k: str) -> str:
-        """Bit k if a value is not None; a None is given too in calls on a data object."""
-        there = self.either(self.put(f"icmp ne ptr {value}, {self.none}"), self.with_data)
+        """Bit k if a value is given: not None, or any in a form with ``nones``."""
+        nones = self.put(f"icmp ne i64 {self.form('nones')}, 0")
+        there = self.either(self.put(f"icmp ne ptr {value}, {self.none}"), nones)
         return self.put(f"shl i64 {self.put(f'zext i1 {there} to i64')}, {k}")
 
     def _by_position(self, first: str, positional: str, before: str) -> None:

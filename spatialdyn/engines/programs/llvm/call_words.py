@@ -24,7 +24,7 @@ FOLLOWED = (
 )  # fmt: skip
 FORM = (
     "python", "model_type", "plans", "plan", "count", "required", "optional", "choices", "named", "rest", "out",
-    "before", *FOLLOWED,
+    "before", "nones", *FOLLOWED,
 )  # fmt: skip
 #   python       the Python function
 #   model_type   class of the first argument, whose dict is ``plans`` bytes from its start; 0 without a model
@@ -35,6 +35,7 @@ FORM = (
 #   named        position of the first word, -1 if there is none; ``rest`` has the bits of the others, shifted behind it
 #   out          bit of the parameter out
 #   before       number of arguments before the parameters: the model, if any, and the data, if any
+#   nones        1 if None is a value like others; 0 if it stands for what is left out
 # of a call with a second argument, its data, which has a dict of runs by the keys below; offsets are bytes to slots:
 #   data_type       class of the data, whose dict is at ``runs``; 0 without
 #   attribute_name  that of the model's attribute that has to be what a run has at ``library``

@@ -134,6 +134,7 @@ def _form(
     model: tuple[type, str] | None,
     plan: layout.Words | None,
     data: Following | None = None,
+    nones: bool = False,
 ) -> layout.Words:
     """The words of a form; see FORM."""
     optional = [k for k, x in enumerate(parameters) if x.optional and x.kind == ARRAY]
@@ -154,6 +155,7 @@ def _form(
         "rest": (1 << len(named[1:])) - 1,
         "out": sum(1 << k for k, x in enumerate(parameters) if x.kind == OUT),
         "before": 0 if model is None and data is None else 1 if data is None else 2,
+        "nones": int(nones),
         **(dict.fromkeys(FOLLOWED, 0) | {"switch": -1} if data is None else data.words()),
     }
     names = [sys.intern(x.name) for x in parameters]
@@ -260,14 +262,16 @@ def builtin(
     model: type | None,
     data: Following | None = None,
     signature: str = "",
+    nones: bool = False,
 ) -> Callable[..., Any]:
     """The builtin of call ``k`` of ``count``, with a Python function's name, signature and docstring.
 
     keys       for each choice of optional inputs: of a plan in the slot ``_plans`` of a model, or of a run of data
     model      class of its first argument; None for one with data
     signature  parameters in the docstring; those of the Python function if empty
+    nones      whether None is a value like others, not what is left out
     """
-    form = _form(python, parameters, keys, None if model is None else (model, "_plans"), None, data)
+    form = _form(python, parameters, keys, None if model is None else (model, "_plans"), None, data, nones)
     layout.never_free(form)  # the function is never freed either
     ctypes.cast(_forms_of(count), ctypes.POINTER(ctypes.c_int64))[k] = form.ctypes.data
     doc = f"{python.__name__}{signature or inspect.signature(python)}\n--\n\n{python.__doc__}"
