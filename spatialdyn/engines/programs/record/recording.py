@@ -295,15 +295,11 @@ def most_rows(spec: Spec) -> int:
 
     The lines of a call that walks the tree grow as the rows do, with the numbers in a row of its scratch: rnea has 97
     of a row, aba 280 to 325. The code of such programs for one sample and that for batches are compiled in up to 8 s of
-    CPU time each. On an AMD EPYC with AVX-512 they take less time than lanes: for chains of mixed joints of 156 to 468
-    rows rnea takes 5.8 to 6.6 ns a row where lanes take 8.2 to 9.2, for 94 to 181 rows aba takes 12 to 15 ns where
-    lanes take 22 to 24. On one with AVX2 aba took 59 ns with 208 rows, and 102 ns while other processes used the
-    caches. At any length 2 to 3 million samples of batches save the time of compiling
-    (``benchmarks/chains.py --crossover``).
-
-    For single calls too a longer program does not pay: on a Zen 4 one aba of a chain of 300 rows takes 19 µs by its
-    compiled program and 38 µs in the table kernel, so that 220 000 calls save the 4 s of compiling; interpreted until
-    then it takes 100 µs.
+    CPU time each. On a Zen 4, beside other work, aba of 94 to 468 rows takes 13 to 17 ns a row where lanes take 23 to
+    26; rnea takes 5.6 to 10.6 ns where lanes take 7.9 to 10.2. On an EPYC with AVX2 aba took 59 ns with 208 rows, and
+    102 ns while other processes used the caches. 2 to 5 million samples of batches save the time of compiling. For
+    single calls too a longer program pays late: aba of 94 to 468 rows takes 59 to 79 ns a row by its compiled program,
+    89 to 99 ns in the table kernel, and 382 to 444 ns interpreted until then (``benchmarks/chains.py --crossover``).
     """
     if spec.composed or spec.work is None:
         return MOST_ROWS
