@@ -8,6 +8,7 @@ warning counts as an error.
 from __future__ import annotations
 
 import ast
+import copy
 import inspect
 import linecache
 import math
@@ -105,9 +106,9 @@ COMPILED = ("Promise", "bounded", "hamilton_simulation", "simulate", "recommend"
 
 
 def odd(name: str) -> Any:
-    """The value of that name."""
+    """A new value of that name: calls with ``out`` write into theirs."""
     made: dict[str, Any] = {"model": other, "generator": lambda: (x for x in "ab")}
-    return made.get(name, lambda: ODD[name])()
+    return made[name]() if name in made else copy.deepcopy(ODD[name])
 
 
 @cache

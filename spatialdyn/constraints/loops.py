@@ -88,7 +88,9 @@ def project_velocity(model: Model, constraints: Constraints, q: ArrayLike, v: Ar
     True
     """
     v, rate = constraint_rate(model, constraints, q, v)
-    made: Array = v + velocity_response(model, constraints, q, v, -rate)[0]
+    change = velocity_response(model, constraints, q, v, -rate)[0]
+    with np.errstate(invalid="ignore"):  # infinite ones have none nearest: NaN
+        made: Array = v + change
     return made
 
 

@@ -90,7 +90,7 @@ def poisson_bracket(
 
     Returns {F, G}, with an error of about 1e-12 of F G for functions that vary over a radian or a metre.
     Raises  ShapeError for more than one state; SpatialDynError if a function returns no number or the step is not
-            positive; NonFiniteError if a number is not finite.
+            positive; NonFiniteError if a number, of q or p too, is not finite.
 
     >>> import spatialdyn as sd
     >>> model = sd.load_urdf("two_link")
@@ -102,6 +102,8 @@ def poisson_bracket(
     for name, x, size in (("q", q, model.nq), ("p", p, model.nv)):
         if x.shape != (size,):
             raise ShapeError(f"{name} has shape {x.shape}, expected ({size},): a bracket is of one state")
+        if not np.isfinite(x).all():
+            raise NonFiniteError(f"{name} is {literal(x)}, expected finite numbers")
     if not LEAST_STEP <= as_number(step) < np.inf:
         raise SpatialDynError(f"step is {literal(step)}, expected a positive number, {LEAST_STEP:g} at least")
     for f, name in ((F, "F"), (G, "G")):

@@ -217,6 +217,8 @@ def test_projections_are_the_shortest_in_kinetic_energy(seed: int) -> None:
     assert abs(J @ kept).max() <= 1e2 * EPS * abs(J).max() * abs(wild).max()
     assert abs(free @ M @ (kept - wild)).max() <= 1e3 * EPS * abs(M).max() * abs(wild).max()
     assert abs(sd.project_velocity(model, held, closed, kept) - kept).max() <= 1e2 * EPS * abs(kept).max()
+    endless = np.where(np.arange(model.nv) == 0, np.inf, wild)
+    assert np.isnan(sd.project_velocity(model, held, closed, endless)[0])  # none is nearest, and NumPy warns of nothing
 
 
 def test_projection_of_a_batch_with_quaternions() -> None:

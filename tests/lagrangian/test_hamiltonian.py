@@ -615,6 +615,9 @@ def test_bracket_of_what_is_no_function_of_one_state_is_refused() -> None:
         sd.poisson_bracket(model, 3, one, np.zeros(2), np.zeros(2))  # type: ignore[arg-type]
     with pytest.raises(sd.NonFiniteError, match="F returned nan, expected a finite number"):
         sd.poisson_bracket(model, lambda q, p: math.nan, one, np.zeros(2), np.zeros(2))
+    for q, p, name in ((np.zeros(2), [math.inf, 0.0], "p"), ([0.0, math.nan], np.zeros(2), "q")):
+        with pytest.raises(sd.NonFiniteError, match=rf"{name} is .*, expected finite numbers"):
+            sd.poisson_bracket(model, one, one, q, p)
     for step in (0.0, -1.0, math.nan, "small"):
         with pytest.raises(sd.SpatialDynError, match="step is"):
             sd.poisson_bracket(model, one, one, np.zeros(2), np.zeros(2), step)  # type: ignore[arg-type]
