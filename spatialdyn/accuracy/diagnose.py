@@ -264,6 +264,8 @@ def _unfelt(model: Model, positions: Array) -> Iterator[Finding]:
         I = _spatial_inertia(model, joint.row)
         if not I.any():
             continue
+        if joint.mimic is None and np.linalg.eigvalsh(I)[0] > 64 * EPS * np.linalg.norm(abs(I)):
+            continue  # the joint's own columns of J are not 0, so what they add is more than rounding
         J = np.asarray(calls["frame_jacobian"](model, positions, f"joint:{joint.name}"))
         added = np.einsum("kia,ij,kja->ka", J, I, J)
         size = np.einsum("kia,ij,kja->ka", abs(J), abs(I), abs(J))

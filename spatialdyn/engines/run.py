@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from ..bodies.static_table import StaticTable
 from ..bodies.table import ANY_NORM
-from ..recursions.spec import Spec
+from ..recursions.spec import Spec, shape_in, sizes_of
 from ..waiting import watch
 from . import locks, mimic_batches, threads
 from .compiled import entries, lane_batches, lane_names, numba_kernels, tiers
@@ -273,7 +273,10 @@ def _few(spec: Spec, table: Table, static: tuple[Any, ...]) -> int:
     numbers = max(1, math.prod(_core(spec, table, hashable(static))))
     if len(table.bodies) * numbers > MOST_STEPS:
         return 0
-    return max(1, min(FEW, FEW_NUMBERS // numbers)) if spec.traceable else FEW_ALONE
+    most = min(FEW, FEW_NUMBERS // numbers)
+    if spec.term_shape:  # as of crba_solve, which factors M: 186 samples of 100 rows take 17 s
+        most = min(most, MOST_STEPS // math.prod(shape_in(spec.term_shape[:2], sizes_of(table.bodies))))
+    return max(1, most) if spec.traceable else FEW_ALONE
 
 
 def _few_not_finite(spec: Spec, table: Table, inputs: Arrays, static: tuple[Any, ...], count: int) -> NDArray[np.intp]:

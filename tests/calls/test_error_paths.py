@@ -225,3 +225,6 @@ def test_what_numpy_would_take_long_for_is_not_tried_in_it(monkeypatch: pytest.M
         given = [x.reshape((1, -1)) for x in random_inputs(model, spec)]
         assert run.preview(spec, model, given, (), 1) is run.ALL_OK
     assert asked == ["crba_solve"]
+    many = [np.repeat(x.reshape((1, -1)), 64, axis=0) for x in random_inputs(model, bare("crba_solve"))]
+    assert run.preview(bare("crba_solve"), model, many, (), 64) is run.ALL_OK
+    assert asked == ["crba_solve"]
