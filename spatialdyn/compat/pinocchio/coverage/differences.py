@@ -127,7 +127,8 @@ forwardDynamics, impulseDynamics with constraints that depend on each other, und
 forwardDynamics, impulseDynamics with a damping below 0 or a restitution not from 0 to 1 | accepted | ConstraintError
 data.M after forwardDynamics, impulseDynamics, computeKKTContactDynamicMatrixInverse | its lower triangle is not
     written | both triangles are filled
-cholesky.solve, cholesky.computeMinv before cholesky.decompose | zeros | InertiaError
+cholesky.decompose before crba; cholesky.solve, cholesky.computeMinv before cholesky.decompose | zeros or NaN |
+    InertiaError
 computeJointTorqueRegressor, computeKineticEnergyRegressor of models with mimic joints | an error | columns for each
     joint, rows for the independent velocities
 jointBodyRegressor, frameBodyRegressor of an index that is not there | memory is read | ModelError naming the index
@@ -156,10 +157,13 @@ items of lists of Data: com[0, 1], mass[True], com[0] = [1, 2, 3], a slice | a l
 items of a slice of a list of a Model or Data, as model.inertias[1:3] | copies | those of the list: an edit counts
 computeSupportedForceByFrame of a frame on the universe, as frame 0 | of bodies on the universe alone | with
     what the joints on the universe transmit, as of any other frame
+computeSupportedInertiaByFrame with_subtree, of a frame on the universe | the body of joint 1 is left out | it counts
 isinstance(JointModelFreeFlyer(), JointModel) | False | True
 an SE3 where the package coal expects its Transform3s, as in coal.collide | converted | a TypeError of coal's: give
     coal.Transform3s(M.rotation, M.translation)
-SE3(), Inertia(), Symmetric3(), Quaternion(), AngleAxis() | uninitialized memory | identity or zero
+SE3(), Motion(), Force(), Inertia(), Symmetric3(), Quaternion(), AngleAxis() | uninitialized memory | identity or zero
+what computeRNEADerivatives, computeABADerivatives return | views of data.dtau_dq and its kin, which the next call
+    overwrites | new arrays
 an Inertia less a heavier one | a centre of mass divided by 2e-16 | the body that, added again, gives the first
 Inertia.FromDynamicParameters, Inertia.inverse without mass | NaN or infinite | InertiaError
 Inertia.inertia set to a matrix with a negative eigenvalue | accepted | ValueRuntimeError, a RuntimeError | strict

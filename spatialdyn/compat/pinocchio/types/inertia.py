@@ -38,7 +38,7 @@ UNIT = np.array([1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 1.0])
 _rotational = on_values("rotational", operators.rotational_inertia, "rot", I="Body")
 _body_of = on_values("body_of", operators.body_of, "body", mass="number", lever="vec", inertia="rot")
 _fault = on_values("fault", operators.fault_of_inertia, "number", inertia="rot")
-_of_parameters = on_values("FromDynamicParameters", operators.body_of_parameters, "Body", params="body")
+_of_parameters = on_values("FromDynamicParameters", operators.body_of_parameters, "Body", dynamic_parameters="body")
 
 
 class Inertia(Summable, InFrames, kind="Body", near=operators.near_bodies):
@@ -188,12 +188,12 @@ class Inertia(Summable, InFrames, kind="Body", near=operators.near_bodies):
         return np.concatenate([m, m * c, J - m * six(skewSquare(c, c))])
 
     @staticmethod
-    def FromDynamicParameters(params: Any) -> Inertia:
+    def FromDynamicParameters(dynamic_parameters: Any) -> Inertia:
         """The body of ten parameters as ``toDynamicParameters`` gives them. Raises InertiaError for zero mass."""
         try:
-            made: Inertia = _of_parameters(params)
+            made: Inertia = _of_parameters(dynamic_parameters)
         except ArgumentError:
-            made = _of_parameters(ten(params))  # raises what it lacks
+            made = _of_parameters(ten(dynamic_parameters))  # raises what it lacks
         if not made._x.item(0):
             raise InertiaError("mass is 0, expected one that has a centre")
         return made
@@ -208,9 +208,9 @@ class Inertia(Summable, InFrames, kind="Body", near=operators.near_bodies):
         return expected(pseudo_inertia, PseudoInertia, "pseudo_inertia").toInertia()  # type: ignore[no-any-return]
 
     @staticmethod
-    def FromLogCholeskyParameters(log_cholesky: LogCholeskyParameters) -> Inertia:
+    def FromLogCholeskyParameters(log_cholesky_parameters: LogCholeskyParameters) -> Inertia:
         """The body of LogCholeskyParameters."""
-        return expected(log_cholesky, LogCholeskyParameters, "log_cholesky").toInertia()  # type: ignore[no-any-return]
+        return expected(log_cholesky_parameters, LogCholeskyParameters, "parameters").toInertia()  # type: ignore[no-any-return]
 
     def __repr__(self) -> str:
         return f"  m = {self.mass:g}\n  c = {row(self._x[1:4])}\n  I = \n{rows(self.inertia)}"
