@@ -218,14 +218,14 @@ def test_frames_are_equal_when_all_of_them_is() -> None:
     other.inertia = ours.Inertia.Zero()
     assert other != frame
     assert repr(frame).startswith("Frame name: a paired to (parent joint/ parent frame)(1/2)\n")
-    frame.parent, frame.previousFrame = 3, 4
-    assert (frame.parentJoint, frame.parentFrame) == (3, 4)
     assert str(theirs.Frame("a", 1, 2, theirs.SE3.Identity(), theirs.BODY)).split("\n")[0] == repr(frame).split("\n")[0]
     for arguments in (("a", 1), (1, 1, 1, ours.SE3.Identity(), ours.BODY), ("a", 1, 1, 3, ours.BODY)):
         with pytest.raises(TypeError, match="Frame got"):
             ours.Frame(*arguments)
     with pytest.raises(TypeError, match="placement is a int, expected SE3"):
         frame.placement = 3
+    frame.parent, frame.previousFrame = 3, 4
+    assert (frame.parentJoint, frame.parentFrame) == (3, 4)
 
 
 def test_a_joint_that_moves_no_inertia_is_named() -> None:

@@ -163,6 +163,9 @@ pin.SE3(R, np.zeros((1, 3))); pin.SE3(np.ones((4, 3))); setattr(M, "translation"
 setattr(M, "translation", np.zeros(4)); setattr(M, "rotation", np.eye(4)); setattr(v, "vector", np.ones(5))
 pin.Motion(np.zeros(5)); pin.Motion([0] * 6); pin.Motion(np.zeros((1, 6))); pin.Motion(np.zeros(2), t); pin.Motion(f)
 pin.Force(v); v + f; v * v; f ^ f; v.dot(a); f.dot(g); v.dot(f.vector); v * 1j; v + 1; v.isApprox(f); v / "a"; v ^ 3
+pin.Inertia.FromSphere(t, 0.3); pin.Inertia.FromBox(1.0, 0.1, "a", 0.3); pin.Inertia.FromCapsule(1.0, None, 0.7)
+pin.Inertia.FromCylinder(1.0, t, 0.7); pin.Inertia.FromEllipsoid(1, 2, 3, t); pin.Inertia.FromSphere(1, 2); v.isZero(t)
+S.isZero("a"); M.isIdentity(t); M.isIdentity(None)
 I * 2; I * f; I + 3; I.vtiv(f); pin.Inertia(1.0, np.zeros(2), J6); pin.Inertia(1.0, t, np.eye(2))
 pin.Inertia(np.eye(6))
 pin.Inertia(1.0, t, S); pin.Inertia(1.0, t, R); pin.Inertia(1.0, t, -J6); setattr(I, "inertia", S); I * I

@@ -17,6 +17,7 @@ from .arguments import (
     array,
     described,
     expected,
+    number,
     of_pinocchio,
     only,
     row,
@@ -39,6 +40,11 @@ _rotational = on_values("rotational", operators.rotational_inertia, "rot", I="Bo
 _body_of = on_values("body_of", operators.body_of, "body", mass="number", lever="vec", inertia="rot")
 _fault = on_values("fault", operators.fault_of_inertia, "number", inertia="rot")
 _of_parameters = on_values("FromDynamicParameters", operators.body_of_parameters, "Body", dynamic_parameters="body")
+
+
+def _numbers(**given: Any) -> list[float]:
+    """The numbers themselves. Raises ArgumentError naming what is none."""
+    return [number(x, name) for name, x in given.items()]
 
 
 class Inertia(Summable, InFrames, kind="Body", near=operators.near_bodies):
@@ -85,29 +91,34 @@ class Inertia(Summable, InFrames, kind="Body", near=operators.near_bodies):
     @staticmethod
     def FromSphere(mass: float, radius: float) -> Inertia:
         """A ball about the origin."""
+        radius = number(radius, "radius")
         return Inertia.FromEllipsoid(mass, radius, radius, radius)
 
     @staticmethod
     def FromEllipsoid(mass: float, length_x: float, length_y: float, length_z: float) -> Inertia:
         """An ellipsoid about the origin, by its half axes."""
-        xx, yy, zz = (0.2 * mass * length * length for length in (length_x, length_y, length_z))
+        mass, *lengths = _numbers(mass=mass, length_x=length_x, length_y=length_y, length_z=length_z)
+        xx, yy, zz = (0.2 * mass * length * length for length in lengths)
         return Inertia._at_centre(mass, yy + zz, xx + zz, xx + yy)
 
     @staticmethod
     def FromBox(mass: float, length_x: float, length_y: float, length_z: float) -> Inertia:
         """A box about the origin, by its sides."""
-        xx, yy, zz = (mass * length * length / 12.0 for length in (length_x, length_y, length_z))
+        mass, *lengths = _numbers(mass=mass, length_x=length_x, length_y=length_y, length_z=length_z)
+        xx, yy, zz = (mass * length * length / 12.0 for length in lengths)
         return Inertia._at_centre(mass, yy + zz, xx + zz, xx + yy)
 
     @staticmethod
     def FromCylinder(mass: float, radius: float, length: float) -> Inertia:
         """A cylinder along z about the origin."""
+        mass, radius, length = _numbers(mass=mass, radius=radius, length=length)
         across = mass * (3.0 * radius * radius + length * length) / 12.0
         return Inertia._at_centre(mass, across, across, 0.5 * mass * radius * radius)
 
     @staticmethod
     def FromCapsule(mass: float, radius: float, height: float) -> Inertia:
         """A cylinder of that height along z about the origin, with half a ball at each end."""
+        mass, radius, height = _numbers(mass=mass, radius=radius, height=height)
         r2 = radius * radius
         tube = mass * height / (height + 4.0 / 3.0 * radius)
         ends = mass - tube  # both half balls

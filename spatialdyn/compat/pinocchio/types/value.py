@@ -130,7 +130,7 @@ class Summable(Value):
 
     def isZero(self, prec: float = 1e-12) -> bool:
         """Whether no entry exceeds prec."""
-        return bool((abs(self._x) <= prec).all())
+        return bool((abs(self._x) <= number(prec, "prec")).all())
 
 
 class InFrames(Value):
