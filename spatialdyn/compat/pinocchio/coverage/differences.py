@@ -87,9 +87,11 @@ data.oMf after getFrameJacobian, getFrameJacobianTimeVariation, computeFrameKine
     before: updateFramePlacements or framesForwardKinematics place it
 calls without q after an edit of a joint's placement | from the oMi and liMi of before | from the q of before, on the
     edited model
-computeJointKinematicRegressor, computeFrameKinematicRegressor of models with mimic joints | an error | the result
+computeJointKinematicRegressor, computeFrameKinematicRegressor, computeStaticRegressor, computePotentialEnergyRegressor,
+    jointBodyRegressor, frameBodyRegressor of models with mimic joints | an error | the result
 constraintDynamics, forwardDynamics, impulseDynamics, computeKKTContactDynamicMatrixInverse, cholesky.decompose,
-    jacobianSubtreeCenterOfMass of models with mimic joints | an error | the result, for the independent velocities
+    jacobianSubtreeCenterOfMass, getJacobianSubtreeCenterOfMass of models with mimic joints | an error | the result,
+    for the independent velocities
 quaternions and (cos, sin) pairs off their unit norm by more than 1e-6 | accepted | ConfigurationError | strict
 configurations off their unit norm, not strict: difference, interpolate, distance where Pinocchio has NaN, as to the
     limits of a free flyer | NaN or infinite entries | finite: coordinates of joints with several are clipped to 1e30
@@ -171,6 +173,8 @@ np.array(x) of a Motion or Force x | read-only, as np.asarray(x) | a writable co
 Quaternion.FromTwoVectors of a null vector | no rotation | an error
 Symmetric3.inverse, Symmetric3.rhsMult | write to a copy | write to the array given
 Symmetric3.vxs, Symmetric3.svx, isOrthonormal, orthonormalization | refuse every array | work
+isSameConfiguration | lengths and angles agree to prec of their size, quaternions by coefficients: 0 and 1e-14 never
+    agree | no entry of the difference exceeds prec
 pickling Quaternion, AngleAxis, Symmetric3 | refused | works
 operations of a LieGroup on arrays of a wrong size | memory is overwritten | ShapeError
 derivatives of models with composite or universal joints or ZYX angles | wrong by the rotation of their axes | correct
@@ -183,8 +187,9 @@ utils.mprint | prints | NotImplementedError: the library never prints
 RobotWrapper.com() before forwardKinematics | the centre of mass with every joint placed at the origin | an error that
     names the call to make first
 computeRNEADerivatives, computeABADerivatives, computeForwardKinematicsDerivatives,
-    computeGeneralizedGravityDerivatives, computeCentroidalDynamicsDerivatives of models with mimic joints | an error
-    | derivatives by the independent coordinates and velocities
+    computeGeneralizedGravityDerivatives, computeStaticTorqueDerivatives, getFrameVelocityDerivatives,
+    computeCentroidalDynamicsDerivatives of models with mimic joints | an error | derivatives by the independent
+    coordinates and velocities
 computeMinverse(model, data), computeABADerivatives(model, data) after aba in its LOCAL convention | wrong numbers |
     results at the inputs of aba
 computeMinverse(model, data), computeABADerivatives(model, data) without an aba before | zeros or wrong numbers | an
