@@ -257,7 +257,7 @@ def test_a_first_batch_compiles_the_kernel_on_lanes_alone(monkeypatch: pytest.Mo
         assert batches(model(0).address, 1, *(y for x in given for y in (x, 1)), alone, status) == 0
         np.testing.assert_array_equal(alone, wanted)
     assert asked == ["lanes"]
-    batches._few.spend(lane_batches.COMPILE_SECONDS)
+    batches.spend(batches.compile_seconds)
     batches.prepare(1)
     assert asked == ["lanes", "one"]
     first = lane_batches.LaneBatches(spec, lane_names.width())
