@@ -78,9 +78,6 @@ class _Writer(Body):
     def compare(self, how: str, a: str, b: str | int, kind: str = "i64") -> str:
         return self.put(f"icmp {how} {kind} {a}, {b}")
 
-    def both(self, a: str, b: str) -> str:
-        return self.put(f"and i1 {a}, {b}")
-
     def least(self, a: str, b: str) -> str:
         return self.put(f"select i1 {self.compare('slt', a, b)}, i64 {a}, i64 {b}")
 
