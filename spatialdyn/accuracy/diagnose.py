@@ -14,7 +14,7 @@ from ..calls.dynamics import calls
 from ..calls.failures import joint_of_velocity
 from ..calls.forward_dynamics import EXTENDED
 from ..calls.progress import Progress, Steps, check_progress, reporting
-from ..calls.states import random_configuration
+from ..calls.random_configurations import random_configuration
 from ..engines.compiled import numba_kernels
 from ..engines.programs.transform import float32_range
 from ..errors import NonFiniteError, ShapeError
