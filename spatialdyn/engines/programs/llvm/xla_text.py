@@ -231,7 +231,7 @@ def _entry(made: Handler) -> str:
 
 
 def _answer_query(c: _Writer) -> None:
-    """Return the handler's version where XLA asks for it."""
+    """Return the handler's version if the frame is a query of metadata."""
     extension = c.field("%frame", "frame.extension", "ptr")
     c.branch(c.compare("eq", extension, "null", "ptr"), "plain", "extended", then="extended")
     is_query = c.compare("eq", c.field(extension, "extension.type", "i32"), METADATA, "i32")
