@@ -27,7 +27,9 @@ def add(parser: argparse.ArgumentParser) -> None:
         "--norm", choices=NORMS, default=NORMS[0], help="each: of every joint relative to its own scale"
     )
     parser.add_argument("--states", type=int, metavar="N", help="random states in which errors are measured")
-    parser.add_argument("--batch", type=int, default=BATCH, metavar="N", help=f"samples a call (default: {BATCH})")
+    parser.add_argument(
+        "--batch", type=int, metavar="N", help=f"samples a call (default: {BATCH}, fewer for large robots)"
+    )
     parser.add_argument("--duration", type=float, default=1.0, metavar="S", help="of simulations (default: 1 s)")
     parser.add_argument(
         "--methods",

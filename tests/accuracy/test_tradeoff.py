@@ -26,6 +26,7 @@ from spatialdyn.accuracy.results import INPUTS, Option, Tradeoff, mark_pareto
 from spatialdyn.accuracy.tradeoff import TASKS, advice
 from spatialdyn.calls.dynamics import calls
 from spatialdyn.commands import cli
+from spatialdyn.commands import trade as command
 from spatialdyn.engines.compiled import numba_kernels
 
 pytest.importorskip("mpmath")
@@ -663,6 +664,19 @@ def test_the_command_line_recommends_plots_and_prints_json(tmp_path: Path, capsy
     assert json.loads(capsys.readouterr().out)["recommended"]["name"] == "lanes float64 crba"
     assert cli.main([*words[:-1], "1e-40"]) == 2
     assert "expected at least" in capsys.readouterr().err
+
+
+def test_the_command_line_leaves_the_batch_to_trade(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its default is that of ``trade``, fewer samples for large robots."""
+    batches: list[Any] = []
+
+    def measured(*arguments: Any) -> Any:
+        batches.append(arguments[3])
+        raise sd.SpatialDynError("measured")
+
+    monkeypatch.setattr(command, "trade", measured)
+    assert [cli.main(["trade", "two_link", *words]) for words in ([], ["--batch", "7"])] == [2, 2]
+    assert batches == [None, 7]
 
 
 # --- errors ---------------------------------------------------------------------------------------------------
