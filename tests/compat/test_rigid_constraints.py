@@ -173,8 +173,9 @@ def test_later_impacts_are_pinocchios_too(kind: str) -> None:
             rows.append((after, np.array(data.impulse_c), np.array(data.dq_after), force))
             J = p.getConstraintsJacobian(model, data, models, datas)
             assert abs(J @ after + [0, 0.3, 1.0, 0.5][k] * (J @ v)).max() <= 1e-6
-        with pytest.raises((ValueError, TypeError)):
-            p.impulseDynamics(model, data, case.q, case.v, models, datas, None, settings)
+        for given in ((None, settings), (0.5, None)):
+            with pytest.raises((ValueError, TypeError)):
+                p.impulseDynamics(model, data, case.q, case.v, models, datas, *given)
         found.append(rows)
     for mine, wheels in zip(*found, strict=True):
         for x, y in zip(mine, wheels, strict=True):
@@ -182,6 +183,22 @@ def test_later_impacts_are_pinocchios_too(kind: str) -> None:
     p, model, data, models, datas = case.made[0]
     with pytest.raises(ValueError, match=r"r_coeff is 1\.5"):
         p.impulseDynamics(model, data, case.q, case.v, models, datas, 1.5)
+
+
+def test_none_is_no_settings() -> None:
+    """Where none are given they are the default; None is refused by name, by the builtin of a later call too."""
+    for p, model, data, models, datas in Case("CONTACT_3D", "LOCAL").made:
+        q, v = p.neutral(model), np.ones(model.nv)
+        refusal = r"settings is a NoneType, expected ProximalSettings" if p is face else "Python argument types"
+        for _ in range(2):
+            with pytest.raises(TypeError, match=refusal):
+                p.constraintDynamics(model, data, q, v, v, models, datas, None)
+            with pytest.raises(TypeError, match=refusal):
+                p.impulseDynamics(model, data, q, v, models, datas, 0.0, None)
+            p.impulseDynamics(model, data, q, v, models, datas, 0.0)
+            p.constraintDynamics(model, data, q, v, v, models, datas)
+            with pytest.raises(TypeError, match=refusal):
+                p.computeConstraintDynamicsDerivatives(model, data, models, datas, None)
 
 
 def test_an_impact_of_a_loop_does_what_its_restitution_says() -> None:

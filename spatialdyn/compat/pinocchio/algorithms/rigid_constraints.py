@@ -24,7 +24,7 @@ from ..data.run import Run
 from ..explog import Jlog6
 from ..model.constraints import ContactType, ProximalSettings, RigidConstraintData, RigidConstraintModel
 from ..model.model import Model
-from ..types.arguments import ArgumentError, Array, all_expected, described, expected, number
+from ..types.arguments import OMITTED, ArgumentError, Array, all_expected, described, expected, number
 from ..types.frame import Convention, ReferenceFrame
 from ..types.motion import Force, Motion
 from ..types.se3 import SE3
@@ -144,7 +144,7 @@ def initConstraintDynamics(model: Model, data: Data, contact_models: Any, contac
 
 def constraintDynamics(
     model: Model, data: Data, q: Any, v: Any, tau: Any, contact_models: Any, contact_datas: Any,
-    prox_settings: ProximalSettings | None = None,
+    prox_settings: Any = OMITTED,
 ) -> Array:  # fmt: skip
     """Accelerations a (nv,) under contacts: M a + b = τ + Jᵀ λ and J a + γ = 0; also ``data.ddq``, with λ in
     ``data.lambda_c`` and in the contacts' ``contact_force``.
@@ -203,7 +203,7 @@ def _bind(make: Routine, data: Data, every: Run, run: Run, pairs: Any) -> None:
 
 def impulse_of_contacts(
     model: Model, data: Data, q: Any, v: Any, contact_models: Any, contact_datas: Any, r_coeff: Any = 0.0,
-    prox_settings: ProximalSettings | None = None,
+    prox_settings: Any = OMITTED,
 ) -> Array:  # fmt: skip
     """``impulseDynamics`` of a list of contacts."""
     try:
@@ -237,8 +237,8 @@ def impulse_of_contacts(
     return np.array(run.result)
 
 
-def _settings(given: Any) -> ProximalSettings:
-    found: ProximalSettings = _DEFAULT if given is None else expected(given, ProximalSettings, "settings")
+def _settings(given: Any, name: str = "prox_settings") -> ProximalSettings:
+    found: ProximalSettings = _DEFAULT if given is OMITTED else expected(given, ProximalSettings, name)
     return found
 
 
@@ -295,7 +295,7 @@ def computeDelassusMatrix(
 
 
 def computeConstraintDynamicsDerivatives(
-    model: Model, data: Data, contact_models: Any, contact_datas: Any, settings: ProximalSettings | None = None
+    model: Model, data: Data, contact_models: Any, contact_datas: Any, settings: Any = OMITTED
 ) -> tuple[Array, ...]:
     """∂a and ∂λ by q, v and τ: ``ddq_dq, ddq_dv, ddq_dtau, dlambda_dq, dlambda_dv, dlambda_dtau``, at the inputs of the
     last constraintDynamics; also fields of ``data``.
@@ -304,7 +304,7 @@ def computeConstraintDynamicsDerivatives(
     Raises SimulationError if constraintDynamics was not called with these contacts.
     """
     pairs, run = pairs_of(contact_models, contact_datas), data._runs.get("contacts")
-    _settings(settings)
+    _settings(settings, "settings")
     size = sum(x.residualSize() for x, _ in pairs)
     if run is None or len(run.contact.force) != size or library_of(model, data).state is not run.state:
         raise SimulationError("data holds no such contacts, expected constraintDynamics to be called before")
