@@ -47,7 +47,7 @@ def bounded(
 
     Along a chain of bodies bounds grow with every turn: by 1.4 a body where joints turn about axes of its frame, by 2.4
     where placements are turned too, while errors hardly grow. In float64 bounds of rnea are below 1e-3 of the largest
-    torque up to 80 and 30 bodies in a row, whatever the number of branches. Longer chains have bounds that hold but say
+    torque up to 75 and 30 bodies in a row, whatever the number of branches. Longer chains have bounds that hold but say
     nothing, up to 1e130, and take half a minute to compile; ``sd.exact`` computes the error itself there, in 0.3 s a
     sample of 468 joints.
 
