@@ -15,8 +15,8 @@ from ..calls.arguments import as_array, as_count
 from ..calls.dynamics import calls
 from ..calls.forward_dynamics import EXTENDED, extended_runs_on_lanes, forward_dynamics
 from ..calls.progress import Report, Steps
+from ..calls.random_configurations import random_configuration
 from ..calls.specialize import specialize
-from ..calls.states import random_configuration
 from ..engines import run as engine
 from ..engines.compiled import numba_kernels
 from ..engines.compiled.numba_kernels import variant
