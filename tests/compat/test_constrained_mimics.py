@@ -157,7 +157,8 @@ def test_subtree_centres_of_mass_move_with_the_joints_that_mimic(monkeypatch: py
         close(J, face.jacobianSubtreeCenterOfMass(hand.tree, hand.tree_data, hand.at, whole) @ hand.G)
 
 
-def test_dependent_rows_name_their_rank() -> None:
+def test_dependent_rows_name_their_rank(monkeypatch: pytest.MonkeyPatch) -> None:
+    mimics_in_plain_python(monkeypatch)
     hand, row = Hand(), np.ones((1, 4))
     with pytest.raises(sd.ConstraintError, match="J has rank 1, expected its 2 rows to be independent"):
         face.forwardDynamics(hand.model, hand.data, hand.q, hand.v, hand.tau, np.vstack([row, 2 * row]), np.zeros(2))
