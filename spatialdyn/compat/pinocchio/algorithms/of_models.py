@@ -19,7 +19,7 @@ from ..data.face import Face, key_of_model
 from ..model.joint_tree import NO_LIMIT
 from ..model.library_model import LibraryModel, checked_library
 from ..model.model import Model
-from ..types.arguments import OMITTED, Array, expected, number
+from ..types.arguments import OMITTED, ArgumentError, Array, expected, number
 from ..types.random import GENERATOR
 
 FAR = 1e30  # products of seven such numbers are finite
@@ -120,11 +120,13 @@ def is_same_configuration(face: Face, model: Model, q1: Any, q2: Any, prec: Any)
 def random_configuration(face: Face, model: Model, lower: Any, upper: Any) -> Array:
     """``randomConfiguration``."""
     units, given = checked_library(model).units, [x for x in (lower, upper) if x is not OMITTED]
+    if len(given) == 1:
+        raise ArgumentError("randomConfiguration got one bound, expected both or none")
     limits = {"lower": model.lowerPositionLimit, "upper": model.upperPositionLimit} if not given else {}
     if READY:
         key = key_of_model(face, *["lower_bound", "upper_bound"] * bool(given))
         draw = kept(model, key, lambda: operator_kernels.draw_between(GENERATOR, model.nq, units, **limits))
-        if len(given) != 1 and (found := draw(*given)) is not None:
+        if (found := draw(*given)) is not None:
             return found  # type: ignore[no-any-return]
     lower = model.lowerPositionLimit if lower is OMITTED else vector("lower_bound", lower, model.nq)
     upper = model.upperPositionLimit if upper is OMITTED else vector("upper_bound", upper, model.nq)
