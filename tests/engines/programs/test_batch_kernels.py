@@ -32,7 +32,7 @@ from trees import random_tree
 
 import spatialdyn as sd
 from spatialdyn.calls import dynamics
-from spatialdyn.engines import run
+from spatialdyn.engines import by_table_kernel, run
 from spatialdyn.engines.compiled import disk_cache, numba_kernels
 from spatialdyn.engines.programs.llvm import host_cpu, simd
 from spatialdyn.engines.programs.record import recording
@@ -135,10 +135,10 @@ def in_numpy(model: sd.Model, spec: Spec, values: list[Any]) -> Any:
     """The public call by its recursion in NumPy, to which ``test_numba_kernels`` holds the table kernel."""
 
     def compute(spec: Spec, table: Any, inputs: Any, static: Any, out: Any, seen: bool = True) -> Any:
-        return run.run_in_numpy(spec, table, inputs, static, out, np.arange(len(out)), seen=seen)
+        return by_table_kernel.run_in_numpy(spec, table, inputs, static, out, np.arange(len(out)), seen=seen)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(run, "run_table_kernel", compute)
+        patch.setattr(by_table_kernel, "run_table_kernel", compute)
         return untraced(model, spec, values)
 
 
