@@ -16,6 +16,7 @@ import pytest
 
 import spatialdyn
 from spatialdyn.calls.dynamics import calls
+from spatialdyn.engines.compiled import numba_kernels
 from spatialdyn.engines.compiled.stamp import COMPILED, package_folder
 from spatialdyn.recursions import SPECS
 
@@ -385,7 +386,15 @@ def test_slow_and_optional_packages_are_imported_when_needed(name: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "but"), [("spatialdyn", set()), ("spatialdyn.compat.pinocchio", {"llvmlite", "concurrent.futures"})]
+    ("name", "but"),
+    [
+        ("spatialdyn", set()),
+        pytest.param(
+            "spatialdyn.compat.pinocchio",
+            {"llvmlite", "concurrent.futures"},
+            marks=pytest.mark.skipif(numba_kernels.PLAIN, reason="its builtins are Python at once"),
+        ),
+    ],
 )
 def test_importing_the_package_imports_none_of_them(name: str, but: set[str]) -> None:
     """Importing Numba takes 0.2 s and brings SciPy where there is one; concurrent.futures is a thread pool's."""
