@@ -9,7 +9,7 @@ are compared with Pinocchio's before they are timed.
 With --crossover: the kernel on lanes beside the program of the call, compiled for each length however long it is, with
 the processor seconds of compiling it and the samples of batches after which it has saved them, with no disk cache
 (``SPATIALDYN_CACHE_DIR=``). They set ``recording.most_rows``. The same of single calls: the kernel of one sample, the
-program interpreted and compiled.
+program interpreted and compiled. With AVX2 alone: ``NUMBA_CPU_NAME=znver3 NUMBA_CPU_FEATURES=+avx2,+fma,+bmi,+bmi2``.
 """
 
 from __future__ import annotations
@@ -40,10 +40,15 @@ FROM = 30  # joints: the slope is of chains this long or longer
 HELD = 300  # joints: Pinocchio's longest chain, as its Data has several n³ tensors, 32 GB at 1000
 SAMPLES = 512  # of a batch: the least that runs on lanes
 ARGUMENTS = {"rnea": "qva", "aba": "qvt", "crba": "q"}
+CROSSED = {**ARGUMENTS, "minverse": "q", "coriolis_matrix": "qv", "crba_solve": "qvt"}  # calls of --crossover
 MIXED = (60, 100, 150, 300, 600, 1000)  # joints of chains and trees of mixed joints
 KINDS = "revolute", "prismatic", "continuous", "spherical"
 MIXED_SAMPLES, MOST_NUMBERS = 512, 1 << 24  # samples of a batch, but no more than so many results beyond 8 samples
-DIFFERENT = {"rnea": 1e-12, "crba": 1e-12, "aba": 1e-6}  # of lanes and programs, by the largest entry; M of long chains
+SOLVED = 1e-6  # largest difference of lanes and programs, by the largest entry, of calls that solve: long chains' M
+DIFFERENT = {"rnea": 1e-12, "crba": 1e-12, "coriolis_matrix": 1e-12} | dict.fromkeys(
+    ("aba", "minverse", "crba_solve"), SOLVED
+)
+SQUARE = ("crba", "minverse", "coriolis_matrix")  # calls whose results are matrices
 ALONE = ("pinocchio", "single")  # ways that compute one sample
 ROD = (1.0, (0.0, 0.0, 0.5), np.diag([1 / 12, 1 / 12, 1e-3]))
 
@@ -237,10 +242,10 @@ def crossover(lengths: list[int], calls: list[str], rounds: int) -> list[list[st
         for n in lengths:
             model = mixed(n, 0.0).ours
             state = random_state(model, MIXED_SAMPLES)
-            arguments = tuple(state[letter] for letter in ARGUMENTS[call])
+            arguments = tuple(state[letter] for letter in CROSSED[call])
             spec, status = numba_kernels.variant(SPECS[call], ()), np.empty(MIXED_SAMPLES, np.int8)
             found = {
-                way: aligned((MIXED_SAMPLES, *[model.nv] * (1 + (call == "crba")))) for way in ("lanes", "program")
+                way: aligned((MIXED_SAMPLES, *[model.nv] * (1 + (call in SQUARE)))) for way in ("lanes", "program")
             }
             known = [y for x in arguments for y in (x, 1)]
             lanes = lane_kernels.kernel(spec, lane_names.width())
@@ -252,7 +257,7 @@ def crossover(lengths: list[int], calls: list[str], rounds: int) -> list[list[st
             program = run.CallProgram(spec, model, (), tiered)
             ways: dict[str, Callable[[], Any]] = {
                 "lanes": partial(lanes, model.address, MIXED_SAMPLES, *known, found["lanes"], status),
-                "program": partial(program, arguments, found["program"]),
+                "program": partial(program, arguments, found["program"].reshape(MIXED_SAMPLES, -1)),
             }
             for compute in ways.values():
                 compute()
@@ -285,7 +290,7 @@ def of_one(model: sd.Model, spec: Any, one: list[Array], tiered: TieredProgram) 
     shapes, names = [x.shape for x in one], [x.name for x in spec.present]
     found: dict[str, Callable[[], Any]] = {}
     for way, (words, alive) in codes.items():
-        plan = single_call.plan(words, [(model.nv,) * (1 + (spec.name == "crba"))], shapes, alive=alive)
+        plan = single_call.plan(words, [(model.nv,) * (1 + (spec.name in SQUARE))], shapes, alive=alive)
         call = single_call.bound(refused, [single_call.Parameter(name, ARRAY) for name in names], plan)
         found[way] = lambda call=call: call(*one)
     wanted = found["single"]()
@@ -304,7 +309,7 @@ def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--lengths", type=int, nargs="*", default=list(MIXED), help="numbers of bodies")
-    parser.add_argument("--calls", nargs="*", default=list(ARGUMENTS), choices=tuple(ARGUMENTS))
+    parser.add_argument("--calls", nargs="*", default=list(ARGUMENTS), choices=tuple(CROSSED))
     parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--crossover", action="store_true", help="programs of any length beside lanes")
     given = parser.parse_args()

@@ -136,6 +136,7 @@ pin.randomConfiguration(model)
 model.copy()
 pin.constraintDynamics(model, data2, q, v, a, contacts, contact_datas, settings)
 pin.constraintDynamics(model, data2, q, v, a, contacts, contact_datas)
+pin.impulseDynamics(model, data2, q, v, contacts, contact_datas, 0.5, settings)
 """
 
 

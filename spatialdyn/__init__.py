@@ -21,7 +21,8 @@ from .calls import dynamics as _dynamics
 from .calls import progress as _progress  # noqa: F401 - engines report long work to it
 from .calls.dynamics import set_num_threads as set_num_threads
 from .calls.dynamics import total_mass as total_mass
-from .calls.states import random_configuration, wrench_at
+from .calls.random_configurations import random_configuration
+from .calls.wrenches import wrench_at
 from .engines.compiled.numba_kernels import kernels
 from .errors import (
     ConfigurationError,

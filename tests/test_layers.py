@@ -58,8 +58,8 @@ BELOW: dict[str, tuple[str, ...]] = {
 # What lies in a room of several, low to high: each may import those before it.
 FLOORS: dict[str, tuple[str, ...]] = {
     "engines": (
-        "locks", "threads", "interrupt", "memory", "object_layout", "failed", "compiled", "programs",
-        "numbers", "run", "extended",
+        "locks", "threads", "interrupt", "memory", "object_layout", "tables", "compiled", "programs",
+        "numbers", "failed", "by_table_kernel", "run", "extended",
     ),
     "compat": ("native", "pinocchio"),
     "compat.pinocchio": ("coverage", "types", "model", "data", "algorithms"),

@@ -15,8 +15,8 @@ from ..calls.arguments import as_array, as_count
 from ..calls.dynamics import calls
 from ..calls.forward_dynamics import EXTENDED, extended_runs_on_lanes, forward_dynamics
 from ..calls.progress import Report, Steps
+from ..calls.random_configurations import random_configuration
 from ..calls.specialize import specialize
-from ..calls.states import random_configuration
 from ..engines import run as engine
 from ..engines.compiled import numba_kernels
 from ..engines.compiled.numba_kernels import variant
@@ -40,8 +40,10 @@ WHEN_NAMED = ("aba_square_root",)  # only if named: it has no program, and its k
 STATES = 8 if numba_kernels.PLAIN else 4096  # with fewer, other states exceed the bound too often
 ROUNDS = 25  # the fastest counts
 SECONDS = 5e-4  # per candidate and round: short, so that some round is undisturbed
+SLOW = 1.0  # a run that takes so many seconds is timed once
 SPENT = 0.3  # total per candidate, beyond 3 rounds
 MOST = 1 << 24  # random or timed samples at once
+MOST_NUMBERS = 1 << 24  # in the results of all samples, or in M where a call factors it, unless samples are given
 CHUNK = 1024  # further states at a time; an option that fails in one chunk skips the rest
 HALF_ULP = 2.0**-53  # of the result: the least error of "extended", which rounds the reference itself
 MOST_BOUNDED = 12  # freedoms up to which rounding is analysed: the analysis of aba needs M⁻¹
@@ -72,7 +74,7 @@ def call_states(model: Model, task: str, states: Any) -> list[Array]:
     """
     names = INPUTS[task]
     if is_count(states):
-        count = STATES if states is None else as_count(states, MOST)
+        count = usual_count(model, task, STATES) if states is None else as_count(states, MOST)
         if not count:
             raise SpatialDynError(f"states is {literal(states)}, expected 1 to {MOST}, or arrays {', '.join(names)}")
         return random_call_states(model, task, count, 0)
@@ -90,6 +92,14 @@ def call_states(model: Model, task: str, states: Any) -> list[Array]:
     if not all(np.isfinite(x).all() for x in arrays):
         raise NonFiniteError("states holds numbers that are not finite, expected finite ones")
     return arrays
+
+
+def usual_count(model: Model, task: str, most: int) -> int:
+    """So many samples, fewer for large robots: 4096 up to 64 freedoms, 186 at 300, but for inverse dynamics.
+
+    4096 mass matrices of 300 freedoms would take 3 GB, and in double-double a minute of processor time.
+    """
+    return max(1, min(most, MOST_NUMBERS // max(1, model.nv) ** (1 if task == "inverse_dynamics" else 2)))
 
 
 def is_count(states: Any) -> bool:
@@ -213,8 +223,10 @@ def confirm_calls(
     """
     first = TASK_CALLS[task][0]
     began, errors = time.thread_time(), {x.name: np.empty(0) for x in options}
-    for k in range(MANY // CHUNK):
-        arrays = random_call_states(model, task, CHUNK, [0, k + 1])
+    chunk = usual_count(model, task, CHUNK)
+    parts = -(-MANY // chunk)
+    for k in range(parts):
+        arrays = random_call_states(model, task, chunk, [0, k + 1])
         truth, _ = truths(model, first, arrays, 0)
         for x in options:
             if x.name not in errors or x.run is None:
@@ -228,20 +240,23 @@ def confirm_calls(
                 del errors[x.name]
         if not errors:
             break
-        if k + 1 < MANY // CHUNK and time.thread_time() - began > PATIENCE:
+        if k + 1 < parts and time.thread_time() - began > PATIENCE:
             return None
     return errors
 
 
 def costs(runs: Mapping[str, Callable[[], Any]], batch: int) -> dict[str, float]:
-    """Nanoseconds per sample, of the fastest of interleaved rounds."""
+    """Nanoseconds per sample, of the fastest of interleaved rounds; of one run where it takes longer than SLOW."""
     repeats, spent, best = {}, dict.fromkeys(runs, 0.0), dict.fromkeys(runs, math.inf)
     for name, run in runs.items():
         run()  # compiles
-        repeats[name] = max(1, int(SECONDS / max(_seconds(run, 1), 1e-9)))
+        once = _seconds(run, 1)
+        repeats[name] = max(1, int(SECONDS / max(once, 1e-9)))
+        if once > SLOW:
+            spent[name], best[name] = math.inf, once
     for k in range(2 if numba_kernels.PLAIN else ROUNDS):
         for name, run in runs.items():
-            if k < 3 or spent[name] < SPENT:
+            if spent[name] < SPENT or (k < 3 and math.isfinite(spent[name])):
                 once = _seconds(run, repeats[name])
                 spent[name] += once * repeats[name]
                 best[name] = min(best[name], once)

@@ -11,9 +11,10 @@ from numpy.typing import ArrayLike, NDArray
 from ..actuation.friction import Friction, check_friction
 from ..calls.arguments import as_array, check_model
 from ..calls.dynamics import calls
+from ..calls.failures import joint_of_velocity
 from ..calls.forward_dynamics import EXTENDED
 from ..calls.progress import Progress, Steps, check_progress, reporting
-from ..calls.states import random_configuration
+from ..calls.random_configurations import random_configuration
 from ..engines.compiled import numba_kernels
 from ..engines.programs.transform import float32_range
 from ..errors import NonFiniteError, ShapeError
@@ -264,6 +265,8 @@ def _unfelt(model: Model, positions: Array) -> Iterator[Finding]:
         I = _spatial_inertia(model, joint.row)
         if not I.any():
             continue
+        if joint.mimic is None and np.linalg.eigvalsh(I)[0] > 64 * EPS * np.linalg.norm(abs(I)):
+            continue  # the joint's own columns of J are not 0, so what they add is more than rounding
         J = np.asarray(calls["frame_jacobian"](model, positions, f"joint:{joint.name}"))
         added = np.einsum("kia,ij,kja->ka", J, I, J)
         size = np.einsum("kia,ij,kja->ka", abs(J), abs(I), abs(J))
@@ -299,15 +302,10 @@ def _conditions(model: Model, M: Array, first: str) -> tuple[dict[str, float], l
     worst = int(np.argmax(found))
     if found[worst] <= ILL:
         return conditions, []
-    joint = _joint_at(model, int(np.argmax(abs(vectors[worst, :, 0]))))
+    joint = joint_of_velocity(model, int(np.argmax(abs(vectors[worst, :, 0]))))
     message = f'hangs on joint "{joint.name}", along which M scaled to a unit diagonal has condition {found[worst]:.2g}'
     remedy = 'add armature to the joint, lock it, or take method="refined"'
     return conditions, [Finding("warning", "condition", _link(model, joint), message, remedy)]
-
-
-def _joint_at(model: Model, k: int) -> Joint:
-    """The joint whose velocity v[k] is."""
-    return next(j for j in model.joints[1:] if j.idx_v <= k < j.idx_v + j.nv and j.mimic is None)
 
 
 def _stiffest(model: Model, M: Array) -> Stiffest | None:
@@ -330,7 +328,7 @@ def _stiffest(model: Model, M: Array) -> Stiffest | None:
     else:
         at, k = (int(x) for x in np.unravel_index(np.argmax(free), free.shape))
     dt = 2.0 / rate if rate > 0.0 else math.inf
-    return Stiffest(_joint_at(model, k).name, 1.0 / float(free[at, k]), max(rate, 0.0), dt)
+    return Stiffest(joint_of_velocity(model, k).name, 1.0 / float(free[at, k]), max(rate, 0.0), dt)
 
 
 def _time_step(model: Model, stiffest: Stiffest | None) -> Iterator[Finding]:
@@ -358,7 +356,7 @@ def _active_bristles(model: Model, friction: Friction) -> Iterator[Finding]:
     ):
         rise = d * (fs - fc)  # F_c times the least b
         if b * fc < rise:
-            joint = _joint_at(model, k)
+            joint = joint_of_velocity(model, k)
             least = rise / fc if fc > 0.0 else math.inf
             yield Finding(
                 "warning", "friction", _link(model, joint),
@@ -413,7 +411,7 @@ def _loser(model: Model, q: Array) -> tuple[str, str]:
         spec.recursion(model.bodies, np.zeros(n + 1, spec.work), q, np.empty((n, n)), pivots)
         left = pivots / np.diag(np.asarray(calls["crba"](model, q)))
     k = int(np.argmin(np.where(np.isfinite(left), left, 0.0)))
-    joint = _joint_at(model, k)
+    joint = joint_of_velocity(model, k)
     part = max(float(left[k]), 0.0)
     return _link(model, joint), (
         f'hangs on joint "{joint.name}", which moves {part:.1g} of its inertia when what it carries is free, and '

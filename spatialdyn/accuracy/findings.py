@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import json
-import math
 from typing import Any, NamedTuple
 
+from ..calls.json_numbers import finite_or_none, json_text
 from ..model.model import Model
 from ..waiting import watch
 
@@ -81,20 +80,21 @@ class Diagnosis(NamedTuple):
 
     def to_dict(self) -> dict[str, Any]:
         """All of it as JSON types; infinite numbers are None."""
+        stiff = self.stiffest
         return {
             "name": self.name,
             "severity": self.severity,
             "findings": [f._asdict() for f in self.findings],
-            "condition": {where: _finite(x) for where, x in self.condition.items()},
+            "condition": {where: finite_or_none(x) for where, x in self.condition.items()},
             "digits": self.digits,
             "programs": self.programs,
             "states": self.states,
-            "stiffest": None if self.stiffest is None else {**self.stiffest._asdict(), "dt": _finite(self.stiffest.dt)},
+            "stiffest": None if stiff is None else {**stiff._asdict(), "dt": finite_or_none(stiff.dt)},
         }
 
     def to_json(self) -> str:
         """All of it as JSON text."""
-        return json.dumps(self.to_dict(), indent=2, ensure_ascii=False, allow_nan=False)
+        return json_text(self.to_dict())
 
     def __repr__(self) -> str:
         return f"<Diagnosis {self.name}: {self.severity}, {len(self.findings)} findings>"
@@ -135,8 +135,3 @@ class Diagnosis(NamedTuple):
         from ..pictures.notebook import diagnosis_html
 
         return diagnosis_html(self)
-
-
-def _finite(x: float) -> float | None:
-    """x, or None if it is not finite, as JSON has no such number."""
-    return x if math.isfinite(x) else None

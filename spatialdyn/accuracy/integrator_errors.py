@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from ..calls.arguments import as_array, as_count
 from ..calls.dynamics import calls
 from ..calls.progress import Report, Steps
-from ..calls.states import random_configuration
+from ..calls.random_configurations import random_configuration
 from ..engines.compiled import numba_kernels
 from ..errors import NonFiniteError, ShapeError, SimulationError, SpatialDynError, literal
 from ..model.model import Model

@@ -29,7 +29,7 @@ COARSER = EPS["float32"] / EPS["float64"]
 INPUTS = {"rnea": "qva", "crba": "q", "aba": "qva", "aba_refined": "qva", "minverse": "q"}  # inputs of judged calls
 SHORT = 32  # freedoms up to which all calls are judged: kernels of larger robots take long to compile
 IN_NUMPY = 128  # freedoms up to which NumPy takes less time than the table kernels take to compile
-BRANCHING = 64  # states for a recursion that branches on values: NumPy computes them one by one
+BRANCHING = 64  # states for a recursion that branches on values, fewer beyond IN_NUMPY: NumPy takes them one by one
 ALWAYS = ("rnea", "aba")  # judged for robots of any size: one call without pivots and one with
 
 
@@ -70,7 +70,8 @@ def method_errors(model: Model, arrays: list[Array]) -> dict[str, dict[str, Arra
         truth, _ = truths(model, "aba", arrays, checked=0)
         measured = {}
         for method, name in METHODS.items():
-            n = len(truth) if SPECS[name].traceable else BRANCHING
+            few = max(1, BRANCHING * IN_NUMPY // max(IN_NUMPY, model.nv))
+            n = len(truth) if SPECS[name].traceable else few
             measured[method] = of_calls("aba", as_written(model, name, [x[:n] for x in arrays]), truth[:n])
         bodies = model.bodies.copy()
         regroup(bodies, solved=True)  # as in a program, whose constants are rounded after regrouping

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from dataclasses import dataclass, field
 from typing import Any
@@ -11,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..calls.arguments import as_finite
+from ..calls.json_numbers import finite_or_none, json_text
 from ..simulation.scene import Scene
 from ..waiting import watch
 from .embedding import Embedding
@@ -169,7 +169,7 @@ class Requirement:
 
     def to_json(self) -> str:
         """All of it as JSON text."""
-        return json.dumps(self.to_dict(), indent=2, ensure_ascii=False, allow_nan=False)
+        return json_text(self.to_dict())
 
     @watch.call("Requirement.plot")
     def plot(self, path: Any = None, ax: Any = None) -> Any:
@@ -193,4 +193,4 @@ class Requirement:
 def _json(x: Any) -> Any:
     if isinstance(x, tuple):
         return list(x)
-    return None if isinstance(x, float) and not math.isfinite(x) else x
+    return finite_or_none(x)

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 from ..calls.arguments import as_number
+from ..calls.json_numbers import finite_or_none, json_text
 from ..errors import ShapeError, SpatialDynError, literal
 from ..model.model import Model
 from ..waiting import watch
@@ -114,13 +114,13 @@ class Tradeoff:
 
     def to_dict(self) -> dict[str, Any]:
         """All of it as JSON types; numbers that are not finite are None."""
-        rows = [{k: _json(v) for k, v in vars(x).items() if k not in ("run", "states")} for x in self.options]
-        whole = {k: _json(v) for k, v in vars(self).items() if k not in ("further", "subject")}
+        rows = [{k: finite_or_none(v) for k, v in vars(x).items() if k not in ("run", "states")} for x in self.options]
+        whole = {k: finite_or_none(v) for k, v in vars(self).items() if k not in ("further", "subject")}
         return {**whole, "unit": self.unit, "options": rows}
 
     def to_json(self) -> str:
         """All of it as JSON text."""
-        return json.dumps(self.to_dict(), indent=2, ensure_ascii=False, allow_nan=False)
+        return json_text(self.to_dict())
 
     def rows(self) -> list[list[str]]:
         """The table's cells as text: mark of the front, name, error, bound, bound of the worst joint, cost, code or
@@ -249,7 +249,3 @@ def mark_pareto(options: list[Option]) -> tuple[Option, ...]:
         least = min(least, x.error) if best else least
         made.append(Option(**{**vars(x), "best": best}))
     return tuple(made)
-
-
-def _json(x: Any) -> Any:
-    return None if isinstance(x, float) and not math.isfinite(x) else x

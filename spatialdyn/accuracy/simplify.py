@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..calls.arguments import as_number, as_words, check_model
 from ..calls.dynamics import calls
+from ..calls.random_configurations import random_configuration
 from ..calls.specialize import specialize
-from ..calls.states import random_configuration
 from ..engines.compiled import numba_kernels
 from ..engines.programs.record import recording
 from ..errors import SpatialDynError, literal

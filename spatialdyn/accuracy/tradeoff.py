@@ -30,7 +30,7 @@ def trade(
     model: Model | Scene,
     task: str = "forward_dynamics",
     states: Any = None,
-    batch: int = BATCH,
+    batch: int | None = None,
     duration: float = 1.0,
     methods: str | Sequence[str] | None = None,
     progress: Progress = False,
@@ -55,9 +55,10 @@ def trade(
               Calls run as programs on SIMD lanes in float64 and float32 (with inputs rounded to float32); those without
               a program run in the table kernel, "untraced"; "extended" runs on lanes in batches of 512 or more, up to
               32 freedoms.
-    states    states in which errors are measured: the number of random states, 4096 by default, or a tuple of arrays
-              (n, ...): (q, v, tau), (q, v, a), (q,). For simulations (q0, v0), by default 4 random states at rest
-    batch     samples of a timed call; 1: calls of one sample are timed
+    states    states in which errors are measured: the number of random states, or a tuple of arrays (n, ...):
+              (q, v, tau), (q, v, a), (q,). 4096 by default; beyond 64 freedoms fewer, 186 at 300, but for inverse
+              dynamics. For simulations (q0, v0), by default 4 random states at rest
+    batch     samples of a timed call, by default as many as states by default; 1: calls of one sample are timed
     duration  of a simulation [s], without torques
     methods   names of integrators of simulations, or of calls of the table, by default all but ``aba_square_root``:
               it has no program, and its kernel takes long to compile at its first use on a machine
@@ -90,7 +91,8 @@ def trade(
         raise SpatialDynError(f'task is "{task}" of a Scene, expected "simulate", or its model in place of the scene')
     if not model.nv:
         raise ModelError(f'model "{model.name}" has no joint that moves, expected one that does')
-    samples, seconds = as_count(batch, call_errors.MOST), as_number(duration)
+    usual = call_errors.usual_count(model, task, BATCH)
+    samples, seconds = usual if batch is None else as_count(batch, call_errors.MOST), as_number(duration)
     if not samples:
         raise SpatialDynError(f"batch is {literal(batch)}, expected a number of samples of 1 to {call_errors.MOST}")
     if not 0.0 < seconds < math.inf:
@@ -127,7 +129,7 @@ def recommend(
     task: str = "forward_dynamics",
     tolerance: float = 1e-6,
     states: Any = None,
-    batch: int = BATCH,
+    batch: int | None = None,
     duration: float = 1.0,
     methods: str | Sequence[str] | None = None,
     progress: Progress = False,

@@ -22,7 +22,7 @@ from fractions import Fraction
 from math import factorial
 from typing import NamedTuple
 
-from .euclidean import Mat3, Vec, add, add_mat3, cross, dot, matmul, scale, transpose
+from .euclidean import Mat3, Vec, add, add_mat3, cross, dot, matmul, rotate, scale, transpose
 from .rotations import rotation
 from .scalars import Scalar, atan2, cos, inline, select, series_or_closed, sin, sqrt
 from .spatial import Motion
@@ -263,6 +263,12 @@ def outer(a: Vec, b: Vec) -> Mat3:
 def turned_diagonal(a: Scalar, u: Vec) -> Mat3:
     """a 1 + u×."""
     return Mat3(a, -u.z, u.y, u.z, a, -u.x, -u.y, u.x, a)
+
+
+@inline
+def times_twist(T: Tangent, m: Motion) -> Motion:
+    """[J K; 0 J] times a twist."""
+    return Motion(rotate(T.J, m.w), add(rotate(T.J, m.v), rotate(T.K, m.w)))
 
 
 @inline

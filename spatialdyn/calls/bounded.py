@@ -45,6 +45,12 @@ def bounded(
     prismatic joints far out do: aba's bound is a thousand times its error for a panda whose fingers are 100 m out,
     some 200 times elsewhere.
 
+    Along a chain of bodies bounds grow with every turn: by 1.4 a body where joints turn about axes of its frame, by 2.4
+    where placements are turned too, while errors hardly grow. In float64 bounds of rnea are below 1e-3 of the largest
+    torque up to 80 and 30 bodies in a row, whatever the number of branches. Longer chains have bounds that hold but say
+    nothing, up to 1e130, and take half a minute to compile; ``sd.exact`` computes the error itself there, in 0.3 s a
+    sample of 468 joints.
+
     model, dtype, fixed, inputs, outputs, frame, reference, classical, constraints   as of ``specialize``
     call   a public call such as ``sd.rnea``
     exact_inputs  True: float32 inputs are exact, not rounded from other numbers; bounds are then a third smaller

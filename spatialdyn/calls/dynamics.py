@@ -16,12 +16,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..engines import object_layout, run
+from ..engines import by_table_kernel, object_layout, run
 from ..engines.compiled import numba_kernels
 from ..engines.compiled.generated import function_from_text
+from ..engines.failed import ALL_OK
 from ..engines.programs.llvm.call_words import ARRAY, MOST_WORDS, NUMBER, OUT, WORD
 from ..engines.programs.run import batch_kernels, single_call
 from ..engines.programs.run.single_call import Parameter
+from ..engines.tables import hashable
 from ..engines.threads import set_num_threads
 from ..errors import ModelError, literal
 from ..model.model import Model
@@ -70,7 +72,7 @@ def plan_of(
     """The plan of a call.
 
     present   whether each varying input is given, in order
-    static    values of the static inputs, as ``run.hashable`` returns them
+    static    values of the static inputs, as ``hashable`` returns them
     by_table  without a program, for the table kernel
     """
     varying = [x for x in spec.present if not x.static]
@@ -117,7 +119,7 @@ def checked_call(
     result = empty(shape) if out is None else check_out(out, shape, {x.name: a for x, a in named.items()})
     n, seen = math.prod(batch), out is not None
     if n:
-        plan = plan_of(spec, model, tuple(x is not None for x in values), run.hashable(static), by_table)
+        plan = plan_of(spec, model, tuple(x is not None for x in values), hashable(static), by_table)
         if not batch and not by_table:
             _keep_in_model(plan, model, static, words)
         inputs = [flatten_batch(a, batch, core_shape(model, x, static)) for x, a in named.items()]
@@ -125,8 +127,8 @@ def checked_call(
         raise_early(plan.spec, model, inputs, static, n, batch)
         failed = None if plan.program is None else plan.program(inputs, flat, seen)
         if failed is None:
-            failed = run.run_table_kernel(plan.spec, model, inputs, static, flat, seen=seen)
-        if failed is not run.ALL_OK:
+            failed = by_table_kernel.run_table_kernel(plan.spec, model, inputs, static, flat, seen=seen)
+        if failed is not ALL_OK:
             raise_failures(plan.spec, model, batch, static, failed)
     return result if out is not None or shape else float(result)
 
@@ -169,7 +171,7 @@ def _program_call(spec: Spec, model: Any, values: tuple[Any, ...], static: tuple
         if type(x) is not np.ndarray or x.ndim != 2 or not (x.dtype is F8 or x.dtype == F8):
             return None
     n = len(first)
-    plan = plan_of(spec, model, tuple(x is not None for x in values), run.hashable(static))
+    plan = plan_of(spec, model, tuple(x is not None for x in values), hashable(static))
     if plan.program is None or not plan.vectors:
         return None
     shape, seen = (n, *plan.shape), out is not None
@@ -185,7 +187,7 @@ def _program_call(spec: Spec, model: Any, values: tuple[Any, ...], static: tuple
     failed = plan.program(given, out if out.ndim == 2 else out.reshape((n, -1)), seen)
     if failed is None:
         return None
-    if failed is not run.ALL_OK:
+    if failed is not ALL_OK:
         raise_failures(plan.spec, model, (n,), static, failed)
     return out
 

@@ -13,7 +13,7 @@ from ..bodies.kinds import unit_part
 from ..bodies.static_table import StaticTable
 from ..engines import run
 from ..engines.compiled import numba_kernels
-from ..engines.failed import Failed
+from ..engines.failed import ALL_OK, RANGE, Failed
 from ..engines.programs.record.mimic_rows import evaluate, rows_of
 from ..engines.programs.record.tracer import table
 from ..errors import ConfigurationError, InertiaError, NonFiniteError
@@ -53,7 +53,7 @@ def raise_failures(spec: Spec, model: Model, batch: tuple[int, ...], static: tup
         row = _singular_row(spec, model, inputs_of(at), static)
         if row is not None:
             raise InertiaError(zero_inertia_message(model, row, sample_of(samples[at], len(pivots), batch)))
-    lost = np.flatnonzero((status != run.RANGE) & finite & ~failed.finite)
+    lost = np.flatnonzero((status != RANGE) & finite & ~failed.finite)
     if len(lost):
         at = int(lost[0])
         where = sample_of(samples[at], len(lost), batch)
@@ -61,7 +61,7 @@ def raise_failures(spec: Spec, model: Model, batch: tuple[int, ...], static: tup
         if row is not None:
             raise InertiaError(zero_inertia_message(model, row, where))
         raise NonFiniteError(_not_finite_message(spec, where))
-    if (status == run.RANGE).any():
+    if (status == RANGE).any():
         raise NonFiniteError(f"{spec.name} leaves the range of float32, expected dtype=np.float64 for such input")
 
 
@@ -70,7 +70,7 @@ def raise_early(
 ) -> None:
     """As ``raise_failures``, before the computation, for a call that would compile its table kernel first."""
     failed = run.preview(spec, model, inputs, static, count)
-    if failed is not run.ALL_OK:
+    if failed is not ALL_OK:
         raise_failures(spec, model, batch, static, failed)
 
 

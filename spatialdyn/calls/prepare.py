@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Iterable
 from typing import Any
 
-from ..engines import run
+from ..engines import by_table_kernel, run
 from ..engines.compiled import numba_kernels
 from ..errors import SpatialDynError, literal
 from ..model.model import Frame, Model
@@ -120,7 +120,7 @@ def _of_frame(spec: Spec) -> bool:
 def _compile(spec: Spec, model: Model, static: tuple[Any, ...]) -> None:
     """The code that a call runs: its program for one sample and for batches; the table kernel if it has none."""
     if not run.compile_program(spec, model, static):
-        run.compile_table_kernel(spec, model, static)
+        by_table_kernel.compile_table_kernel(spec, model, static)
 
 
 compile = compile_calls  # as ``sd.compile``

@@ -17,9 +17,9 @@ from ..engines import locks
 from ..engines.numbers.enclosures import Enclosure, Zeros, rounded
 from ..errors import ShapeError, SpatialDynError, literal
 from .arguments import aligned, as_array, as_number
+from .random_configurations import random_configuration
 from .specialize_request import SpecializeRequest
 from .specialized import Specialized
-from .states import random_configuration
 
 Array = NDArray[np.float64]
 Call = Callable[..., tuple[Any, Any]]

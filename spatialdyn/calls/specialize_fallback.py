@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..bodies.table import ANY_NORM
-from ..engines import run
-from ..engines.failed import Failed
+from ..engines import by_table_kernel
+from ..engines.failed import ALL_OK, Failed
 from ..engines.programs.record import parameters
 from ..engines.programs.record.recording import along
 from ..errors import SpatialDynError
@@ -81,11 +81,11 @@ def compute(
                 columns = None if request.output_places is None else request.output_places[done].ravel()
                 passed = spec, model, arrays, values, results[done], samples[group], columns, seen
                 if in_numpy:
-                    failed = run.run_in_numpy(*passed, request.parameters, varied)
+                    failed = by_table_kernel.run_in_numpy(*passed, request.parameters, varied)
                 else:
                     if not varied:
                         raise_early(spec, model, arrays, values, count, batch)
-                    failed = run.run_table_kernel(*passed)
+                    failed = by_table_kernel.run_table_kernel(*passed)
                 _raise(request, spec, values, batch, failed, samples, varied)
         except KeyboardInterrupt:
             for k, result in enumerate(results[:own] if seen else ()):
@@ -109,7 +109,7 @@ def _on_lanes(
             static = tuple(request.static[x.name] for x in spec.present if x.static)
             columns = None if request.output_places is None else request.output_places[k].ravel()
             given = request.model, request.parameters, varied, arrays, static, results[k], samples, columns
-            left |= run.run_edited(spec, *given)
+            left |= by_table_kernel.run_edited(spec, *given)
     except KeyboardInterrupt:
         for result in results[: len(request.specs)] if seen else ():
             result[samples] = np.nan
@@ -127,7 +127,7 @@ def _raise(
     varied: Sequence[NDArray[np.float64]],
 ) -> None:
     """Raise the errors of failed samples, each for the model with the sample's own parameters."""
-    if failed is run.ALL_OK:
+    if failed is ALL_OK:
         return
     if all(len(x) == 1 for x in varied):
         raise_failures(spec, _model_of(request, varied, 0, len(samples)), batch, static, failed)

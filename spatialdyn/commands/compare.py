@@ -7,10 +7,11 @@ import json
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
+from ..calls.json_numbers import finite_or_none
 from ..errors import SpatialDynError, pip_install
 from ..urdf.load import example_robots, robot_names
 from ..validate import Comparison, Row, compare_with_pinocchio, pinocchio, pinocchio_model
-from .printing import Column, finite, fold, print_table, progress, shown
+from .printing import Column, fold, print_table, progress, shown
 from .robots import ROBOT, ROOTS, add_quiet
 
 TIMED = ("rnea", "crba", "aba")
@@ -228,7 +229,7 @@ def _record(robot: _Compared) -> dict[str, Any]:
                 "rows": [
                     {
                         "call": row.call,
-                        "error": finite(row.error),
+                        "error": finite_or_none(row.error),
                         "bound": row.bound,
                         "ok": row.ok,
                         "note": row.note,

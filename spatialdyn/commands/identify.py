@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import argparse
-import json
-import math
 import warnings
 from typing import Any
 
+from ..calls.json_numbers import finite_or_none, json_text
 from ..identification.base import ROWS
 from ..identification.equations import FORMS, HOLDS
 from ..identification.identified import COLUMNS, Identified, Validation
@@ -69,7 +68,7 @@ def _run(arguments: argparse.Namespace) -> int:
         odd = () if other is None else other.check(model)
     if arguments.json:
         more = {} if judged is None else {"validation": {**_numbers(judged), "notes": list(odd)}}
-        print(json.dumps({**found.to_dict(), **more}, indent=2, ensure_ascii=False, allow_nan=False))
+        print(json_text({**found.to_dict(), **more}))
     else:
         _show(found)
     if judged is not None and not arguments.json:
@@ -102,7 +101,7 @@ def _delay(text: str | None) -> Any:
 def _numbers(judged: Validation) -> dict[str, list[float | None]]:
     """The figures of a Validation for each freedom; None if not finite."""
     arrays = {name: getattr(judged, name).tolist() for name in ("rms", "noise", "ratio", "share", "white")}
-    return {name: [x if math.isfinite(x) else None for x in values] for name, values in arrays.items()}
+    return {name: [finite_or_none(x) for x in values] for name, values in arrays.items()}
 
 
 def _show(found: Identified) -> None:

@@ -7,12 +7,13 @@ import json
 from collections.abc import Sequence
 from typing import Any
 
+from ..calls.json_numbers import finite_or_none
 from ..model.model import Model
 from ..model.robot_checks import quoted
 from ..pictures.mesh_files import named_meshes
 from ..pictures.robot_rows import kinds_of, neutral_outside, tree_rows
 from ..urdf.load import robot_names
-from .printing import Column, finite, fold, print_table, terminal_width
+from .printing import Column, fold, print_table, terminal_width
 from .robots import ROBOT, add_package_dirs, add_root, load
 
 
@@ -104,10 +105,10 @@ def _record(model: Model, package_dirs: Sequence[str]) -> dict[str, Any]:
                 "parent": joint.parent,
                 "child": joint.child,
                 "axis": list(joint.axis),
-                "lower": finite(joint.lower),
-                "upper": finite(joint.upper),
-                "velocity": finite(joint.velocity),
-                "effort": finite(joint.effort),
+                "lower": finite_or_none(joint.lower),
+                "upper": finite_or_none(joint.upper),
+                "velocity": finite_or_none(joint.velocity),
+                "effort": finite_or_none(joint.effort),
                 "mimic": None if joint.mimic is None else joint.mimic.leader,
                 "idx_v": places[joint.name].idx_v if joint.name in places else None,
             }

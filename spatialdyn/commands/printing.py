@@ -6,7 +6,6 @@ rich draws tables if it is installed; otherwise they are aligned text.
 from __future__ import annotations
 
 import itertools
-import math
 import shutil
 import sys
 import time
@@ -165,8 +164,3 @@ def fold(text: str, first: str = "  ") -> None:
     print(
         textwrap.fill(text, max(NARROWEST, terminal_width()), initial_indent=first, subsequent_indent=" " * len(first))
     )
-
-
-def finite(x: float | None) -> float | None:
-    """x, or None if it is not finite, as JSON has no such number."""
-    return x if x is not None and math.isfinite(x) else None

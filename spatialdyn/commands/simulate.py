@@ -15,7 +15,7 @@ from ..actuation.friction import Friction
 from ..calls.dynamics import calls
 from ..calls.files import check_ending
 from ..calls.prepare import compile_calls
-from ..calls.states import random_configuration
+from ..calls.random_configurations import random_configuration
 from ..constraints.loops import close_loops
 from ..constraints.table import Constraints
 from ..errors import SimulationInterrupt, SpatialDynError, literal

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import math
 import warnings
 
@@ -11,6 +10,7 @@ from ..accuracy.call_errors import WHEN_NAMED
 from ..accuracy.references import NORMS
 from ..accuracy.results import EACH_JOINT, Option, Tradeoff, figure
 from ..accuracy.tradeoff import BATCH, TASKS, advice, trade
+from ..calls.json_numbers import json_text
 from ..errors import SpatialDynError, literal
 from ..simulation import integrators
 from .printing import Column, fold, print_table, shown
@@ -55,7 +55,7 @@ def _run(arguments: argparse.Namespace) -> int:
         chosen = None if tolerance is None else advice(found, tolerance, arguments.norm)
     if arguments.json:
         added = {} if chosen is None else {"recommended": {"name": chosen.option.name, "why": chosen.why}}
-        print(json.dumps({**found.to_dict(), **added}, indent=2, ensure_ascii=False, allow_nan=False))
+        print(json_text({**found.to_dict(), **added}))
     else:
         _show(found, chosen.option if chosen else None)
         if chosen is not None:

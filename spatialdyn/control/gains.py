@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..calls.arguments import as_array, as_count, as_flag, broadcast, check_model, within_range
 from ..calls.dynamics import calls
-from ..calls.states import random_configuration
+from ..calls.random_configurations import random_configuration
 from ..errors import NonFiniteError, ShapeError, SpatialDynError, literal, pip_install
 from ..model.model import Model
 from ..waiting import watch

@@ -22,7 +22,7 @@ from ..calls.arguments import (
     pose_fault,
 )
 from ..calls.dynamics import calls
-from ..calls.states import random_configuration
+from ..calls.random_configurations import random_configuration
 from ..engines.programs.record.mimic_rows import evaluate
 from ..errors import ShapeError, SpatialDynError, literal
 from ..model.model import Frame, Model

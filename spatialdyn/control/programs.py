@@ -14,7 +14,7 @@ from ..engines.compiled import numba_kernels
 from ..engines.programs.record import recording
 from ..engines.programs.run import batch_kernels, time_loop
 from ..engines.programs.run.time_loop import StepInput
-from ..engines.run import hashable
+from ..engines.tables import hashable
 from ..model.model import Model
 from ..recursions.spec import Spec
 

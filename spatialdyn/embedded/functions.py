@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 
 from ..calls.arguments import core_shape
 from ..calls.exported import exported
+from ..calls.random_configurations import random_configuration
 from ..calls.specialize import specialize
 from ..calls.specialize_request import SpecializeRequest, dtype_of
 from ..calls.specialized import Specialized, check_program, of_request, results_of_rows
-from ..calls.states import random_configuration
 from ..control.control import Control
 from ..control.law_specs import RATE, begun_of, check_recordable
 from ..engines.programs.record.operations import INPUT

@@ -17,7 +17,7 @@ from .numbers.double_double import DoubleDouble, record_double_double
 from .programs.record import recording
 from .programs.record.mimic_rows import evaluate
 from .programs.run import batch_kernels
-from .run import Table
+from .tables import Table
 
 LEAST_BATCH = 512  # smaller batches do not run on lanes
 MOST_ROWS = 32  # for tables with more rows, double-double programs take too long to compile

@@ -8,7 +8,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from .compiled import numba_kernels
+
 Arrays = Sequence[NDArray[np.float64]]
+RANGE = numba_kernels.NONFINITE + 1  # a status that the kernels do not have
 
 
 class Failed(NamedTuple):

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ..calls.arguments import as_word
 from ..calls.dynamics import calls
-from ..calls.states import random_configuration
+from ..calls.random_configurations import random_configuration
 from ..errors import IdentificationError
 from ..model.model import Model
 from ..waiting import watch

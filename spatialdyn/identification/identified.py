@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
@@ -13,6 +12,7 @@ from numpy.typing import NDArray
 
 from ..actuation.friction import Friction
 from ..calls.dynamics import calls
+from ..calls.json_numbers import finite_or_none, json_text
 from ..errors import IdentificationError, InertiaError
 from ..model.model import Model
 from ..simulation.scene import Scene
@@ -281,14 +281,15 @@ class Identified:
     def to_dict(self) -> dict[str, Any]:
         """All numbers as JSON types; numbers that are not finite become None."""
         arrays = ("beta", "deviation", "half_width", "parameters", "noise", "white", "singular_values", "rows")
-        own = {name: [_json(x) for x in getattr(self, name).tolist()] for name in arrays}
-        plain = {name: _json(getattr(self, name)) for name in ("method", "consistent", "delay", "delay_deviation")}
+        own = {name: [finite_or_none(x) for x in getattr(self, name).tolist()] for name in arrays}
+        names = ("method", "consistent", "delay", "delay_deviation")
+        plain = {name: finite_or_none(getattr(self, name)) for name in names}
         words = {name: list(getattr(self, name)) for name in ("names", "removed", "bounds", "notes")}
         return {"model": self.start.name, "base": list(self.base.labels), **plain, **own, **words}
 
     def to_json(self) -> str:
         """All numbers as JSON text."""
-        return json.dumps(self.to_dict(), indent=2, ensure_ascii=False, allow_nan=False)
+        return json_text(self.to_dict())
 
 
 def predictions(found: Identified, equations: Iterable[Equations]) -> tuple[Array, Array, Array]:
@@ -310,7 +311,3 @@ def _share(deviation: float, beta: float) -> str:
         return "-"
     share = 100.0 * deviation / abs(beta)
     return f"{share:.2g}" if share < 100.0 else "over 100"
-
-
-def _json(x: Any) -> Any:
-    return None if isinstance(x, float) and not math.isfinite(x) else x

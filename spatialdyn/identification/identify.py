@@ -128,20 +128,8 @@ def identify(
     if not math.isfinite(late):
         _refuse("delay", delay, "a finite number of seconds, or True")
 
-    notes: list[str] = []
-    kept: list[Equations] = []
-    factors: Factors | None = None
-    shared = 1, 1.0
-    for log in logs:
-        notes += [x for x in log.check(robot) if x not in notes]
-        refuse_flight(log, settings)
-        one = Equations(log, settings, 0 if once else KEPT // len(given))
-        if fixed and once:
-            _refuse("recording", "a generator", "a list of Recordings: a delay that is fitted takes several passes")
-        kept += [one] * (not once)
-        if not fixed:
-            factors = added(factors, factors_of(one.rows(late), base.columns))
-            shared = max(shared, one.shared(late))
+    reduced = _reduced(logs, robot, settings, base, None if once else KEPT // len(given), None if fixed else late)
+    kept, factors, shared, notes = reduced
     extra = 0
     shows = any(bool(one.torques[:, : settings.freedoms].any()) for one in kept)
     if fixed and not shows:
@@ -176,10 +164,9 @@ def identify(
                 f"{' and others' if len(uneven) > 8 else ''}{_unused(settings, fixed or bool(late) or not shows)}"
             )
     fit = fit_base(factors, base, extra, weighted, share, method, inflation, fit)
-    present = unknowns.present
     bounds: tuple[str, ...] = ()
     if method in ("ols", "wls"):
-        pi = _nearest(base, fit.beta, present)
+        pi = _nearest(base, fit.beta, unknowns.present)
         beta, steps, ok = fit.beta, 0, False
     else:
         made = _consistent(method, fit, base, unknowns, weight)
@@ -199,6 +186,31 @@ def identify(
 
 
 # --- from the base to bodies ----------------------------------------------------------------------------------
+
+
+def _reduced(
+    logs: Iterable[Recording], robot: Model, settings: Settings, base: Base, size: int | None, late: float | None
+) -> tuple[list[Equations], Factors | None, tuple[int, float], list[str]]:
+    """Equations of recordings, their factors, rows that share noise, and notes.
+
+    size  numbers that the equations of a recording may keep; None if recordings can be read once: none are returned
+    late  delay [s]; None to fit it later, without factors
+    """
+    kept: list[Equations] = []
+    notes: list[str] = []
+    factors: Factors | None = None
+    shared = 1, 1.0
+    for log in logs:
+        notes += [x for x in log.check(robot) if x not in notes]
+        refuse_flight(log, settings)
+        one = Equations(log, settings, size or 0)
+        if late is None and size is None:
+            _refuse("recording", "a generator", "a list of Recordings: a delay that is fitted takes several passes")
+        kept += [one] * (size is not None)
+        if late is not None:
+            factors = added(factors, factors_of(one.rows(late), base.columns))
+            shared = max(shared, one.shared(late))
+    return kept, factors, shared, notes
 
 
 def _residuals(equations: list[Equations], base: Base, beta: Array, delay: float) -> tuple[Array, Array]:

@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..calls.arguments import as_array, check_model
 from ..calls.dynamics import calls
-from ..calls.states import random_configuration
+from ..calls.random_configurations import random_configuration
 from ..model.joint_rows import Joint
 from ..model.model import Model
 from ..waiting import watch

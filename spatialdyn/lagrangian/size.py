@@ -9,7 +9,7 @@ import numpy as np
 
 from ..bodies import kinds
 from ..calls.dynamics import calls
-from ..calls.states import random_configuration
+from ..calls.random_configurations import random_configuration
 from ..model.model import Model
 
 STATES = 100_000  # limit of states on the grid

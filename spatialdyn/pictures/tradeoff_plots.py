@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 LEAST = 1e-17  # errors below are drawn there: a logarithmic axis has no 0
-SECOND = 1e9  # [ns]
 
 
 def plot_tradeoff(found: Tradeoff, ax: Any, path: Any) -> Figure:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..calls import states as free
+from ..calls import time_step as free
 from ..calls.arguments import as_array, batch_shape, broadcast, core_shape
 from ..calls.specialize_request import SpecializeRequest, constants_of, dtype_of
 from ..constraints.dynamics import rows_to_keep

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from ..calls.arguments import as_count, as_flag, as_items
 from ..calls.progress import Progress, Steps, check_progress, reporting
-from ..calls.states import generator
+from ..calls.random_configurations import generator
 from ..errors import InertiaError, NonFiniteError, SpatialDynError, literal
 from ..model.model import Model
 from ..urdf.load import load_urdf

@@ -10,6 +10,7 @@ from ..calls import dynamics
 from ..calls.specs import static_of
 from ..engines import run
 from ..engines.compiled.numba_kernels import variant
+from ..engines.tables import hashable
 from ..model.model import Model
 from ..recursions import SPECS
 from .calls import REFERENCES, Call
@@ -26,7 +27,7 @@ def _compile(call: Call, model: Model) -> None:
         static = {x.name for x in spec.present if x.static}
         frame = model.frames[-1] if call.frame else None
         values = static_of(model, static, frame, REFERENCES[0] if "reference" in static else "local", bool(call.static))
-        found = run.program(spec, model, run.hashable(tuple(values.values())))
+        found = run.program(spec, model, hashable(tuple(values.values())))
         if found is not None:
             found.program.compiled(one=True)
 

@@ -494,6 +494,13 @@ def test_a_body_is_unfelt_to_rounding_only(off: float, named: bool) -> None:
     assert ("pin" in {f.link for f in rules._unfelt(builder.build(), np.zeros((1, 2)))}) == named
 
 
+def test_of_a_body_with_mass_all_around_no_jacobian_is_computed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A program of each frame's Jacobian would take a minute for a chain of 300 bodies."""
+    monkeypatch.setitem(rules.calls, "frame_jacobian", None)  # not callable
+    model = sd.load_urdf("panda")
+    assert list(rules._unfelt(model, np.zeros((1, model.nq)))) == []
+
+
 def of_programs(alone: float, batch: float) -> bool:
     """Whether a program of that error gives a finding."""
     model = chain((1.0, 1.0), 0)

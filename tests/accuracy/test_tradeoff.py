@@ -377,6 +377,32 @@ def test_a_cost_is_of_the_fastest_round_per_sample(monkeypatch: pytest.MonkeyPat
     assert measured == pytest.approx({"fast": 1e5, "slow": 4e5}, rel=1e-9)
 
 
+def test_a_slow_run_is_timed_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """After the run that compiles: a call that factors M of 300 freedoms takes seconds."""
+    now, calls_made = [0.0], Counter[str]()
+
+    def run(name: str, seconds: float) -> None:
+        calls_made[name] += 1
+        now[0] += seconds
+
+    monkeypatch.setattr(call_errors, "time", SimpleNamespace(perf_counter=lambda: now[0]))
+    limit = call_errors.SLOW
+    measured = costs({name: partial(run, name, x * limit) for name, x in (("below", 0.9), ("above", 1.1))}, 10)
+    assert measured == pytest.approx({"below": 9e7 * limit, "above": 1.1e8 * limit}, rel=1e-9)
+    assert calls_made == {"below": 2 + (2 if numba_kernels.PLAIN else 3), "above": 2}
+
+
+def test_large_robots_are_measured_in_fewer_states() -> None:
+    """Their mass matrices would take gigabytes; arms and humanoids keep all states."""
+    long = chain((1.0,) * 300, 1)
+    for task in call_errors.TASK_CALLS:
+        alone = task == "inverse_dynamics"
+        assert call_errors.usual_count(long, task, 4096) == (4096 if alone else 186)
+        assert call_errors.usual_count(chain((1.0,) * 64, 1), task, 4096) == 4096
+    assert len(call_errors.call_states(long, "mass_matrix", 200)[0]) == 200
+    assert len(call_errors.call_states(long, "mass_matrix", None)[0]) == min(call_errors.STATES, 186)
+
+
 @compiled
 def test_every_option_for_forward_dynamics_is_listed_and_float32_is_worse() -> None:
     """Those that ``trade`` takes by itself: of aba_square_root the kernel compiles for 20 s."""

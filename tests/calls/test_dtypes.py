@@ -18,7 +18,7 @@ import spatialdyn as sd
 from spatialdyn.calls import dynamics, specialize_fallback
 from spatialdyn.compat import pinocchio as pin
 from spatialdyn.compat.native import recorded_calls
-from spatialdyn.engines import run
+from spatialdyn.engines import by_table_kernel, run
 from spatialdyn.engines.compiled import numba_kernels
 from spatialdyn.engines.programs.run import single_call
 from spatialdyn.engines.programs.run.call_code import CallCode
@@ -105,8 +105,8 @@ def test_a_batch_takes_the_program_at_once(
     call, given = getattr(sd, name), inputs(arm, CALLS[name], (SAMPLES,))
     expected = call(arm, *given)
     monkeypatch.setattr(dynamics, "check_model", fail)
-    for left in ("batch", "run_table_kernel"):
-        monkeypatch.setattr(run, left, fail)
+    for module, left in ((run, "batch"), (by_table_kernel, "run_table_kernel")):
+        monkeypatch.setattr(module, left, fail)
     np.testing.assert_array_equal(call(arm, *map(form, given)), expected)
     out = form(np.zeros(expected.shape))
     assert call(arm, *given, out=out) is out
@@ -119,7 +119,7 @@ def test_a_checked_batch_takes_the_program_too(arm: sd.Model, monkeypatch: pytes
     """Two axes of samples."""
     given = inputs(arm, 3, (2, SAMPLES))
     expected = sd.rnea(arm, *given)
-    monkeypatch.setattr(run, "run_table_kernel", fail)
+    monkeypatch.setattr(by_table_kernel, "run_table_kernel", fail)
     np.testing.assert_array_equal(sd.rnea(arm, *map(form, given)), expected)
 
 

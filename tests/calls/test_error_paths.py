@@ -17,8 +17,9 @@ from trees import random_tree
 
 import spatialdyn as sd
 from spatialdyn.calls.dynamics import calls
-from spatialdyn.engines import run
+from spatialdyn.engines import by_table_kernel, run
 from spatialdyn.engines.compiled import numba_kernels
+from spatialdyn.engines.failed import ALL_OK
 from spatialdyn.recursions import SPECS
 from spatialdyn.recursions.spec import Spec
 
@@ -205,7 +206,9 @@ def test_a_call_without_a_program_answers_nan_in_numpy_whatever_came_before(monk
     assert np.isnan(compiled[2]).all()
     assert np.isfinite(compiled[[0, 1, 3]]).all()
     monkeypatch.setattr(numba_kernels, "batch_kernel", None)  # not callable
-    alone = run.run_table_kernel(bare("aba_square_root"), model, [x[2:3] for x in given], (), np.empty((1, 2)))
+    alone = by_table_kernel.run_table_kernel(
+        bare("aba_square_root"), model, [x[2:3] for x in given], (), np.empty((1, 2))
+    )
     assert list(alone.samples) == [0]
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -218,10 +221,13 @@ def test_what_numpy_would_take_long_for_is_not_tried_in_it(monkeypatch: pytest.M
     """n^3 operations on the derivatives of a long chain: its kernel is compiled, or read from the cache, at once."""
     model = random_tree(1, 150, ["revolute"]).model
     asked: list[str] = []
-    monkeypatch.setattr(run, "run_in_numpy", lambda spec, *others: asked.append(spec.name) or run.ALL_OK)
+    monkeypatch.setattr(by_table_kernel, "run_in_numpy", lambda spec, *others: asked.append(spec.name) or ALL_OK)
     for name in ("crba_solve", "aba_derivatives"):
         spec = bare(name)
         monkeypatch.setattr(numba_kernels, "is_made", lambda spec: False)
         given = [x.reshape((1, -1)) for x in random_inputs(model, spec)]
-        assert run.preview(spec, model, given, (), 1) is run.ALL_OK
+        assert run.preview(spec, model, given, (), 1) is ALL_OK
+    assert asked == ["crba_solve"]
+    many = [np.repeat(x.reshape((1, -1)), 64, axis=0) for x in random_inputs(model, bare("crba_solve"))]
+    assert run.preview(bare("crba_solve"), model, many, (), 64) is ALL_OK
     assert asked == ["crba_solve"]

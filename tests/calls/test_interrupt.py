@@ -20,7 +20,7 @@ import spatialdyn as sd
 from spatialdyn.compat import pinocchio as pin
 from spatialdyn.compat.pinocchio.algorithms import parallel
 from spatialdyn.constraints import contact
-from spatialdyn.engines import extended, run, threads
+from spatialdyn.engines import by_table_kernel, extended, threads
 from spatialdyn.engines.compiled import lane_names, numba_kernels
 from spatialdyn.engines.mimic_batches import Reduced
 from spatialdyn.engines.programs.run import batch_kernels, time_loop
@@ -273,7 +273,7 @@ def test_ctrl_c_leaves_what_the_table_kernel_has_done(
     arm: sd.Model, thread_count: int, given: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     n = 60
-    monkeypatch.setattr(run, "MANY_ALONE", 1)  # also where its kernel is not compiled yet
+    monkeypatch.setattr(by_table_kernel, "MANY_ALONE", 1)  # also where its kernel is not compiled yet
     q, v, tau = states(arm, n)
     wanted, out = sd.aba_square_root(arm, q, v, tau), np.zeros((n, 2))
     monkeypatch.setattr(threads, "FIRST_SLICE", 90)

@@ -12,7 +12,9 @@ import pytest
 from trees import random_state, random_tree
 
 import spatialdyn as sd
-from spatialdyn.calls.states import random_configuration, step, wrench_at
+from spatialdyn.calls.random_configurations import random_configuration
+from spatialdyn.calls.time_step import step
+from spatialdyn.calls.wrenches import wrench_at
 from spatialdyn.engines.compiled import numba_kernels
 from spatialdyn.model.robot import Mimic
 

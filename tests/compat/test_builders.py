@@ -11,7 +11,7 @@ import pytest
 
 import spatialdyn as sd
 import spatialdyn.compat.pinocchio as ours
-from spatialdyn.calls.states import random_configuration
+from spatialdyn.calls.random_configurations import random_configuration
 from spatialdyn.compat.pinocchio.model.library_model import library_model
 from spatialdyn.urdf.load import example_robots, find_robot
 

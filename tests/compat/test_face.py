@@ -116,13 +116,13 @@ def test_builtins_answer_and_decline_as_the_functions_behind_them() -> None:
     assert not np.allclose(free, pushed)
     assert not np.allclose(free, heavy)
     for _ in range(2):
-        np.testing.assert_array_equal(pin.rnea(model, data, q, a=v, v=v, fext=None), free)
+        np.testing.assert_array_equal(pin.rnea(model, data, q, a=v, v=v), free)
         np.testing.assert_allclose(pin.rnea(model, data, q, v, v, forces), pushed, rtol=1e-14)
         np.testing.assert_array_equal(pin.rnea(other, data, q, v, v), heavy)
         for wrong in (model, None, pin.Data.__new__(pin.Data)):
             with pytest.raises((TypeError, AttributeError)):
                 pin.rnea(model, wrong, q, v, v)
-        for given in ((), (q,), (q, v), (q, v, None), (q, v, v, None, v), (q, v, v[:5])):
+        for given in ((), (q,), (q, v), (q, v, None), (q, v, v, None), (q, v, v, None, v), (q, v, v[:5])):
             with pytest.raises((TypeError, ValueError)):
                 pin.rnea(model, data, *given)
         with pytest.raises(TypeError):

@@ -11,7 +11,7 @@ import pytest
 
 import spatialdyn as sd
 import spatialdyn.compat.pinocchio as ours
-from spatialdyn.calls.states import random_configuration
+from spatialdyn.calls.random_configurations import random_configuration
 from spatialdyn.compat.pinocchio.model.library_model import library_model
 
 from .same import PLACED, assert_close, assert_same_model

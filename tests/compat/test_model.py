@@ -224,6 +224,8 @@ def test_frames_are_equal_when_all_of_them_is() -> None:
             ours.Frame(*arguments)
     with pytest.raises(TypeError, match="placement is a int, expected SE3"):
         frame.placement = 3
+    frame.parent, frame.previousFrame = 3, 4
+    assert (frame.parentJoint, frame.parentFrame) == (3, 4)
 
 
 def test_a_joint_that_moves_no_inertia_is_named() -> None:

@@ -157,6 +157,33 @@ def test_impacts_and_delassus_are_pinocchios(kind: str) -> None:
         close(x, y, 1e-10)
 
 
+@pytest.mark.parametrize("kind", KINDS)
+def test_later_impacts_are_pinocchios_too(kind: str) -> None:
+    """The first call binds a builtin, which answers the next: at other states and restitutions, and after an edit."""
+    case, found = Case(kind, "LOCAL"), []
+    for p, model, data, models, datas in case.made:
+        rows = []
+        for k in range(4):
+            settings, v = p.ProximalSettings(1e-12, 1e-12, 10), (1.0 + k) * case.v
+            q = p.integrate(model, case.q, 0.1 * v)
+            if k == 3:
+                model.inertias[2].mass *= 2.0
+            after = p.impulseDynamics(model, data, q, v, models, datas, [0, 0.3, 1.0, 0.5][k], settings)
+            force = np.array(datas[0].contact_force.vector)
+            rows.append((after, np.array(data.impulse_c), np.array(data.dq_after), force))
+            J = p.getConstraintsJacobian(model, data, models, datas)
+            assert abs(J @ after + [0, 0.3, 1.0, 0.5][k] * (J @ v)).max() <= 1e-6
+        with pytest.raises((ValueError, TypeError)):
+            p.impulseDynamics(model, data, case.q, case.v, models, datas, None, settings)
+        found.append(rows)
+    for mine, wheels in zip(*found, strict=True):
+        for x, y in zip(mine, wheels, strict=True):
+            close(x, y, 1e-10)
+    p, model, data, models, datas = case.made[0]
+    with pytest.raises(ValueError, match=r"r_coeff is 1\.5"):
+        p.impulseDynamics(model, data, case.q, case.v, models, datas, 1.5)
+
+
 def test_an_impact_of_a_loop_does_what_its_restitution_says() -> None:
     """Where Pinocchio's leaves J v at something else, and its Delassus matrix leaves out the second joint."""
     case = Case("CONTACT_3D", "LOCAL_WORLD_ALIGNED", True)

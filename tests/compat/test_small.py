@@ -126,6 +126,19 @@ def test_a_precision_that_is_none_is_refused_as_in_the_wheel(prec: float) -> Non
         assert pin.isSameConfiguration(model, q, q, 0.0)
 
 
+def test_same_configurations_and_kept_derivatives_differ_as_is_listed() -> None:
+    for pin in (ours, pytest.importorskip("pinocchio")):
+        is_ours, model = pin is ours, pin.buildSampleModelManipulator()
+        data, q, v = model.createData(), pin.neutral(model), np.ones(model.nv)
+        assert pin.isSameConfiguration(model, q, q + 1e-14, 1e-12) == is_ours
+        kept = pin.computeRNEADerivatives(model, data, q, v, v)[0]
+        before = np.array(kept)
+        pin.computeRNEADerivatives(model, data, q + 1.0, v, v)
+        assert (kept == before).all() == is_ours
+        inertia = pin.computeSupportedInertiaByFrame(model, data, 0, True)
+        assert (inertia.mass >= pin.computeTotalMass(model)) == is_ours
+
+
 def test_jacobians_of_one_freedom_have_two_axes_and_that_is_listed() -> None:
     shapes = []
     for pin in (ours, pytest.importorskip("pinocchio")):

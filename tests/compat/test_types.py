@@ -75,6 +75,9 @@ pin.Motion(column, t); pin.Motion(np.arange(6)); pin.Motion(s[::-1]); pin.Motion
 v + a; v - a; -v; v * 2; v * 2.0; 2 * v; 2.5 * v; v / 3; v / 3.0; v * True; v * np.float64(2); f + g; f - g; -f; 2 * f
 v ^ a; v ^ f; v.cross(a); v.cross(f); v.dot(f); f.dot(v); v == v; v != v; v == a; v == v.copy(); v == f; v != f
 v.isApprox(v * (1 + 1e-13)); v.isApprox(a); v.isZero(); (0 * v).isZero(); v.isZero(100); v.isApprox(1.01 * v, 0.02)
+(1e-13 * v).isApprox(0 * v); (0 * f).isApprox(1e-13 * f); (1e-11 * v).isApprox(0 * v); (0.01 * f).isApprox(0 * f, 1.0)
+pin.Motion(t, 1e-14 * w).isApprox(pin.Motion(t, 0 * w)); pin.Force(t, 1e-14 * w).isApprox(pin.Force(t, -1e-14 * w))
+pin.Motion(1e3 * t, 1e-11 * w).isApprox(pin.Motion(1e3 * t, 0 * w)); (1e-13 * v).isApprox(1e-13 * a)
 v.se3Action(M); v.se3ActionInverse(M); f.se3Action(M); f.se3ActionInverse(M); v + np.ones(6); np.ones(6) + v
 np.ones(6) * v; v * np.ones(6); np.float64(2) * v; v * np.int64(3); np.linalg.norm(v); np.linalg.norm(v.vector)
 v == v.vector; v.__getinitargs__(); np.allclose(v, v); np.concatenate([v, f]); v.vector @ f.vector; sum([v, a], a)
@@ -113,6 +116,7 @@ pin.Quaternion(3 * quat).inverse(); pin.Quaternion(np.zeros(4)).inverse(); q.dot
 pin.Quaternion(3 * quat).norm(); pin.Quaternion(3 * quat).normalized(); pin.Quaternion(3 * quat).normalize()
 q.angularDistance(p); q.angularDistance(q); q.slerp(0.3, p); q.slerp(0.3, q); q.slerp(0.3, pin.Quaternion(-other))
 q == q; q != q; q == p; q == pin.Quaternion(-quat); q.isApprox(q); q.isApprox(p); q.isApprox(pin.Quaternion(-quat))
+t == q; q != t; t + q; q + t; t * q; np.float64(2.0) * q; len(q); q.__imul__(t); q.__imul__(M); np.asarray(q).dtype.kind
 q.isApprox(p, 10.0); pin.Quaternion.Identity().assign(aa); pin.Quaternion.Identity().assign(q); q == 1
 pin.Quaternion(np.diag([1.0, -1.0, -1.0])); pin.Quaternion(np.diag([-1.0, 1.0, -1.0]))
 pin.Quaternion(np.diag([-1.0, -1.0, 1.0])); pin.Quaternion(-quat).setIdentity()
@@ -121,6 +125,7 @@ pin.AngleAxis(aa)
 pin.AngleAxis(pin.Quaternion(-quat)); pin.AngleAxis(np.eye(3)); pin.AngleAxis(np.diag([-1.0, -1.0, 1.0]))
 pin.AngleAxis(0.3, 2 * t).matrix(); pin.AngleAxis(0.3, column); aa * aa; aa * q; aa * t; aa.inverse(); aa == aa
 aa != aa
+S.inverse(t); S.inverse(M); S.rhsMult(S, t, M)
 aa.isApprox(aa); aa.isApprox(aa.inverse()); pin.AngleAxis(0.1, t).fromRotationMatrix(R)
 pin.skew(t); pin.skew(column); pin.unSkew(pin.skew(t)); pin.unSkew(R); pin.skewSquare(t, w)
 pin.XAxis; pin.YAxis; pin.ZAxis
@@ -138,6 +143,10 @@ pin.rpy.matrixToRpy(pin.rpy.rpyToMatrix(0.0, -0.2, np.pi)); pin.utils.rotate("x"
 [x.flags.writeable for x in (q.coeffs(), q.vec(), np.asarray(v), np.asarray(f), v.vector, v.linear)]
 [x.flags.writeable for x in (np.asarray(M), np.asarray(I), M.homogeneous, M.action, v.action, I.inertia, S.data)]
 str(pin.Frame("tip", 2, 1, M, pin.OP_FRAME, I)); str(pin.Frame("tip", 2, 1, M, pin.BODY))
+str(pin.Frame(name="tip", parent_joint=2, parent_frame=1, placement=M, type=pin.BODY, inertia=I))
+str(pin.Frame("tip", 2, M, type=pin.BODY)); str(pin.Frame("tip", parent_joint=2, placement=M, type=pin.BODY))
+pin.Frame("tip", 2, placement=M); pin.Frame(tip=M); pin.Frame("tip", 2, 1, M, pin.BODY) == t
+pin.Inertia.FromDynamicParameters(dynamic_parameters=I.toDynamicParameters())
 pin.SE3ToXYZQUAT(M); pin.SE3ToXYZQUATtuple(M); pin.XYZQUATToSE3(pin.SE3ToXYZQUAT(M)); pin.XYZQUATToSE3([*t, *quat])
 pin.XYZQUATToSE3((1, 2, 3, 0, 0, 0, 1)); pin.classicAcceleration(v, a); pin.classicAcceleration(v, a, M)
 pin.utils.zero(3); pin.utils.zero((2, 3)); pin.utils.eye(3); pin.utils.isapprox(M, M.homogeneous)
@@ -154,6 +163,9 @@ pin.SE3(R, np.zeros((1, 3))); pin.SE3(np.ones((4, 3))); setattr(M, "translation"
 setattr(M, "translation", np.zeros(4)); setattr(M, "rotation", np.eye(4)); setattr(v, "vector", np.ones(5))
 pin.Motion(np.zeros(5)); pin.Motion([0] * 6); pin.Motion(np.zeros((1, 6))); pin.Motion(np.zeros(2), t); pin.Motion(f)
 pin.Force(v); v + f; v * v; f ^ f; v.dot(a); f.dot(g); v.dot(f.vector); v * 1j; v + 1; v.isApprox(f); v / "a"; v ^ 3
+pin.Inertia.FromSphere(t, 0.3); pin.Inertia.FromBox(1.0, 0.1, "a", 0.3); pin.Inertia.FromCapsule(1.0, None, 0.7)
+pin.Inertia.FromCylinder(1.0, t, 0.7); pin.Inertia.FromEllipsoid(1, 2, 3, t); pin.Inertia.FromSphere(1, 2); v.isZero(t)
+S.isZero("a"); M.isIdentity(t); M.isIdentity(None)
 I * 2; I * f; I + 3; I.vtiv(f); pin.Inertia(1.0, np.zeros(2), J6); pin.Inertia(1.0, t, np.eye(2))
 pin.Inertia(np.eye(6))
 pin.Inertia(1.0, t, S); pin.Inertia(1.0, t, R); pin.Inertia(1.0, t, -J6); setattr(I, "inertia", S); I * I
@@ -217,6 +229,8 @@ I.inertia = R; r = I
 I.inertia = J6 + 1e-9 * R; r = I
 x = np.asarray(v); x[0] = 5.0; r = v
 x = q.coeffs(); x[0] = 5.0; r = q
+x = q.coeffs(); q.x = 5.0; r = x.copy()
+q *= t; r = q
 x = I.inertia; x[:] = 0; r = I
 x = I; x += K; r = I, x
 x = I; x -= K; r = I, x

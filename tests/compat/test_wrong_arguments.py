@@ -34,6 +34,10 @@ computeABADerivatives(m, d, None, None, None)  computeForwardKinematicsDerivativ
 rnea(m, d, q, v, None)  crba(m, d, q, None)
 getFrameVelocity(m, d, 1, None)  getVelocity(m, d, 1, None)  getFrameJacobian(m, d, 1, None)
 Model(None)  Data(None)  isNormalized(m, q, None)  computeTotalMass(m, None)  randomConfiguration(m, None, None)
+rnea(m, d, q, v, v, None)  aba(m, d, q, v, v, None)  aba(m, d, q, v, v, None, pin.Convention.WORLD)
+computeStaticTorque(m, d, q, None)  computeRNEADerivatives(m, d, q, v, v, None)  dIntegrate(m, q, v, None)
+computeABADerivatives(m, d, q, v, v, None)  dDifference(m, q, q, None)  randomConfiguration(m, q)
+randomConfiguration(m, upper_bound=q)  JointModelRX().hasSameIndexes(q)
 m.copy().appendBodyToJoint(1, pin.Inertia.Zero(), None)  classicAcceleration(pin.Motion.Zero(), None)
 """
 REPEATED = 2  # rounds on one data: a builtin answers where a first call was recorded

@@ -16,7 +16,7 @@ from trees import random_state, random_tree
 
 import spatialdyn as sd
 from spatialdyn.algebra.heights import bilinear, by_weights
-from spatialdyn.engines import run
+from spatialdyn.engines import by_table_kernel, run
 from spatialdyn.engines.programs.record import recording
 from spatialdyn.engines.programs.record.program import Program
 from spatialdyn.engines.programs.record.tracer import Tape, table
@@ -435,7 +435,7 @@ def test_the_table_kernel_agrees_with_the_program_and_with_plain_python() -> Non
     program, kernel = np.empty((12, width)), np.empty((12, width))
     given = spec, model, [q, v, tau, *rest], (contacts.table,)
     assert not len(run.batch(*given, program).samples)
-    assert not len(run._run_table_kernel(*given, kernel, None, None, True).samples)
+    assert not len(by_table_kernel._run_table_kernel(*given, kernel, None, None, True).samples)
     np.testing.assert_allclose(kernel, program, rtol=0.0, atol=1e4 * SAME)
     one = sd.contact_step(model, contacts, q[3], v[3], tau[3], DT)
     ahead, _ = in_first_axes(model, one.v, v[3], DT)

@@ -12,7 +12,7 @@ from slow import slow_but
 from trees import random_tree
 
 import spatialdyn as sd
-from spatialdyn.calls.states import random_configuration
+from spatialdyn.calls.random_configurations import random_configuration
 from spatialdyn.interop.pinocchio import from_pinocchio
 from spatialdyn.interop.states import from_drake, from_mujoco, to_drake, to_mujoco
 from spatialdyn.urdf.load import find_robot

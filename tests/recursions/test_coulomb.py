@@ -13,7 +13,7 @@ from slow import slow_but
 from trees import random_tree
 
 import spatialdyn as sd
-from spatialdyn.engines import run
+from spatialdyn.engines import by_table_kernel, run
 from spatialdyn.engines.compiled import numba_kernels
 from spatialdyn.engines.compiled.numba_kernels import variant
 from spatialdyn.engines.numbers.multiprecision import arithmetic, numbers
@@ -192,7 +192,7 @@ def test_programs_kernels_and_the_exact_engine_agree(floating: bool) -> None:
     inputs = [np.ascontiguousarray(x) for x in s.values()]
     found = [np.empty((40, 3 * model.nv)) for _ in range(2)]
     assert not len(run.batch(spec, model, inputs, (), found[0]).samples)
-    assert not len(run.run_table_kernel(spec, model, inputs, (), found[1]).samples)
+    assert not len(by_table_kernel.run_table_kernel(spec, model, inputs, (), found[1]).samples)
     np.testing.assert_allclose(found[0], found[1], rtol=0.0, atol=1e-11)
     np.testing.assert_array_equal(found[0][:, : model.nv] == 0.0, found[1][:, : model.nv] == 0.0)
     digits = arithmetic(120)
@@ -210,7 +210,7 @@ def test_torques_agree_in_every_engine() -> None:
     given = {k: s[k] for k in ("v", "coulomb", "viscous", "static", "stribeck")} | {"smoothing": s["stribeck"] / 4.0}
     found = [np.empty((30, model.nv)) for _ in range(2)]
     run.batch(spec, model, list(given.values()), (), found[0])
-    run.run_table_kernel(spec, model, list(given.values()), (), found[1])
+    by_table_kernel.run_table_kernel(spec, model, list(given.values()), (), found[1])
     digits = arithmetic(120)
     exact = {x: numbers(digits, y[0]) for x, y in given.items()}
     truth = evaluate(spec, table(model.bodies, digits.number), (model.nv,), exact, None)
@@ -226,5 +226,5 @@ def test_a_joint_without_inertia_is_flagged() -> None:
     )
     model = builder.build()
     given = [np.array([[x]]) for x in (0.1, 0.0, 0.0, DT, 1.0, 0.0, 1.0, AT_ONCE)]
-    failed = run.run_table_kernel(STEP, model, given, (), np.empty((1, 3)))
+    failed = by_table_kernel.run_table_kernel(STEP, model, given, (), np.empty((1, 3)))
     assert len(failed.samples) == 1

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from ...algebra.euclidean import Mat3, Vec, add_mat3, cross, rotate, scale
+from ...algebra.lie import outer
 from ...algebra.public_arrays import read_body, read_pose
 from ...algebra.records import inertia_of, motion_of, put_inertia, put_mat3, put_pose, put_vec
 from ...algebra.rotations import ROTATION_ZERO
@@ -45,11 +46,6 @@ def _cleared(x: float) -> Any:
 
 
 @inline
-def _outer(a: Vec, b: Vec) -> Mat3:
-    return Mat3(a.x * b.x, a.x * b.y, a.x * b.z, a.y * b.x, a.y * b.y, a.y * b.z, a.z * b.x, a.z * b.y, a.z * b.z)
-
-
-@inline
 def _put_place(b: Any, X: Pose) -> None:
     """Write the pose of a row in its parent, and what turning joints have of it (see ``bodies.table``)."""
     R, u = X.R, motion_of(b.S).w
@@ -61,8 +57,8 @@ def _put_place(b: Any, X: Pose) -> None:
     if b.kind in TURNS or b.kind in SCREWS:
         s = rotate(R, u)
         x, y, z = cross(Vec(R.xx, R.xy, R.xz), u), cross(Vec(R.yx, R.yy, R.yz), u), cross(Vec(R.zx, R.zy, R.zz), u)
-        put_mat3(b.axial, _outer(s, u))
-        put_mat3(b.transverse, add_mat3(R, _outer(scale(-1.0, s), u)))
+        put_mat3(b.axial, outer(s, u))
+        put_mat3(b.transverse, add_mat3(R, outer(scale(-1.0, s), u)))
         put_mat3(b.skewed, Mat3(x.x, x.y, x.z, y.x, y.y, y.z, z.x, z.y, z.z))
 
 

@@ -17,7 +17,16 @@ import numpy as np
 
 from ...algebra import public_arrays, spatial
 from ...algebra.euclidean import Vec
-from ...algebra.public_arrays import read_body, read_force, read_motion, read_pose, write_body, write_force, write_pose
+from ...algebra.public_arrays import (
+    read_body,
+    read_force,
+    read_motion,
+    read_pose,
+    write_body,
+    write_force,
+    write_motion,
+    write_pose,
+)
 from ...algebra.scalars import inline
 from ...engines.compiled.memory import real_of, word
 from ...engines.compiled.stamp import STAMP, covers
@@ -111,6 +120,25 @@ force_to_parent = _on_pair(spatial.force_to_parent, read_pose, read_force, write
 force_to_child = _on_pair(spatial.force_to_child, read_pose, read_force, write_force)
 body_to_parent = _on_pair(operators.body_to_parent, read_pose, read_body, write_body)
 add_body = _on_pair(operators.add_bodies, read_body, read_body, write_body)
+
+
+def _on_rows(function: Operation, read_a: Operation, read_b: Operation, write: Operation) -> Operation:
+    """``(a, places, b, out)``: out[k] = function(a[places[k]], b[k]), a kernel on rows of arrays."""
+
+    def rows(a: Any, places: Any, b: Any, out: Any) -> None:
+        for k in range(len(places)):
+            write(out[k], function(read_a(a[places[k]]), read_b(b[k])))
+
+    return compiled(rows, label(function))
+
+
+compose_all = _on_rows(spatial.compose, read_pose, read_pose, write_pose)
+relative_all = _on_rows(operators.relative_pose, read_pose, read_pose, write_pose)
+motions_to_parent = _on_rows(spatial.motion_to_parent, read_pose, read_motion, write_motion)
+motions_to_child = _on_rows(spatial.motion_to_child, read_pose, read_motion, write_motion)
+forces_to_parent = _on_rows(spatial.force_to_parent, read_pose, read_force, write_force)
+bodies_to_parent = _on_rows(operators.body_to_parent, read_pose, read_body, write_body)
+momenta = _on_rows(operators.body_momentum, read_body, read_motion, write_force)
 
 
 def on_motions(function: Operation) -> Operation:

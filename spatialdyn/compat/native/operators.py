@@ -467,6 +467,27 @@ def near(a: Any, b: Any, precision: Scalar) -> Scalar:
 
 
 @inline
+def small(a: Any, precision: Scalar) -> Scalar:
+    """1 if no entry of a vector exceeds the precision, else 0."""
+    for i in range(len(a)):
+        if not abs(a[i]) <= precision:
+            return 0.0
+    return 1.0
+
+
+@inline
+def near_or_small(a: Any, b: Any, precision: Scalar) -> Scalar:
+    """1 if two vectors are ``near`` or both ``small``, else 0."""
+    return max(near(a, b, precision), small(a, precision) * small(b, precision))
+
+
+@inline
+def near_spatial(a: Any, b: Any, precision: Scalar) -> Scalar:
+    """1 if the linear and the angular parts of two arrays (6,) are ``near_or_small``, else 0."""
+    return near_or_small(a[:3], b[:3], precision) * near_or_small(a[3:], b[3:], precision)
+
+
+@inline
 def same_poses(A: Pose, B: Pose) -> Scalar:
     """1 if two poses agree in each entry, else 0."""
     return same(A.R, B.R) * same(A.p, B.p)

@@ -28,7 +28,16 @@ from ...recursions.constraints.kkt import constrained, solve_factored
 from ...recursions.spec import LOCAL
 from ...recursions.tree.kinematics import WORK, classical_acceleration, frame_jacobian, frame_motion
 from .operators import log_pose, relative_pose
-from .recorded_constraints import Kept, behind_system, compute_bias, compute_M, copy_vector, keep, system_at
+from .recorded_constraints import (
+    Kept,
+    behind_system,
+    compute_bias,
+    compute_M,
+    copy_matrix,
+    copy_vector,
+    keep,
+    system_at,
+)
 
 GIVEN, FOUND = 38, 78  # numbers of a contact, and of its data
 ABSOLUTE, RELATIVE, MU, MOST, ITERATIONS, ABSOLUTE_RESIDUAL, RELATIVE_RESIDUAL = range(7)  # of ProximalSettings
@@ -134,45 +143,96 @@ def solve_proximally(bodies: Any, J: Any, r: Any, g: Any, s: Any, L: Any, Y: Any
             break
 
 
+@inline
+def rows_of(contacts: Contacts) -> int:
+    """How many rows the contacts have; 0 if one is in the axes of the world at its origin."""
+    size = 0
+    for k in range(contacts.size):
+        c = at(word(contacts.given, k), (GIVEN,))
+        if c[1] > 1.0:
+            return 0
+        size += int(c[0])
+    return size
+
+
+@inline
+def put_all(table: int, njoints: int, contacts: Contacts, q: Any, v: Any, J1: Any, J2: Any, J: Any, g: Any) -> None:
+    """``put_contact`` of contacts in memory, their rows one after the other."""
+    bodies, rows, first = table_at(table), at(contacts.rows, (njoints,)), 0
+    work = np.empty(len(bodies), WORK)
+    for k in range(contacts.size):
+        c, own = at(word(contacts.given, k), (GIVEN,)), at(word(contacts.found, k), (FOUND,))
+        end = first + int(c[0])
+        put_contact(bodies, work, q, v, rows, c, own, J1, J2, J[first:end], g[first:end])
+        first = end
+
+
+@inline
+def share(contacts: Contacts, force: Any) -> None:
+    """Write each contact's part of the forces to its data."""
+    first = 0
+    for k in range(contacts.size):
+        own, count = at(word(contacts.found, k), (FOUND,)), int(at(word(contacts.given, k), (GIVEN,))[0])
+        copy_vector(force[first : first + count], own)
+        first += count
+
+
 @routine(("nv",), q=("nq",), v=("nv",), tau=("nv",), settings=(7,))
 def contact_dynamics(
     q: Any, v: Any, tau: Any, settings: Any,
     table: int, nv: int, njoints: int, m: int, contacts: Contacts, bias: int, kept: Kept, scratch: int, out: Any,
 ) -> bool:  # fmt: skip
     """Accelerations under contacts, but dependent ones; it writes the settings. q, v and a are to be recorded."""
-    mu, size = settings[MU], 0.0
-    for k in range(contacts.size):
-        c = at(word(contacts.given, k), (GIVEN,))
-        size += c[0]
-        if c[1] > 1.0:
-            return False
-    if size != m or not mu >= 0.0:
+    mu = settings[MU]
+    if rows_of(contacts) != m or not mu >= 0.0:
         return False
     s, room = system_at(scratch, nv, m), behind_system(scratch, nv, m)
     r, b, J = at(room, (nv,)), at(room + 8 * nv, (nv,)), at(room + 16 * nv, (m, nv))
     J1, J2 = at(room + 8 * (2 + m) * nv, (6, nv)), at(room + 8 * (8 + m) * nv, (6, nv))
     if compute_M(table, q, s.M) != OK or compute_bias(table, q, v, b) != OK:
         return False
-    bodies, first = table_at(table), 0
-    work = np.empty(len(bodies), WORK)
-    for k in range(contacts.size):
-        c, own = at(word(contacts.given, k), (GIVEN,)), at(word(contacts.found, k), (FOUND,))
-        end = first + int(c[0])
-        rows = at(contacts.rows, (njoints,))
-        put_contact(bodies, work, q, v, rows, c, own, J1, J2, J[first:end], s.g[first:end])
-        first = end
+    put_all(table, njoints, contacts, q, v, J1, J2, J, s.g)
     for i in range(nv):
         r[i] = tau[i] - b[i]
-    if constrained(bodies, s.M, J, r, s.g, mu, s.L, s.Y, s.C, s.x, s.force) != m:
+    if constrained(table_at(table), s.M, J, r, s.g, mu, s.L, s.Y, s.C, s.x, s.force) != m:
         return False
-    solve_proximally(bodies, J, r, s.g, settings, s.L, s.Y, s.C, s.x, s.force)
+    solve_proximally(table_at(table), J, r, s.g, settings, s.L, s.Y, s.C, s.x, s.force)
     copy_vector(s.x, out)
-    first = 0
-    for k in range(contacts.size):
-        own, count = at(word(contacts.found, k), (FOUND,)), int(at(word(contacts.given, k), (GIVEN,))[0])
-        for i in range(count):
-            own[i] = s.force[first + i]
-        first += count
+    share(contacts, s.force)
     keep(s, kept)
     copy_vector(b, at(bias, (nv,)))
+    return True
+
+
+@routine(("nv",), q=("nq",), v=("nv",), e=(), settings=(7,))
+def contact_impact(
+    q: Any, v: Any, e: float, settings: Any,
+    table: int, nv: int, njoints: int, m: int, contacts: Contacts, M: int, kept: Kept, scratch: int, out: Any,
+) -> bool:  # fmt: skip
+    """Velocities after an impact of contacts, but dependent ones, of restitution e; q and the result are to be
+    recorded.
+    """
+    mu = settings[MU]
+    if rows_of(contacts) != m or not mu >= 0.0 or not 0.0 <= e <= 1.0:
+        return False
+    s, room = system_at(scratch, nv, m), behind_system(scratch, nv, m)
+    r, J = at(room, (nv,)), at(room + 16 * nv, (m, nv))
+    J1, J2 = at(room + 8 * (2 + m) * nv, (6, nv)), at(room + 8 * (8 + m) * nv, (6, nv))
+    if compute_M(table, q, s.M) != OK:
+        return False
+    put_all(table, njoints, contacts, q, v, J1, J2, J, s.g)
+    for k in range(m):
+        s.g[k] = 0.0
+        for i in range(nv):
+            s.g[k] += (1.0 + e) * J[k, i] * v[i]
+    for i in range(nv):
+        r[i] = 0.0
+    if constrained(table_at(table), s.M, J, r, s.g, mu, s.L, s.Y, s.C, s.x, s.force) != m:
+        return False
+    solve_proximally(table_at(table), J, r, s.g, settings, s.L, s.Y, s.C, s.x, s.force)
+    for i in range(nv):
+        out[i] = v[i] + s.x[i]
+    share(contacts, s.force)
+    keep(s, kept)
+    copy_matrix(s.M, at(M, (nv, nv)))
     return True

@@ -23,8 +23,8 @@ from ...recursions.spec import LOCAL_WORLD_ALIGNED, WORLD
 from ...recursions.tree.ltdl import solve_tree
 from .operator_kernels import compiled, deferred
 from .operators import add_bodies, body_to_parent, relative_pose, skew
-from .recorded_calls import OF_FRAME, Frames
 from .recorded_constraints import copy_matrix, write_upper
+from .recorded_kinematics import OF_FRAME, Frames
 
 WORK_SIZE = centroidal.WORK.itemsize
 _forward_kinematics = table_kernel(SPECS["forward_kinematics"])

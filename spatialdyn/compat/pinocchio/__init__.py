@@ -56,6 +56,7 @@ from .model.from_urdf import *
 from .model.geometry import *
 from .model.geometry_from_mjcf import *
 from .model.geometry_from_urdf import *
+from .model.geometry_object import *
 from .model.joint import *
 from .model.joints import *
 from .model.model import *

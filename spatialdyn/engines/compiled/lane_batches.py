@@ -14,21 +14,17 @@ from typing import Any
 import numpy as np
 
 from ...recursions.spec import Spec
-from ..compile_clock import CompileClock
 from . import disk_cache, lane_kernels, lane_names, numba_kernels
 from .tiers import Tier, is_stored
 
 COMPILE_SECONDS = 6.0  # expected time to compile a kernel on lanes, or of one sample
 
 
-class _OneSample(CompileClock):
-    """The time that few samples took on lanes."""
-
-    compile_seconds = COMPILE_SECONDS
-
-
 class LaneBatches(Tier):
-    """As ``numba_kernels.batch_kernel``, on lanes if they are compiled, or are to be: see above."""
+    """As ``numba_kernels.batch_kernel``, on lanes if they are compiled, or are to be: see above.
+
+    Its clock counts the time spent without lanes; once they are compiled, the time of few samples on them.
+    """
 
     compile_seconds = COMPILE_SECONDS
 
@@ -36,11 +32,11 @@ class LaneBatches(Tier):
         """The batches of a call for which ``lane_names.fits``, on so many lanes; ``edited`` as of ``lane_kernels``."""
         super().__init__()
         self._spec, self._width, self._edited = spec, width, edited
-        self._few, self._has_one = _OneSample(), False
-        self._looked_for_one = False
+        self._has_one, self._looked_for_one = False, False
 
     def _compile(self) -> Callable[..., int]:
-        return lane_kernels.kernel(self._spec, self._width, self._edited)
+        made, self._spent = lane_kernels.kernel(self._spec, self._width, self._edited), 0.0
+        return made
 
     def _is_stored(self, *arguments: Any) -> bool:
         return lane_kernels.is_stored(self._spec, self._width, self._edited)
@@ -56,7 +52,7 @@ class LaneBatches(Tier):
     def _one_is_better(self) -> bool:
         """Whether few samples take the kernel of one sample, which is on disk, or pays by now."""
         first, self._looked_for_one = not (self._looked_for_one or self._has_one), True
-        return self._few.pays or (first and self._one_at_hand())
+        return self.pays or (first and self._one_at_hand())
 
     def _one_at_hand(self) -> bool:
         """Whether the kernel of one sample is in memory or on disk."""
@@ -84,7 +80,7 @@ class LaneBatches(Tier):
         few = 2 * n <= self._width
         if lanes is None or (few and self._has_one):
             return int(self.timed(self._one(), at, n, *arguments))
-        left = self._few.timed(lanes, at, n, *arguments) if few else lanes(at, n, *arguments)
+        left = self.timed(lanes, at, n, *arguments) if few else lanes(at, n, *arguments)
         if left == 0:
             return 0
         if left == lane_kernels.TOO_LARGE and self._width == lane_kernels.WIDE:

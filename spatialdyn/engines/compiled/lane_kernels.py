@@ -25,7 +25,6 @@ REFUSED, TOO_LARGE = -1, -2  # results of a kernel that has computed no sample
 
 def _lines(spec: Spec, width: int, edited: bool) -> tuple[list[str], list[str]]:
     """Parameters and statements of the kernel."""
-    rows = "bodies_tile" if edited else "bodies"
     extent, shape_of = numba_kernels.extent, numba_kernels.kernel_shape
     varying, static, out = [x for x in spec.present if not x.static], [x for x in spec.present if x.static], spec.output
     parameters = ["table", "n"]
@@ -38,16 +37,25 @@ def _lines(spec: Spec, width: int, edited: bool) -> tuple[list[str], list[str]]:
     for x in (*varying, out):
         refused += [f"{x.name}.shape[{k + 1}] != {extent(spec, s)}" for k, s in enumerate(shape_of(x))]
     refused += [f"not no_overlap({x.name}, {out.name})" for x in varying]
-    lines += [f"if {' or '.join(refused)}:", f"    return {REFUSED}"]
-    tiles: dict[str, list[str]] = {x.name: [extent(spec, s) for s in shape_of(x)] for x in (*varying, out)}
+    lines += [f"if {' or '.join(refused)}:", f"    return {REFUSED}", *_block_lines(spec, width, edited)]
+    lines += [f"{x.name}_at = {x.name}.ctypes.data" for x in (*varying, out)]
+    lines += ["failed = 0", f"for s in range(0, n, {width}):", "    sound = True"]
+    lines += [f"    {line}" for line in _tile_lines(spec, width, edited)]
+    return parameters, [*lines, "release(block, size)", "return failed"]
+
+
+def _block_lines(spec: Spec, width: int, edited: bool) -> list[str]:
+    """The statements that allocate the block of memory of a tile and its scratch, and name the arrays in it."""
+    extent, out = numba_kernels.extent, spec.output
+    varying = [x for x in spec.present if not x.static]
+    tiles = {x.name: [extent(spec, s) for s in numba_kernels.kernel_shape(x)] for x in (*varying, out)}
     tiles |= {f"{x.name}_turned": ["3", extent(spec, "nq")] for x in varying if x.turned}
-    scratch = numba_kernels.scratch_of(spec)
-    tiles |= {name: shape for name, (shape, dtype) in scratch.items() if dtype == "FLOAT"}
+    tiles |= {name: shape for name, (shape, dtype) in numba_kernels.scratch_of(spec).items() if dtype == "FLOAT"}
     if edited:
         tiles["bodies"] = ["len(bodies)", "TABLE_WORDS"]
-    lines.append("size = 0")
+    lines = ["size = 0"]
     if spec.mirrored:
-        side = tiles[out.name][0]
+        side = _side(spec)
         tiles[out.name] = [f"({side}) * ({side} + 1) // 2"]
     for name, shape in tiles.items():
         lines += [f"{name}_columns = {' * '.join(f'({s})' for s in shape)}", f"{name}_first = size"]
@@ -66,16 +74,25 @@ def _lines(spec: Spec, width: int, edited: bool) -> tuple[list[str], list[str]]:
         lines.append("work_tile = works(aligned(block, work_first), (len(bodies),))")
     if edited:
         lines.append("bodies_tile = tables(aligned(block, bodies_first), (len(bodies),))")
-    lines += [f"{x.name}_at = {x.name}.ctypes.data" for x in (*varying, out)]
-    lines += ["failed = 0", f"for s in range(0, n, {width}):", "    sound = True"]
-    inside = ["fill(table, bodies_columns, s, n - 1, aligned(block, bodies_first))"] if edited else []
+    return lines
+
+
+def _side(spec: Spec) -> str:
+    """The number of rows of a result that is a symmetric matrix, as an expression in the kernel's names."""
+    return numba_kernels.extent(spec, numba_kernels.kernel_shape(spec.output)[0])
+
+
+def _tile_lines(spec: Spec, width: int, edited: bool) -> list[str]:
+    """The statements that compute the tile of the samples from ``s`` on."""
+    rows, out, varying = "bodies_tile" if edited else "bodies", spec.output, [x for x in spec.present if not x.static]
+    lines = ["fill(table, bodies_columns, s, n - 1, aligned(block, bodies_first))"] if edited else []
     for x in varying:
-        inside.append(
+        lines.append(
             f"fill({x.name}_at, {x.name}_columns, s * {x.name}_step, (n - 1) * {x.name}_step, "
             f"aligned(block, {x.name}_first))"
         )
-    inside += [f"sound = sound and unit_norm({rows}, {x.name}_tile)" for x in varying if x.unit_norm]
-    inside += [f"sound = turn_lanes({x.name}_tile, {x.name}_turned_tile) and sound" for x in varying if x.turned]
+    lines += [f"sound = sound and unit_norm({rows}, {x.name}_tile)" for x in varying if x.unit_norm]
+    lines += [f"sound = turn_lanes({x.name}_tile, {x.name}_turned_tile) and sound" for x in varying if x.turned]
     passed: list[str | None] = [rows, "work_tile"] if spec.work is not None else [rows]
 
     def named(x: Any) -> str:
@@ -90,25 +107,24 @@ def _lines(spec: Spec, width: int, edited: bool) -> tuple[list[str], list[str]]:
     passed += [] if spec.parts else [f"{out.name}_tile"]
     parts: list[str | None] = []
     for k, part in enumerate(spec.parts):
-        inside.append(f"end{k} = {f'end{k - 1} + ' if k else ''}{extent(spec, *part.shape)}")
+        lines.append(f"end{k} = {f'end{k - 1} + ' if k else ''}{numba_kernels.extent(spec, *part.shape)}")
         parts.append(f"{out.name}_tile[{f'end{k - 1}' if k else '0'}:end{k}]")
     passed += [call_of(type(spec.parts), parts)] if is_record(spec.parts) else parts
     names = (f"scratch{k}_tile" for k, _ in enumerate(flat(spec.scratch)))
     passed += ["pivots_tile"] * spec.pivots + gather(spec.scratch, lambda _: next(names), call_of)
-    inside.append(f"recursion({', '.join(x or 'None' for x in passed)})")
+    lines.append(f"recursion({', '.join(x or 'None' for x in passed)})")
     if spec.pivots:
-        inside.append(f"sound = sound and pivots_regular({rows}, q_tile, pivots_tile)")
+        lines.append(f"sound = sound and pivots_regular({rows}, q_tile, pivots_tile)")
     if out.unit_norm:
-        inside.append(f"sound = sound and unit_norm({rows}, {out.name}_tile)")
-    drain, columns = ("mirror(bodies, ", side) if spec.mirrored else ("drain(", f"{out.name}_columns")
-    inside += [
+        lines.append(f"sound = sound and unit_norm({rows}, {out.name}_tile)")
+    drain, columns = ("mirror(bodies, ", _side(spec)) if spec.mirrored else ("drain(", f"{out.name}_columns")
+    return [
+        *lines,
         f"sound = {drain}aligned(block, {out.name}_first), {out.name}_at, {columns}, s, n - 1) and sound",
         f"for k in range(s, min(s + {width}, n)):",
         f"    status[k] = {OK} if sound else {RETRY}",
         "    failed += 0 if sound else 1",
     ]
-    lines += [f"    {line}" for line in inside] + ["release(block, size)", "return failed"]
-    return parameters, lines
 
 
 @cache

@@ -104,7 +104,7 @@ def _records(spec: Spec) -> dict[str, type]:
     return {type(x).__name__: type(x) for x in (*spec.inputs, spec.parts, *spec.scratch) if is_record(x)}
 
 
-def statements(spec: Spec, fail: Callable[[int], str], plain: bool = PLAIN, on_lanes: bool = False) -> list[str]:
+def statements(spec: Spec, fail: Callable[[int], str], on_lanes: bool = False) -> list[str]:
     """The statements around a recursion; ``fail(status)`` is the statement that ends the kernel.
 
     on_lanes  whether the recursion runs on lanes of one sample, which round as wider lanes do (``lane_kernels``)
@@ -130,7 +130,7 @@ def statements(spec: Spec, fail: Callable[[int], str], plain: bool = PLAIN, on_l
     for x in spec.present:
         if x.unit_norm:
             lines += [f"if not unit_norm(bodies, {number(x.name)}):", f"    {fail(UNIT)}"]
-    turned = {x.name for x in spec.present if x.turned and not plain}
+    turned = {x.name for x in spec.present if x.turned and not PLAIN}
     scratch = {f"{name}_turned": (["3", extent(spec, "nq")], "FLOAT") for name in turned} | scratch_of(spec)
     for name, (shape, dtype) in scratch.items():
         lines.append(f"{name}_size = {' * '.join(f'({x})' for x in shape)} * {dtype}_SIZE")
@@ -183,9 +183,9 @@ def kernel_from_text(name: str, parameters: list[str], body: list[str], scope: d
     return made
 
 
-def native(plain: bool = PLAIN) -> dict[str, Any]:
-    """The functions of ``jit`` that kernels call; in plain Python the table is passed and scratch is an array."""
-    if plain:
+def native() -> dict[str, Any]:
+    """The functions of ``jit`` that kernels call; where nothing is compiled, those that take the table itself."""
+    if PLAIN:
         return {
             "table_at": lambda table: table,
             "rows_at": lambda rows, dtype: rows,
@@ -199,10 +199,10 @@ def native(plain: bool = PLAIN) -> dict[str, Any]:
     return {name: getattr(jit, name) for name in own}
 
 
-def scope(spec: Spec, plain: bool = PLAIN) -> dict[str, Any]:
+def scope(spec: Spec) -> dict[str, Any]:
     """The values of the names in ``statements``."""
     return {
-        **native(plain),
+        **native(),
         **{f"{x.name}_dtype": x.table for x in spec.present if x.table},
         **_records(spec),
         "recursion": spec.recursion,
@@ -266,18 +266,6 @@ def signature(spec: Spec) -> tuple[Any, ...]:
     from numba import types
 
     return types.intp, *(_type(x, 0) for x in spec.present), _type(spec.output, 0, True, "C")
-
-
-@cache
-def plain_kernel(spec: Spec) -> Callable[..., int]:
-    """A ``sample_kernel`` in plain Python, which takes the table itself and compiles nothing: for a few samples."""
-    parameters = ["table", *(x.name for x in spec.present), spec.output.name]
-    body = [
-        "bodies = table_at(table)",
-        *statements(spec, lambda status: f"return {status}", plain=True),
-        f"return {OK}",
-    ]
-    return kernel_from_text(label(spec), parameters, body, scope(spec, plain=True))
 
 
 def is_made(spec: Spec) -> bool:

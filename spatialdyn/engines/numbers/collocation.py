@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from ...algebra.scalars import inline
 from ..compiled import numba_kernels
-from .double_double import LANES, DoubleDouble, add, compile_unfused, compiled_interpreter, multiply
+from .double_double import LANES, DoubleDouble, add, compile_unfused, compiled_interpreter, multiply, pair
 
 Array = NDArray[np.float64]
 
@@ -44,7 +44,7 @@ def collocate(f: DoubleDouble, start: Array, t: Array, steps: int) -> tuple[Arra
     made = np.empty((2, len(t), motions, n))
     made[:, 0] = whole.transpose(0, 2, 1)
     for k in range(1, len(t)):
-        hh, hl = _pair((Fraction(float(t[k])) - Fraction(float(t[k - 1]))) / steps)
+        hh, hl = pair((Fraction(float(t[k])) - Fraction(float(t[k - 1]))) / steps)
         for _ in range(steps):
             if not _stepper()(f.code, f.value, f.outputs, A, hh, hl, y, slopes, sums, scratch):
                 return None
@@ -68,7 +68,7 @@ def tableau() -> Array:
         rows.append(
             [b * sum((2 * k + 1) * Q[k] * whole[k] for k in range(STAGES)) for b, Q in zip(weights, at, strict=True)]
         )
-    return np.array([[_pair(x) for x in row] for row in rows])
+    return np.array([[pair(x) for x in row] for row in rows])
 
 
 def _legendre(c: Fraction) -> list[Fraction]:
@@ -87,11 +87,6 @@ def _zero(k: int) -> Fraction:
         slope = 2 * STAGES * (x * P[STAGES] - P[STAGES - 1]) / (x * x - 1)
         c = Fraction(round((c - P[STAGES] / slope) * FINE), FINE)
     return c
-
-
-def _pair(x: Any) -> tuple[float, float]:
-    hi = float(x)
-    return hi, float(x - Fraction(hi))
 
 
 @inline

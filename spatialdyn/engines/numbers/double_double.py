@@ -118,14 +118,15 @@ def choose(ah: float, al: float, bh: float, bl: float, ch: float, cl: float) -> 
     return (bh, bl) if ah > 0.0 else (ch, cl)
 
 
-def _pair(x: Fraction) -> tuple[float, float]:
+def pair(x: Fraction | float) -> tuple[float, float]:
+    """The high and low part of a number."""
     hi = float(x)
     return hi, float(x - Fraction(hi))
 
 
 TERMS = 15  # terms of the series of sin and cos: the next term is below 1e-33 at π/4
-SINE = np.array([_pair(Fraction((-1) ** k, math.factorial(2 * k + 1))) for k in range(TERMS)])
-COSINE = np.array([_pair(Fraction((-1) ** k, math.factorial(2 * k))) for k in range(TERMS)])
+SINE = np.array([pair(Fraction((-1) ** k, math.factorial(2 * k + 1))) for k in range(TERMS)])
+COSINE = np.array([pair(Fraction((-1) ** k, math.factorial(2 * k))) for k in range(TERMS)])
 # π/2 = (3.14159265358979323846264338327950288419716939937510582097494459...) / 2 in three floats
 _HALF_PI = Fraction(314159265358979323846264338327950288419716939937510582097494459230781640628621, 2 * 10**77)
 P1 = float(_HALF_PI)
@@ -172,7 +173,7 @@ L1 = float(_LN2)
 L2 = float(_LN2 - Fraction(L1))
 L3 = float(_LN2 - Fraction(L1) - Fraction(L2))
 POWERS = 26  # terms of the series of exp: the next term is below 1e-37 at ln(2) / 2
-EXPONENTIAL = np.array([_pair(Fraction(1, math.factorial(k))) for k in range(POWERS)])
+EXPONENTIAL = np.array([pair(Fraction(1, math.factorial(k))) for k in range(POWERS)])
 
 
 @inline

@@ -40,13 +40,14 @@ def constrained(
         for i in range(n):
             Y[k, i] = J[k, i]
     felt(bodies, L, Y, C)
+    size = kept = force  # one memory until λ is written: a size is last read before its row is kept or dropped
     for k in range(m):
         C[k, k] = C[k, k] + mu
-        force[k] = C[k, k]  # the size of its pivot, then whether it is kept
-    factor_dropping(C, force, DEPENDENT * (n + m) * EPS, force)
+        size[k] = C[k, k]
+    factor_dropping(C, size, DEPENDENT * (n + m) * EPS, kept)
     independent = 0
     for k in range(m):
-        independent += 1 if force[k] > 0.0 else 0
+        independent += 1 if kept[k] > 0.0 else 0
     for i in range(n):
         x[i] = r[i]
     if independent == m:

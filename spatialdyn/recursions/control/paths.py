@@ -10,8 +10,8 @@ Swevers et al., Optimal robot excitation and identification (1997), for the seri
 
 from __future__ import annotations
 
-from ...algebra.euclidean import add, neg, rotate
-from ...algebra.lie import Tangent, exp_jacobian, log_jacobian_times_derivative
+from ...algebra.euclidean import neg
+from ...algebra.lie import exp_jacobian, log_jacobian_times_derivative, times_twist
 from ...algebra.scalars import Scalar, cos, inline, select, sin
 from ...algebra.spatial import Motion, add_motion
 from ...bodies.kinds import CONTINUED, NV
@@ -113,16 +113,10 @@ def on_the_group(bodies: Bodies, centre: Config, rows: Matrix, q: Config, v: Vec
         elif b.kind != CONTINUED:
             m, rate = twist(b, r, rows[0]), twist(b, r, rows[1])
             J = exp_jacobian(m)
-            moved = times(J, rate)
-            bent = times(log_jacobian_times_derivative(m, moved), rate)
+            moved = times_twist(J, rate)
+            bent = times_twist(log_jacobian_times_derivative(m, moved), rate)
             put_twist(b, r, moved, v)
-            put_twist(b, r, times(J, add_motion(twist(b, r, rows[2]), minus(bent))), a)
-
-
-@inline
-def times(T: Tangent, m: Motion) -> Motion:
-    """[J K; 0 J] times a twist."""
-    return Motion(rotate(T.J, m.w), add(rotate(T.J, m.v), rotate(T.K, m.w)))
+            put_twist(b, r, times_twist(J, add_motion(twist(b, r, rows[2]), minus(bent))), a)
 
 
 @inline

@@ -18,7 +18,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from ...algebra.euclidean import Vec, add, apply_sym, cross, dot, rotate, scale, sub, unrotate
-from ...algebra.lie import Quat, exp_rotation, log_jacobian, log_travel, matrix, product
+from ...algebra.lie import Quat, exp_rotation, log_jacobian, log_travel, matrix, product, times_twist
 from ...algebra.records import inertia_of, motion_of
 from ...algebra.scalars import Scalar, cos, inline, select, sin
 from ...algebra.spatial import Inertia, Motion
@@ -82,8 +82,7 @@ def rate_of_displacement(bodies: Bodies, u: Vector, v: Vector, out: Vector) -> N
             out[i - 1] = v[i - 1]
         elif b.kind != CONTINUED:
             m, rate = twist(b, i - 1, u), twist(b, i - 1, v)
-            T = log_jacobian(m, 1.0)
-            put_twist(b, i - 1, Motion(rotate(T.J, rate.w), add(rotate(T.J, rate.v), rotate(T.K, rate.w))), out)
+            put_twist(b, i - 1, times_twist(log_jacobian(m, 1.0), rate), out)
 
 
 @inline

@@ -290,3 +290,16 @@ def test_random_rotations_are_of_unit_norm_and_uniform() -> None:
     np.testing.assert_allclose(q.T @ q / len(q), np.eye(4) / 4.0, atol=1e-14)
     fourth = np.einsum("si,sj->ij", q * q, q * q) / len(q)  # 1/8 on the diagonal, 1/24 off it
     np.testing.assert_allclose(fourth, (np.ones((4, 4)) + 2.0 * np.eye(4)) / 24.0, atol=1e-3)
+
+
+def test_a_listed_operator_is_the_operator_row_by_row() -> None:
+    rng = np.random.default_rng(1)
+    a, b = np.empty((3, 4, 4)), rng.normal(size=(5, 6))
+    exp6 = operator_kernels.Operator(operators.exp_pose, {"v": "motion"}, "pose")
+    for X in a:
+        X[...] = exp6.in_plain_python(rng.normal(size=6))
+    places, out = np.array([2, 0, 0, 1, 2]), np.empty((5, 6))
+    motion_to_parent = operator_kernels.Operator(spatial.motion_to_parent, {"X": "pose", "m": "motion"}, "motion")
+    operator_kernels.motions_to_parent(a, places, b, out)
+    for k, place in enumerate(places):
+        np.testing.assert_array_equal(out[k], motion_to_parent.in_plain_python(a[place], b[k]))

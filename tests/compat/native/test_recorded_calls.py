@@ -1,4 +1,4 @@
-"""Calls that record inputs and result, and operators on rows."""
+"""Calls that record inputs and result."""
 
 from __future__ import annotations
 
@@ -11,9 +11,7 @@ import pytest
 from trees import random_state, random_tree
 from unfused import unfused
 
-import spatialdyn as sd
-from spatialdyn.algebra import spatial
-from spatialdyn.compat.native import operator_kernels, operators, recorded_calls, recorded_constraints
+from spatialdyn.compat.native import recorded_calls, recorded_constraints
 from spatialdyn.constraints.contact import Solved, solve
 from spatialdyn.engines.compiled import entries
 from spatialdyn.engines.compiled.numba_kernels import variant
@@ -30,11 +28,6 @@ def case() -> Any:
 
 STAMP = array("q", [0, 0])
 compiled = pytest.mark.skipif(not single_call.READY, reason="nothing is compiled, or Python is not as expected")
-
-
-def bound(routine: Any, model: Any, arrays: dict[str, Any], **sizes: int) -> Any:
-    words = {"table": model.address, "nq": model.nq, "nv": model.nv, "njoints": model.njoints, **sizes}
-    return routine.bind({**words, **arrays}, model)
 
 
 def recorded(
@@ -158,24 +151,6 @@ def test_a_call_is_made_again_on_what_was_noted(case: Any) -> None:
     np.testing.assert_array_equal(again, out)
 
 
-@compiled
-def test_frames_are_placed_with_the_joints(case: Any) -> None:
-    model, s = case
-    frames = [f for f in model.frames if f.joint > 0]
-    joints, placements = np.array([f.joint for f in frames]), np.array([f.placement for f in frames])
-    X, out = np.empty((model.njoints, 4, 4)), np.zeros((len(frames), 4, 4))
-    places = np.array([x.ctypes.data for x in placements])
-    arrays = {"poses": X, "result": out, "joints": joints, "placements": places}
-    arrays |= {name: np.zeros(1, np.int64) for name in ("clock", "time")}
-    assert bound(recorded_calls.place_joints_and_frames, model, arrays, frames=len(frames))(s.q) is True
-    for frame, found in zip(frames, out, strict=True):
-        np.testing.assert_allclose(found, sd.frame_placement(model, s.q, frame), atol=1e-14)
-    first = out.copy()
-    out[:] = 0.0
-    assert bound(recorded_calls.place_frames, model, arrays, frames=len(frames))() is True
-    np.testing.assert_array_equal(out, first)
-
-
 @pytest.mark.slow(quick="compat/test_rigid_constraints.py::test_constraint_dynamics_is_pinocchios")
 @compiled
 def test_the_answer_under_constraints_is_the_librarys(case: Any) -> None:
@@ -186,7 +161,8 @@ def test_the_answer_under_constraints_is_the_librarys(case: Any) -> None:
     own = Solved(np.empty(n), np.empty(m), np.empty((n, n)), np.empty((m, n)), np.empty((m, m)))
     arrays |= recorded_constraints.words_of_factors(own) | {"U": np.empty((n, n)), "D": np.empty(n)}
     clock = recorded_calls.address(recorded_calls.clock.now)
-    call = bound(recorded_constraints.dynamics, model, arrays, clock=clock)
+    words = {"table": model.address, "nq": model.nq, "nv": model.nv, "njoints": model.njoints, "clock": clock}
+    call = recorded_constraints.dynamics.bind(words | arrays, model)
     bias = unfused("nonlinear_effects", model, s.q, s.v)
     expected = solve(model, unfused("crba", model, s.q), s.tau - bias, J, drift, 0.1)
     close = 1e-13 * abs(expected.x).max()  # the library's solver fuses products and sums
@@ -200,16 +176,3 @@ def test_the_answer_under_constraints_is_the_librarys(case: Any) -> None:
     kept = arrays["force"].copy()
     assert call(s.q, s.v, s.tau, J, drift, 0.0) is call(s.q, s.v, s.tau, J, drift, -1.0) is None
     np.testing.assert_array_equal(arrays["force"], kept)
-
-
-def test_a_listed_operator_is_the_operator_row_by_row() -> None:
-    rng = np.random.default_rng(1)
-    a, b = np.empty((3, 4, 4)), rng.normal(size=(5, 6))
-    exp6 = operator_kernels.Operator(operators.exp_pose, {"v": "motion"}, "pose")
-    for X in a:
-        X[...] = exp6.in_plain_python(rng.normal(size=6))
-    places, out = np.array([2, 0, 0, 1, 2]), np.empty((5, 6))
-    motion_to_parent = operator_kernels.Operator(spatial.motion_to_parent, {"X": "pose", "m": "motion"}, "motion")
-    recorded_calls.motions_to_parent(a, places, b, out)
-    for k, place in enumerate(places):
-        np.testing.assert_array_equal(out[k], motion_to_parent.in_plain_python(a[place], b[k]))

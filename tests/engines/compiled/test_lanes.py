@@ -15,7 +15,7 @@ from trees import random_tree
 
 import spatialdyn as sd
 from spatialdyn.bodies.table import BODIES
-from spatialdyn.engines import run
+from spatialdyn.engines import by_table_kernel, run
 from spatialdyn.engines.compiled import lane_batches, lane_kernels, lane_names, numba_kernels
 from spatialdyn.engines.compiled.numba_settings import PLAIN
 from spatialdyn.engines.numbers.samples import Evaluation
@@ -187,7 +187,7 @@ def test_a_batch_is_its_samples_one_by_one_whatever_is_wrong_with_others(monkeyp
     of = random_tree(1, 9, kinds=("revolute",)).model
     q = np.random.default_rng(0).normal(size=(40, of.nq))
     q[3], q[17, 0], q[18] = 1e6, np.nan, 3e7
-    monkeypatch.setattr(run, "_few", lambda *given: 0)
+    monkeypatch.setattr(by_table_kernel, "few_samples", lambda *given: 0)
     alone = np.array([sd.generalized_gravity(of, x) for x in q])
     found = sd.generalized_gravity(of, q)
     assert lane_batches.batches(numba_kernels.variant(SPECS["generalized_gravity"], ())).is_made
@@ -257,7 +257,7 @@ def test_a_first_batch_compiles_the_kernel_on_lanes_alone(monkeypatch: pytest.Mo
         assert batches(model(0).address, 1, *(y for x in given for y in (x, 1)), alone, status) == 0
         np.testing.assert_array_equal(alone, wanted)
     assert asked == ["lanes"]
-    batches._few.spend(lane_batches.COMPILE_SECONDS)
+    batches.spend(batches.compile_seconds)
     batches.prepare(1)
     assert asked == ["lanes", "one"]
     first = lane_batches.LaneBatches(spec, lane_names.width())

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from slow import slow_but
 
 import spatialdyn as sd
-from spatialdyn.engines import run
+from spatialdyn.engines import by_table_kernel
 from spatialdyn.engines.compiled import numba_kernels
 from spatialdyn.recursions import SPECS
 from spatialdyn.recursions.spec import Argument
@@ -139,7 +139,7 @@ def test_a_big_angle_and_a_nan_have_their_own_answers(models: tuple[sd.Model, sd
 def test_what_a_program_rejects_compiles_no_table_kernel(monkeypatch: pytest.MonkeyPatch) -> None:
     """The program runs in NumPy."""
     model = claw(False)
-    monkeypatch.setattr(run, "run_table_kernel", lambda *given, **more: pytest.fail("the table kernel ran"))
+    monkeypatch.setattr(by_table_kernel, "run_table_kernel", lambda *given, **more: pytest.fail("the table kernel ran"))
     q, v = sd.random_configuration(model, np.random.default_rng(0), (3,)), np.ones((3, model.nv))
     q[1, model.joint("m").idx_q] = np.nan
     assert np.isnan(sd.aba(model, q, v, v)[1]).all()

@@ -12,7 +12,7 @@ from trees import random_tree
 
 import spatialdyn as sd
 from spatialdyn.algebra import scalars
-from spatialdyn.engines import run
+from spatialdyn.engines import by_table_kernel, run
 from spatialdyn.engines.compiled import numba_kernels
 from spatialdyn.engines.programs.llvm import simd
 from spatialdyn.engines.programs.record import recording, structure
@@ -158,7 +158,7 @@ def test_public_calls_of_many_payloads_are_right(monkeypatch: pytest.MonkeyPatch
         q, v, a = random_inputs(model, bare("rnea"), seed, (5,))
         sd.compile(model, calls=[sd.rnea])
         wanted = np.empty((5, model.nv))
-        run.run_table_kernel(bare("rnea"), model, (q, v, a), (), wanted)
+        by_table_kernel.run_table_kernel(bare("rnea"), model, (q, v, a), (), wanted)
         np.testing.assert_allclose(sd.rnea(model, q, v, a), wanted, rtol=1e-13, atol=1e-13)
         np.testing.assert_array_equal(sd.rnea(model, q[0], v[0], a[0]), sd.rnea(model, q, v, a)[0])
 

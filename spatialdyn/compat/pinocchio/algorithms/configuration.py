@@ -12,9 +12,9 @@ from ....bodies.kinds import kind_of
 from ....errors import ShapeError
 from ..data.dispatch import vector
 from ..model.joints import Mimic
-from ..model.library_model import library_model
+from ..model.library_model import checked_library
 from ..model.model import Model
-from ..types.arguments import NUMBERS, ArgumentError, Array, described, expected
+from ..types.arguments import NUMBERS, OMITTED, ArgumentError, Array, described, expected
 from ..types.frame import ARG0, ARG1, ArgumentPosition
 from ..types.rotations import Quaternion
 from .calls import difference as difference
@@ -28,10 +28,6 @@ __all__ = [
     "compactTangentMap", "dDifference", "dIntegrate", "dIntegrateTransport", "distance", "squaredDistance",
     "tangentMap", "tangentMapProduct", "tangentMapTransposeProduct",
 ]  # fmt: skip
-
-
-def _library_model(model: Model) -> Any:
-    return library_model(expected(model, Model, "model"))
 
 
 def squaredDistance(model: Model, q1: Any, q2: Any) -> Array:
@@ -58,16 +54,16 @@ def _position(position: Any) -> int:
     return int(position)
 
 
-def dIntegrate(model: Model, q: Any, v: Any, argument_position: Any = None) -> Any:
+def dIntegrate(model: Model, q: Any, v: Any, argument_position: Any = OMITTED) -> Any:
     """Derivatives (nv, nv) of integrate by q and by v, a tuple; one of them for ARG0, ARG1."""
-    both = _library_model(model).compute("dintegrate", vector("q", q, model.nq), vector("v", v, model.nv))
-    return tuple(both) if argument_position is None else both[_position(argument_position)]
+    both = checked_library(model).compute("dintegrate", vector("q", q, model.nq), vector("v", v, model.nv))
+    return tuple(both) if argument_position is OMITTED else both[_position(argument_position)]
 
 
-def dDifference(model: Model, q1: Any, q2: Any, argument_position: Any = None) -> Any:
+def dDifference(model: Model, q1: Any, q2: Any, argument_position: Any = OMITTED) -> Any:
     """Derivatives (nv, nv) of difference by q1 and by q2, a tuple; one of them for ARG0, ARG1."""
-    both = _library_model(model).compute("ddifference", vector("q1", q1, model.nq), vector("q2", q2, model.nq))
-    return tuple(both) if argument_position is None else both[_position(argument_position)]
+    both = checked_library(model).compute("ddifference", vector("q1", q1, model.nq), vector("q2", q2, model.nq))
+    return tuple(both) if argument_position is OMITTED else both[_position(argument_position)]
 
 
 def dIntegrateTransport(model: Model, q: Any, v: Any, Jin: Any, argument_position: Any) -> Array:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ....errors import SpatialDynError
-from ...native import recorded_calls
+from ...native import recorded_kinematics
 from ..data.data import Data, library_of
 from ..data.dispatch import (
     ALIGNED,
@@ -97,7 +97,7 @@ def derivatives_of_frame(face: Face, model: Model, data: Data, *about: Any) -> t
     if accelerations:
         return velocities[0], *_of_frame("frame_acceleration_derivatives", run, joint, place, reference, 0)
     if reference_code(reference) != ALIGNED:
-        bind_getter(recorded_calls.frame_velocity_derivatives, run, face, model, data, about)
+        bind_getter(recorded_kinematics.frame_velocity_derivatives, run, face, model, data, about)
     return tuple(velocities)
 
 

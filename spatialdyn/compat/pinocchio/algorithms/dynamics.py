@@ -13,7 +13,7 @@ import numpy as np
 
 from ....errors import ModelError
 from ....recursions.tree.regressor import body_force
-from ...native import recorded_calls, tree_kernels
+from ...native import recorded_kinematics, tree_kernels
 from ...native.operator_kernels import on_motions
 from ...native.recorded_calls import clock
 from ..data.data import Data, library_of
@@ -69,7 +69,7 @@ def jointBodyRegressor(model: Model, data: Data, joint_id: int) -> Array:
         if not arrays:
             arrays = {x: data._held.get(x, np.empty((model.njoints, 6))) for x in ("v", "a_gf")}
             words = {"velocities": arrays["v"], "accelerations": arrays["a_gf"], "njoints": model.njoints}
-            call = recorded_calls.joint_body_regressor.bind(words)
+            call = recorded_kinematics.joint_body_regressor.bind(words)
         for name, x in arrays.items():
             x[...] = data.array(name)
         data._bound["body regressor"] = library, clock.now[0], arrays, call

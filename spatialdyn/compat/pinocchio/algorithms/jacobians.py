@@ -12,8 +12,8 @@ from ....engines.compiled import numba_kernels
 from ....engines.compiled.tiers import table_kernel
 from ....engines.programs.run.single_call import unavailable
 from ....recursions import SPECS
-from ...native import recorded_calls
-from ...native.recorded_calls import OnFrames
+from ...native import recorded_kinematics
+from ...native.recorded_kinematics import OnFrames
 from ..data.data import Data, library_of
 from ..data.dispatch import (
     ALIGNED,
@@ -130,11 +130,11 @@ def _at(model: Model, data: Data, q: Any, index: Any, reference: Any, key: Any) 
     for array in written.values():
         array[index] = data.array("oMi")[joint] @ placement
     if library.has_builtins:
-        fields = {x: data._held.get(x) for x in recorded_calls.FIELDS if x in run.kind.fills}
+        fields = {x: data._held.get(x) for x in recorded_kinematics.FIELDS if x in run.kind.fills}
         held = {x: array for x, array in fields.items() if array is not None and library.joints is None} | written
-        words: dict[str, Any] = {x: held.get(x) for x in recorded_calls.FIELDS}
+        words: dict[str, Any] = {x: held.get(x) for x in recorded_kinematics.FIELDS}
         words |= {"code": code, **library.words, **frames.words(rows=True)}
-        call = recorded_calls.frame_jacobian_at.bind(words, library, run, frames, record=run.recording(1))
+        call = recorded_kinematics.frame_jacobian_at.bind(words, library, run, frames, record=run.recording(1))
     data._bound[key] = run, frames, call
     return found
 
@@ -148,7 +148,7 @@ def recorded_jacobian(face: Face, model: Model, data: Data, *about: Any) -> Arra
     run = last_call(model, data, face.last, before="computeJointJacobians" + "TimeVariation" * rate)
     joint, place, reference = about_frame(model, face.of_joints, *about)
     found = call_about_frame(name, run, joint, place, reference_code(reference))
-    bind_getter(getattr(recorded_calls, name), run, face, model, data, about)
+    bind_getter(getattr(recorded_kinematics, name), run, face, model, data, about)
     return found
 
 

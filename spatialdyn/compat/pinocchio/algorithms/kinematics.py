@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ...native import operator_kernels, recorded_calls
+from ...native import operator_kernels, recorded_kinematics
 from ..data.data import Data, library_of
 from ..data.dispatch import IDENTITY, about_frame, bind_about, compute, frame_index, reference_code
 from ..data.face import Face
@@ -50,14 +50,14 @@ def updateFramePlacements(model: Model, data: Data) -> None:
     if library.has_builtins:
         words = {"poses": X, "result": run.result, **library.words, **run.stamp_words, **frames.words()}
         words["njoints"] = len(X)
-        data._bound["frames"] = frames, run, recorded_calls.place_frames.bind(words, run, frames)
+        data._bound["frames"] = frames, run, recorded_kinematics.place_frames.bind(words, run, frames)
 
 
 def _place_frames(model: Model, data: Data) -> None:
     library, frames = library_of(model, data), frame_placements(model)
     data.check_frames(model)
     run: Run = data.run_of("frames", library, (len(frames.joints), 4, 4))
-    recorded_calls.compose_all(data.array("oMi"), frames.joints, frames.placements, run.result)
+    operator_kernels.compose_all(data.array("oMi"), frames.joints, frames.placements, run.result)
     data.note_call(run)
 
 
@@ -78,7 +78,7 @@ def updateFramePlacement(model: Model, data: Data, frame_id: int) -> SE3:
     operator_kernels.compose(X[frames.joints[k]], frames.places[k], found._x)
     if library.has_builtins:
         words = {"poses": X, "result": shown.array, **frames.words()}
-        data._bound["frame"] = frames, recorded_calls.place_frame.bind(words, frames), shown
+        data._bound["frame"] = frames, recorded_kinematics.place_frame.bind(words, frames), shown
     return found
 
 
@@ -105,7 +105,7 @@ def framesForwardKinematics(model: Model, data: Data, q: Any) -> None:
         words: dict[str, Any] = {"poses": run.result, "result": frames.result}
         words |= {**library.words, **frames.stamp_words, **placements.words()}
         held = library, run, frames, placements
-        call = recorded_calls.place_joints_and_frames.bind(words, *held, record=run.recording(1))
+        call = recorded_kinematics.place_joints_and_frames.bind(words, *held, record=run.recording(1))
         data._bound["all frames"] = placements, run, frames, call
 
 
@@ -119,10 +119,10 @@ def motion_of_frame(face: Face, model: Model, data: Data, *about: Any) -> Motion
     code, out, classical = reference_code(reference), np.empty(6), "Classical" in face.name
     X, motions = data.array("oMi")[joint], data.array(field)
     velocities = data.array("v") if classical else motions
-    recorded_calls.write_frame_motion(X, place, velocities[joint], motions[joint], classical, code, out)
+    recorded_kinematics.write_frame_motion(X, place, velocities[joint], motions[joint], classical, code, out)
     if library.has_builtins:
         motions = data.hold(field)  # all fields before one is bound: holding one drops what is bound
         words: dict[str, Any] = {"poses": data.hold("oMi"), "motions": motions, "made": id(Motion)}
         words |= {"velocities": data.hold("v") if classical else motions, "classical": classical}
-        data._bound.update(bind_about(face.name, recorded_calls.frame_motion, words, model, about, False))
+        data._bound.update(bind_about(face.name, recorded_kinematics.frame_motion, words, model, about, False))
     return Motion.over(out)

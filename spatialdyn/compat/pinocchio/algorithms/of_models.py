@@ -17,17 +17,13 @@ from ..data.data import Data, library_of
 from ..data.dispatch import vector
 from ..data.face import Face, key_of_model
 from ..model.joint_tree import NO_LIMIT
-from ..model.library_model import LibraryModel, library_model
+from ..model.library_model import LibraryModel, checked_library
 from ..model.model import Model
-from ..types.arguments import OMITTED, Array, expected, number
+from ..types.arguments import OMITTED, ArgumentError, Array, expected, number
 from ..types.random import GENERATOR
 
 FAR = 1e30  # products of seven such numbers are finite
 PRECISION = 1e-12  # of isNormalized, by default
-
-
-def _library_of(model: Any) -> LibraryModel:
-    return library_model(expected(model, Model, "model"))
 
 
 def kept(model: Model, key: str, make: Callable[[], Any]) -> Any:
@@ -48,7 +44,7 @@ def kept(model: Model, key: str, make: Callable[[], Any]) -> Any:
 
 def call_of_library(face: Face, model: Model, *given: Any) -> Array:
     """The call of the library, by its builtin or with argument checks."""
-    library, (name,) = _library_of(model), face.call
+    library, (name,) = checked_library(model), face.call
     found: Array | None = kept(model, key_of_model(face), lambda: getattr(library, name))(*given)
     return _checked(model, library, face, given) if found is None else found
 
@@ -82,7 +78,7 @@ def _clipped(model: Model, q: Array) -> Array:
 
 def is_normalized(face: Face, model: Model, q: Any, prec: Any) -> bool:
     """``isNormalized``."""
-    library, given = _library_of(model), [] if type(prec) is float and prec == PRECISION else [prec]
+    library, given = checked_library(model), [] if type(prec) is float and prec == PRECISION else [prec]
     fixed = {} if given else {"prec": np.array([PRECISION])}
     key = key_of_model(face, *["prec"] * bool(given))
     found: bool | None = kept(model, key, lambda: library.routine("normalized", **fixed))(q, *given)
@@ -101,7 +97,7 @@ def _precision(prec: Any) -> float:
 
 def is_same_configuration(face: Face, model: Model, q1: Any, q2: Any, prec: Any) -> bool:
     """``isSameConfiguration``."""
-    library = _library_of(model)
+    library = checked_library(model)
     found: bool | None = kept(model, key_of_model(face), lambda: library.routine("same_configuration"))(q1, q2, prec)
     if found is not None:
         return found
@@ -123,12 +119,14 @@ def is_same_configuration(face: Face, model: Model, q1: Any, q2: Any, prec: Any)
 
 def random_configuration(face: Face, model: Model, lower: Any, upper: Any) -> Array:
     """``randomConfiguration``."""
-    units, given = _library_of(model).units, [x for x in (lower, upper) if x is not OMITTED]
+    units, given = checked_library(model).units, [x for x in (lower, upper) if x is not OMITTED]
+    if len(given) == 1:
+        raise ArgumentError("randomConfiguration got one bound, expected both or none")
     limits = {"lower": model.lowerPositionLimit, "upper": model.upperPositionLimit} if not given else {}
     if READY:
         key = key_of_model(face, *["lower_bound", "upper_bound"] * bool(given))
         draw = kept(model, key, lambda: operator_kernels.draw_between(GENERATOR, model.nq, units, **limits))
-        if len(given) != 1 and (found := draw(*given)) is not None:
+        if (found := draw(*given)) is not None:
             return found  # type: ignore[no-any-return]
     lower = model.lowerPositionLimit if lower is OMITTED else vector("lower_bound", lower, model.nq)
     upper = model.upperPositionLimit if upper is OMITTED else vector("upper_bound", upper, model.nq)

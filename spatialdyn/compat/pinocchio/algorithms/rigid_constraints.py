@@ -12,11 +12,12 @@ import numpy as np
 
 from ....constraints.contact import Solved, inverse, solve
 from ....engines.compiled import numba_kernels, table_kernels
+from ....engines.programs.run.routine import Routine
 from ....errors import ConstraintError, ShapeError, SimulationError
 from ....recursions.tree.kinematics import WORK
 from ...native.recorded_calls import record
 from ...native.recorded_constraints import words_of_factors
-from ...native.recorded_contacts import FOUND, GIVEN, contact_dynamics, put_contacts
+from ...native.recorded_contacts import FOUND, GIVEN, contact_dynamics, contact_impact, put_contacts
 from ..data.data import Data, library_of
 from ..data.dispatch import IN_FRAME, forces, last_call, vector
 from ..data.run import Run
@@ -156,7 +157,7 @@ def constraintDynamics(
     """
     settings = None
     try:
-        library, models, datas, before, run, solved, call = data._bound["contacts"]
+        library, models, datas, before, run, solved, call = data._bound[contact_dynamics]
         if library is model._library and models == contact_models and datas == contact_datas:
             settings = _settings(prox_settings)
             found: Array | None = call(q, v, tau, settings._x)
@@ -182,22 +183,22 @@ def constraintDynamics(
     _share(pairs, solved.force)
     data.note_call(run)
     data.contacts = pairs, settings
-    _bind(data, every, run, pairs)
+    _bind(contact_dynamics, data, every, run, pairs)
     return np.array(solved.x)
 
 
-def _bind(data: Data, every: Run, run: Run, pairs: Any) -> None:
+def _bind(make: Routine, data: Data, every: Run, run: Run, pairs: Any) -> None:
     """Bind the builtin of these contacts for later calls; it reads and writes the arrays of contacts and data."""
     library, f = every.library, run.contact
     if not library.has_builtins:
         return
     models, datas = [x for x, _ in pairs], [own for _, own in pairs]
     given, found = (np.array([one._x.ctypes.data for one in some], np.int64) for some in (models, datas))
-    words = {**library.words, **words_of_factors(f), **every.words_before, "bias": every.result}
+    words = {**library.words, **words_of_factors(f), **every.words_before, "bias": every.result, "M": every.result}
     words |= {"rows": library.row_numbers, "size": len(pairs), "given": given, "found": found}
-    noted = record(2, every.memory, run.result, run._stamp, library.table)
-    call = contact_dynamics.bind(words, library, models, datas, every, run, record=noted)
-    data._bound["contacts"] = library, models, datas, every, run, f, call
+    noted = record(1 if make is contact_impact else 2, every.memory, run.result, run._stamp, library.table)
+    call = make.bind(words, library, models, datas, every, run, record=noted)
+    data._bound[make] = library, models, datas, every, run, f, call
 
 
 def impulse_of_contacts(
@@ -205,22 +206,35 @@ def impulse_of_contacts(
     prox_settings: ProximalSettings | None = None,
 ) -> Array:  # fmt: skip
     """``impulseDynamics`` of a list of contacts."""
-    pairs, settings, e = (
-        pairs_of(contact_models, contact_datas),
-        _settings(prox_settings),
-        number(r_coeff, "r_coeff"),
-    )
+    try:
+        library, models, datas, before, run, solved, call = data._bound[contact_impact]
+        if library is model._library and models == contact_models and datas == contact_datas:
+            given = q, v, number(r_coeff, "r_coeff"), _settings(prox_settings)._x
+            found: Array | None = call(*given)
+            if found is None and library.follow():  # numbers were edited
+                found = call(*given)
+            if found is not None:
+                run.contact = solved
+                data.note_builtin_call(before)
+                data.note_builtin_call(run)
+                return found
+    except (AttributeError, KeyError, TypeError):  # the fast path does not apply
+        pass
+    pairs, settings = pairs_of(contact_models, contact_datas), _settings(prox_settings)
+    e = number(r_coeff, "r_coeff")
     if not 0.0 <= e <= 1.0:
         raise ConstraintError(f"r_coeff is {e}, expected 0 to 1")
     v = vector("v", v, model.nv)
     crba(model, data, q, Convention.WORLD)
-    at = _at(model, data, vector("q", q, model.nq), v)
-    J, _ = system_of(at, pairs)
-    solved = _solved(at, data.array("M"), np.zeros(model.nv), J, (1.0 + e) * (J @ v), settings)
-    data.put("impulse_c", solved.force)
+    before = data._runs["crba_world"]
+    J, _ = system_of(_at(model, data, before.q, v), pairs)
+    solved = _solved(before, data.array("M"), np.zeros(model.nv), J, (1.0 + e) * (J @ v), settings)
+    run = data.run_of("impact", before.library, solved.x.shape)
+    run.result[...], run.contact = v + solved.x, solved
     _share(pairs, solved.force)
-    data.put("dq_after", v + solved.x)
-    return np.asarray(v + solved.x)
+    data.note_call(run)
+    _bind(contact_impact, data, before, run, pairs)
+    return np.array(run.result)
 
 
 def _settings(given: Any) -> ProximalSettings:

@@ -14,7 +14,7 @@ import numpy as np
 
 from ..data.data import Data, library_of
 from ..data.dispatch import last_call
-from ..data.face import Face, Input
+from ..data.face import Face, Input, forces_given
 from ..data.field_recipes import DERIVATIVES, columns, mechanical_energy
 from ..model.model import Model
 from ..types.arguments import OMITTED, ArgumentError, described
@@ -42,7 +42,7 @@ V = Input("v", "x", "Numbers", "(nv,) joint velocities [rad/s | m/s]")
 A = Input("a", "x", "Numbers", "(nv,) joint accelerations [rad/s² | m/s²]")
 TAU = Input("tau", "x", "Numbers", "(nv,) joint torques [N m | N]")
 FEXT = Input("fext", "f", "Forces", "a list of njoints Force: on each joint's body, in the joint's frame")
-PUSHED = FEXT.otherwise(None)
+PUSHED = FEXT.otherwise(OMITTED)
 CONVENTION = Input("convention", "o", "Convention", "only selects the fields of data that are filled", Convention.LOCAL)
 SUBTREES = Input("compute_subtree_coms", "o", "bool", "has no effect: centres of subtrees are lazy", True)
 LEVEL = Input("kinematic_level", "o", "KinematicLevel | int", "", OMITTED)
@@ -74,14 +74,12 @@ def _of_crba(face: Face, model: Model, data: Data, q: Any, convention: Any) -> R
 
 def _of_aba(face: Face, model: Model, data: Data, q: Any, v: Any, tau: Any, fext: Any, convention: Any) -> Read:
     """The convention may stand in place of the forces."""
-    fext, convention = (None, fext) if isinstance(fext, Convention) else (fext, convention)
-    return _kind(face, convention), (q, v, tau), fext
+    fext, convention = (OMITTED, fext) if isinstance(fext, Convention) else (fext, convention)
+    return _kind(face, convention), (q, v, tau), forces_given(fext)
 
 
 def _with_forces(face: Face, model: Model, data: Data, q: Any, fext: Any) -> Read:
-    if fext is None:
-        raise ArgumentError("fext is None, expected a list of Force")
-    return face.call[0], (q,), fext
+    return face.call[0], (q,), forces_given(fext)
 
 
 def _of_com(face: Face, model: Model, data: Data, q: Any, v: Any, a: Any, subtrees: Any, level: Any) -> Read:
@@ -109,14 +107,14 @@ def _of_com_jacobian(face: Face, model: Model, data: Data, q: Any, subtrees: Any
 def _of_aba_derivatives(face: Face, model: Model, data: Data, q: Any, v: Any, tau: Any, fext: Any) -> Read:
     """q, v and tau of the last aba if they are left out; the forces may then stand in place of q."""
     if tau is not OMITTED:
-        return face.call[0], (q, v, tau), fext
-    if v is not OMITTED or q is None or (q is not OMITTED and fext is not None):
+        return face.call[0], (q, v, tau), forces_given(fext)
+    if v is not OMITTED or (q is not OMITTED and fext is not OMITTED):
         raise ArgumentError("computeABADerivatives got some of q, v and tau, expected all or none")
     library_of(model, data)
     run: Any = last_of(data, "aba", "aba_world")
     if run is None:
         raise ArgumentError("q is not given and aba was not called with this data, expected either")
-    fext = q if q is not OMITTED else fext
+    fext = forces_given(q if q is not OMITTED else fext)
     if run.fext is not None and fext is None:
         raise ArgumentError("fext is not given and the last aba had some, expected them here too")
     return face.call[0], (run.q.copy(), run.v.copy(), run.tau.copy()), fext

@@ -87,9 +87,11 @@ data.oMf after getFrameJacobian, getFrameJacobianTimeVariation, computeFrameKine
     before: updateFramePlacements or framesForwardKinematics place it
 calls without q after an edit of a joint's placement | from the oMi and liMi of before | from the q of before, on the
     edited model
-computeJointKinematicRegressor, computeFrameKinematicRegressor of models with mimic joints | an error | the result
+computeJointKinematicRegressor, computeFrameKinematicRegressor, computeStaticRegressor, computePotentialEnergyRegressor,
+    jointBodyRegressor, frameBodyRegressor of models with mimic joints | an error | the result
 constraintDynamics, forwardDynamics, impulseDynamics, computeKKTContactDynamicMatrixInverse, cholesky.decompose,
-    jacobianSubtreeCenterOfMass of models with mimic joints | an error | the result, for the independent velocities
+    jacobianSubtreeCenterOfMass, getJacobianSubtreeCenterOfMass of models with mimic joints | an error | the result,
+    for the independent velocities
 quaternions and (cos, sin) pairs off their unit norm by more than 1e-6 | accepted | ConfigurationError | strict
 configurations off their unit norm, not strict: difference, interpolate, distance where Pinocchio has NaN, as to the
     limits of a free flyer | NaN or infinite entries | finite: coordinates of joints with several are clipped to 1e30
@@ -127,7 +129,8 @@ forwardDynamics, impulseDynamics with constraints that depend on each other, und
 forwardDynamics, impulseDynamics with a damping below 0 or a restitution not from 0 to 1 | accepted | ConstraintError
 data.M after forwardDynamics, impulseDynamics, computeKKTContactDynamicMatrixInverse | its lower triangle is not
     written | both triangles are filled
-cholesky.solve, cholesky.computeMinv before cholesky.decompose | zeros | InertiaError
+cholesky.decompose before crba; cholesky.solve, cholesky.computeMinv before cholesky.decompose | zeros or NaN |
+    InertiaError
 computeJointTorqueRegressor, computeKineticEnergyRegressor of models with mimic joints | an error | columns for each
     joint, rows for the independent velocities
 jointBodyRegressor, frameBodyRegressor of an index that is not there | memory is read | ModelError naming the index
@@ -156,10 +159,13 @@ items of lists of Data: com[0, 1], mass[True], com[0] = [1, 2, 3], a slice | a l
 items of a slice of a list of a Model or Data, as model.inertias[1:3] | copies | those of the list: an edit counts
 computeSupportedForceByFrame of a frame on the universe, as frame 0 | of bodies on the universe alone | with
     what the joints on the universe transmit, as of any other frame
+computeSupportedInertiaByFrame with_subtree, of a frame on the universe | the body of joint 1 is left out | it counts
 isinstance(JointModelFreeFlyer(), JointModel) | False | True
 an SE3 where the package coal expects its Transform3s, as in coal.collide | converted | a TypeError of coal's: give
     coal.Transform3s(M.rotation, M.translation)
-SE3(), Inertia(), Symmetric3(), Quaternion(), AngleAxis() | uninitialized memory | identity or zero
+SE3(), Motion(), Force(), Inertia(), Symmetric3(), Quaternion(), AngleAxis() | uninitialized memory | identity or zero
+what computeRNEADerivatives, computeABADerivatives return | views of data.dtau_dq and its kin, which the next call
+    overwrites | new arrays
 an Inertia less a heavier one | a centre of mass divided by 2e-16 | the body that, added again, gives the first
 Inertia.FromDynamicParameters, Inertia.inverse without mass | NaN or infinite | InertiaError
 Inertia.inertia set to a matrix with a negative eigenvalue | accepted | ValueRuntimeError, a RuntimeError | strict
@@ -167,6 +173,8 @@ np.array(x) of a Motion or Force x | read-only, as np.asarray(x) | a writable co
 Quaternion.FromTwoVectors of a null vector | no rotation | an error
 Symmetric3.inverse, Symmetric3.rhsMult | write to a copy | write to the array given
 Symmetric3.vxs, Symmetric3.svx, isOrthonormal, orthonormalization | refuse every array | work
+isSameConfiguration | lengths and angles agree to prec of their size, quaternions by coefficients: 0 and 1e-14 never
+    agree | no entry of the difference exceeds prec
 pickling Quaternion, AngleAxis, Symmetric3 | refused | works
 operations of a LieGroup on arrays of a wrong size | memory is overwritten | ShapeError
 derivatives of models with composite or universal joints or ZYX angles | wrong by the rotation of their axes | correct
@@ -179,8 +187,9 @@ utils.mprint | prints | NotImplementedError: the library never prints
 RobotWrapper.com() before forwardKinematics | the centre of mass with every joint placed at the origin | an error that
     names the call to make first
 computeRNEADerivatives, computeABADerivatives, computeForwardKinematicsDerivatives,
-    computeGeneralizedGravityDerivatives, computeCentroidalDynamicsDerivatives of models with mimic joints | an error
-    | derivatives by the independent coordinates and velocities
+    computeGeneralizedGravityDerivatives, computeStaticTorqueDerivatives, getFrameVelocityDerivatives,
+    computeCentroidalDynamicsDerivatives of models with mimic joints | an error | derivatives by the independent
+    coordinates and velocities
 computeMinverse(model, data), computeABADerivatives(model, data) after aba in its LOCAL convention | wrong numbers |
     results at the inputs of aba
 computeMinverse(model, data), computeABADerivatives(model, data) without an aba before | zeros or wrong numbers | an

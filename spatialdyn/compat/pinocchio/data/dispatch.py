@@ -11,7 +11,8 @@ from ....engines.object_layout import slot_offset
 from ....errors import ShapeError
 from ....model.robot_checks import masked
 from ....recursions import spec
-from ...native.recorded_calls import PARTS, OnFrames
+from ...native.recorded_calls import PARTS
+from ...native.recorded_kinematics import OnFrames
 from ..model.library_model import LibraryModel, frame_placements, joints_as_frames, library_model
 from ..model.model import Model
 from ..types.arguments import (

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 from ....engines.programs.llvm.call_words import ARRAY, NUMBER
 from ....engines.programs.run.single_call import READY, Following, Parameter, builtin, unavailable
 from ..model.model import Model
-from ..types.arguments import OMITTED
+from ..types.arguments import OMITTED, ArgumentError
 from ..types.frame import LOCAL, Convention
 from ..types.se3 import SE3
 from .data import Data
@@ -142,10 +142,17 @@ def by_run(face: Face, model: Any, data: Any, *given: Any) -> Any:
     return None if face.returns == "None" else result if face.made is None else face.made(run, result)
 
 
+def forces_given(fext: Any) -> Any:
+    """External forces, None if they are left out. Raises ArgumentError for None."""
+    if fext is None:
+        raise ArgumentError("fext is None, expected a list of Force")
+    return None if fext is OMITTED else fext
+
+
 def _as_given(face: Face, model: Any, data: Any, *given: Any) -> tuple[str, tuple[Any, ...], Any]:
     """Kind, inputs and forces: the inputs that are given choose one of several kinds."""
     names, least = face.vectors, face.least
-    inputs, fext = given[: len(names)], given[len(names)] if len(given) > len(names) else None
+    inputs, fext = given[: len(names)], forces_given(given[len(names)]) if len(given) > len(names) else None
     if face.last and inputs[0] is OMITTED:
         run = last_call(model, data, face.last)
         inputs = tuple(getattr(run, name).copy() for name in names)
@@ -164,7 +171,7 @@ def _form(face: Face, answer: Any) -> Any:
     kind, roles = face.call[0], "".join(x.role for x in face.inputs)
 
     def pushed(model: Any, data: Any, f: Any, *x: Any) -> Any:
-        if f is None:
+        if f is OMITTED:
             return None
         try:
             run = data._runs[kind]

@@ -129,7 +129,7 @@ def liMi(run: Any) -> Array:
     X = oMi(run)
     if run.library.off_norm(run.q):  # not rotations: their transposes are no inverses
         return _undone(X[run.library.parents], X)
-    return _rows(recorded_calls.relative_all, X, run.library.parents, X)
+    return _rows(operator_kernels.relative_all, X, run.library.parents, X)
 
 
 def _rows(operator: Callable[..., None], x: Array, places: NDArray[np.intp], y: Array) -> Array:
@@ -155,13 +155,13 @@ def a_gf(run: Any) -> Array:
     found = a(run)
     weight = np.zeros_like(found)
     weight[:, :3] = run.numbers.gravity[:3]
-    return np.asarray(found - _rows(recorded_calls.motions_to_child, oMi(run), np.arange(len(found)), weight))
+    return np.asarray(found - _rows(operator_kernels.motions_to_child, oMi(run), np.arange(len(found)), weight))
 
 
 def h(run: Any) -> Array:
     """Momenta of the bodies, in the joints' frames."""
     inertias = run.numbers.inertias
-    found = _rows(recorded_calls.momenta, inertias, np.arange(len(inertias)), v(run))
+    found = _rows(operator_kernels.momenta, inertias, np.arange(len(inertias)), v(run))
     found[0] = 0.0
     return found
 
@@ -203,9 +203,9 @@ def bodies(run: Any) -> Array:
 _to_parent, _subtrees = operator_kernels.body_to_parent, summed_over_subtrees
 subtree_momenta = _subtrees(h, operator_kernels.force_to_parent, np.add)
 Ycrb = _subtrees(bodies, _to_parent, operator_kernels.add_body, world=False)
-bodies_in_world = in_world(recorded_calls.bodies_to_parent, bodies)
-ov, oa, oa_gf = (in_world(recorded_calls.motions_to_parent, recipe) for recipe in (v, a, a_gf))
-of, oh = in_world(recorded_calls.forces_to_parent, f), in_world(recorded_calls.forces_to_parent, h)
+bodies_in_world = in_world(operator_kernels.bodies_to_parent, bodies)
+ov, oa, oa_gf = (in_world(operator_kernels.motions_to_parent, recipe) for recipe in (v, a, a_gf))
+of, oh = in_world(operator_kernels.forces_to_parent, f), in_world(operator_kernels.forces_to_parent, h)
 
 
 def oYcrb(run: Any) -> Array:

@@ -17,7 +17,7 @@ from ....engines.programs.run.single_call import plan_of, unavailable
 from ....model.model import Model as SdModel
 from ....recursions import SPECS
 from ....recursions.tree import kinematics
-from ...native import recorded_calls, tree_kernels
+from ...native import recorded_calls, recorded_kinematics, tree_kernels
 from ...native.recorded_calls import address, clock
 from ..model.library_model import LibraryModel
 from ..model.numbers import Numbers
@@ -206,7 +206,7 @@ class Run:
         if self.placed_rows is not None:
             words = {"placed_rows": self.placed_rows, "oMi": self.oMi, **self.stamp_words, **library.words}
             record = self.recording(1, self.result)
-            return recorded_calls.jacobians.bind(words, library, record=record, otherwise=otherwise)
+            return recorded_kinematics.jacobians.bind(words, library, record=record, otherwise=otherwise)
         code, record = library.code(kind.call, forces), self.recording(len(kind.inputs.split()), self.result)
         plan = kind.unused_inputs, kind.returns, self.result
         return recorded_calls.recorded_call(code, library.words, record, *plan, otherwise)
@@ -279,7 +279,7 @@ class Run:
     def _bind_motions(self, moving: Mapping[str, Array]) -> list[Callable[[], Any]]:
         """A builtin that computes these fields; none if it is the call too, where that places the joints."""
         words = {"oMi": moving["oMi"], "v_out": moving["v"], "a_out": moving.get("a"), **self.library.words}
-        routine = recorded_calls.accelerations if "a" in moving else recorded_calls.velocities
+        routine = recorded_kinematics.accelerations if "a" in moving else recorded_kinematics.velocities
         if self.kind.call == "forward_kinematics":
             record, otherwise = self.recording(len(routine.inputs)), self._following(False)
             self._take(routine.bind(words, self.library, record=record, otherwise=otherwise))

@@ -19,7 +19,8 @@ from ..types.arguments import Array, by_name, expected
 from ..types.se3 import SE3
 from .coal_shapes import Described
 from .from_mjcf import ROOT_NAME, body_frame, compiled, constraints_of, model_of
-from .geometry import COLLISION, VISUAL, GeometryModel, GeometryObject, GeometryType
+from .geometry import GeometryModel
+from .geometry_object import COLLISION, VISUAL, GeometryObject, GeometryType
 from .model import Model
 
 __all__ = ["buildGeomFromMJCF", "buildModelsFromMJCF"]

@@ -21,7 +21,8 @@ from ..types.frame import BODY
 from ..types.se3 import SE3
 from .coal_shapes import Described
 from .from_urdf import buildModelFromUrdf
-from .geometry import COLLISION, GREY, VISUAL, GeometryModel, GeometryObject, GeometryType
+from .geometry import GeometryModel
+from .geometry_object import COLLISION, GREY, VISUAL, GeometryObject, GeometryType
 from .model import Model
 
 __all__ = ["buildGeomFromUrdf", "buildGeomFromUrdfString", "buildModelsFromUrdf"]

@@ -18,7 +18,7 @@ from ....bodies.kinds import kind_of
 from ....errors import ShapeError
 from ....model.assembly import IDENTITY
 from ....model.joint_rows import joint_transform, matrix_from_pose, pose_from_matrix, subspace
-from ..types.arguments import ArgumentError, Array, described, module_of_caller
+from ..types.arguments import ArgumentError, Array, described, expected, module_of_caller
 from ..types.bases import OwnedValue, Registered
 from ..types.motion import Motion
 from ..types.se3 import SE3
@@ -133,45 +133,45 @@ class JointModel(OwnedValue, metaclass=Variant):
         """A JointData for the results of ``calc``."""
         return JointData(self)
 
-    def calc(self: Any, data: JointData, q: Any, v: Any = None) -> None:
+    def calc(self: Any, jdata: JointData, q: Any, v: Any = None) -> None:
         """Write pose M, subspace S, and with v velocity v and bias c, at the model's q, v, into the data."""
-        data.joint_q[:] = _own("q", q, self.idx_q, _coordinates(self))
-        data.joint_v[:] = 0.0 if v is None else _own("v", v, self.idx_v, len(data.joint_v))
+        jdata.joint_q[:] = _own("q", q, self.idx_q, _coordinates(self))
+        jdata.joint_v[:] = 0.0 if v is None else _own("v", v, self.idx_v, len(jdata.joint_v))
         if self.leader is not None:
-            data.joint_q[:] = self.scaling * data.joint_q + self.offset
-            data.joint_v *= self.scaling
+            jdata.joint_q[:] = self.scaling * jdata.joint_q + self.offset
+            jdata.joint_v *= self.scaling
         X, twist, bias = spatial.identity_pose(), spatial.zero_motion(), spatial.zero_motion()
         columns: list[spatial.Motion] = []
         at, n = 0, 0
         for step in self.steps():
             nq = kind_of(step.kind, "cos_sin").nq
-            q_step = data.joint_q[at : at + nq]
+            q_step = jdata.joint_q[at : at + nq]
             moved = pose_from_matrix(joint_transform(step.kind, step.axis, q_step, "cos_sin", step.pitch))
             moved = spatial.compose(pose_from_matrix(step.placement), moved)
             S = [spatial.Motion(Vec(*s[:3]), Vec(*s[3:])) for s in subspace(step.kind, step.axis, step.pitch).tolist()]
             own = spatial.zero_motion()
             for s in S:
-                own = spatial.add_motion(own, spatial.scale_motion(float(data.joint_v[n]), s))
+                own = spatial.add_motion(own, spatial.scale_motion(float(jdata.joint_v[n]), s))
                 n += 1
             X = spatial.compose(X, moved)
             twist = spatial.add_motion(spatial.motion_to_child(moved, twist), own)
             bias = spatial.add_motion(spatial.motion_to_child(moved, bias), spatial.cross_motion(twist, own))
             columns = [spatial.motion_to_child(moved, s) for s in columns] + S
             at += nq
-        data.M = SE3.over(np.array(matrix_from_pose(X)))
-        data.S[...] = np.array([_linear_first(s) for s in columns]).T.reshape(data.S.shape)
+        jdata.M = SE3.over(np.array(matrix_from_pose(X)))
+        jdata.S[...] = np.array([_linear_first(s) for s in columns]).T.reshape(jdata.S.shape)
         if v is not None:
-            data.v, data.c = Motion.over(_linear_first(twist)), Motion.over(_linear_first(bias))
+            jdata.v, jdata.c = Motion.over(_linear_first(twist)), Motion.over(_linear_first(bias))
 
-    def setIndexes(self, id: int, q: int, v: int, vExtended: int | None = None) -> None:
+    def setIndexes(self, joint_id: int, idx_q: int, idx_v: int, idx_vExtended: int | None = None) -> None:
         """Set the joint's indices in its model."""
-        self.id, self.idx_q, self.idx_v = int(id), int(q), int(v)
-        self.idx_vExtended = int(v if vExtended is None else vExtended)
+        self.id, self.idx_q, self.idx_v = int(joint_id), int(idx_q), int(idx_v)
+        self.idx_vExtended = int(idx_v if idx_vExtended is None else idx_vExtended)
         self.changed()
 
     def hasSameIndexes(self, other: JointModel) -> bool:
         """Whether both have the same indices."""
-        return self._indexes() == other._indexes()
+        return bool(self._indexes() == expected(other, JointModel, "other")._indexes())
 
     def limited(self, tangent: bool) -> list[bool]:
         """Whether each coordinate can have a limit; ``tangent``: whether that of each velocity can."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from ....algebra.rotations import UNIT_AXIS
 from ....errors import ModelError
-from ..types.arguments import ArgumentError, expected, number
+from ..types.arguments import OMITTED, ArgumentError, expected, number
 from ..types.bases import owned_attribute
 from ..types.se3 import SE3
 from ..types.tracked_list import OwnedList
@@ -182,18 +182,18 @@ class Composite(JointModel):
         if arguments and not isinstance(arguments[0], int):
             self.addJoint(*arguments)
 
-    def addJoint(self, joint: JointModel, placement: SE3 | None = None, name: str = "") -> Composite:
-        """Append a part; returns the composite."""
+    def addJoint(self, joint_model: JointModel, joint_placement: Any = OMITTED, name: str = "") -> Composite:
+        """Append a part, by default without a displacement; returns the composite."""
         if self.id != NOWHERE:
             raise ModelError(f"the composite is joint {self.id} of a model, expected one that is in none yet")
-        self.joints.append(joint)
-        self.jointPlacements.append(SE3.Identity() if placement is None else placement)
+        self.joints.append(joint_model)
+        self.jointPlacements.append(SE3.Identity() if joint_placement is OMITTED else joint_placement)
         self._names.append(str(name))
         return self
 
-    def getJointId(self, name: str) -> int:
+    def getJointId(self, joint_name: str) -> int:
         """Index of the part of that name; njoints if there is none."""
-        return self._names.index(name) if name in self._names else len(self._names)
+        return self._names.index(joint_name) if joint_name in self._names else len(self._names)
 
     def groups(self) -> list[str]:
         return [group for joint in self.joints for group in joint.groups()]
@@ -201,10 +201,11 @@ class Composite(JointModel):
     def limited(self, tangent: bool) -> list[bool]:
         return [has for joint in self.joints for has in joint.limited(tangent)]
 
-    def setIndexes(self, id: int, q: int, v: int, vExtended: int | None = None) -> None:
-        super().setIndexes(id, q, v, vExtended)
+    def setIndexes(self, joint_id: int, idx_q: int, idx_v: int, idx_vExtended: int | None = None) -> None:
+        super().setIndexes(joint_id, idx_q, idx_v, idx_vExtended)
+        q, v = self.idx_q, self.idx_v
         for joint, placement in zip(self.joints, self.jointPlacements, strict=True) if self.id != NOWHERE else ():
-            joint.setIndexes(id, q, v)
+            joint.setIndexes(joint_id, q, v)
             q, v = q + joint.nq, v + joint.nv
             placement._x.flags.writeable = False  # those of a joint in a model stay
 
@@ -245,11 +246,10 @@ class Mimic(JointModel):
     scaling = owned_attribute("_scaling", lambda x, joint: float(x), "Ratio of the joint's coordinate to its leader's.")
     offset = owned_attribute("_offset", lambda x, joint: float(x), "Coordinate of the joint where its leader's is 0.")
 
-    def __init__(self, joint: JointModel | None = None, scaling: float = 1.0, offset: float = 0.0) -> None:
+    def __init__(self, joint_model: Any = OMITTED, scaling: float = 1.0, offset: float = 0.0) -> None:
         super().__init__()
-        if joint is not None:
-            expected(joint, JointModel, "joint")
-        self._follow(JointModelRX() if joint is None else joint, joint, scaling, offset)
+        leader = None if joint_model is OMITTED else expected(joint_model, JointModel, "joint_model")
+        self._follow(JointModelRX() if leader is None else leader, leader, scaling, offset)
 
     @classmethod
     def of(cls, motion: JointModel, leader: JointModel, scaling: float, offset: float) -> Mimic:

@@ -34,7 +34,7 @@ from ...native.configurations import ROUTINES
 from ...native.edited_table import MOVED, REFUSED, put_numbers
 from ...native.recorded_calls import clock
 from ..coverage.strictness import strict
-from ..types.arguments import Array
+from ..types.arguments import Array, expected
 from ..types.inertia import Inertia
 from .joints import Mimic as MimicJoint
 from .model import Model
@@ -325,6 +325,11 @@ class FramePlacements(NamedTuple):
         """Words of a builtin's plan about the frames; ``rows``: their rows of the table in place of their joints."""
         joints = self.rows if rows else self.joints
         return {"frames": len(joints), "joints": joints, "placements": self.addresses}
+
+
+def checked_library(model: Any) -> LibraryModel:
+    """``library_model`` of an argument, which has to be a Model."""
+    return library_model(expected(model, Model, "model"))
 
 
 def library_model(model: Model) -> LibraryModel:

@@ -14,7 +14,8 @@ from ..types.random import GENERATOR
 from ..types.se3 import SE3
 from . import joints
 from .coal_shapes import Described
-from .geometry import GeometryModel, GeometryObject
+from .geometry import GeometryModel
+from .geometry_object import GeometryObject
 from .joint import JointModel
 from .model import Model
 

@@ -7,7 +7,7 @@ from enum import EnumMeta, IntEnum
 from operator import attrgetter
 from typing import Any
 
-from .arguments import ArgumentError, described, expected, of_pinocchio
+from .arguments import ArgumentError, by_name, described, expected, of_pinocchio
 from .bases import OwnedValue, owned_attribute
 from .inertia import Inertia
 from .se3 import SE3
@@ -104,10 +104,17 @@ class Frame(OwnedValue):
         owned_attribute(f"_{x}", own, doc) for x, own, doc in _FIELDS
     )
     parent = parentJoint  # its name in Pinocchio 2 and 3
-    previousFrame = property(attrgetter("_parentFrame"), doc="Index of the parent frame, by its name in Pinocchio 2.")
+    previousFrame = parentFrame  # its name in Pinocchio 2
 
-    def __init__(self, *arguments: Any) -> None:
+    def __init__(self, *arguments: Any, **named: Any) -> None:
         self._owner: Any = None
+        if named:
+            placed = "parent_frame" not in named and (len(arguments) < 3 or isinstance(arguments[2], SE3))
+            order = f"name parent_joint {'' if placed else 'parent_frame '}placement type inertia"
+            other = named.keys() & {"other", "clone"}
+            order, least = (other.pop(), 1) if other else (order, len(order.split()) - 1)
+            given = by_name("Frame", order, arguments, named, least)
+            arguments = tuple(given[x] for x in order.split() if x in given)
         if not arguments:
             arguments = ("", 0, 0, SE3.Identity(), FrameType.OP_FRAME)
         if len(arguments) == 1 and isinstance(arguments[0], Frame):
@@ -144,8 +151,8 @@ class Frame(OwnedValue):
         content: tuple[Any, ...] = _CONTENT(self)
         return content
 
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, Frame) and self._content() == other._content()
+    def __eq__(self, other: object) -> Any:
+        return self._content() == other._content() if isinstance(other, Frame) else NotImplemented
 
     __hash__ = object.__hash__
 

@@ -17,6 +17,7 @@ from .arguments import (
     array,
     described,
     expected,
+    number,
     of_pinocchio,
     only,
     row,
@@ -38,7 +39,12 @@ UNIT = np.array([1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 1.0])
 _rotational = on_values("rotational", operators.rotational_inertia, "rot", I="Body")
 _body_of = on_values("body_of", operators.body_of, "body", mass="number", lever="vec", inertia="rot")
 _fault = on_values("fault", operators.fault_of_inertia, "number", inertia="rot")
-_of_parameters = on_values("FromDynamicParameters", operators.body_of_parameters, "Body", params="body")
+_of_parameters = on_values("FromDynamicParameters", operators.body_of_parameters, "Body", dynamic_parameters="body")
+
+
+def _numbers(**given: Any) -> list[float]:
+    """The numbers themselves. Raises ArgumentError naming what is none."""
+    return [number(x, name) for name, x in given.items()]
 
 
 class Inertia(Summable, InFrames, kind="Body", near=operators.near_bodies):
@@ -85,29 +91,34 @@ class Inertia(Summable, InFrames, kind="Body", near=operators.near_bodies):
     @staticmethod
     def FromSphere(mass: float, radius: float) -> Inertia:
         """A ball about the origin."""
+        radius = number(radius, "radius")
         return Inertia.FromEllipsoid(mass, radius, radius, radius)
 
     @staticmethod
     def FromEllipsoid(mass: float, length_x: float, length_y: float, length_z: float) -> Inertia:
         """An ellipsoid about the origin, by its half axes."""
-        xx, yy, zz = (0.2 * mass * length * length for length in (length_x, length_y, length_z))
+        mass, *lengths = _numbers(mass=mass, length_x=length_x, length_y=length_y, length_z=length_z)
+        xx, yy, zz = (0.2 * mass * length * length for length in lengths)
         return Inertia._at_centre(mass, yy + zz, xx + zz, xx + yy)
 
     @staticmethod
     def FromBox(mass: float, length_x: float, length_y: float, length_z: float) -> Inertia:
         """A box about the origin, by its sides."""
-        xx, yy, zz = (mass * length * length / 12.0 for length in (length_x, length_y, length_z))
+        mass, *lengths = _numbers(mass=mass, length_x=length_x, length_y=length_y, length_z=length_z)
+        xx, yy, zz = (mass * length * length / 12.0 for length in lengths)
         return Inertia._at_centre(mass, yy + zz, xx + zz, xx + yy)
 
     @staticmethod
     def FromCylinder(mass: float, radius: float, length: float) -> Inertia:
         """A cylinder along z about the origin."""
+        mass, radius, length = _numbers(mass=mass, radius=radius, length=length)
         across = mass * (3.0 * radius * radius + length * length) / 12.0
         return Inertia._at_centre(mass, across, across, 0.5 * mass * radius * radius)
 
     @staticmethod
     def FromCapsule(mass: float, radius: float, height: float) -> Inertia:
         """A cylinder of that height along z about the origin, with half a ball at each end."""
+        mass, radius, height = _numbers(mass=mass, radius=radius, height=height)
         r2 = radius * radius
         tube = mass * height / (height + 4.0 / 3.0 * radius)
         ends = mass - tube  # both half balls
@@ -188,12 +199,12 @@ class Inertia(Summable, InFrames, kind="Body", near=operators.near_bodies):
         return np.concatenate([m, m * c, J - m * six(skewSquare(c, c))])
 
     @staticmethod
-    def FromDynamicParameters(params: Any) -> Inertia:
+    def FromDynamicParameters(dynamic_parameters: Any) -> Inertia:
         """The body of ten parameters as ``toDynamicParameters`` gives them. Raises InertiaError for zero mass."""
         try:
-            made: Inertia = _of_parameters(params)
+            made: Inertia = _of_parameters(dynamic_parameters)
         except ArgumentError:
-            made = _of_parameters(ten(params))  # raises what it lacks
+            made = _of_parameters(ten(dynamic_parameters))  # raises what it lacks
         if not made._x.item(0):
             raise InertiaError("mass is 0, expected one that has a centre")
         return made
@@ -208,9 +219,9 @@ class Inertia(Summable, InFrames, kind="Body", near=operators.near_bodies):
         return expected(pseudo_inertia, PseudoInertia, "pseudo_inertia").toInertia()  # type: ignore[no-any-return]
 
     @staticmethod
-    def FromLogCholeskyParameters(log_cholesky: LogCholeskyParameters) -> Inertia:
+    def FromLogCholeskyParameters(log_cholesky_parameters: LogCholeskyParameters) -> Inertia:
         """The body of LogCholeskyParameters."""
-        return expected(log_cholesky, LogCholeskyParameters, "log_cholesky").toInertia()  # type: ignore[no-any-return]
+        return expected(log_cholesky_parameters, LogCholeskyParameters, "parameters").toInertia()  # type: ignore[no-any-return]
 
     def __repr__(self) -> str:
         return f"  m = {self.mass:g}\n  c = {row(self._x[1:4])}\n  I = \n{rows(self.inertia)}"

@@ -63,7 +63,7 @@ class Spatial(Summable, InFrames):
         return f"{linear} = {row(self._x[:3])}\n{angular} = {row(self._x[3:])}\n"
 
 
-class Force(Spatial, kind="Force"):
+class Force(Spatial, kind="Force", near=operators.near_spatial):
     """A spatial force: ``Force(linear (3,), angular (3,))``, ``Force(vector (6,))`` [N, N m about the origin] or
     ``Force(other)``, also of Pinocchio's own class.
     """
@@ -83,7 +83,7 @@ class Force(Spatial, kind="Force"):
     dot = on_values("dot", operators.power_of_force, "number", "Power along a Motion [W].", self="Force", m="Motion")
 
 
-class Motion(Spatial, kind="Motion"):
+class Motion(Spatial, kind="Motion", near=operators.near_spatial):
     """A spatial velocity: ``Motion(linear (3,), angular (3,))``, ``Motion(vector (6,))`` [m/s, rad/s] or
     ``Motion(other)``, also of Pinocchio's own class.
 

@@ -59,9 +59,9 @@ class PseudoInertia(Parameters):
         return PseudoInertia.over(array(pseudo_inertia_matrix, (4, 4), "pseudo_inertia_matrix"))
 
     @staticmethod
-    def FromDynamicParameters(dynamic_params: Any) -> PseudoInertia:
+    def FromDynamicParameters(dynamic_parameters: Any) -> PseudoInertia:
         """The PseudoInertia of ten dynamic parameters, as of ``Inertia.toDynamicParameters``."""
-        return PseudoInertia.over(pseudo_inertia(ten(dynamic_params)))
+        return PseudoInertia.over(pseudo_inertia(ten(dynamic_parameters)))
 
     @staticmethod
     def FromInertia(inertia: Any) -> PseudoInertia:

@@ -114,12 +114,9 @@ class Quaternion(Rotation, kind="Quat"):
             raise ValueRuntimeError(f"index is {k}, expected 0 to 3")
         return k
 
-    def __len__(self) -> int:
-        return 4
-
     def coeffs(self) -> Array:
-        """The coefficients x y z w (4,), a copy that is read-only."""
-        x = self._x.copy()
+        """The coefficients x y z w (4,), a view that is read-only."""
+        x = self._x.view()
         x.flags.writeable = False
         return x
 
@@ -149,7 +146,9 @@ class Quaternion(Rotation, kind="Quat"):
 
     def __imul__(self, other: Any) -> Any:
         product = self * other
-        return self._write(product._x) if isinstance(product, Quaternion) else NotImplemented
+        if not isinstance(product, Quaternion):  # a vector would take the name of the quaternion
+            raise ArgumentError(f"other is {described(other)}, expected Quaternion")
+        return self._write(product._x)
 
     def inverse(self) -> Quaternion:
         """The inverse quaternion; zero for zero."""

@@ -12,7 +12,7 @@ from ....algebra import spatial
 from ....engines.object_layout import slot_offset
 from ....engines.programs.run.single_call import READY
 from ...native import operator_kernels, operators
-from .arguments import OMITTED, ArgumentError, Array, array, described, of_pinocchio, only, row, rows
+from .arguments import OMITTED, ArgumentError, Array, array, described, number, of_pinocchio, only, row, rows
 from .random import GENERATOR
 from .rotations import Quaternion
 from .value import Value, as_array, on_values, own_value, part, preset
@@ -131,7 +131,7 @@ class SE3(Value, kind="Pose", near=operators.near_poses, same=operators.same_pos
 
     def isIdentity(self, prec: float = 1e-12) -> bool:
         """Whether no entry differs from the identity's by more than prec."""
-        return bool((abs(self._x - IDENTITY) <= prec).all())
+        return bool((abs(self._x - IDENTITY) <= number(prec, "prec")).all())
 
     def __str__(self) -> str:
         return f"  R =\n{rows(self._x[:3, :3])}\n  p = {row(self._x[:3, 3])}\n"

@@ -80,6 +80,7 @@ class Symmetric3(Summable):
     @staticmethod
     def rhsMult(S3: Symmetric3, vin: Any, vout: Array) -> None:
         """S v, written in place to vout (3,)."""
+        array(vout, (3,), "vout")  # raises what it is not
         vout[...] = np.reshape(S3 * array(vin, (3,), "vin"), vout.shape)
 
     def vtiv(self, v: Any) -> float:
@@ -104,6 +105,7 @@ class Symmetric3(Summable):
 
     def inverse(self, res: Array) -> None:
         """The inverse matrix, written in place to res (3, 3)."""
+        array(res, (3, 3), "res")  # raises what it is not
         res[...] = np.linalg.inv(self.matrix())
 
     decomposeltI = refused("Symmetric3.decomposeltI")

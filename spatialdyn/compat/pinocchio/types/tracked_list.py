@@ -120,7 +120,7 @@ class OwnedList(list[Value], Listed):
             self.clear()
         return self
 
-    def reserve(self, size: int) -> None:
+    def reserve(self, new_cap: int) -> None:
         """Do nothing: a list grows by itself."""
 
     def copy(self) -> list[Value]:

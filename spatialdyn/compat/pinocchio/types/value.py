@@ -130,7 +130,7 @@ class Summable(Value):
 
     def isZero(self, prec: float = 1e-12) -> bool:
         """Whether no entry exceeds prec."""
-        return bool((abs(self._x) <= prec).all())
+        return bool((abs(self._x) <= number(prec, "prec")).all())
 
 
 class InFrames(Value):
@@ -252,11 +252,22 @@ call: Callable[..., Any] = unavailable
 _CALLS: tuple[Any, ...] = (
     lambda: call(), lambda a: call(a), lambda a, b: call(a, b), lambda a, b, c: call(a, b, c)
 )  # fmt: skip
-# other forms: the result is written to the first argument; a factor, from the right and from the left
+# other forms: the result is written to the first argument; a factor, from the right and from the left, whose type is
+# compared first, which is faster than isinstance
 IN_PLACE: Any = lambda a, b: call(a, b) and a  # noqa: E731
-TIMES: Any = lambda a, b: call(a, float(b)) if isinstance(b, (float, int)) else NotImplemented  # noqa: E731
+TIMES: Any = lambda a, b: (  # noqa: E731
+    call(a, b)
+    if type(b) is float
+    else call(a, float(b))
+    if type(b) is int or isinstance(b, (float, int))
+    else NotImplemented
+)
 TIMES_LEFT: Any = lambda a, b: (  # noqa: E731
-    call(a, float(b)) if isinstance(b, (float, int)) else a._reflected(b, "__mul__")
+    call(a, b)
+    if type(b) is float
+    else call(a, float(b))
+    if type(b) is int or isinstance(b, (float, int))
+    else a._reflected(b, "__mul__")
 )
 
 

@@ -13,7 +13,7 @@ from ....errors import pip_install
 from ....pictures.shapes import capsule, coal_shape, coal_triangles
 from ..algorithms import calls, kinematics
 from ..coverage.coverage import OutOfScopeError
-from ..model.geometry import VISUAL, GeometryObject
+from ..model.geometry_object import VISUAL, GeometryObject
 from ..types.arguments import ValueRuntimeError
 from ..types.frame import LOCAL_WORLD_ALIGNED
 from .meshcat_tree import parts_of

@@ -17,7 +17,8 @@ from ....pictures.shapes import Shape, coal_shape, mesh_shapes
 from ....pictures.stage import HOST, Stage, has_screen, warn_of
 from ..algorithms import calls, configuration
 from ..coverage.coal_package import installed
-from ..model.geometry import VISUAL, GeometryModel, GeometryObject
+from ..model.geometry import GeometryModel
+from ..model.geometry_object import VISUAL, GeometryObject
 from ..types.arguments import ValueRuntimeError
 from .base_visualizer import BaseVisualizer
 

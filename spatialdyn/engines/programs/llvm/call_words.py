@@ -133,9 +133,6 @@ class CallWriter(Body):
     def equal(self, a: str, b: str | int, kind: str = "i64") -> str:
         return self.put(f"icmp eq {kind} {a}, {b}")
 
-    def both(self, a: str, b: str) -> str:
-        return self.put(f"and i1 {a}, {b}")
-
     def either(self, a: str, b: str) -> str:
         return self.put(f"or i1 {a}, {b}")
 

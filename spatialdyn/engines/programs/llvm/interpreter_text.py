@@ -262,6 +262,139 @@ def _repeat_text(t: _Text, slots: list[str], source: str, label: str) -> None:
     t.repeat(t.put(f"icmp ne i{t.lanes} {runs}, 0"), slots, f"{label}.end")
 
 
+class _Tiles(_Text):
+    """The body of ``interpret_tiles``: see ``tiles_text``."""
+
+    def __init__(self, lanes: int) -> None:
+        """The begin of the function: what all tiles share."""
+        super().__init__(lanes)
+        self.wide_bytes = 8 * lanes
+        self.label("entry")
+        self.code, self.constants, self.inputs, self.outputs = (
+            self.word(index, "ptr") for index in (CODE, CONSTANTS, INPUTS, OUTPUTS)
+        )
+        self.constant_count, self.input_count, self.output_count = (
+            self.word(index) for index in (CONSTANT_COUNT, INPUT_COUNT, OUTPUT_COUNT)
+        )
+        self.row = self.times("%wide", 8)
+        self.poison, self.first_row = "%rows", self.byte("%rows", self.row)
+        self.last = self.put("sub i64 %n, 1")
+
+    def place(self, slot: str) -> tuple[str, str]:
+        """The address of a slot's first vector, and the bytes to its next vector: 0 for a constant."""
+        constant = self.put(f"icmp slt i64 {slot}, {self.constant_count}")
+        here = self.byte(self.constants, self.times(slot, self.wide_bytes))
+        behind = self.put(f"sub i64 {slot}, {self.constant_count}")
+        there = self.byte(self.first_row, self.times(behind, self.row))
+        step = self.put(f"select i1 {constant}, i64 0, i64 {self.wide_bytes}")
+        return self.put(f"select i1 {constant}, ptr {here}, ptr {there}"), step
+
+    def clear(self, i: str) -> None:
+        """Begin with samples that no check rejects."""
+        self.store(self.vector, self.constant(0.0), self.number(self.poison, i), self.wide_bytes)
+
+    def read(self, k: str) -> None:
+        """Copy an input to its slots."""
+        first, columns = self.pair(self.inputs, k)
+        data = self.load("ptr", self.byte(self.load("ptr", self.at("ptr", "%inputs", k)), DATA_OFFSET))
+        step = self.load("i64", self.at("i64", "%steps", k))
+        behind = self.put(f"sub i64 {first}, {self.constant_count}")
+        target = self.byte(self.first_row, self.times(behind, self.row))
+
+        def group(g: str) -> None:
+            starts = _samples(self, self.last, data, step, g)
+
+            def whole(c: str) -> None:
+                loaded = [self.load(self.vector, self.number(x, c), 8) for x in starts]
+                to = self.number(self.byte(target, self.times(c, self.row)), g)
+                for i, x in enumerate(self.transposed(loaded)):
+                    self.store(self.vector, x, self.byte(to, self.times(self.row, i)), self.wide_bytes)
+
+            def single(c: str) -> None:
+                to = self.number(self.byte(target, self.times(c, self.row)), g)
+                for r, x in enumerate(starts):
+                    self.store("double", self.load("double", self.number(x, c), 8), self.number(to, r), 8)
+
+            _blocks(self, "read", columns, whole, single)
+
+        self.loop("read.group", "%wide", group, self.lanes)
+
+    def compute(self, code: int, label: str, sources: list[tuple[str, str]], targets: Values) -> None:
+        """Write the branch of an instruction that computes slots, or checks one."""
+        vector = self.wide_bytes
+        used = sources[: arity(code)]
+        self.jump(f"{label}.loop", then=f"{label}.loop")
+        self.do(f"%{label}.i = phi i64 [ 0, %{label} ], [ %{label}.i.next, %{label}.loop ]")
+        at = []
+        for k, (start, _) in enumerate(used):
+            self.do(f"%{label}.{k} = phi ptr [ {start}, %{label} ], [ %{label}.{k}.{UNROLLED}, %{label}.loop ]")
+            at.append(f"%{label}.{k}")
+        for u in range(UNROLLED):
+            given = [self.load(self.vector, x, vector) for x in at]
+            at = [f"%{label}.{k}.{u + 1}" for k in range(len(used))]
+            here = self.add(f"%{label}.i", u * self.lanes)
+            made = self.results(code, given)
+            for value, target in zip(made, targets, strict=False):
+                self.store(self.vector, value, self.number(target, here), vector)
+            if not made:
+                so_far = self.number(self.poison, here)
+                kept = self.poisoned_unless(self.holds(code, given), self.load(self.vector, so_far, vector))
+                self.store(self.vector, kept, so_far, vector)
+            for k, (_, step) in enumerate(used):
+                before = f"%{label}.{k}" + (f".{u}" if u else "")
+                self.do(f"{at[k]} = getelementptr i8, ptr {before}, i64 {step}")
+        self.do(f"%{label}.i.next = add i64 %{label}.i, {UNROLLED * self.lanes}")
+        more = self.put(f"icmp slt i64 %{label}.i.next, %wide")
+        self.do(f"br i1 {more}, label %{label}.loop, label %next")
+
+    def result(self, entries: str, c: str, group: str) -> str:
+        """Column ``c`` of a result, with its sign, in samples from ``group`` on."""
+        entry = self.load("i64", self.at("i64", entries, c))
+        start, step = self.place(self.put(f"and i64 {entry}, {int(SIGN) - 1}"))
+        behind = self.times(group, self.put(f"udiv i64 {step}, {self.lanes}"))
+        value = self.load(self.vector, self.byte(start, behind), self.wide_bytes)
+        sign = self.put(f"and i64 {entry}, {-int(SIGN)}")
+        one = self.put(f"insertelement {self.bits} zeroinitializer, i64 {sign}, i64 0")
+        signs = self.put(f"shufflevector {self.bits} {one}, {self.bits} {one}, <{self.lanes} x i32> zeroinitializer")
+        flipped = self.put(f"xor {self.bits} {self.put(f'bitcast {self.vector} {value} to {self.bits}')}, {signs}")
+        return self.put(f"bitcast {self.bits} {flipped} to {self.vector}")
+
+    def give(self, k: str) -> None:
+        """Copy slots to an output."""
+        entries, columns = self.pair(self.outputs, k, "ptr")
+        data = self.load("ptr", self.byte(self.load("ptr", self.at("ptr", "%outputs", k)), DATA_OFFSET))
+        width = self.times(columns, 8)
+
+        def group(g: str) -> None:
+            starts = _samples(self, self.last, data, width, g)
+
+            def whole(c: str) -> None:
+                made = self.transposed([self.result(entries, self.add(c, i), g) for i in range(self.lanes)])
+                for x, start in zip(made, starts, strict=True):
+                    self.store(self.vector, x, self.number(start, c), 8)
+
+            def single(c: str) -> None:
+                made = self.result(entries, c, g)
+                for r, start in enumerate(starts):
+                    value = self.put(f"extractelement {self.vector} {made}, i64 {r}")
+                    self.store("double", value, self.number(start, c), 8)
+
+            _blocks(self, "give", columns, whole, single)
+
+        self.loop("give.group", "%wide", group, self.lanes)
+
+    def write_bits(self, i: str) -> None:
+        """Write the bits of BITS samples: whether all checks of a sample hold."""
+        number = "0"
+        for part in range(0, BITS, self.lanes):
+            value = self.load(self.vector, self.number(self.poison, self.add(i, part)), self.wide_bytes)
+            valid = self.put(f"bitcast {self.truth} {self.compare('oeq', value, ZERO)} to i{self.lanes}")
+            valid = self.put(f"zext i{self.lanes} {valid} to i{BITS}") if self.lanes < BITS else valid
+            number = self.put(f"or i{BITS} {number}, {self.put(f'shl i{BITS} {valid}, {part}')}")
+        at = self.put(f"udiv i64 {self.add('%first', i)}, {BITS}")
+        self.store(f"i{BITS}", number, self.at(f"i{BITS}", "%bits", at), 2)
+
+
 def tiles_text(lanes: int) -> str:
     """``interpret_tiles(context, inputs, steps, outputs, bits, rows, wide, n)``, for tiles of ``wide`` samples.
 
@@ -274,140 +407,30 @@ def tiles_text(lanes: int) -> str:
     wide     multiple of BITS
     n        samples; the last tile is filled with the last of them
     """
-    t = _Text(lanes)
-    vector = 8 * lanes
-    t.label("entry")
-    code, constants, inputs, outputs = (t.word(index, "ptr") for index in (CODE, CONSTANTS, INPUTS, OUTPUTS))
-    count, input_count, output_count = (t.word(index) for index in (CONSTANT_COUNT, INPUT_COUNT, OUTPUT_COUNT))
-    row = t.times("%wide", 8)
-    poison, first_row = "%rows", t.byte("%rows", row)
-    last = t.put("sub i64 %n, 1")
-    scalar_zero = t.constant(0.0)
-
-    def place(slot: str) -> tuple[str, str]:
-        """The address of a slot's first vector, and the bytes to its next vector: 0 for a constant."""
-        constant = t.put(f"icmp slt i64 {slot}, {count}")
-        here = t.byte(constants, t.times(slot, vector))
-        there = t.byte(first_row, t.times(t.put(f"sub i64 {slot}, {count}"), row))
-        step = t.put(f"select i1 {constant}, i64 0, i64 {vector}")
-        return t.put(f"select i1 {constant}, ptr {here}, ptr {there}"), step
-
+    t = _Tiles(lanes)
     t.jump("tiles", then="tiles")
     t.do("%first = phi i64 [ 0, %entry ], [ %first.next, %tile.end ]")
     t.branch(t.put("icmp slt i64 %first, %n"), "tile", "done", then="tile")
-    t.loop("clear", "%wide", lambda i: t.store(t.vector, scalar_zero, t.number(poison, i), vector), lanes)
-
-    def read(k: str) -> None:
-        first, columns = t.pair(inputs, k)
-        data = t.load("ptr", t.byte(t.load("ptr", t.at("ptr", "%inputs", k)), DATA_OFFSET))
-        step = t.load("i64", t.at("i64", "%steps", k))
-        target = t.byte(first_row, t.times(t.put(f"sub i64 {first}, {count}"), row))
-
-        def group(g: str) -> None:
-            starts = _samples(t, last, data, step, g)
-
-            def whole(c: str) -> None:
-                loaded = [t.load(t.vector, t.number(x, c), 8) for x in starts]
-                to = t.number(t.byte(target, t.times(c, row)), g)
-                for i, x in enumerate(t.transposed(loaded)):
-                    t.store(t.vector, x, t.byte(to, t.times(row, i)), vector)
-
-            def single(c: str) -> None:
-                to = t.number(t.byte(target, t.times(c, row)), g)
-                for r, x in enumerate(starts):
-                    t.store("double", t.load("double", t.number(x, c), 8), t.number(to, r), 8)
-
-            _blocks(t, "read", columns, whole, single)
-
-        t.loop("read.group", "%wide", group, lanes)
-
-    t.loop("input", input_count, read)
-    t.step(code)
+    t.loop("clear", "%wide", t.clear, lanes)
+    t.loop("input", t.input_count, t.read)
+    t.step(t.code)
     opcode, to, slots = t.fetch()
-    targets = [place(to)[0], place(slots[1])[0]]
-    sources = [place(slot) for slot in slots]
+    targets = [t.place(to)[0], t.place(slots[1])[0]]
+    sources = [t.place(slot) for slot in slots]
 
     def write(code: int, label: str) -> None:
         if code == AGAIN:
             t.again(slots, label)
-            return
-        if code == REPEAT:
+        elif code == REPEAT:
             _repeat_text(t, slots, sources[0][0], label)
-            return
-        used = sources[: arity(code)]
-        t.jump(f"{label}.loop", then=f"{label}.loop")
-        t.do(f"%{label}.i = phi i64 [ 0, %{label} ], [ %{label}.i.next, %{label}.loop ]")
-        at = []
-        for k, (start, _) in enumerate(used):
-            t.do(f"%{label}.{k} = phi ptr [ {start}, %{label} ], [ %{label}.{k}.{UNROLLED}, %{label}.loop ]")
-            at.append(f"%{label}.{k}")
-        for u in range(UNROLLED):
-            given = [t.load(t.vector, x, vector) for x in at]
-            at = [f"%{label}.{k}.{u + 1}" for k in range(len(used))]
-            here = t.add(f"%{label}.i", u * lanes)
-            made = t.results(code, given)
-            for value, target in zip(made, targets, strict=False):
-                t.store(t.vector, value, t.number(target, here), vector)
-            if not made:
-                so_far = t.number(poison, here)
-                kept = t.poisoned_unless(t.holds(code, given), t.load(t.vector, so_far, vector))
-                t.store(t.vector, kept, so_far, vector)
-            for k, (_, step) in enumerate(used):
-                before = f"%{label}.{k}" + (f".{u}" if u else "")
-                t.do(f"{at[k]} = getelementptr i8, ptr {before}, i64 {step}")
-        t.do(f"%{label}.i.next = add i64 %{label}.i, {UNROLLED * lanes}")
-        more = t.put(f"icmp slt i64 %{label}.i.next, %wide")
-        t.do(f"br i1 {more}, label %{label}.loop, label %next")
+        else:
+            t.compute(code, label, sources, targets)
 
     t.branches(opcode, "results", write)
     t.advance()
     t.jump("step", then="results")
-
-    def give(k: str) -> None:
-        entries, columns = t.pair(outputs, k, "ptr")
-        data = t.load("ptr", t.byte(t.load("ptr", t.at("ptr", "%outputs", k)), DATA_OFFSET))
-        width = t.times(columns, 8)
-
-        def group(g: str) -> None:
-            starts = _samples(t, last, data, width, g)
-
-            def result(c: str) -> str:
-                entry = t.load("i64", t.at("i64", entries, c))
-                start, step = place(t.put(f"and i64 {entry}, {int(SIGN) - 1}"))
-                value = t.load(t.vector, t.byte(start, t.times(g, t.put(f"udiv i64 {step}, {lanes}"))), vector)
-                sign = t.put(f"and i64 {entry}, {-int(SIGN)}")
-                one = t.put(f"insertelement {t.bits} zeroinitializer, i64 {sign}, i64 0")
-                signs = t.put(f"shufflevector {t.bits} {one}, {t.bits} {one}, <{lanes} x i32> zeroinitializer")
-                flipped = t.put(f"xor {t.bits} {t.put(f'bitcast {t.vector} {value} to {t.bits}')}, {signs}")
-                return t.put(f"bitcast {t.bits} {flipped} to {t.vector}")
-
-            def whole(c: str) -> None:
-                made = t.transposed([result(t.add(c, i)) for i in range(lanes)])
-                for x, start in zip(made, starts, strict=True):
-                    t.store(t.vector, x, t.number(start, c), 8)
-
-            def single(c: str) -> None:
-                made = result(c)
-                for r, start in enumerate(starts):
-                    t.store("double", t.put(f"extractelement {t.vector} {made}, i64 {r}"), t.number(start, c), 8)
-
-            _blocks(t, "give", columns, whole, single)
-
-        t.loop("give.group", "%wide", group, lanes)
-
-    t.loop("output", output_count, give)
-
-    def bits(i: str) -> None:
-        number = "0"
-        for part in range(0, BITS, lanes):
-            value = t.load(t.vector, t.number(poison, t.add(i, part)), vector)
-            valid = t.put(f"bitcast {t.truth} {t.compare('oeq', value, ZERO)} to i{lanes}")
-            valid = t.put(f"zext i{lanes} {valid} to i{BITS}") if lanes < BITS else valid
-            number = t.put(f"or i{BITS} {number}, {t.put(f'shl i{BITS} {valid}, {part}')}")
-        at = t.put(f"udiv i64 {t.add('%first', i)}, {BITS}")
-        t.store(f"i{BITS}", number, t.at(f"i{BITS}", "%bits", at), 2)
-
-    t.loop("bit", "%wide", bits, BITS)
+    t.loop("output", t.output_count, t.give)
+    t.loop("bit", "%wide", t.write_bits, BITS)
     t.jump("tile.end", then="tile.end")
     t.do("%first.next = add i64 %first, %wide")
     t.jump("tiles", then="done")

@@ -71,6 +71,10 @@ class Body:
         """a b of i64."""
         return self.put(f"mul i64 {a}, {b}")
 
+    def both(self, a: str, b: str) -> str:
+        """Whether two conditions hold."""
+        return self.put(f"and i1 {a}, {b}")
+
     def boundary(self, address: str, size: int) -> str:
         """An aligned address: a multiple of ``size`` behind ``address``."""
         behind = self.add(self.put(f"ptrtoint ptr {address} to i64"), size + 1)

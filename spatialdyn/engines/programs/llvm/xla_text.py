@@ -78,9 +78,6 @@ class _Writer(Body):
     def compare(self, how: str, a: str, b: str | int, kind: str = "i64") -> str:
         return self.put(f"icmp {how} {kind} {a}, {b}")
 
-    def both(self, a: str, b: str) -> str:
-        return self.put(f"and i1 {a}, {b}")
-
     def least(self, a: str, b: str) -> str:
         return self.put(f"select i1 {self.compare('slt', a, b)}, i64 {a}, i64 {b}")
 
@@ -198,13 +195,43 @@ def _failure() -> str:
 
 def _entry(made: Handler) -> str:
     """``ptr @handler(frame)``."""
-    c, places, converts = _Writer(), _places(made), made.size != made.buffers
+    c, converts = _Writer(), made.size != made.buffers
     ins, outs = [f"in{k}" for k in range(len(made.inputs))], [f"out{k}" for k in range(len(made.outputs))]
     arrays = dict(zip([*ins, *outs], [*made.inputs, *made.outputs], strict=True))
     c.label("start")
     words = c.put(f"alloca [{len(WORDS) + 2 * len(ins) + len(outs)} x i64]")
     given = c.put(f"alloca [{SIZES['task']} x i8], align 8")
     api = c.field("%frame", "frame.api", "ptr")
+    _answer_query(c)
+    buffer, data, rows = _read_buffers(c, made.buffers, ins, outs, arrays)
+    n = rows[outs[0]]
+    tiles = c.put(f"sdiv i64 {c.add(n, made.lanes - 1)}, {made.lanes}")
+    threads = _thread_count(c, made, tiles)
+    state, shared, own = _allocate(c, made, arrays if converts else {}, rows, tiles, threads)
+    for k, x in enumerate(ins):
+        if converts:
+            numbers = c.times(rows[x], arrays[x][0])
+            _converted(c, f"read.{x}", data[x], made.buffers, own[x], made.size, numbers)
+        c.store("i64", rows[x], c.byte(state, _places(made)[f"rows{k}"]))
+    data_of = data | own
+    _write_state(c, made, state, data_of, shared, n, tiles, threads)
+    _share_work(c, made, api, given, state, threads)
+    message, running = _recompute(c, made, words, buffer[outs[0]], data_of, rows, shared, tiles)
+    beyond = "0"
+    for x in outs if converts else ():
+        numbers = c.times(rows[x], arrays[x][0])
+        wide = _converted(c, f"write.{x}", own[x], made.size, data[x], made.buffers, numbers)
+        beyond = c.put(f"or i8 {beyond}, {wide}")
+    c.branch(c.compare("eq", beyond, 0, "i8"), "free", "beyond", then="free")
+    c.do(f"call void @release(ptr {state})")
+    c.jump("none", then="none")
+    c.do("ret ptr null")
+    _write_failures(c, api, state, message, running)
+    return c.function("define ptr @handler(ptr %frame)")
+
+
+def _answer_query(c: _Writer) -> None:
+    """Return the handler's version if the frame is a query of metadata."""
     extension = c.field("%frame", "frame.extension", "ptr")
     c.branch(c.compare("eq", extension, "null", "ptr"), "plain", "extended", then="extended")
     is_query = c.compare("eq", c.field(extension, "extension.type", "i32"), METADATA, "i32")
@@ -212,7 +239,15 @@ def _entry(made: Handler) -> str:
     c.do(f"ret ptr {c.put(f'call ptr @metadata(ptr %frame, ptr {extension})')}")
     c.label("plain")
 
-    # the buffers: their count and types, and that axes are within the structs
+
+def _read_buffers(
+    c: _Writer, size: int, ins: list[str], outs: list[str], arrays: dict[str, tuple[int, int]]
+) -> tuple[dict[str, str], dict[str, str], dict[str, str]]:
+    """XLA's buffer, the address of its data, and the rows of each array.
+
+    Goes to "unknown" if buffers are not as many, or not of the type, axes and rows that the program takes; to "none"
+    without samples. Axes are read within the structs.
+    """
     args, rets = (c.byte("%frame", FIELDS[f"frame.{x}"]) for x in ("args", "rets"))
     right = c.compare("uge", c.load("i64", "%frame"), SIZES["frame"])
     for base, count in ((args, len(ins)), (rets, len(outs))):
@@ -229,7 +264,7 @@ def _entry(made: Handler) -> str:
     right, data = "true", {}
     for x, (_, axes) in arrays.items():
         dtype, rank = c.field(buffer[x], "buffer.dtype", "i32"), c.field(buffer[x], "buffer.rank", "i64")
-        right = c.both(right, c.compare("eq", dtype, FLOATS[made.buffers][1], "i32"))
+        right = c.both(right, c.compare("eq", dtype, FLOATS[size][1], "i32"))
         right = c.both(right, c.compare("sge", rank, axes))
         data[x] = c.field(buffer[x], "buffer.data", "ptr")
     c.branch(right, "ranked", "unknown", then="ranked")
@@ -241,37 +276,48 @@ def _entry(made: Handler) -> str:
         full, shared = c.compare("eq", rows[x], n), c.compare("eq", rows[x], 1)
         right = c.both(right, c.put(f"or i1 {full}, {shared}"))
     c.branch(right, "shaped", "unknown", then="shaped")
+    return buffer, data, rows
 
-    # the state, with a buffer for each thread, the bits of all tiles, and numbers that are converted
-    tiles = c.put(f"sdiv i64 {c.add(n, made.lanes - 1)}, {made.lanes}")
+
+def _thread_count(c: _Writer, made: Handler, tiles: str) -> str:
+    """The number of threads that share the tiles."""
     shares = c.put(f"sdiv i64 {tiles}, {made.share}")
     limit = c.load("i64", c.address(made.threads))
     some = c.least(c.put(f"select i1 {c.compare('sgt', shares, 1)}, i64 {shares}, i64 1"), limit)
-    threads = c.put(f"select i1 {c.compare('sgt', some, 1)}, i64 {some}, i64 1")
-    behind = c.add(c.times(threads, made.buffer), places["end"] + ALIGNMENT)
-    bits_at = behind
+    return c.put(f"select i1 {c.compare('sgt', some, 1)}, i64 {some}, i64 1")
+
+
+def _allocate(
+    c: _Writer, made: Handler, converted: dict[str, tuple[int, int]], rows: dict[str, str], tiles: str, threads: str
+) -> tuple[str, str, dict[str, str]]:
+    """The state on the heap: its address, that of the words that threads share, and those of converted numbers.
+
+    It holds a buffer for each thread, the bits of all tiles, and the numbers that are converted. Goes to "full" if
+    there is no memory.
+    """
+    behind = c.add(c.times(threads, made.buffer), _places(made)["end"] + ALIGNMENT)
     total = c.add(c.add(behind, c.times(tiles, 2)), 8 + ALIGNMENT)
     total = c.put(f"and i64 {total}, {-ALIGNMENT}")
     own_at = {}
-    for x, (columns, _) in arrays.items() if converts else ():
+    for x, (columns, _) in converted.items():
         own_at[x] = total
         total = c.add(total, c.put(f"and i64 {c.add(c.times(rows[x], columns * made.size), ALIGNMENT)}, {-ALIGNMENT}"))
     state = c.put(f"call ptr {c.address(made.allocate)}(i64 {total})")
     c.branch(c.compare("eq", state, "null", "ptr"), "full", "held", then="held")
+    shared = c.byte(state, behind)
+    c.store("i64", "0", shared, 1)
+    return state, shared, {x: c.byte(state, at) for x, at in own_at.items()}
+
+
+def _write_state(
+    c: _Writer, made: Handler, state: str, data: dict[str, str], shared: str, n: str, tiles: str, threads: str
+) -> None:
+    """Write the addresses of the numbers and the words of the call to the state."""
 
     def at(name: str) -> str:
-        return c.byte(state, places[name])
+        return c.byte(state, _places(made)[name])
 
-    shared = c.byte(state, bits_at)
-    c.store("i64", "0", shared, 1)
-    for x in own_at:
-        data[f"{x}.buffer"], data[x] = data[x], c.byte(state, own_at[x])
-    for k, x in enumerate(ins):
-        if converts:
-            numbers = c.times(rows[x], arrays[x][0])
-            _converted(c, f"read.{x}", data[f"{x}.buffer"], made.buffers, data[x], made.size, numbers)
-        c.store("i64", rows[x], at(f"rows{k}"))
-    for x in arrays:
+    for x in data:
         c.store("ptr", data[x], at(x))
     c.store("ptr", shared, at("shared"))
     for name, value in (("entered", "0"), ("finished", "0"), ("failed", "0"), ("n", n), ("refs", threads)):
@@ -280,7 +326,13 @@ def _entry(made: Handler) -> str:
     part = c.put(f"sdiv i64 {tiles}, {c.times(threads, 4)}")
     c.store("i64", c.put(f"select i1 {several}, i64 {part}, i64 {tiles}"), at("piece"))
 
-    # other threads, as many as XLA provides
+
+def _share_work(c: _Writer, made: Handler, api: str, given: str, state: str, threads: str) -> None:
+    """Run the tiles, on as many other threads as XLA provides too; goes to "overlap" if arrays overlap."""
+
+    def at(name: str) -> str:
+        return c.byte(state, _places(made)[name])
+
     before = _block(c)
     c.jump("more", then="more")
     c.do(f"%other = phi i64 [ 1, %{before} ], [ %other.next, %scheduled ]")
@@ -300,7 +352,7 @@ def _entry(made: Handler) -> str:
     c.jump("scheduled", then="scheduled")
     c.do("%other.next = add i64 %other, 1")
     c.jump("more", then="run")
-    c.do(f"call void @work(ptr {state}, ptr {c.byte(state, places['end'])})")
+    c.do(f"call void @work(ptr {state}, ptr {at('end')})")
     entered = c.atomic("or", at("entered"), _CLOSED)
     c.jump("wait", then="wait")
     finished = c.put(f"load atomic i64, ptr {at('finished')} seq_cst, align 8")
@@ -309,7 +361,16 @@ def _entry(made: Handler) -> str:
     c.jump("wait", then="done")
     c.branch(c.compare("eq", c.load("i64", at("failed")), 0), "check", "overlap", then="check")
 
-    # samples that the program rejects
+
+def _recompute(
+    c: _Writer, made: Handler, words: str, out: str, data: dict[str, str], rows: dict[str, str], shared: str, tiles: str
+) -> tuple[str, str]:
+    """Call back for the samples that the program rejects; goes to "late" if Python ends, to "wrong" with a message.
+
+    out  XLA's buffer of the first result
+
+    Returns the address of the message, and that of the number of callbacks that are running.
+    """
     whole, flags = (1 << made.lanes) - 1, c.byte(shared, 8)
     c.jump("bits", then="bits")
     c.do("%tile = phi i64 [ 0, %check ], [ %tile.next, %bits.more ]")
@@ -317,10 +378,12 @@ def _entry(made: Handler) -> str:
     found = c.load("i16", c.at("i16", flags, "%tile"), 1)
     c.do("%tile.next = add i64 %tile, 1")
     c.branch(c.compare("eq", found, _signed16(whole), "i16"), "bits", "rejected", then="rejected")
-    rank, dims = c.field(buffer[outs[0]], "buffer.rank", "i64"), c.field(buffer[outs[0]], "buffer.dims", "ptr")
+    rank, dims = c.field(out, "buffer.rank", "i64"), c.field(out, "buffer.dims", "ptr")
     rank = c.add(rank, -made.outputs[0][1])
-    told = [n, flags, rank, dims, *(data[x] for x in ins), *(rows[x] for x in ins), *(data[x] for x in outs)]
-    pointers = {flags, dims, *(data[x] for x in arrays)}
+    ins, outs = [f"in{k}" for k in range(len(made.inputs))], [f"out{k}" for k in range(len(made.outputs))]
+    told = [rows[outs[0]], flags, rank, dims, *(data[x] for x in ins), *(rows[x] for x in ins)]
+    told += [data[x] for x in outs]
+    pointers = {flags, dims, *data.values()}
     for k, word in enumerate(told):
         c.store("ptr" if word in pointers else "i64", word, c.at("i64", words, k))
     ending, running = c.address(made.recomputing), c.address(made.recomputing + 8)
@@ -330,15 +393,11 @@ def _entry(made: Handler) -> str:
     message = c.put(f"call i64 {c.address(made.callback)}(ptr {words})")
     c.atomic("sub", running, 1)
     c.branch(c.compare("eq", message, 0), "fine", "wrong", then="fine")
-    beyond = "0"
-    for x in outs if converts else ():
-        numbers = c.times(rows[x], arrays[x][0])
-        wide = _converted(c, f"write.{x}", data[x], made.size, data[f"{x}.buffer"], made.buffers, numbers)
-        beyond = c.put(f"or i8 {beyond}, {wide}")
-    c.branch(c.compare("eq", beyond, 0, "i8"), "free", "beyond", then="free")
-    c.do(f"call void @release(ptr {state})")
-    c.jump("none", then="none")
-    c.do("ret ptr null")
+    return message, running
+
+
+def _write_failures(c: _Writer, api: str, state: str, message: str, running: str) -> None:
+    """Write the blocks that return an error."""
     c.label("wrong")
     text = c.put(f"inttoptr i64 {message} to ptr")
     c.do(f"call void @release(ptr {state})")
@@ -354,7 +413,6 @@ def _entry(made: Handler) -> str:
     for label, name, errc in (("unknown", "frame", INVALID_ARGUMENT), ("full", "memory", OUT_OF_MEMORY)):
         c.label(label)
         c.do(f"ret ptr {c.put(f'call ptr @failure(ptr {api}, ptr @{name}.text, i32 {errc})')}")
-    return c.function("define ptr @handler(ptr %frame)")
 
 
 def _block(code: Body) -> str:

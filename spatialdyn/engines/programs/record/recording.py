@@ -293,13 +293,17 @@ def fits(specs: Sequence[Spec], bodies: NDArray[Any], results: int | None = None
 def most_rows(spec: Spec) -> int:
     """Most rows of a table with which a call becomes a program: 474 of rnea, 196 of aba, 128 of calls of many terms.
 
-    The lines of a call that walks the tree grow as the rows do, with the numbers in a row of its scratch: rnea has 97
-    of a row, aba 280 to 325. The code of such programs for one sample and that for batches are compiled in up to 8 s of
-    CPU time each. On a Zen 4, beside other work, aba of 94 to 468 rows takes 13 to 17 ns a row where lanes take 23 to
-    26; rnea takes 5.6 to 10.6 ns where lanes take 7.9 to 10.2. On an EPYC with AVX2 aba took 59 ns with 208 rows, and
-    102 ns while other processes used the caches. 2 to 5 million samples of batches save the time of compiling. For
-    single calls too a longer program pays late: aba of 94 to 468 rows takes 59 to 79 ns a row by its compiled program,
-    89 to 99 ns in the table kernel, and 382 to 444 ns interpreted until then (``benchmarks/chains.py --crossover``).
+    A program has to be 1.3 times as fast as the kernels on lanes and of one sample, with AVX-512 and with AVX2: its
+    compile time, up to 5 s of CPU time each for one sample and for batches, is then saved by 2 to 5 million samples of
+    batches. The lines of a call that walks the tree grow as the rows do, with the numbers in a row of its scratch: rnea
+    has 97 of a row, aba 280 to 325. On chains of mixed joints a Zen 4 computes batches by programs of
+
+        rnea   156 rows 1.45, 208 1.42, 288 1.44, 380 1.38, 468 1.30; with AVX2 1.59, 1.37, 1.46, 1.37, 1.30
+        aba    156 rows 1.77, 208 1.68, 288 1.57, 468 1.61; with AVX2 1.45, 1.03, 1.12, 1.25
+
+    times as fast as on lanes, beside other work. Single calls take 22 to 25 ns a row by rnea's compiled program, 33 to
+    35 in the table kernel, and 130 interpreted until then; by aba's 58 to 74, 88 to 102, and 370 to 430
+    (``benchmarks/chains.py --crossover``).
     """
     if spec.composed or spec.work is None:
         return MOST_ROWS
