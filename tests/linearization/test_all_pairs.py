@@ -185,8 +185,13 @@ def found_wrong(
     return wrong, seen
 
 
-@pytest.mark.parametrize("name", ["arm", "floating"])
-@pytest.mark.parametrize("effect", ["couplers", "friction", "lugre", "limits", "current", "voltage", "springs"])
+BESIDE = ("friction", "lugre", "limits", "current", "voltage", "springs")  # each on one robot, in turn; loops on both
+
+
+@pytest.mark.parametrize(
+    ("name", "effect"),
+    [("arm", "couplers"), ("floating", "couplers"), *((("arm", "floating")[k % 2], x) for k, x in enumerate(BESIDE))],
+)
 def test_a_point_bounces_beside_all_else(name: str, effect: str) -> None:
     """A tip that is thrown back: while loops hold it, joints rub, stop and bend, and motors drive.
 
