@@ -153,7 +153,7 @@ FUNCTIONS = list(dict.fromkeys(re.findall(r"pin\.\w+", row.text)[-1] for row in 
 PLACES = {row.text: FUNCTIONS.index(re.findall(r"pin\.\w+", row.text)[-1]) for row in CALLS}
 
 
-PARTS = 8  # of the functions, of which a robot has one
+PARTS = 12  # of the functions, of which a robot has one
 # one root of each robot, in turn: of the robots of a part of the functions half are fixed, half floating
 IN_TURN = {(name, ROOTS[k // PARTS % 2]) for k, name in enumerate(ROBOTS)} | AT_ONCE
 
