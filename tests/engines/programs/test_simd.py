@@ -726,7 +726,11 @@ def test_numbers_wanted_at_once_are_loaded_anew_with_wide_vectors(monkeypatch: p
             found.append(Runner(program, layout, Shape(4, False))(x)[0][0])
         pivots, regions = replace(layout, pivots=((0, 0.0),)), copy(program)
         regions.regions = (Region(0, 0, 1, ()),)
-        assert schedule.held(program, pivots) and schedule.held(regions, layout)
+        assert schedule.held(program, pivots)
+        assert schedule.held(regions, layout)
+        for whole in (True, False):
+            one = simd.Writer(program, layout, np.float64, 1, False, whole=whole).text()
+            assert one.count("load volatile double") == (0 if whole else loads)
         monkeypatch.setattr(schedule, "MOST_SOLVED", 0)  # then it is cut
         assert schedule.held(program, pivots) == (loads == 0)
         monkeypatch.undo()
