@@ -23,8 +23,10 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
 
 def pytest_configure() -> None:
     """Forget what a person has set for the library; hear Ctrl-C also where the suite was started in the background,
-    whose processes ignore it.
+    whose processes ignore it. Collecting leaves next to nothing to the garbage collector: without it, it takes a fifth
+    less.
     """
+    gc.disable()
     for name in VARIABLES:
         os.environ.pop(name, None)
     if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
@@ -33,6 +35,7 @@ def pytest_configure() -> None:
 
 def pytest_collection_finish() -> None:
     """Spare the garbage collector what lives to the end, and call it seldom: saves 9 % and 6 % of compiling."""
+    gc.enable()
     gc.collect()
     gc.freeze()
     gc.set_threshold(50_000, 20, 20)

@@ -6,8 +6,10 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+import pytest
 
 import spatialdyn as sd
+from spatialdyn.engines import mimic_batches
 from spatialdyn.engines.compiled import numba_kernels, tiers
 from spatialdyn.engines.programs.record.mimic_rows import evaluate, rows_of
 from spatialdyn.engines.programs.record.tracer import table
@@ -16,6 +18,14 @@ from spatialdyn.recursions.spec import shape_in, sizes_of
 
 Array = np.ndarray
 EXACT = 1e-13  # relative: roundoff of a few bodies
+
+
+def mimics_in_plain_python(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Calls of models with mimic joints without a program run in plain Python, as they do if no table kernel fits.
+
+    ``test_mimic_batches`` holds the compiled ones to these; the kernels of 45 calls take half a minute to compile.
+    """
+    monkeypatch.setattr(mimic_batches, "fits", lambda spec: False)
 
 
 def states(model: sd.Model, seed: int = 0, count: int = 1) -> dict[str, Array]:

@@ -16,6 +16,7 @@ import pytest
 
 import spatialdyn
 from spatialdyn.calls.dynamics import calls
+from spatialdyn.engines.compiled import numba_kernels
 from spatialdyn.engines.compiled.stamp import COMPILED, package_folder
 from spatialdyn.recursions import SPECS
 
@@ -384,11 +385,22 @@ def test_slow_and_optional_packages_are_imported_when_needed(name: str) -> None:
     assert late == set()
 
 
-def test_importing_the_package_imports_none_of_them() -> None:
+@pytest.mark.parametrize(
+    ("name", "but"),
+    [
+        ("spatialdyn", set()),
+        pytest.param(
+            "spatialdyn.compat.pinocchio",
+            {"llvmlite", "concurrent.futures"},
+            marks=pytest.mark.skipif(numba_kernels.PLAIN, reason="its builtins are Python at once"),
+        ),
+    ],
+)
+def test_importing_the_package_imports_none_of_them(name: str, but: set[str]) -> None:
     """Importing Numba takes 0.2 s and brings SciPy where there is one; concurrent.futures is a thread pool's."""
     code = f"""
-import sys, spatialdyn
-heavy = {LATE | HEAVY!r}
+import sys, {name}
+heavy = {(LATE | HEAVY) - but!r}
 print(*sorted(name for name in sys.modules if name in heavy))
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=PACKAGE.parent, check=True)
@@ -526,7 +538,7 @@ def test_facts_are_written_once() -> None:
 def test_no_function_changes_what_its_module_holds(name: str) -> None:
     """Not by ``global``, nor by writing into a module's table, list or dict."""
     tree = tree_of(name)
-    assert not any(isinstance(node, ast.Global) for node in ast.walk(tree))
+    assert not any(isinstance(node, ast.Global) for node in nodes(name))
     held = {
         target.id
         for node in tree.body
@@ -535,14 +547,13 @@ def test_no_function_changes_what_its_module_holds(name: str) -> None:
         if isinstance(target, ast.Name)
     }
     found = set()
-    for function in ast.walk(tree):
+    for function in nodes(name) if held else ():
         if not isinstance(function, ast.FunctionDef):
             continue
-        local = {
-            node.id for node in ast.walk(function) if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store)
-        }
-        local |= {argument.arg for argument in ast.walk(function) if isinstance(argument, ast.arg)}
-        for node in ast.walk(function):
+        inside = list(ast.walk(function))
+        local = {node.id for node in inside if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store)}
+        local |= {argument.arg for argument in inside if isinstance(argument, ast.arg)}
+        for node in inside:
             changed: ast.AST | None = None
             if isinstance(node, (ast.Subscript, ast.Attribute)) and isinstance(node.ctx, (ast.Store, ast.Del)):
                 changed = node.value

@@ -178,13 +178,22 @@ def of(name: str) -> list[str]:
     return [x for x in targets() if x.partition(" of ")[0].partition(".")[0] == name]
 
 
+@pytest.fixture(scope="module")
+def saved(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
+    """The files to load, by name: written once, which takes longer than most calls."""
+    folder = tmp_path_factory.mktemp("saved")
+    valid_calls.run().save(folder / "run.npz")
+    valid_calls.log().save(folder / "log.csv")
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
 @pytest.fixture(autouse=True)
-def _elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+def _elsewhere(saved: dict[str, bytes], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """In a folder with a file to load, as some calls write files of odd names; with as many threads after it."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("MPLBACKEND", "Agg")
-    valid_calls.run().save("run.npz")
-    valid_calls.log().save("log.csv")
+    for name, content in saved.items():
+        Path(name).write_bytes(content)
     yield
     thread_pool.ask(None)
 

@@ -51,8 +51,8 @@ def chain(tip: float) -> sd.Model:
 
 MODELS: dict[str, Callable[[], sd.Model]] = {
     "two_link": lambda: sd.load_urdf("two_link"),
-    "tree": lambda: random_tree(3, 6).model,
-    "floating": lambda: random_tree(5, 5, floating=True).model,
+    "tree": lambda: random_tree(3, 4).model,
+    "floating": lambda: random_tree(5, 3, floating=True).model,
     "ur5": lambda: sd.load_urdf("ur5"),
     "panda": lambda: sd.load_urdf("panda"),
     "z1": lambda: sd.load_urdf("z1"),

@@ -352,7 +352,9 @@ def test_a_result_that_is_not_finite_disagrees(
 ) -> None:
     right = dynamics.calls["potential_energy"]
     monkeypatch.setattr(dynamics, "potential_energy", lambda model, q: right(model, q) + wrong)
-    status, out, _ = run(capsys, "compare", "pendulum", "--samples", "2", "--no-timing", "--json")
+    status, out, _ = run(
+        capsys, "compare", "pendulum", "--calls", "potential_energy", "--samples", "2", "--no-timing", "--json"
+    )
     (record,) = json.loads(out)
     assert status == 1
     row = next(row for row in record["comparisons"][0]["rows"] if row["call"] == "potential_energy")
@@ -366,7 +368,7 @@ def test_a_call_that_refuses_without_cause_disagrees(
         raise InertiaError('joint "x" has zero articulated inertia')
 
     monkeypatch.setattr(dynamics, "aba", refuse)
-    status, out, _ = run(capsys, "compare", "two_link", "--samples", "2", "--no-timing")
+    status, out, _ = run(capsys, "compare", "two_link", "--calls", "aba", "--samples", "2", "--no-timing")
     assert status == 1
     assert "refused, where Pinocchio gives numbers" in out
 

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from plain import mimics_in_plain_python
 from slow import slow_but
 
 import spatialdyn as sd
@@ -79,8 +80,15 @@ def close(x: Any, y: Any) -> None:
     ("kind", "reference"),
     slow_but([("CONTACT_3D", "LOCAL")], [(k, r) for k in KINDS for r in ("LOCAL", "LOCAL_WORLD_ALIGNED")]),
 )  # fmt: skip
-def test_dynamics_and_jacobians_are_those_of_the_tree_times_G(kind: str, reference: str) -> None:
-    """Six rows of four velocities, softened by mu: a and λ, the derivatives against differences of a."""
+def test_dynamics_and_jacobians_are_those_of_the_tree_times_G(
+    kind: str, reference: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Six rows of four velocities, softened by mu: a and λ, the derivatives against differences of a.
+
+    The slow ones run compiled kernels of the model, the quick one its recursions in plain Python.
+    """
+    if (kind, reference) == ("CONTACT_3D", "LOCAL"):
+        mimics_in_plain_python(monkeypatch)
     hand, mu = Hand(), 1e-2
     models, datas = hand.contacts(hand.model, reference, kind)
     settings = face.ProximalSettings(0.0, mu, 1)
@@ -118,7 +126,8 @@ def test_dynamics_and_jacobians_are_those_of_the_tree_times_G(kind: str, referen
             assert abs(found - wanted).max() <= 1e-6 * max(1.0, abs(wanted).max())
 
 
-def test_forward_dynamics_impacts_and_factors_are_those_of_the_tree_times_G() -> None:
+def test_forward_dynamics_impacts_and_factors_are_those_of_the_tree_times_G(monkeypatch: pytest.MonkeyPatch) -> None:
+    mimics_in_plain_python(monkeypatch)
     hand = Hand()
     J, gamma = np.random.default_rng(2).normal(size=(2, 4)), np.array([0.3, -0.2])
     a = face.forwardDynamics(hand.model, hand.data, hand.q, hand.v, hand.tau, J, gamma)
@@ -139,7 +148,8 @@ def test_forward_dynamics_impacts_and_factors_are_those_of_the_tree_times_G() ->
     close(face.cholesky.computeMinv(hand.model, hand.data), np.linalg.inv(M))
 
 
-def test_subtree_centres_of_mass_move_with_the_joints_that_mimic() -> None:
+def test_subtree_centres_of_mass_move_with_the_joints_that_mimic(monkeypatch: pytest.MonkeyPatch) -> None:
+    mimics_in_plain_python(monkeypatch)
     hand = Hand()
     for joint in ("j2", "j4"):
         k, whole = hand.model.getJointId(joint), hand.tree.getJointId(joint)
@@ -147,7 +157,8 @@ def test_subtree_centres_of_mass_move_with_the_joints_that_mimic() -> None:
         close(J, face.jacobianSubtreeCenterOfMass(hand.tree, hand.tree_data, hand.at, whole) @ hand.G)
 
 
-def test_dependent_rows_name_their_rank() -> None:
+def test_dependent_rows_name_their_rank(monkeypatch: pytest.MonkeyPatch) -> None:
+    mimics_in_plain_python(monkeypatch)
     hand, row = Hand(), np.ones((1, 4))
     with pytest.raises(sd.ConstraintError, match="J has rank 1, expected its 2 rows to be independent"):
         face.forwardDynamics(hand.model, hand.data, hand.q, hand.v, hand.tau, np.vstack([row, 2 * row]), np.zeros(2))

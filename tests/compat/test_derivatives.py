@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from plain import mimics_in_plain_python
 
 import spatialdyn.compat.pinocchio as ours
 from spatialdyn.errors import InertiaError
@@ -112,7 +113,8 @@ def test_a_joint_that_moves_nothing_is_named() -> None:
         ours.computeABADerivatives(model, model.createData(), np.zeros(1), np.zeros(1), np.zeros(1))
 
 
-def test_derivatives_of_models_with_mimic_joints_are_those_of_the_calls() -> None:
+def test_derivatives_of_models_with_mimic_joints_are_those_of_the_calls(monkeypatch: pytest.MonkeyPatch) -> None:
+    mimics_in_plain_python(monkeypatch)
     model = ours.transformJointIntoMimic(ours.buildSampleModelManipulator(), 2, 3, 2.0, 0.1)
     data, other = model.createData(), model.createData()
     q, v, a = np.random.default_rng(0).normal(size=(3, model.nv))

@@ -6,7 +6,7 @@ description and the result, would show.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from functools import lru_cache
 from typing import Any, NamedTuple
@@ -144,11 +144,19 @@ ROBOTS: dict[str, dict[str, Any]] = {
     "arm": dict(kinds=("revolute", "prismatic", "spherical", "continuous"), continuous="cos_sin"),
     "free": dict(kinds=("revolute", "planar", "floating"), floating=True, armature=False),
 }
+CALLS_AT_ONCE = [(name, "free") for name in MAIN_CALLS[::2]]
+
+
+def in_turn(at_once: list[tuple[str, str]], names: Iterable[str]) -> list[tuple[str, str]]:
+    """Those at once, and each name on one of ROBOTS in turn."""
+    kinds = list(ROBOTS)
+    others = [(name, kinds[k % len(kinds)]) for k, name in enumerate(names)]
+    return [*at_once, *(x for x in others if x not in at_once)]
 
 
 @pytest.mark.parametrize(
     ("name", "kind"),
-    slow_but([(name, "free") for name in MAIN_CALLS[::2]], [(x, kind) for kind in ROBOTS for x in SPECS]),
+    slow_but(CALLS_AT_ONCE, in_turn(CALLS_AT_ONCE, SPECS)),
 )
 def test_every_call_is_covariant_to_the_bit(name: str, kind: str) -> None:
     made = random_tree(11, 6, **ROBOTS[kind])
@@ -230,7 +238,7 @@ OWN = [x for x in sd.integrators if sd.integrators[x].family is not None]
 AT_ONCE = [("semi_implicit_euler", "arm"), ("rk4", "free"), ("gauss4", "arm")]
 
 
-@pytest.mark.parametrize(("method", "kind"), slow_but(AT_ONCE, [(method, kind) for kind in ROBOTS for method in OWN]))
+@pytest.mark.parametrize(("method", "kind"), slow_but(AT_ONCE, in_turn(AT_ONCE, OWN)))
 def test_motions_are_covariant_to_the_bit(method: str, kind: str) -> None:
     """Steps that are iterated end where they do in any units: their tolerance is relative to what they iterate.
 

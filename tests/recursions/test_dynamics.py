@@ -137,10 +137,12 @@ def test_call_equals_the_dense_oracle(case: Any, name: str) -> None:
 
 @pytest.mark.parametrize("reference", slow_but(["local_world_aligned"], REFERENCES))
 def test_frames_equal_the_dense_oracle(case: Any, reference: str) -> None:
+    """Every frame in the last reference, and every second one in each of the others."""
     made, model, s = case
     tree = made.tree
     placed = dense.placements(tree, s.q)
-    for frame in model.frames:
+    frames = model.frames if reference == REFERENCES[-1] else model.frames[REFERENCES.index(reference) :: 2]
+    for frame in frames:
         X, body = frame.placement, frame.joint
         name = f"{frame.kind}:{frame.name}"
         close(sd.frame_placement(model, s.q, name), placed[body] @ X)

@@ -6,7 +6,7 @@ A new version of one of them may rename these: a name that is not listed, or in 
 from __future__ import annotations
 
 import ast
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from functools import cache
 from pathlib import Path
 
@@ -104,11 +104,17 @@ OVERRIDDEN = {  # methods and attributes of Numba's classes that ours override
 
 
 @cache
+def nodes(file: str) -> list[ast.AST]:
+    """Every node of a module's syntax tree."""
+    return list(ast.walk(trees()[file]))
+
+
+@cache
 def own_names() -> set[str]:
     """Names that the modules define: functions, classes, arguments, variables, attributes of self, slots."""
     found = set()
-    for tree in trees().values():
-        for node in ast.walk(tree):
+    for file in trees():
+        for node in nodes(file):
             if isinstance(node, (ast.FunctionDef, ast.ClassDef)):
                 found.add(node.name)
             elif isinstance(node, ast.arg):
@@ -134,10 +140,10 @@ def dotted(node: ast.expr) -> str:
     return ".".join([node.id, *reversed(parts)]) if isinstance(node, ast.Name) else ""
 
 
-def borrowed(tree: ast.Module, own: set[str]) -> Iterator[str]:
-    """The private names of other packages that a module uses."""
+def borrowed(inside: Iterable[ast.AST], own: set[str]) -> Iterator[str]:
+    """The private names of other packages that a module of these nodes uses."""
     known = own | OF_TUPLES
-    for node in ast.walk(tree):
+    for node in inside:
         if isinstance(node, ast.ImportFrom) and node.level == 0 and (node.module or "").split(".")[0] in FOREIGN:
             for alias in node.names:
                 if node.module not in PUBLIC or alias.name.startswith("_"):
@@ -170,17 +176,14 @@ def trees() -> dict[str, ast.Module]:
 def test_private_parts_of_other_packages_stand_in_the_files_named_for_them() -> None:
     found: dict[str, set[str]] = {}
     own = own_names()
-    for file, tree in trees().items():
-        for name in borrowed(tree, own):
+    for file in trees():
+        for name in borrowed(nodes(file), own):
             found.setdefault(name, set()).add(file)
     assert found == BORROWED
 
 
 def test_what_replaces_numbas_own_methods_stands_in_one_file() -> None:
-    names = {
-        file: {getattr(n, kind, "") for n in ast.walk(tree) for kind in ("name", "attr")}
-        for file, tree in trees().items()
-    }
+    names = {file: {getattr(n, kind, "") for n in nodes(file) for kind in ("name", "attr")} for file in trees()}
     for name, file in OVERRIDDEN.items():
         assert {f for f, known in names.items() if name in known} == {file}
 
@@ -202,4 +205,4 @@ def test_what_replaces_numbas_own_methods_stands_in_one_file() -> None:
     ],
 )
 def test_another_borrowed_name_is_found(line: str, name: str) -> None:
-    assert name in set(borrowed(ast.parse(line), own_names()))
+    assert name in set(borrowed(ast.walk(ast.parse(line)), own_names()))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from fractions import Fraction
-from functools import cache
+from functools import cache, lru_cache
 from typing import Any
 
 import numpy as np
@@ -72,6 +72,7 @@ def result(
 
 
 def check(spec: Spec, width: int, seeds: Sequence[int] = range(12)) -> None:
+    """One sample, and exact numbers; those are found once for every width."""
     lanes, one = lane_kernels.kernel(spec, width), numba_kernels.batch_kernel(spec)
     for seed in seeds:
         given, static = inputs(spec, model(seed), seed), static_inputs(spec, model(seed), seed % 3)
@@ -79,10 +80,19 @@ def check(spec: Spec, width: int, seeds: Sequence[int] = range(12)) -> None:
         found, status = result(lanes, spec, model(seed), given, static)
         assert not status.any()
         np.testing.assert_array_equal(found, wanted)
-        exact, statuses = np.empty((COUNT, wanted[0].size)), np.empty(COUNT, np.int8)
-        Evaluation(spec, model(seed).bodies, static)(given, exact, statuses)
+        exact = evaluated(spec, seed)
         bound = SCALES.get(spec.name, 1.0) * ROUNDING * (abs(exact).max() + NOTHING)
         np.testing.assert_allclose(found.reshape(exact.shape), exact, rtol=0.0, atol=bound)
+
+
+@lru_cache(maxsize=12)
+def evaluated(spec: Spec, seed: int) -> np.ndarray:
+    """The results of a spec by the interpreter of samples (COUNT, size)."""
+    given, static = inputs(spec, model(seed), seed), static_inputs(spec, model(seed), seed % 3)
+    size = math.prod(recording.shape_of(spec.output, model(seed).bodies, ()))
+    found, statuses = np.empty((COUNT, size)), np.empty(COUNT, np.int8)
+    Evaluation(spec, model(seed).bodies, static)(given, found, statuses)
+    return found
 
 
 @pytest.mark.parametrize("name", ["generalized_gravity", "crba"])
@@ -93,18 +103,19 @@ def test_lanes_have_the_bits_of_one_sample_and_are_right(name: str) -> None:
 @pytest.mark.slow(quick="test_lanes_have_the_bits_of_one_sample_and_are_right")
 @pytest.mark.parametrize("of", [x for x in (*SPECS.values(), COUPLING) if x.on_lanes], ids=lambda x: x.name)
 def test_every_call_on_lanes(of: Spec) -> None:
-    """With its optional inputs; the three of EVERY_WIDTH without them too."""
+    """With its optional inputs; the three of EVERY_WIDTH without them too, and by one other width in turn."""
     every, own = of.name in EVERY_WIDTH, lane_names.width()
-    for width in (2, 4, 8) if every else (own,):
+    others = [x for x in (2, 4, 8) if x != own]
+    for width in (own, others[EVERY_WIDTH.index(of.name) % len(others)]) if every else (own,):
         spec = numba_kernels.variant(of, tuple(x.name for x in of.present if x.optional))
         check(spec, width, range(12) if width == own and every else range(len(of.name) % 3, 12, 3))
     if every and any(x.optional for x in of.present):
         check(numba_kernels.variant(of, ()), own, range(len(of.name) % 3, 12, 3))
 
 
-def check_edited(spec: Spec, seeds: Sequence[int]) -> None:
+def check_edited(spec: Spec, seeds: Sequence[int], widths: Sequence[int]) -> None:
     """Samples with tables of their own: the bits of a kernel of one sample on that sample's table."""
-    one, width = numba_kernels.batch_kernel(spec), lane_names.width()
+    one = numba_kernels.batch_kernel(spec)
     for seed in seeds:
         of, rng = model(seed), np.random.default_rng(seed)
         given, static = inputs(spec, of, seed), static_inputs(spec, of, seed % 3)
@@ -118,7 +129,7 @@ def check_edited(spec: Spec, seeds: Sequence[int]) -> None:
         for k in range(COUNT):
             own, sample = tables[k].copy(), [y for x in given for y in (x[k : k + 1], 1)]
             assert not one(own.ctypes.data, 1, *sample, *static, wanted[k : k + 1], status)
-        for w in (1, width):
+        for w in widths:
             found, left = np.empty_like(wanted), np.empty(COUNT, np.int8)
             known = [y for x in given for y in (x, 1)]
             assert not lane_kernels.kernel(spec, w, edited=True)(
@@ -137,13 +148,17 @@ def scaled(tables: Any, field: str, factor: np.ndarray) -> None:
 
 
 def test_samples_with_tables_of_their_own_have_the_bits_of_one() -> None:
-    check_edited(numba_kernels.variant(SPECS["generalized_gravity"], ()), range(12))
+    check_edited(numba_kernels.variant(SPECS["generalized_gravity"], ()), range(12), (1, lane_names.width()))
 
 
 @pytest.mark.slow(quick="test_samples_with_tables_of_their_own_have_the_bits_of_one")
-@pytest.mark.parametrize("name", [*EVERY_WIDTH, "minverse", "body_regressor", "momentum_rate"])
-def test_more_calls_with_tables_of_their_own(name: str) -> None:
-    check_edited(numba_kernels.variant(SPECS[name], ()), range(12))
+@pytest.mark.parametrize(
+    ("name", "alone"),
+    [(x, k % 2 == 1) for k, x in enumerate((*EVERY_WIDTH, "minverse", "momentum_rate", "body_regressor"))],
+)
+def test_more_calls_with_tables_of_their_own(name: str, alone: bool) -> None:
+    """On lanes, or one sample at a time, in turn."""
+    check_edited(numba_kernels.variant(SPECS[name], ()), range(12), (1 if alone else lane_names.width(),))
 
 
 def test_calls_run_on_lanes_unless_they_branch_on_values_or_are_made_of_others() -> None:

@@ -28,7 +28,8 @@ ANGLE, MOST = 3.14, 10.0  # limits of angles, and of torques and velocities
 SCALING, OFFSET = 2.5, 0.75  # of the joint that mimics
 SMALL = Inertia.over(np.array([0.1, 0.0, 0.0, 0.0, 0.01, 0.0, 0.01, 0.0, 0.0, 0.01]))  # 0.1 kg at the joint
 LARGE = Inertia.over(np.array([1.0, 0.0, 0.0, 0.5, 1.0, 0.0, 1.0, 0.0, 0.0, 1.0]))  # 1 kg at half a metre
-UP = SE3(np.eye(3), np.array([0.0, 0.0, 1.0]))
+# a metre along z; SE3(...) would look for a compiled operator, and so import Numba with this module
+UP = SE3.over(np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 1.0], [0.0, 0.0, 0.0, 1.0]]))
 SKIN = np.array([1.0, 1.0, 0.78, 1.0])  # colour of their geometry
 FLIP = np.diag([1.0, -1.0, -1.0])  # upside down
 RX, RY, RZ, _ = joints.BY_AXIS["revolute"]

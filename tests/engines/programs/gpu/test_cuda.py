@@ -11,12 +11,14 @@ import numpy as np
 import pytest
 
 import spatialdyn as sd
+from spatialdyn.engines.compiled import numba_kernels
 from spatialdyn.engines.programs.gpu import cuda
 from spatialdyn.engines.programs.gpu.device import Loaded
 from spatialdyn.engines.programs.gpu.kernel_text import BLOCK
 from spatialdyn.errors import SpatialDynError
 
 N = BLOCK + 3
+PROGRAMS = pytest.mark.skipif(numba_kernels.PLAIN, reason="NUMBA_DISABLE_JIT: there are no programs")
 
 
 @pytest.fixture
@@ -25,6 +27,7 @@ def states() -> list[Any]:
     return [fake_gpu.Array(x) for x in np.random.default_rng(0).normal(size=(3, N, 2))]
 
 
+@PROGRAMS
 def test_a_launch_is_of_whole_blocks_on_the_callers_stream(monkeypatch: pytest.MonkeyPatch, states: list[Any]) -> None:
     driver, model = fake_gpu.install(monkeypatch), sd.load_urdf("two_link")
     k = sd.specialize(model, sd.rnea, device="cuda")
@@ -37,6 +40,7 @@ def test_a_launch_is_of_whole_blocks_on_the_callers_stream(monkeypatch: pytest.M
     assert driver.stack == []
 
 
+@PROGRAMS
 @pytest.mark.parametrize(("spills", "images", "kept"), [((0, 9), 1, 0), ((8, 4), 2, 1), ((8, 8), 2, 0)])
 def test_the_order_that_spills_less_is_kept(
     monkeypatch: pytest.MonkeyPatch, states: list[Any], spills: tuple[int, ...], images: int, kept: int
@@ -47,6 +51,7 @@ def test_the_order_that_spills_less_is_kept(
     assert driver.launches[0][0] == driver.images[kept]
 
 
+@PROGRAMS
 def test_a_kernel_is_loaded_once(monkeypatch: pytest.MonkeyPatch, states: list[Any]) -> None:
     driver = fake_gpu.install(monkeypatch)
     k = sd.specialize(sd.load_urdf("two_link"), sd.rnea, device="cuda")
@@ -55,6 +60,7 @@ def test_a_kernel_is_loaded_once(monkeypatch: pytest.MonkeyPatch, states: list[A
     assert len(driver.images) == 1
 
 
+@PROGRAMS
 def test_an_error_of_the_driver_names_its_call_and_leaves_the_context(
     monkeypatch: pytest.MonkeyPatch, states: list[Any]
 ) -> None:

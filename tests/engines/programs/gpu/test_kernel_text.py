@@ -17,6 +17,7 @@ from trees import random_tree
 
 import spatialdyn as sd
 from spatialdyn.algebra import scalars
+from spatialdyn.engines.compiled import numba_kernels
 from spatialdyn.engines.compiled.numba_kernels import variant
 from spatialdyn.engines.polynomials import MAX_ANGLE
 from spatialdyn.engines.programs.gpu import kernel_text
@@ -37,6 +38,7 @@ N = 2 * BLOCK + 45  # two whole blocks and a part of one
 SENTINEL = 7.25  # in memory that must not be written
 TRACED = [name for name, spec in SPECS.items() if spec.traceable]
 GRID = HostGrid()
+PROGRAMS = pytest.mark.skipif(numba_kernels.PLAIN, reason="NUMBA_DISABLE_JIT: there are no programs")
 fused = pytest.mark.skipif(not host_cpu.host()[3], reason="lanes without fused multiply-add round otherwise")
 
 
@@ -123,6 +125,7 @@ ALL = [  # each call on one of the robots in one of the precisions, in turn: one
 ]
 
 
+@PROGRAMS
 @fused
 @pytest.mark.parametrize(("name", "call", "dtype"), slow_but(QUICK, [*QUICK, *(x for x in ALL if x not in QUICK)]))
 def test_threads_have_the_bits_of_lanes_and_reject_the_same(name: str, call: str, dtype: Any) -> None:
@@ -185,6 +188,7 @@ def test_threads_reject_a_little_more_where_squares_are_summed(dtype: Any) -> No
     assert on_threads(kernel, [x], 3).valid.tolist() == [True, False, False]
 
 
+@PROGRAMS
 def test_more_numbers_than_constant_memory_holds_lie_in_global_memory(monkeypatch: pytest.MonkeyPatch) -> None:
     given = recorded(robot("two_link"), "rnea", np.float64)
     inputs = samples(robot("two_link"), "rnea", np.float64)

@@ -14,6 +14,7 @@ from inputs import options
 from slow import slow_but
 
 import spatialdyn as sd
+from spatialdyn.engines.compiled import numba_kernels
 from spatialdyn.engines.programs.gpu import gpu_kernel, ptx
 from spatialdyn.engines.programs.gpu.gpu_kernel import GpuKernel
 from spatialdyn.engines.programs.gpu.kernel_text import NVPTX
@@ -29,6 +30,7 @@ ROBOTS = ("two_link", "ur5", "panda", "kinova", "z1", "solo12")
 ROUNDED = {"add", "sub", "mul", "fma", "div", "sqrt"}
 EXACT = {"neg", "abs", "copysign", "selp", "setp", "mov", "ld", "st"}
 ARCHITECTURE = "sm_90"
+PROGRAMS = pytest.mark.skipif(numba_kernels.PLAIN, reason="NUMBA_DISABLE_JIT: there are no programs")
 
 
 def kernel_of(model: sd.Model, call: str, dtype: Any = np.float64) -> GpuKernel:
@@ -53,6 +55,7 @@ def wrong(text: str) -> list[str]:
     return found + re.findall(r"\.local\b", text)
 
 
+@PROGRAMS
 @pytest.mark.parametrize("name", slow_but(["two_link"], ROBOTS))
 @pytest.mark.parametrize("dtype", [np.float64, np.float32])
 def test_every_call_is_of_instructions_that_round_to_nearest(name: str, dtype: Any) -> None:
@@ -74,6 +77,7 @@ def test_an_instruction_that_rounds_otherwise_is_found() -> None:
     assert wrong(lines) == ["mul.f64", "fma.rn.ftz.f32", "div.full.f32", "sin.approx.f32", "call"]
 
 
+@PROGRAMS
 def test_ptx_is_kept_on_disk(monkeypatch: pytest.MonkeyPatch) -> None:
     k = sd.specialize(sd.load_urdf("two_link"), sd.crba, device="cuda")
     text = k.ptx
@@ -84,6 +88,7 @@ def test_ptx_is_kept_on_disk(monkeypatch: pytest.MonkeyPatch) -> None:
 # --- orders of lines --------------------------------------------------------------------------------------
 
 
+@PROGRAMS
 def test_both_orders_are_tried_and_the_one_that_holds_fewer_values_first() -> None:
     kernels = [kernel_of(sd.load_urdf(name), call) for name, call in (("panda", "rnea"), ("panda", "crba"))]
     first = []
@@ -103,6 +108,7 @@ def test_values_held_at_a_time_are_counted() -> None:
     assert most_live(program, range(len(program.lines))) == 4  # a + b, and at c + d its operands and the sum
 
 
+@PROGRAMS
 def test_a_program_too_long_for_a_thread_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(gpu_kernel, "MOST_WHOLE", 20)
     with pytest.raises(SpatialDynError, match=r'operations, expected at most 20 with device="cuda"'):
@@ -150,6 +156,7 @@ def measured(text: str, folder: Path) -> tuple[int, int]:
     return int(re.findall(r"Used (\d+) registers", done.stderr)[0]), stores + loads
 
 
+@PROGRAMS
 @pytest.mark.parametrize(("name", "call"), slow_but([QUICK], MEASURED))
 def test_registers_and_spills_are_no_more_than_measured(name: str, call: str, tmp_path: Path) -> None:
     model = sd.load_urdf(name)
@@ -159,6 +166,7 @@ def test_registers_and_spills_are_no_more_than_measured(name: str, call: str, tm
         assert found[1] <= MORE * spilled
 
 
+@PROGRAMS
 def test_of_both_orders_the_first_takes_fewer_registers(tmp_path: Path) -> None:
     kernel = kernel_of(sd.load_urdf("panda"), "rnea")
     first, second = (measured(ptx.ptx(kernel.text(NVPTX, order)), tmp_path) for order in (0, 1))
