@@ -711,7 +711,7 @@ FOREIGN: dict[str, Any] = {
 COUNTS = ("whole", "int64")
 NUMBERS = ("whole", "float32", "int64")
 TRADED: dict[str, tuple[str, ...]] = {
-    "task": (), "states": ("none", *COUNTS), "batch": COUNTS, "duration": NUMBERS, "methods": ("none",)
+    "task": (), "states": ("none", *COUNTS), "batch": ("none", *COUNTS), "duration": NUMBERS, "methods": ("none",)
 }  # fmt: skip
 REST = [0.0, 0.0]
 # What each call is given otherwise, and for each of its arguments what of FOREIGN it takes.

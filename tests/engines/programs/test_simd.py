@@ -6,6 +6,7 @@ import ctypes
 import math
 import platform
 from collections.abc import Callable, Iterator, Sequence
+from copy import copy
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -28,6 +29,7 @@ from spatialdyn.engines.programs.record import recording
 from spatialdyn.engines.programs.record.kernel_layout import Float32Range, KernelLayout
 from spatialdyn.engines.programs.record.operations import FORMS, UFP
 from spatialdyn.engines.programs.record.program import Program
+from spatialdyn.engines.programs.record.regions import Region
 from spatialdyn.engines.programs.record.tracer import Number, Tape
 from spatialdyn.engines.programs.transform.error_bound import REDUCED, TURN
 from spatialdyn.recursions import SPECS
@@ -676,6 +678,99 @@ def test_long_programs_with_bounds_load_their_numbers_anew(monkeypatch: pytest.M
         assert simd.Writer(program, given, np.float64, 4, False).text().count("load volatile double") == loads
     (found,), _ = Runner(program, bounded, Shape(4, False))(x)
     np.testing.assert_array_equal(found, wanted)
+
+
+def shared_by_two_sweeps(count: int) -> Callable[..., list[Any]]:
+    """Each number is read on the way out and on the way back."""
+
+    def run(x: Number) -> list[Any]:
+        given = [0.5 + k / 1024 for k in range(count)]
+        for number in (*given, *reversed(given)):
+            x = x * number + 1.0
+        return [x]
+
+    return run
+
+
+def used_up(count: int) -> Callable[..., list[Any]]:
+    """Each number is read twice in a row."""
+
+    def run(x: Number) -> list[Any]:
+        for k in range(count):
+            number = 0.5 + k / 1024
+            x = (x * number + x) * number
+        return [x]
+
+    return run
+
+
+def with_vectors(size: int, patch: pytest.MonkeyPatch) -> None:
+    """Schedule programs as for a host with vectors of so many bytes."""
+    patch.setattr(schedule, "host", lambda: ("", "", size, True))
+
+
+def test_numbers_wanted_at_once_are_loaded_anew_with_wide_vectors(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of the same bits. Two sweeps want all numbers between them; it does not count how many there are."""
+    most, found = schedule.MOST_NUMBERS, []
+    x = samples(48, seed=4)[:, :1]
+    for size, make, count, loads in (
+        (64, shared_by_two_sweeps, most, 4 * most),
+        (64, shared_by_two_sweeps, most - 2, 0),
+        (64, used_up, 10 * most, 0),
+        (32, shared_by_two_sweeps, most, 0),
+    ):
+        with_vectors(size, monkeypatch)
+        program, layout = program_of(make(count), 1)
+        text = simd.Writer(program, layout, np.float64, 4, False).text()
+        assert text.count("load volatile double") == loads, (size, make, count)
+        if count == most:
+            found.append(Runner(program, layout, Shape(4, False))(x)[0][0])
+        pivots, regions = replace(layout, pivots=((0, 0.0),)), copy(program)
+        regions.regions = (Region(0, 0, 1, ()),)
+        assert schedule.held(program, pivots)
+        assert schedule.held(regions, layout)
+        for whole in (True, False):
+            one = simd.Writer(program, layout, np.float64, 1, False, whole=whole).text()
+            assert one.count("load volatile double") == (0 if whole else loads)
+        monkeypatch.setattr(schedule, "MOST_SOLVED", 0)  # then it is cut
+        assert schedule.held(program, pivots) == (loads == 0)
+        monkeypatch.undo()
+    np.testing.assert_array_equal(*found)
+
+
+@pytest.mark.parametrize(
+    ("length", "numbers", "size", "whole"),
+    [
+        (schedule.MOST_WIDE - 200, 2, 64, True),
+        (schedule.MOST_WIDE + 9, 2, 64, False),
+        (schedule.MOST_WIDE + 9, 2, 32, True),
+        (schedule.MOST_WIDE + 9, schedule.MOST_NUMBERS, 64, True),
+        (schedule.MOST_ANEW + 9, schedule.MOST_NUMBERS, 64, False),
+        (schedule.MOST_WHOLE + 9, schedule.MOST_NUMBERS, 32, False),
+    ],
+)
+def test_longer_programs_are_cut_with_wide_vectors(
+    length: int, numbers: int, size: int, whole: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """At another length if they load their numbers anew; those with pivots, bounds or common inputs are not."""
+
+    def run(x: Number, y: Number) -> list[Any]:
+        for step in shared_by_two_sweeps(numbers)(x):
+            x = step
+        for _ in range(length - 3 * numbers - 3):
+            x = x * y
+        return [x, y]
+
+    with_vectors(size, monkeypatch)
+    program, layout = program_of(run, 2)
+    assert len(program.lines) == length
+    assert schedule.is_whole(program, layout) == whole
+    assert len(schedule.Schedule(program, layout, whole).chunks) == (
+        1 if whole else -(-(length - 3 - numbers) // schedule.CHUNK_LENGTH)
+    )
+    if length < schedule.MOST_WHOLE:
+        for other in ({"pivots": ((1, 0.0),)}, {"bounds": 1}, {"common": (0,)}):
+            assert schedule.is_whole(program, replace(layout, **other))
 
 
 def test_slots_of_the_workspace_are_reused(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Sequence
 
+import numpy as np
+
 from ..record.kernel_layout import KernelLayout
 from ..record.operations import CONST, FORMS, INPUT, NEXT, arities, operands
 from ..record.program import Program
 from ..record.regions import Region
+from .host_cpu import host
 
 CHUNK_LENGTH = 500  # operations of one function of several: LLVM takes twice as long for 8000, to code no faster
 MOST_REGION = 1000  # most lines of a region in one function; cut, a contact step compiles sooner and is 4 to 9 % faster
@@ -15,6 +18,10 @@ MOST_LATE = 3000  # most operations of a program whose values are computed near 
 MOST_SOLVED = 2000  # most operations of one function of forward dynamics
 MOST_HELD = 3050  # most operations of a program with bounds whose numbers are held in registers, see ``held``
 MOST_WHOLE = 12000  # most operations of one function: rnea of talos, 3760, and derivatives of aba are faster whole
+WIDE = 64  # bytes of vectors of which a longer program's values do not fit in the first-level cache
+MOST_WIDE = 4500  # most operations of one function with such vectors; rnea_derivatives, 5050, take 15 % less time cut
+MOST_ANEW = 7000  # the same of programs that load their numbers at each use: rnea of tiago, 5890, is faster whole
+MOST_NUMBERS = 64  # least numbers wanted at once that are loaded at each use, with such vectors: twice the registers
 
 
 class Schedule:
@@ -77,9 +84,15 @@ def is_whole(program: Program, layout: KernelLayout) -> bool:
     """Whether a program is one function.
 
     Forward dynamics, with a pivot for each result, has three sweeps over the robot, between which few values are used.
+    What else has pivots is faster whole; without them, LLVM spills more vectors of a long function than it has values.
     """
-    solved = layout.pivots and sum(map(len, layout.outputs)) <= len(layout.pivots)
-    return len(program.lines) <= (MOST_SOLVED if solved else MOST_WHOLE)
+    length = len(program.lines)
+    if layout.pivots and sum(map(len, layout.outputs)) <= len(layout.pivots):
+        return length <= MOST_SOLVED
+    other = layout.pivots or layout.bounds or layout.common or program.regions
+    if length <= min(MOST_WIDE, MOST_WHOLE) or other or host()[2] < WIDE:
+        return length <= MOST_WHOLE
+    return length <= min(MOST_ANEW, MOST_WHOLE) and not held(program, layout)
 
 
 def late(program: Program, layout: KernelLayout) -> bool:
@@ -96,9 +109,34 @@ def held(program: Program, layout: KernelLayout) -> bool:
 
     LLVM spills numbers that it holds too long to the stack, as whole vectors. In a long program with bounds, which has
     three values for each line, the spilled vectors do not fit in the first-level cache, and loading the numbers again
-    is faster. It makes shorter programs slower, and long programs without bounds no faster.
+    is faster. It makes shorter programs slower. Without bounds it is faster with AVX-512 where many numbers are wanted
+    at once: rnea of long chains, whose sweeps share them. A program in several functions compiles sooner by it. With
+    half the registers it is slower, as is hamilton_field of talos, which has pivots in one function.
     """
-    return not layout.bounds or len(program.lines) <= MOST_HELD
+    if layout.bounds:
+        return len(program.lines) <= MOST_HELD
+    if program.regions or (layout.pivots and is_whole(program, layout)):
+        return True
+    return host()[2] < WIDE or _at_once(program) < MOST_NUMBERS
+
+
+def _at_once(program: Program) -> int:
+    """The most numbers that are between their first and last reader at a line."""
+    table, arity_of = program.table, arities()
+    arity = np.zeros(max(arity_of) + 1, np.int64)
+    arity[list(arity_of)] = list(arity_of.values())
+    operands = table[:, 1:]
+    read = arity[table[:, 0], None] > np.arange(3)
+    reader, line = np.nonzero(read)[0], operands[read]
+    line = np.where(line < 0, -line - 1, line)
+    number = table[line, 0] == CONST
+    reader, line = reader[number], line[number]
+    first, last = np.full(len(table), len(table)), np.full(len(table), -1)
+    np.minimum.at(first, line, reader)
+    np.maximum.at(last, line, reader)
+    known = last >= 0
+    begun, ended = (np.bincount(at[known], minlength=len(table)) for at in (first, last))
+    return int((begun - ended).cumsum().max(initial=0))
 
 
 def _chunks(program: Program, layout: KernelLayout, whole: bool) -> list[list[int]]:

@@ -70,9 +70,10 @@ class Writer:
         self.bounded = layout.range is None and finite.bounded(program)
         nothing: frozenset[int] = frozenset()
         self.implied = finite.implied(program, layout) if layout.range is None else (nothing, nothing)
-        self.afresh = not held(program, layout)
         self.common = _common(program, layout)
         self.whole = self.schedule.whole
+        kept = lanes == 1 and self.whole and not layout.bounds  # numbers of one sample are spilled as they are
+        self.afresh = not (kept or held(program, layout))
         self.poison_slot = self.schedule.slot_count  # followed by the floor's slot, if ranges are checked
         self.stage = self.poison_slot + (1 if layout.range is None else 2)  # slots of rows to be streamed
         self.staged = [columns.staged(len(places), lanes, stream) for places in layout.outputs]
