@@ -1,4 +1,4 @@
-"""Seeded random trees, each made twice: as the oracle's ``dense.Tree`` and as a ``ModelBuilder``'s robot.
+"""Two models by hand, and seeded random trees, each as the oracle's ``dense.Tree`` and as a ``ModelBuilder``'s robot.
 
 The library orders joints depth first, children in byte order of joint name. Joints are called j0001, j0002, ... in
 the order in which they are made, and a new one hangs on the last or on one of its ancestors: that numbering is depth
@@ -7,6 +7,7 @@ first, so body i of the tree is joint i of the model.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
@@ -14,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from dense import NV, Array, Body, Tree, pose, rotation_of
 
+from spatialdyn.model import Model
 from spatialdyn.model.builder import ModelBuilder
 
 KINDS = ("revolute", "continuous", "prismatic", "spherical", "floating", "planar")
@@ -185,3 +187,24 @@ def random_state(tree: Tree, rng: np.random.Generator) -> State:
     nv = sum(NV[body.kind] for body in tree.bodies)
     v, a, tau = rng.normal(size=(3, nv))
     return State(np.array(q, float), v, a, 10.0 * tau, 10.0 * rng.normal(size=(tree.njoints, 6)))
+
+
+def pendulum(**options: Any) -> Model:
+    """A point mass of 1 kg on a rod of 1 m that turns about y."""
+    builder = ModelBuilder("pendulum")
+    builder.add_body("rod", axis=(0, 1, 0), inertia=(1.0, (0.0, 0.0, -1.0), np.zeros((3, 3))), **options)
+    return builder.build()
+
+
+def every_joint(continuous: str = "angle") -> Model:
+    """One joint of every kind."""
+    builder = ModelBuilder("all")
+    parent = None
+    for k, kind in enumerate(("floating", "revolute", "continuous", "prismatic", "spherical", "planar")):
+        name = f"b{k}"
+        builder.add_body(
+            name, parent, kind, (1, 2, 2), (0.1, 0.2, 0.3), (1.0, (0.1, 0.0, 0.2), 0.1 * np.eye(3)), kind,
+            limits=(-0.25, 0.75) if kind in ("revolute", "prismatic") else (-math.inf, math.inf),
+        )  # fmt: skip
+        parent = name
+    return builder.build(continuous=continuous)
