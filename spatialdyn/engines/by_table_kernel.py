@@ -89,7 +89,7 @@ def few_samples(spec: Spec, table: Table, static: tuple[Any, ...]) -> int:
         return 0
     most = min(FEW, FEW_NUMBERS // numbers)
     if spec.term_shape:  # as of crba_solve, which factors M: 186 samples of 100 rows take 17 s
-        most = min(most, MOST_STEPS // math.prod(shape_in(spec.term_shape[:2], sizes_of(table.bodies))))
+        most = min(most, MOST_STEPS // max(1, math.prod(shape_in(spec.term_shape[:2], sizes_of(table.bodies)))))
     return max(1, most) if spec.traceable else FEW_ALONE
 
 
