@@ -17,6 +17,7 @@ from spatialdyn.recursions import SPECS
 from spatialdyn.recursions.spec import shape_in, sizes_of
 
 Array = np.ndarray
+compiled = pytest.mark.skipif(numba_kernels.PLAIN, reason="NUMBA_DISABLE_JIT: minutes of plain Python")
 EXACT = 1e-13  # relative: roundoff of a few bodies
 
 

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from plain import compiled
 from slow import slow_but
 
 import spatialdyn as sd
@@ -95,6 +96,7 @@ def test_the_largest_stable_step_is_that_of_the_common_frequency() -> None:
         sd.simulate(model, [0.1, 0.0], [0.0, 0.0], 1.0, 1e-3, "explicit_euler")
 
 
+@compiled
 @pytest.mark.parametrize("method", ["velocity_verlet", "rk4", "semi_implicit_euler", "stormer_verlet"])
 def test_the_limit_is_where_steps_begin_to_grow(method: str) -> None:
     model = arm(0.3)
@@ -105,6 +107,7 @@ def test_the_limit_is_where_steps_begin_to_grow(method: str) -> None:
     assert abs(last[:, 0]).max() < 0.5
 
 
+@compiled
 def test_springs_act_in_discrete_mechanics() -> None:
     """Kicks at both ends of a step: Störmer's limit, order 2, no drift of the energy."""
     model, start = arm(), ([0.01, 0.0], [0.0, 0.0])  # the rotor turns by less than 120° in a step

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from plain import compiled
 
 import spatialdyn as sd
 from spatialdyn import Trajectory, validate, waiting
@@ -642,6 +643,7 @@ def limited(tmp_path: Path) -> str:
     return str(path)
 
 
+@compiled
 def test_simulate_starts_at_rest_in_the_middle_of_the_limits(
     limited: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -8,11 +8,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from plain import compiled
 
 import spatialdyn as sd
 from spatialdyn.commands.cli import main
 
 
+@compiled
 def test_a_path_a_log_a_page_and_a_urdf(tmp_path: Path, capsys: Any) -> None:
     pytest.importorskip("matplotlib")
     where = {name: str(tmp_path / name) for name in ("path.csv", "log.csv", "page.html", "model.urdf")}

@@ -89,6 +89,7 @@ def test_the_natural_law_is_its_lines(arm: sd.Model, path: sd.Path) -> None:
         np.testing.assert_allclose(found[j], parameters_of(U @ (Q * np.exp(w)) @ Q.T @ U.T), rtol=1e-9, atol=1e-12)
 
 
+@compiled
 def test_wrong_masses_are_tracked_and_estimates_stay_physical(arm: sd.Model, path: sd.Path) -> None:
     """Where the Euclidean law wanders off to negative inertias, and converges more slowly."""
     guess, left = wrong(arm), {}
@@ -174,6 +175,7 @@ def test_the_error_of_prediction_is_its_lines(arm: sd.Model, path: sd.Path, fric
         estimate = estimate - DT * 0.1 * y
 
 
+@compiled
 def test_composite_laws_learn_while_they_track(arm: sd.Model, path: sd.Path) -> None:
     """From a motion that starts on the path: the error of prediction goes on where s is small; both laws."""
     guess, pi, left = wrong(arm), sd.inertial_parameters(arm), {}

@@ -6,6 +6,7 @@ import doctest
 from importlib import import_module
 
 import pytest
+from plain import compiled
 
 MODULES = (
     "control.adaptive", "control.gains", "control.impedance", "control.inverse_kinematics", "control.laws",
@@ -15,9 +16,10 @@ MODULES = (
     "identification.base", "identification.excitation", "identification.identify", "identification.recording",
     "constraints.contact_dynamics", "linearization.step_derivatives", "linearization.closed_step",
 )  # fmt: skip
+COMPILED = ("control.adaptive", "control.laws", "control.control")  # simulations
 
 
-@pytest.mark.parametrize("name", MODULES)
+@pytest.mark.parametrize("name", [pytest.param(x, marks=compiled) if x in COMPILED else x for x in MODULES])
 def test_the_examples_of_the_docstrings_hold(name: str) -> None:
     if name == "control.gains":
         pytest.importorskip("scipy")

@@ -12,6 +12,7 @@ from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
 import pytest
+from plain import compiled
 
 import spatialdyn as sd
 from spatialdyn.commands import cli
@@ -25,6 +26,9 @@ TESTS, ROOT = Path(__file__).parent.parent, Path(sd.__file__).parents[1]
 # seconds of compiling or of work on each; the others wait a second at most
 LONG = ("choosing", "cookbook/follow_a_path", "cookbook/cart_pole", "cookbook/four_bar", "cookbook/float32",
         "cookbook/quadruped", "cookbook/damping", "cookbook/whole_body", "cookbook/adaptation")  # fmt: skip
+# programs, or simulations
+COMPILED = ("cookbook/c_code", "cookbook/gpu", "cookbook/gravity_torques", "cookbook/identify", "cookbook/study",
+            "inside/law")  # fmt: skip
 SHEETS = [x for x in blocks.pages() if x.startswith("coming_from/") and x != "coming_from/index"]  # test_coming_from.py
 PAGES = [x for x in blocks.pages() if x not in SHEETS and "```python" in blocks.read(x)]
 SHORT = [x for x in PAGES if x not in LONG]
@@ -63,7 +67,7 @@ def holds(page: str, folder: Path) -> None:
     assert shown == {x.stem for x in folder.glob("*.png")}
 
 
-@pytest.mark.parametrize("page", SHORT)
+@pytest.mark.parametrize("page", [pytest.param(x, marks=compiled) if x in COMPILED else x for x in SHORT])
 def test_what_a_page_prints_is_what_comes_out(page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     holds(page, tmp_path)

@@ -18,6 +18,7 @@ import pytest
 import scenes
 from combinations import PARTS, case, sets, start
 from dense import Array
+from plain import compiled
 
 import spatialdyn as sd
 
@@ -210,6 +211,7 @@ EFFECTS = [x for x in sets(2) if not ONLY_IN_RUNS & set(x)]
 THIN = 12  # one of so many sets is quick
 
 
+@compiled
 @pytest.mark.parametrize("name", PARTS)
 def test_some_pairs_have_derivatives_by_a_method_of_each_family(name: str) -> None:
     place = PARTS.index(name)

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from plain import compiled
 
 import spatialdyn as sd
 from spatialdyn.operational.turning import turning
@@ -67,6 +68,7 @@ def test_torque_stays_bounded_at_the_elbow_of_a_ur5() -> None:
     assert abs(plain.tau).max() > 1e7
 
 
+@compiled
 def test_tasks_close_a_loop_on_their_targets() -> None:
     """A pose and a posture are reached in closed loop, held for each step."""
     model = sd.load_urdf("ur5")

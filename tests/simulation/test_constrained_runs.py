@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import scenes
 from dense import Array
+from plain import compiled
 from slow import slow_but
 
 import spatialdyn as sd
@@ -21,6 +22,7 @@ from spatialdyn.simulation.effects import constraints
 sys.path.append(str(Path(__file__).parents[1] / "constraints"))
 from mechanisms import G, four_bar, four_bar_state, pin_of
 
+pytestmark = compiled  # thousands of steps
 EPS = np.finfo(float).eps
 PACKAGE = str(Path(sd.__file__).parent)
 MOST_FILES = 12  # of the package
