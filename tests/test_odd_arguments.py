@@ -102,7 +102,10 @@ PACKAGES = {  # by the beginning of a name
 }  # fmt: skip
 
 
-COMPILED = ("Promise", "bounded", "hamilton_simulation", "simulate", "recommend", "requires", "Requirement")
+COMPILED = (
+    "Promise", "bounded", "excitation", "export", "hamilton_simulation", "simulate", "specialize", "recommend", "requires",
+    "Requirement",
+)  # fmt: skip
 
 
 def odd(name: str) -> Any:

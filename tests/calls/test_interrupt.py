@@ -486,6 +486,7 @@ def test_ctrl_c_leaves_nan_in_every_later_result_of_several_calls(
     assert np.isfinite(out[5::2]).all()
 
 
+@COMPILED
 def test_pinocchios_parallel_calls_hear_ctrl_c_between_slices(monkeypatch: pytest.MonkeyPatch) -> None:
     model = pin.buildSampleModelManipulator()
     n = 4196

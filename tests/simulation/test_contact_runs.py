@@ -410,6 +410,7 @@ def test_the_ledger_of_a_mass_that_brakes_is_its_friction() -> None:
         assert abs(ledger.error).max() <= 1e-12
 
 
+@compiled
 def test_the_ledger_of_a_landing_has_points_limits_and_torques() -> None:
     """Impulses do ½ λᵀ(u⁻ + u⁺): an inelastic landing takes the energy of the fall; a joint at its limit gives none."""
     model = limited()
