@@ -103,8 +103,8 @@ PACKAGES = {  # by the beginning of a name
 
 
 COMPILED = (
-    "Promise", "bounded", "excitation", "export", "hamilton_simulation", "simulate", "specialize", "recommend", "requires",
-    "Requirement",
+    "Promise", "bounded", "excitation", "export", "hamilton_simulation", "simulate", "specialize", "recommend",
+    "requires", "Requirement",
 )  # fmt: skip
 
 
