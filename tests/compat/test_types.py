@@ -18,6 +18,7 @@ import pytest
 import spatialdyn.compat.pinocchio as ours
 from spatialdyn import SpatialDynError
 from spatialdyn.compat.pinocchio.model.library_model import library_model
+from spatialdyn.engines.compiled import numba_kernels
 from spatialdyn.errors import InertiaError
 
 EPS = float(np.finfo(float).eps)
@@ -591,8 +592,9 @@ def test_a_model_sees_every_write_of_its_numbers(write: str) -> None:
     exec(write, {"x": model.armature, "np": np})
     exec(write, {"x": x, "np": np})
     assert np.array_equal(library_model(model).numbers.armature, x)
-    assert library_model(model) is held
-    assert held.state != before
+    if not numba_kernels.PLAIN:  # a Model without builtins is built anew
+        assert library_model(model) is held
+        assert held.state != before
 
 
 @pytest.mark.parametrize(
