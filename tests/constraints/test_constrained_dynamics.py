@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from mechanisms import REDUNDANT, G, every_kind, four_bar, four_bar_state, pin_of, rod, turned_four_bar
+from plain import compiled
 
 import spatialdyn as sd
 from spatialdyn.engines.compiled.numba_kernels import variant
@@ -633,6 +634,7 @@ def test_what_is_refused() -> None:
 # --- more equations than independent ones ---------------------------------------------------------------
 
 
+@compiled
 @pytest.mark.parametrize("name", REDUNDANT)
 def test_velocities_that_meet_redundant_equations_are_taken_as_they_are(name: str) -> None:
     """J v is rounding there, and says nothing of contradiction; the rank is that of J, along the whole motion."""
